@@ -18,7 +18,7 @@ master:
   heartbeat_producer: 20
 """
 
-# What ros2_canopen's users write for a drive; lely reads the same.
+# A drive as in ros2_canopen's bus.yml, which lely's dcfgen reads, too.
 DRIVE = """\
 joint_{node}:
   dcf: "{eds}"
@@ -75,7 +75,7 @@ def concise(data):
     return entries
 
 
-def lely_finds_nothing_wrong_with_our_eds(bench):
+def lely_accepts_our_eds(bench):
     for eds in (DRIVE_EDS, DRIVE_EDS.replace("drive", "switches")):
         same(tool(bench, "dcfchk", "-n", "3", eds), "", f"dcfchk of {eds}")
 
@@ -108,6 +108,6 @@ def drives_are_booted_from_lelys_concise_dcf(bench):
 
 
 TESTS = [
-    lely_finds_nothing_wrong_with_our_eds,
+    lely_accepts_our_eds,
     drives_are_booted_from_lelys_concise_dcf,
 ]

@@ -1,4 +1,4 @@
-"""The tests on the bus: python-canopen as drives, as master, and strangers' frames. Needs vcan0, and time
+"""The tests on the bus: python-canopen as drives, as master, and frames of unknown stations. Needs vcan0, and time
 that is virtual (scripts/with_vcan.sh -v). Leaves what candump saw of each test in $INTEROP_LOGS."""
 
 import logging

@@ -107,7 +107,7 @@ def emergency_of_a_drive_stops_the_node(bench):
     check(said.count("joint 3: emergency 4210h") >= 2, f"logged when it came:\n{said}")
 
 
-def emergency_that_is_over_stops_nothing(bench):
+def error_reset_emergency_stops_nothing(bench):
     drives, node = running(bench)
     drives[3].emergencies().reset()
     first = bench.status()["cycle"]
@@ -215,7 +215,7 @@ TESTS = [
     master_exchanges_with_every_drive_at_every_sync,
     master_carries_the_arm_with_the_torques_python_reads,
     emergency_of_a_drive_stops_the_node,
-    emergency_that_is_over_stops_nothing,
+    error_reset_emergency_stops_nothing,
     silent_heartbeat_stops_the_node,
     silent_tpdo_stops_the_node,
     boot_up_of_a_drive_stops_the_node,

@@ -44,12 +44,12 @@ MOVED_EMERGENCIES = 0x680
 
 
 def is_moved(cob_id):
-    """Whether only the configuration says what a frame is."""
+    """Returns whether a frame's service is known from the configuration alone."""
     return cob_id & 0x780 == MOVED_EMERGENCIES
 
 
 def service(cob_id):
-    """What the dissector must call a frame."""
+    """Service name that the dissector must print for a frame."""
     return BROADCASTS.get(cob_id) or SERVICES[cob_id & 0x780]
 
 
@@ -102,11 +102,11 @@ def wireshark_sees_every_sdo_request_answered(logs):
 
 
 def expects_answers(file):
-    """Whether every node that is asked is there."""
+    """Returns whether every requested node is present."""
     return file.stem not in ("missing_drive_is_reported", "drives_boot_up_and_are_found")
 
 
-# What `frhc decode --json` calls a frame, by the beginning of what the dissector calls it.
+# Kind of a frame in `frhc decode --json`, by the beginning of the dissector's text.
 KINDS = {
     "NMT: ": "nmt",
     "NMT Error Control": "heartbeat",

@@ -54,7 +54,7 @@ struct Run {
     onset: Instant,
     records: Vec<Record>,
     /// The last time between two cycles at which a drive exerted torque.
-    pushed: Instant,
+    last_torque: Instant,
 }
 
 impl Run {
@@ -72,7 +72,7 @@ impl Run {
             bench.bus_mut().inject(due, fault);
         }
         let onset = due + faults.first().map_or(Duration::ZERO, |fault| fault.start);
-        Self { bench, wire, onset, records: Vec::new(), pushed: onset }
+        Self { bench, wire, onset, records: Vec::new(), last_torque: onset }
     }
 
     fn cycles(mut self, cycles: usize) -> Self {
@@ -80,7 +80,7 @@ impl Run {
             self.records.push(self.bench.cycle());
             let torques = self.bench.world_mut().torques();
             if torques.iter().any(|torque| torque.abs() > 0.02) {
-                self.pushed = self.bench.node().bus().now();
+                self.last_torque = self.bench.node().bus().now();
             }
         }
         self
@@ -94,8 +94,8 @@ impl Run {
 
     /// Returns the end of the first cycle from which all targets are zero, in µs after the onset.
     fn zero_after(&self) -> u64 {
-        let pushing = self.records.iter().rposition(|record| record.targets != [0; 6]);
-        let first = &self.records[pushing.map_or(0, |place| place + 1)];
+        let last = self.records.iter().rposition(|record| record.targets != [0; 6]);
+        let first = &self.records[last.map_or(0, |place| place + 1)];
         micros(self.onset, first.at)
     }
 
@@ -150,8 +150,8 @@ fn ends_sending(disturbance: Disturbance, kinds: &[Kind], cycles: u64) {
         let (zero, sent) = (run.zero_after(), run.last_sent());
         assert!(zero <= cycles * 1_000, "{disturbance} at {phase} µs: {zero} µs");
         assert!(sent <= cycles * 1_000, "{disturbance} at {phase} µs: {sent}");
-        let pushed = run.pushed.since(run.onset + Duration::from_micros(run.last_sent()));
-        assert!(pushed <= BY_TIMER, "{disturbance} at {phase} µs: pushed for {pushed:?}");
+        let torque_for = run.last_torque.since(run.onset + Duration::from_micros(run.last_sent()));
+        assert!(torque_for <= BY_TIMER, "{disturbance} at {phase} µs: torque for {torque_for:?}");
     }
 }
 
@@ -197,8 +197,8 @@ fn hazard_22_late_frames_of_a_stalled_adapter_meet_no_sync() {
         let syncs = run.syncs();
         assert!(syncs.len() <= 2, "{syncs:?}");
         // A held target restarts the drives' timers if they have not run out.
-        let pushed = run.pushed.since(run.onset);
-        assert!(pushed <= Duration::from_millis(11), "{phase}: pushed for {pushed:?}");
+        let torque_for = run.last_torque.since(run.onset);
+        assert!(torque_for <= Duration::from_millis(11), "{phase}: torque for {torque_for:?}");
     }
 }
 
@@ -303,7 +303,10 @@ fn hazard_28_first_target_after_a_stop_is_zero_without_a_burst() {
         let late: Vec<_> = run.syncs().into_iter().filter(|at| *at >= 50_000).collect();
         let apart = late.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap();
         assert!(apart >= 500, "{phase}: two SYNCs within {apart} µs");
-        assert!(run.pushed.since(run.onset) <= BY_TIMER + Duration::from_millis(51), "{phase}");
+        assert!(
+            run.last_torque.since(run.onset) <= BY_TIMER + Duration::from_millis(51),
+            "{phase}"
+        );
     }
 }
 
@@ -379,8 +382,11 @@ fn hazard_26_flood_that_wins_every_arbitration_stops_all() {
                 "{cob_id:03X} at {phase} µs: {} µs",
                 run.zero_after()
             );
-            let pushed = run.pushed.since(run.onset);
-            assert!(pushed <= Duration::from_millis(11), "{cob_id:03X} at {phase}: {pushed:?}");
+            let torque_for = run.last_torque.since(run.onset);
+            assert!(
+                torque_for <= Duration::from_millis(11),
+                "{cob_id:03X} at {phase}: {torque_for:?}"
+            );
         }
     }
 }

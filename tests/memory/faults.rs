@@ -24,12 +24,12 @@ const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 
 /// Returns the cycles from `onset` until every target is zero for good.
 fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
-    let pushing = |group: u16| {
+    let cycles_of = |group: u16| {
         let frames = wire.since(onset, group);
         assert!(frames.len() > 20, "{group:03X}h is not sent");
         frames.iter().rposition(|(_, frame)| frame.data() != [0; 6]).map_or(0, |last| last + 1)
     };
-    [0x201, 0x204].map(pushing).into_iter().max().unwrap()
+    [0x201, 0x204].map(cycles_of).into_iter().max().unwrap()
 }
 
 fn in_contact() -> (Bench<Wire>, Wire, Instant) {

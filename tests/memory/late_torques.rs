@@ -92,17 +92,17 @@ impl Run {
     }
 
     /// Torques that are not zero, and how long after the SYNC before them they were accepted away.
-    fn pushing(&self) -> Vec<(Duration, Frame)> {
+    fn torques(&self) -> Vec<(Duration, Frame)> {
         let mut sync = None;
-        let mut pushing = Vec::new();
+        let mut torques = Vec::new();
         for (at, frame) in self.accepted.since(self.from) {
             if frame.cob_id == 0x080 {
                 sync = Some(at);
             } else if let (Some(sync), true) = (sync, asks(&frame)) {
-                pushing.push((at.since(sync), frame));
+                torques.push((at.since(sync), frame));
             }
         }
-        pushing
+        torques
     }
 }
 
@@ -124,16 +124,19 @@ fn promise_10_torques_delayed_at_any_frame_are_dropped() {
         for after in frames {
             for tenths in [11, 16, 24, 39] {
                 let run = Run::with(name, &[(0, *after, tenths)]).cycles(10);
-                let pushing = run.pushing();
-                assert!(!pushing.is_empty() || tenths > 16, "{name}, after {after:03X}h, {tenths}");
-                for (late, frame) in pushing {
+                let torques = run.torques();
+                assert!(!torques.is_empty() || tenths > 16, "{name}, after {after:03X}h, {tenths}");
+                for (late, frame) in torques {
                     let most = run.period + run.period / 2;
                     assert!(late <= most, "{name}, after {after:03X}h, {tenths}: {frame} {late:?}");
                 }
                 // After a longer stop the drives' own timers may have ended their torque.
                 let last = run.records.last().unwrap();
-                let goes_on = (last.mode, last.cause) == (Mode::Engaged, None);
-                assert!(goes_on || tenths > 16, "{name}, after {after:03X}h, {tenths}: {last:?}");
+                let is_engaged = (last.mode, last.cause) == (Mode::Engaged, None);
+                assert!(
+                    is_engaged || tenths > 16,
+                    "{name}, after {after:03X}h, {tenths}: {last:?}"
+                );
             }
         }
     }

@@ -258,7 +258,7 @@ fn eq_8_as_printed_differs_from_the_oracle() {
     let x = list(&table["x"]).iter().map(number).collect::<Vec<_>>();
     for ((printed, odd), x) in printed.iter().zip(&odd).zip(&x) {
         if *x < 0.0 {
-            assert!(printed * x > 0.0, "as printed it pushes away at {x} m");
+            assert!(printed * x > 0.0, "as printed it drives the grip outwards at {x} m");
             assert!((printed - odd).abs() > TINY);
         }
     }

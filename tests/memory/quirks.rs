@@ -124,7 +124,7 @@ fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) 
     (Bench::new(config, scenario, 1, false, wire.clone()), wire)
 }
 
-fn is_pushing(bench: &mut Bench<Wire>) -> bool {
+fn any_torque(bench: &mut Bench<Wire>) -> bool {
     bench.world_mut().drives().iter().any(|drive| drive.demand() != 0.0)
 }
 
@@ -146,7 +146,7 @@ fn runs(quirk: &str, mut bench: Bench<Wire>) {
     for _ in 0..10 {
         let record = bench.cycle();
         assert_eq!(record.mode, Mode::Ready, "{quirk}: {:?}", record.cause);
-        assert!(!is_pushing(&mut bench), "{quirk}");
+        assert!(!any_torque(&mut bench), "{quirk}");
     }
     let engaged =
         (0..MAX_CYCLES_TO_ENGAGE).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
@@ -158,9 +158,9 @@ fn runs(quirk: &str, mut bench: Bench<Wire>) {
         assert_eq!(bench.world_mut().drives().each_ref().map(applied), sent, "{quirk}");
         sent = record.targets;
     }
-    assert!(is_pushing(&mut bench), "{quirk}: gravity compensation");
+    assert!(any_torque(&mut bench), "{quirk}: gravity compensation");
     bench.stop().unwrap_or_else(|error| panic!("{quirk}: {error}"));
-    assert!(!is_pushing(&mut bench), "{quirk}");
+    assert!(!any_torque(&mut bench), "{quirk}");
 }
 
 /// Asserts [`Refused`]: every drive is off and no command was sent.
@@ -250,7 +250,7 @@ fn off_and_identified(wire: &Wire) -> (Instant, Instant) {
 fn hazard_17_enabled_drive_is_switched_off_first() {
     for text in [GROUPED, PER_DRIVE] {
         let (mut bench, wire) = bench(&config(text), SCRIPT, &["running-at-start"]);
-        assert!(is_pushing(&mut bench), "before the boot");
+        assert!(any_torque(&mut bench), "before the boot");
         bench.bring_up().unwrap();
         let (off, identified) = off_and_identified(&wire);
         assert!(off < identified, "before its identity is known");
@@ -292,7 +292,7 @@ fn stray_rpdo_moves_nothing_after_the_boot() {
         let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
         drive.on_frame(now, Channel(0), &stray, &mut Vec::new());
         for _ in 0..10 {
-            assert!(!is_pushing(&mut bench));
+            assert!(!any_torque(&mut bench));
             assert_eq!(bench.cycle().cause, None);
         }
     }

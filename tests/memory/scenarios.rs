@@ -145,7 +145,7 @@ fn play(config: &Config, script: &Scenario) -> Run {
         if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
             reflecting = cycles;
         }
-        if is_pushed(config, &bench.world_mut().torques()) {
+        if has_torque(config, &bench.world_mut().torques()) {
             torque.torque_free = cycles;
         }
         if record.mode == Mode::Engaged {
@@ -159,7 +159,7 @@ fn play(config: &Config, script: &Scenario) -> Run {
 }
 
 /// Returns whether a joint exerts more than a hundredth of its largest torque: a current decays without an end.
-fn is_pushed(config: &Config, torques: &SVector<f64, 6>) -> bool {
+fn has_torque(config: &Config, torques: &SVector<f64, 6>) -> bool {
     let mut joints = config.joints.iter().zip(torques);
     joints.any(|(joint, torque)| torque.abs() > 0.01 * joint.plant.actuator.max_torque)
 }

@@ -223,7 +223,7 @@ mod tests {
         let torque = "LowLimit=0\nHighLimit=3000";
         assert_eq!(
             refusal(torque, "LowLimit=0\nHighLimit=999"),
-            "6072h = 1000 is not within 0 and 999 of the EDS"
+            "6072h must be within 0..=999 of the EDS, got 1000"
         );
     }
 

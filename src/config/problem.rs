@@ -240,6 +240,8 @@ impl<'t> Problems<'t> {
 
     /// The problems, if there are any.
     pub(super) fn finish(self) -> Result<(), Invalid> {
-        if self.found.is_empty() { Ok(()) } else { Err(Invalid(self.found)) }
+        let mut found = self.found;
+        found.sort_by_key(|problem| problem.line);
+        if found.is_empty() { Ok(()) } else { Err(Invalid(found)) }
     }
 }

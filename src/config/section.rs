@@ -376,9 +376,9 @@ mod tests {
         let expected = "a.toml:1: bax: unknown key\n\
             a.toml:2: missing field `a`\n\
             a.toml:3: node.b: invalid type: string \"x\", expected f64\n\
-            a.toml:7: joint[0].nom: unknown key\n\
             a.toml:5: joint[0].list: invalid type: string \"y\", expected f64\n\
             a.toml:6: joint[0].name: invalid type: integer `3`, expected a string\n\
+            a.toml:7: joint[0].nom: unknown key\n\
             a.toml:8: missing field `list`\n\
             a.toml:10: box.a: invalid value: integer `256`, expected u8";
         assert_eq!(problems, expected);

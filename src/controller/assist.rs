@@ -97,7 +97,7 @@ pub struct ContactFade(f64);
 
 /// The force F0 of a fade is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("contact_fade_n must be positive and finite, got {0}")]
+#[error("the contact fade must be positive and finite, got {0} N")]
 pub struct InvalidFade(pub f64);
 
 impl ContactFade {

@@ -17,7 +17,7 @@ pub struct AssistFraction(f64);
 
 /// A share outside 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("assist_fraction must be within 0..=1, got {0}")]
+#[error("the assist fraction must be within 0..=1, got {0}")]
 pub struct InvalidAssistFraction(pub f64);
 
 impl AssistFraction {
@@ -158,7 +158,7 @@ pub struct Slew<const N: usize> {
 
 /// A rise time out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("torque_rise_s must be within 0.001..=10, got {0}")]
+#[error("the torque rise time must be within 0.001..=10 s, got {0}")]
 pub struct InvalidRise(pub f64);
 
 impl<const N: usize> Slew<N> {

@@ -24,7 +24,7 @@ pub struct TorqueCurve {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidTorqueCurve {
     /// The end of the calibrated range.
-    #[error("max_torque_nm must be positive and finite, got {0}")]
+    #[error("the calibrated range must be positive and finite, got {0} N·m")]
     MaxTorque(f64),
     /// A coefficient.
     #[error("c{power} = {value} is not a finite number")]

@@ -15,7 +15,7 @@ use units::spatial::rotation;
 
 /// A time constant out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("velocity_filter_s must be within 0..=1, got {0}")]
+#[error("the velocity filter must be within 0..=1 s, got {0}")]
 pub struct InvalidFilter(pub f64);
 
 /// The time constant of a first-order low pass on velocities, in s; none by default.

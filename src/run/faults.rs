@@ -90,7 +90,7 @@ fn text() -> Vec<String> {
 }
 
 fn line([cause, ready, armed, first, reset, hazards, words]: [String; 7]) -> String {
-    format!("{cause:17}{ready:6} {armed:6} {first:15}{reset:15}{hazards:8} {words}")
+    format!("{cause:20}{ready:6} {armed:6} {first:15}{reset:15}{hazards:8} {words}")
 }
 
 /// Returns the number of the safe state (docs/safety.md).

@@ -179,7 +179,11 @@ fn inconsistent_values_are_refused() {
              [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]",
             "coupling.matrix: the matrix is singular",
         ),
-        ("torque_rise_s = 0.02", "torque_rise_s = 0.0", "controller.torque_rise_s: torque cannot"),
+        (
+            "torque_rise_s = 0.02",
+            "torque_rise_s = 0.0",
+            "controller.torque_rise_s: the torque rise time",
+        ),
         ("lever_m = 0.1", "lever_m = -0.1", "controller.passivity.lever_m: -0.1 is not within"),
         ("margin = 0.04", "margin = 0.7", "controller.soft_stops.margin: 0.7 is not within"),
         (

@@ -206,7 +206,7 @@ fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
             &["sdo", "write", "3", "6071", "i16", "40000", "-i", "can7"],
             "must be within -32768..=32767",
         ),
-        (&["sdo", "write", "3", "6071", "40", "-i", "can7"], "unknown type"),
+        (&["sdo", "write", "3", "6071", "40", "-i", "can7"], "type"),
         (&["sdo", "write", "3", "6071", "3001"], "must be within -3000..=3000"),
         (&["sdo", "write", "3", "6071", "-3001"], "6071h (Target torque)"),
         (&["nmt", "start", "128", "-i", "can7"], "node-id must be"),

@@ -175,8 +175,8 @@ fn invalid_question_is_refused_with_its_key() {
     for (question, expected) in [
         (r#"{"q": [0, 0]}"#, "stdin: "),
         (r#"{"r": 1}"#, "unknown field `r`"),
-        (r#"{"q": [1e9, 0, 0, 0, 0, 0]}"#, "q: a joint position"),
-        (r#"{"mode": "fast"}"#, "mode: \"fast\""),
+        (r#"{"q": [1e9, 0, 0, 0, 0, 0]}"#, "q: joint positions must be within"),
+        (r#"{"mode": "fast"}"#, "mode: must be rate or pose, got \"fast\""),
         (
             r#"{"K_V": [1, 1, 1, 1, 1, -1]}"#,
             "rate_gain: about z must be within 0 and 1000000, got -1",

@@ -113,8 +113,8 @@ fn read(kind: &str, at_s: f64, seconds: f64, keys: &mut Keys) -> Result<Fault, M
     };
     let mut fault = Fault::new(Duration::from_secs_f64(at_s), target, kind);
     if !kind.is_momentary() {
-        // A host may stand still for a part of a cycle.
-        let least = if matches!(kind, Kind::Host(_)) { 0.0 } else { MIN_DURATION };
+        // A host or an adapter may stand still for a part of a cycle.
+        let least = if matches!(kind, Kind::Host(_) | Kind::Bus(_)) { 0.0 } else { MIN_DURATION };
         let duration = keys.number("for_s", least..=seconds - at_s)?;
         fault.duration = duration.map(Duration::from_secs_f64);
     }

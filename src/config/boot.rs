@@ -1,5 +1,4 @@
-//! `[joint.boot]`, `[switches.boot]`: what more a node must be, and how it is booted and watched, where
-//! that is not as usual.
+//! `[joint.boot]`, `[switches.boot]`: identity, boot and error control of a node, where they differ from the defaults.
 
 use crate::problem::Problems;
 use crate::raw;
@@ -13,18 +12,18 @@ use canopen::plan::Revisions;
 /// Boot of one node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BootSettings {
-    /// Answers that it must give besides its identity.
+    /// Required objects besides its identity.
     pub admission: Admission,
     /// Node guarding; `None` for a node with a heartbeat.
     pub guarding: Option<Guarding>,
-    /// The others start without it.
+    /// The network starts without it.
     pub is_optional: bool,
-    /// It is left alone where it runs as planned.
+    /// Kept running, without a reset, if it is configured already (CiA 302-2, keep alive).
     pub keep_alive: bool,
 }
 
 impl BootSettings {
-    /// `plan` with all of this.
+    /// Returns `plan` with these settings.
     pub(super) fn apply(&self, plan: NodePlan) -> NodePlan {
         let plan = match self.guarding {
             Some(guarding) => plan.guarded(guarding),
@@ -39,7 +38,7 @@ impl BootSettings {
     }
 }
 
-/// Reads the boot of a joint's drive, which must be there and always begins anew: it can push.
+/// Reads the boot settings of a drive. It is mandatory and always reset, because it exerts torque.
 pub(super) fn of_drive(
     raw: Option<&raw::Boot>,
     lost_ms: Option<u16>,
@@ -56,7 +55,7 @@ pub(super) fn of_drive(
     settings
 }
 
-/// Reads the boot of any node; one that is guarded must not be missed longer than `lost_ms`.
+/// Reads the boot settings of a node. Its life time by node guarding must not exceed `lost_ms`.
 pub(super) fn of_node(
     raw: Option<&raw::Boot>,
     lost_ms: Option<u16>,
@@ -80,7 +79,7 @@ pub(super) fn of_node(
     }
 }
 
-/// Both numbers or neither.
+/// Reads node guarding, which needs both keys or neither.
 fn guarding(
     raw: &raw::Boot,
     lost_ms: Option<u16>,

@@ -73,7 +73,8 @@ fn one<'r>(
     }
     let layout = bus.layout.as_ref().map(|called| {
         Layout::called(called).unwrap_or_else(|| {
-            let reason = format!("\"{called}\": there are \"per-drive\" and \"grouped\"");
+            let reason =
+                format!("unknown value \"{called}\"; expected \"per-drive\" or \"grouped\"");
             problems.add(&bus.layout, reason);
             Layout::default()
         })
@@ -96,10 +97,10 @@ fn interface<'r>(
     let name = value.as_ref()?.as_str();
     let shown = name.escape_debug();
     if !taken.insert(name) {
-        problems.add(value, format_args!("\"{shown}\" is taken"));
+        problems.add(value, format_args!("must be unique, got \"{shown}\" twice"));
     }
     if !is_interface(name) {
-        problems.add(value, format_args!("\"{shown}\" is no interface"));
+        problems.add(value, format_args!("must be a name of a Linux interface, got \"{shown}\""));
     }
     Some(name)
 }

@@ -32,13 +32,14 @@ pub(super) fn check(
     for ((number, joint), raw) in joints.zip(raw.joint.all()) {
         if !taken.insert((joint.channel, joint.node.raw())) {
             let taken = joint.node.raw();
-            problems.add(&raw.node_id, format_args!("{taken} is taken on this bus"));
+            problems
+                .add(&raw.node_id, format_args!("must be unique on its bus, got {taken} twice"));
         }
         identity(&raw.product_code, &joint.eds, &joint.identity, problems);
         abilities(&raw.eds, &joint.eds, &plans::drive(config, number, joint), problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
-        problems.add(&raw.switches.node_id, "is taken on this bus");
+        problems.add(&raw.switches.node_id, "must be unique on its bus");
     }
     identity(&raw.switches.product_code, &config.switches.eds, &config.switches.identity, problems);
     abilities(&raw.switches.eds, &config.switches.eds, &plans::switches(config), problems);

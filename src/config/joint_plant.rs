@@ -54,7 +54,8 @@ fn range(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<[f64; 2]> {
     let limit = of.either(&joint.limit_deg, &joint.limit_m)?;
     let [low, high] = of.problems.all_finite(limit)?;
     if low >= high {
-        of.problems.add(limit, format_args!("from {low} to {high} is no range"));
+        of.problems
+            .add(limit, format_args!("must rise from lower to upper limit, got {low} to {high}"));
     }
     Some([of.si(low), of.si(high)])
 }

@@ -66,7 +66,7 @@ pub use plant::Plant;
 pub use plausibility::Plausibility;
 pub use problem::Invalid;
 pub use problem::Problem;
-pub use protection::grain;
+pub use protection::timer_tolerance;
 pub use safety::Protection;
 pub use safety::Safety;
 pub use switch_box::SwitchBox;

@@ -15,7 +15,7 @@ pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<
     let raw = value.get()?;
     let node = NodeId::new(raw).ok();
     if node.is_none() {
-        problems.add(value, format_args!("{raw} is no node-id: 1 to 127"));
+        problems.add(value, format_args!("must be a node-id within 1..=127, got {raw}"));
     }
     node
 }

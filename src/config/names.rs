@@ -26,7 +26,7 @@ pub(super) fn check<'n>(
             problems
                 .add(value, format_args!("must have at most {LONGEST} characters, got {length}"));
         } else if taken.contains(&name) {
-            problems.add(value, format_args!("\"{shown}\" is taken"));
+            problems.add(value, format_args!("must be unique, got \"{shown}\" twice"));
         }
         taken.push(name);
     }

@@ -1,20 +1,20 @@
-//! `[operator]`: the hand that the gains are judged with.
+//! `[operator]`: impedance of the hand for the stability checks of the gains.
 
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
 use controller::stability::axis::Impedance;
 
-/// The impedance of the hand the gains are judged with.
+/// Impedance of the hand for the stability checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Operator {
-    /// Along an axis, in N/m and N·s/m.
+    /// Impedance along an axis, in N/m and N·s/m.
     pub linear: Impedance,
-    /// About an axis, in N·m/rad and N·m·s/rad.
+    /// Impedance about an axis, in N·m/rad and N·m·s/rad.
     pub angular: Impedance,
 }
 
-/// A hand that holds firmly but not stiffly, as the simulated one.
+/// Firm but not stiff grip, as in the simulation.
 impl Default for Operator {
     fn default() -> Self {
         Self {
@@ -24,13 +24,12 @@ impl Default for Operator {
     }
 }
 
-/// The hand of `[operator]`; the default one where the file says nothing; `None` where a problem
-/// has been noted.
+/// Reads the impedance, with defaults for absent keys. Returns `None` after a problem.
 pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Option<Operator> {
     let Operator { linear, angular } = Operator::default();
-    let mut impedance = |stiffness: &Optional<f64>, damping: &Optional<f64>, usual: Impedance| {
-        let stiffness = problems.not_negative(&stiffness.or(usual.stiffness));
-        let damping = problems.not_negative(&damping.or(usual.damping));
+    let mut impedance = |stiffness: &Optional<f64>, damping: &Optional<f64>, default: Impedance| {
+        let stiffness = problems.not_negative(&stiffness.or(default.stiffness));
+        let damping = problems.not_negative(&damping.or(default.damping));
         Some(Impedance { stiffness: stiffness?, damping: damping? })
     };
     let linear = impedance(&raw.stiffness_n_per_m, &raw.damping_ns_per_m, linear);

@@ -12,16 +12,16 @@ use crate::value::Value;
 use canopen::eds::Eds;
 use written::List;
 
-/// One thing wrong.
+/// One problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// The file it is in.
+    /// File of the problem.
     pub file: PathBuf,
-    /// The line of the key, where there is one.
+    /// Line of the key, if known.
     pub line: Option<usize>,
-    /// The key, like `joint[2].torque_curve`; empty for the file as a whole.
+    /// Key, as in `joint[2].torque_curve`; empty for the file as a whole.
     pub key: String,
-    /// Reason why its value is refused.
+    /// Constraint and value.
     pub reason: String,
 }
 
@@ -38,7 +38,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// A configuration that cannot be used, with everything that is wrong with it; never empty.
+/// Problems of a refused configuration, at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invalid(pub Vec<Problem>);
 
@@ -61,35 +61,35 @@ impl std::error::Error for Invalid {}
 pub(super) struct Problems<'t> {
     file: PathBuf,
     text: &'t str,
-    /// Where lines end.
+    /// Byte offsets of line ends.
     ends: Vec<usize>,
     trust: Trust,
     found: Vec<Problem>,
     sheets: Sheets,
 }
 
-/// Data sheets that were read, each with the first sign that it is not whole.
+/// EDS files that were read, each with its first sign of incompleteness.
 pub(super) type Sheets = HashMap<PathBuf, (Eds, Option<String>)>;
 
 impl<'t> Problems<'t> {
-    /// Starts without problems, in `file` that reads `text`.
+    /// Returns an empty collection for `file` with the content `text`.
     pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
         let ends = text.match_indices('\n').map(|(end, _)| end).collect();
         let (file, found, sheets) = (file.to_path_buf(), Vec::new(), Sheets::new());
         Self { file, text, ends, trust, found, sheets }
     }
 
-    /// Data sheets read so far: joints share them.
+    /// Returns the EDS files read so far: joints share them.
     pub(super) const fn sheets(&mut self) -> &mut Sheets {
         &mut self.sheets
     }
 
-    /// Trust that the files it names must be worth.
+    /// Returns the required write protection of the files it names.
     pub(super) const fn trust(&self) -> Trust {
         self.trust
     }
 
-    /// Notes a problem with what stands at a place.
+    /// Adds a problem at a place.
     pub(super) fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
         let place = at.place();
         self.found.push(Problem {
@@ -111,12 +111,12 @@ impl<'t> Problems<'t> {
         });
     }
 
-    /// The line, from 1, at a byte offset of the text.
+    /// Returns the line, from 1, of a byte offset.
     pub(super) fn line_at(&self, offset: usize) -> usize {
         1 + self.ends.partition_point(|end| *end < offset)
     }
 
-    /// The value, or the problem noted where it stands.
+    /// Returns the value of `Ok`, or adds the error at the place.
     pub(super) fn take<T, E: fmt::Display>(
         &mut self,
         at: &impl Placed,
@@ -141,7 +141,7 @@ impl<'t> Problems<'t> {
         if self.count() > before { result.ok() } else { self.take(at, result) }
     }
 
-    /// Returns whether anything within is noted already: its consequences need no line of their own.
+    /// Returns whether a problem within is known already, so that its consequences need no own line.
     pub(super) fn is_noted_within(&self, at: &impl Placed) -> bool {
         let is_within = |problem: &Problem| {
             let rest = problem.key.strip_prefix(at.place().key());
@@ -154,7 +154,7 @@ impl<'t> Problems<'t> {
     pub(super) fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
         let number = value.get()?;
         if !number.is_finite() {
-            self.add(value, format_args!("{number} is not a finite number"));
+            self.add(value, format_args!("must be finite, got {number}"));
         }
         Some(number)
     }
@@ -166,7 +166,7 @@ impl<'t> Problems<'t> {
     ) -> Option<f64> {
         let number = value.get()?;
         if !(number.is_finite() && number > 0.0) {
-            self.add(value, format_args!("{number} is not above zero"));
+            self.add(value, format_args!("must be above zero, got {number}"));
         }
         Some(number)
     }
@@ -178,7 +178,7 @@ impl<'t> Problems<'t> {
     ) -> Option<f64> {
         let number = value.get()?;
         if !(number.is_finite() && number >= 0.0) {
-            self.add(value, format_args!("{number} is not zero or above"));
+            self.add(value, format_args!("must be zero or above, got {number}"));
         }
         Some(number)
     }
@@ -190,7 +190,7 @@ impl<'t> Problems<'t> {
     ) -> Option<[f64; N]> {
         let List(numbers) = value.get()?;
         if let Some(wrong) = numbers.iter().find(|number| !number.is_finite()) {
-            self.add(value, format_args!("{wrong} is not a finite number"));
+            self.add(value, format_args!("must be finite, got {wrong}"));
         }
         Some(numbers)
     }
@@ -203,7 +203,7 @@ impl<'t> Problems<'t> {
         let List(numbers) = value.get()?;
         let is_wrong = |number: &&f64| !(number.is_finite() && **number >= 0.0);
         if let Some(wrong) = numbers.iter().find(is_wrong) {
-            self.add(value, format_args!("{wrong} is not zero or above"));
+            self.add(value, format_args!("must be zero or above, got {wrong}"));
         }
         Some(numbers)
     }
@@ -219,7 +219,8 @@ impl<'t> Problems<'t> {
         if found.is_none() {
             let names: Vec<String> =
                 choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            self.add(value, format_args!("\"{given}\": there is {}", names.join(", ")));
+            let expected = names.join(" or ");
+            self.add(value, format_args!("unknown value \"{given}\"; expected {expected}"));
         }
         found
     }
@@ -232,8 +233,8 @@ impl<'t> Problems<'t> {
     ) -> Option<T> {
         let number = value.get()?;
         if !range.contains(&number) {
-            let (least, most) = (range.start(), range.end());
-            self.add(value, format_args!("{number} is not within {least} and {most}"));
+            let (min, max) = (range.start(), range.end());
+            self.add(value, format_args!("must be within {min}..={max}, got {number}"));
         }
         Some(number)
     }

@@ -19,8 +19,8 @@ use controller::arm::JointKind;
 use controller::arm::Link;
 use controller::stability::push::PushedHand;
 
-/// Tolerance of a timer: its frame on the way, and its own grain.
-pub const fn grain(awaited: Awaited) -> Duration {
+/// Returns the tolerance of a timer: transmission of its frame, and its own resolution.
+pub const fn timer_tolerance(awaited: Awaited) -> Duration {
     match awaited {
         Awaited::Rpdo => Duration::from_millis(1),
         // A heartbeat may come up to a tenth of its period late without being late.
@@ -29,7 +29,7 @@ pub const fn grain(awaited: Awaited) -> Duration {
 }
 
 impl Parameters {
-    /// Everything that may push the hand at once.
+    /// Returns the maximum forces on the hand at the same time.
     pub fn force_cap(&self) -> ForceCap {
         let Settings { arm, calibration, channels, assist_fraction, extensions, .. } =
             &self.controller;
@@ -53,7 +53,7 @@ impl Parameters {
         }
     }
 
-    /// Longest way from the base to the grip, in m.
+    /// Returns the maximum distance from the base to the grip, in m.
     fn reach(&self) -> f64 {
         let links = self.joints.iter().map(|joint| {
             let Link { kind, a, d, range: [low, high], .. } = joint.plant.link;
@@ -79,7 +79,7 @@ impl Parameters {
 /// Up to this force the return to centre need not be compared with what the joints can exert, in N.
 const WEAK: f64 = 5.0;
 
-/// Notes a force that is too much even if every drive does as it is configured.
+/// Refuses forces above the maximum even if every drive stops as configured.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
@@ -104,6 +104,6 @@ fn longest(plan: &NodePlan) -> Duration {
     let timers = [Awaited::Rpdo, Awaited::Heartbeat].into_iter();
     let timers = timers.filter_map(|awaited| plan.watchdog(awaited));
     let reaction_time =
-        timers.map(|dog| Duration::from_millis(dog.millis.into()) + grain(dog.awaited));
+        timers.map(|dog| Duration::from_millis(dog.millis.into()) + timer_tolerance(dog.awaited));
     reaction_time.min().unwrap_or(UNPROVEN_REACTION_TIME)
 }

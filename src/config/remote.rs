@@ -19,19 +19,19 @@ use robot::object::Servo;
 use robot::payload::Payload;
 use written::List;
 
-/// No coefficient of friction is higher: rubber on rubber is below.
-const ROUGHEST: f64 = 2.0;
+/// Maximum coefficient of friction; rubber on rubber is below.
+const MAX_FRICTION: f64 = 2.0;
 
-/// The object touches with the corners of a cube of 4 cm; a smaller sphere slips in between, in m.
-const SMALLEST: f64 = 0.03;
+/// Minimum radius of a sphere, in m: the object touches with the corners of a cube of 4 cm.
+const MIN_RADIUS: f64 = 0.03;
 
-/// No sphere is larger, in m: a larger one is a wall.
-const LARGEST: f64 = 10.0;
+/// Maximum radius of a sphere, in m; a larger one is a wall.
+const MAX_RADIUS: f64 = 10.0;
 
 /// The virtual object and what it can touch; `None` where a problem has been noted.
 pub(super) fn settings(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Virtual> {
     if let Some(other) = raw.kind.as_ref().filter(|kind| *kind != "virtual") {
-        problems.add(&raw.kind, format_args!("\"{other}\": there is \"virtual\""));
+        problems.add(&raw.kind, format_args!("unknown value \"{other}\"; expected \"virtual\""));
     }
     let start = problems.all_finite(&raw.start_m);
     let turned = problems.all_finite(&raw.start_deg.or(List::default()));
@@ -128,7 +128,7 @@ fn block(
 /// Centre and radius.
 fn sphere(raw: &raw::Sphere, problems: &mut Problems<'_>) -> Option<(Vector3<f64>, f64, Contact)> {
     let centre = problems.all_finite(&raw.centre_m);
-    let radius = problems.within(&raw.radius_m, SMALLEST..=LARGEST);
+    let radius = problems.within(&raw.radius_m, MIN_RADIUS..=MAX_RADIUS);
     let contact = contact(&raw.stiffness_n_per_m, &raw.damping_ns_per_m, &raw.friction, problems);
     Some((Vector3::from(centre?), radius?, contact?))
 }
@@ -142,6 +142,6 @@ fn contact(
 ) -> Option<Contact> {
     let stiffness = problems.positive(stiffness);
     let damping = problems.not_negative(damping);
-    let friction = problems.within(&friction.or(0.0), 0.0..=ROUGHEST);
+    let friction = problems.within(&friction.or(0.0), 0.0..=MAX_FRICTION);
     Some(Contact { stiffness: stiffness?, damping: damping?, friction: friction? })
 }

@@ -29,7 +29,7 @@ pub enum Untrusted {
     #[error("is a symbolic link: name the file itself, or say --insecure")]
     Link,
     /// Pipe or device, with different content at each reading.
-    #[error("is no regular file: name one, or say --insecure")]
+    #[error("is not a regular file: name one, or say --insecure")]
     Irregular,
     /// Writable by all users.
     #[error("anyone may write it (mode {mode:04o}): chmod o-w it, or say --insecure")]

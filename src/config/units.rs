@@ -1,24 +1,24 @@
-//! Keys of a joint that stand in one unit where it turns and in another where it slides.
+//! Keys of a joint whose unit depends on its kind: revolute or prismatic.
 
 use crate::problem::Problems;
 use crate::value::Optional;
 use crate::value::Placed;
 use controller::arm::JointKind;
 
-/// Keys of which a turning joint has the first and a sliding one the second.
+/// Selection of the key for the kind of a joint.
 pub(super) struct Units<'p, 't> {
     pub(super) kind: JointKind,
     pub(super) problems: &'p mut Problems<'t>,
 }
 
 impl Units<'_, '_> {
-    /// The one of the two that must be there.
+    /// Returns the required key for this kind. The other one must be absent.
     pub(super) fn either<'v, T>(
         &mut self,
-        turning: &'v Optional<T>,
-        sliding: &'v Optional<T>,
+        revolute: &'v Optional<T>,
+        prismatic: &'v Optional<T>,
     ) -> Option<&'v Optional<T>> {
-        let value = self.at_most_one(turning, sliding)?;
+        let value = self.at_most_one(revolute, prismatic)?;
         if value.is_absent() {
             let reason = format!("missing field `{}`", value.place().name());
             self.problems.add(value, reason);
@@ -26,15 +26,15 @@ impl Units<'_, '_> {
         Some(value)
     }
 
-    /// The one of the two that may be there; the other must not.
+    /// Returns the optional key for this kind. The other one must be absent.
     pub(super) fn at_most_one<'v, T>(
         &mut self,
-        turning: &'v Optional<T>,
-        sliding: &'v Optional<T>,
+        revolute: &'v Optional<T>,
+        prismatic: &'v Optional<T>,
     ) -> Option<&'v Optional<T>> {
         let (value, misplaced, kind) = match self.kind {
-            JointKind::Revolute => (turning, sliding, "revolute"),
-            JointKind::Prismatic => (sliding, turning, "prismatic"),
+            JointKind::Revolute => (revolute, prismatic, "revolute"),
+            JointKind::Prismatic => (prismatic, revolute, "prismatic"),
         };
         if misplaced.as_ref().is_some() {
             let reason = format!("a {kind} joint has `{}`", value.place().name());

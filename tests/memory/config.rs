@@ -126,17 +126,21 @@ fn type_error_hides_no_other_problem() {
         (
             "missing_samples = 3",
             "missing_samples = 300",
-            "safety.missing_samples: 300 is not within 1 and 20",
+            "safety.missing_samples: must be within 1..=20, got 300",
         ),
         ("preset = ", "pre_set = ", "controller.pre_set: unknown key"),
         ("preset = ", "pre_set = ", "missing field `preset`"),
         (
             "max_force_n = 40.0 ",
             "max_force_n = -40.0 ",
-            "controller.max_force_n: -40 is not above zero",
+            "controller.max_force_n: must be above zero, got -40",
         ),
         ("gear_ratio = ", "gear_ratio = 0.0 #", "joint[0].gear_ratio: "),
-        ("bitrate = 1_000_000", "bitrate = 1_000_001", "bus[0].bitrate: must be one of"),
+        (
+            "bitrate = 1_000_000",
+            "bitrate = 1_000_001",
+            "bus[0].bitrate: must be one of [10000, 20000, 50000, 125000, 250000, 500000, 800000, 1000000], got 1000001",
+        ),
     ];
     let text = more.iter().fold(changed(&[(wrong.0, wrong.1)]), |text, (from, to, _)| {
         assert!(text.contains(from) || text.contains(to), "{from}");
@@ -157,8 +161,16 @@ fn type_error_hides_no_other_problem() {
 fn inconsistent_values_are_refused() {
     for (from, to, reason) in [
         ("sync_period_us = 1000", "sync_period_us = 500", "bus[0].load_limit_percent: "),
-        ("node_id = 2\n", "node_id = 1\n", "joint[1].node_id: 1 is taken on this bus"),
-        ("node_id = 127", "node_id = 200", "node.node_id: 200 is no node-id"),
+        (
+            "node_id = 2\n",
+            "node_id = 1\n",
+            "joint[1].node_id: must be unique on its bus, got 1 twice",
+        ),
+        (
+            "node_id = 127",
+            "node_id = 200",
+            "node.node_id: must be a node-id within 1..=127, got 200",
+        ),
         ("bus = \"joints\"", "bus = \"ankle\"", "joint[0].bus: no bus is called \"ankle\""),
         ("0x0402_0010", "0x0402_0011", "joint[0].product_code: vendor 00000F8Ch product 04020011h"),
         ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 1 ", "safety.rpdo_timer_ms: 1 ms is less than two"),
@@ -184,8 +196,16 @@ fn inconsistent_values_are_refused() {
             "torque_rise_s = 0.0",
             "controller.torque_rise_s: the torque rise time",
         ),
-        ("lever_m = 0.1", "lever_m = -0.1", "controller.passivity.lever_m: -0.1 is not within"),
-        ("margin = 0.04", "margin = 0.7", "controller.soft_stops.margin: 0.7 is not within"),
+        (
+            "lever_m = 0.1",
+            "lever_m = -0.1",
+            "controller.passivity.lever_m: must be within 0.000001..=1000000, got -0.1",
+        ),
+        (
+            "margin = 0.04",
+            "margin = 0.7",
+            "controller.soft_stops.margin: must be within 0.001..=0.5, got 0.7",
+        ),
         (
             "name = \"yaw\"",
             "name = \"yaw\"\nkind = \"screw\"",
@@ -424,7 +444,11 @@ fn hazard_18_physically_impossible_arms_are_refused() {
             "[0.11, 900.0, 0.01]",
             "joint[1].centre_of_mass_m: must be within 2 m of the",
         ),
-        ("name = \"elevation\"", "name = \"azimuth\"", "joint[1].name: \"azimuth\" is taken"),
+        (
+            "name = \"elevation\"",
+            "name = \"azimuth\"",
+            "joint[1].name: must be unique, got \"azimuth\" twice",
+        ),
         ("name = \"elevation\"", "name = \"\"", "joint[1].name: must not be empty"),
         (
             "name = \"elevation\"",
@@ -447,12 +471,12 @@ fn hazard_18_physically_impossible_arms_are_refused() {
         (
             "interface = \"vcan0\"",
             "interface = \"v\\u001Bn\"",
-            "bus[0].interface: \"v\\u{1b}n\" is no interface",
+            "bus[0].interface: must be a name of a Linux interface, got \"v\\u{1b}n\"",
         ),
         (
             "interface = \"vcan0\"",
             "interface = \"a/b\"",
-            "bus[0].interface: \"a/b\" is no interface",
+            "bus[0].interface: must be a name of a Linux interface, got \"a/b\"",
         ),
         (
             "mass_kg = 0.28",
@@ -559,16 +583,25 @@ fn with_simulated(lines: &str) -> String {
 #[test]
 fn invalid_simulated_drivetrain_is_refused_by_key() {
     for (lines, reason) in [
-        ("current_loop_us = -1.0", "joint[0].simulated.current_loop_us: -1 is not within 0 and"),
-        ("current_loop_us = nan", "joint[0].simulated.current_loop_us: NaN is not within 0 and"),
-        ("backlash_deg = 11.0", "joint[0].simulated.backlash_deg: 11 is not within 0 and 10"),
+        (
+            "current_loop_us = -1.0",
+            "joint[0].simulated.current_loop_us: must be within 0..=10000, got -1",
+        ),
+        (
+            "current_loop_us = nan",
+            "joint[0].simulated.current_loop_us: must be within 0..=10000, got NaN",
+        ),
+        ("backlash_deg = 11.0", "joint[0].simulated.backlash_deg: must be within 0..=10, got 11"),
         (
             "backlash_m = 0.001",
             "joint[0].simulated.backlash_m: a revolute joint has `backlash_deg`",
         ),
         ("hysteresis_n = 0.1", "joint[0].simulated.hysteresis_n: a revolute joint has"),
-        ("hysteresis_nm = 7.0", "joint[0].simulated.hysteresis_nm: 7 is not within 0 and 6"),
-        ("thermal_time_constant_s = 0", "joint[0].simulated.thermal_time_constant_s: 0 is not"),
+        ("hysteresis_nm = 7.0", "joint[0].simulated.hysteresis_nm: must be within 0..=6, got 7"),
+        (
+            "thermal_time_constant_s = 0",
+            "joint[0].simulated.thermal_time_constant_s: must be within 0.1..=36000, got 0",
+        ),
         ("torque_curve_reverse = [1.0, -9.0, 0.0]", "joint[0].simulated.torque_curve_reverse: "),
         ("backlash = 0.1", "joint[0].simulated.backlash: unknown key"),
     ] {
@@ -610,8 +643,8 @@ fn sync_counter_is_configured_in_every_drive() {
     let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
     assert!((config.loads()[0].used - plain.loads()[0].used - 10.0).abs() < 1e-9);
     for (line, reason) in [
-        ("sync_counter = 1", "node.sync_counter: 1 is not within"),
-        ("time_period_ms = 5", "node.time_period_ms: 5 is not within"),
+        ("sync_counter = 1", "node.sync_counter: must be within 2..=240, got 1"),
+        ("time_period_ms = 5", "node.time_period_ms: must be within 10..=3600000, got 5"),
     ] {
         let text = TEXT.replacen("[node]\n", &format!("[node]\n{line}\n"), 1);
         assert!(refusal(&text).contains(reason));
@@ -644,12 +677,28 @@ fn remote_environment_accepts_friction_and_a_sphere() {
     let (centre, radius, contact) = config.remote.sphere.unwrap();
     assert_eq!((centre.y, radius, contact.friction), (-0.2, 0.08, 0.4));
     for (from, to, reason) in [
-        ("radius_m = 0.08", "radius_m = 0.01", "remote.sphere.radius_m: 0.01 is not within 0.03"),
-        ("friction = 0.4", "friction = -0.4", "remote.sphere.friction: -0.4 is not within 0 and 2"),
-        ("friction = 0.4", "friction = nan", "remote.sphere.friction: NaN is not within 0 and 2"),
+        (
+            "radius_m = 0.08",
+            "radius_m = 0.01",
+            "remote.sphere.radius_m: must be within 0.03..=10, got 0.01",
+        ),
+        (
+            "friction = 0.4",
+            "friction = -0.4",
+            "remote.sphere.friction: must be within 0..=2, got -0.4",
+        ),
+        (
+            "friction = 0.4",
+            "friction = nan",
+            "remote.sphere.friction: must be within 0..=2, got NaN",
+        ),
         ("friction = 0.4", "frictoin = 0.4", "remote.sphere.frictoin: unknown key"),
         ("radius_m = 0.08\n", "", "missing field `radius_m`"),
-        ("[remote.box]", "[remote.box]\nfriction = 3.0", "remote.box.friction: 3 is not within"),
+        (
+            "[remote.box]",
+            "[remote.box]\nfriction = 3.0",
+            "remote.box.friction: must be within 0..=2, got 3",
+        ),
     ] {
         let refusal = refusal(&text.replacen(from, to, 1));
         assert!(refusal.contains(reason), "{reason}: {refusal}");

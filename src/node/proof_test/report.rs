@@ -8,7 +8,7 @@ use thiserror::Error;
 use canopen::NodeId;
 use canopen::object::Object;
 use canopen::watchdog::Watchdog;
-use config::grain;
+use config::timer_tolerance;
 
 /// A watchdog that tripped in the test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ impl Trip {
     /// set time plus its resolution, or the measured time if that is longer.
     pub fn reaction_time(&self) -> Duration {
         let set = Duration::from_millis(u64::from(self.watchdog.millis));
-        self.measured.max(set + grain(self.watchdog.awaited))
+        self.measured.max(set + timer_tolerance(self.watchdog.awaited))
     }
 }
 

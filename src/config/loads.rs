@@ -14,7 +14,7 @@ use canopen::load::BusLoad;
 use canopen::load::streams::Stream;
 
 impl Parameters {
-    /// The load of each bus in the worst case.
+    /// Returns the worst-case load of each bus.
     pub fn loads(&self) -> Vec<BusLoad> {
         let buses = (0..).map(Channel).zip(&self.buses);
         let load = |(channel, bus): (Channel, &BusSettings)| {
@@ -24,7 +24,7 @@ impl Parameters {
     }
 }
 
-/// Notes every bus that carries too much.
+/// Refuses every bus above its load limit.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     // A load that follows from a period or bit rate that is wrong says nothing.
     if problems.is_noted_within(&raw.bus) || problems.is_noted_within(&raw.node) {
@@ -35,14 +35,14 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     }
 }
 
-/// Streams that are planned on one bus.
+/// Returns the planned frames of one bus.
 fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
     let plans = config.node_plans();
     let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
     load::streams(here, config.period_us(), config.node_id, config.heartbeat_ms())
 }
 
-/// Worst-case time of the RPDOs of a cycle on the slowest bus.
+/// Returns the worst-case time of the RPDOs of a cycle on the slowest bus.
 pub(super) fn rpdo_time(config: &Parameters, rpdos: &RpdoImage) -> Duration {
     let time = |(channel, bus): (Channel, &BusSettings)| {
         let bits: u32 = rpdos.bytes_on(channel).map(bits::worst_case).sum();

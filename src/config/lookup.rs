@@ -10,7 +10,7 @@ use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 
-/// A node-id, 1 to 127.
+/// Reads a node-id, 1 to 127.
 pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<NodeId> {
     let raw = value.get()?;
     let node = NodeId::new(raw).ok();
@@ -20,7 +20,7 @@ pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<
     node
 }
 
-/// The channel of the bus that is called like this.
+/// Returns the channel of the bus of this name.
 pub(super) fn channel(
     value: &Value<String>,
     raw: &raw::File,
@@ -38,7 +38,7 @@ pub(super) fn channel(
     found.map(|(channel, _)| channel)
 }
 
-/// The EDS that `file` calls like this.
+/// Returns the EDS that `file` names.
 pub(super) fn eds(value: &Value<String>, file: &Path, problems: &mut Problems<'_>) -> Option<Eds> {
     let path = files::beside(file, value.as_ref()?);
     let named = |reason: &dyn std::fmt::Display| format!("{}: {reason}", path.display());
@@ -59,7 +59,7 @@ pub(super) fn eds(value: &Value<String>, file: &Path, problems: &mut Problems<'_
     whole(value, (eds, gap), problems)
 }
 
-/// The EDS, and what it lost noted where it is named.
+/// Returns the EDS; its incompleteness is a problem at the key that names it.
 fn whole(
     value: &Value<String>,
     (eds, gap): (Eds, Option<String>),

@@ -23,23 +23,23 @@ use units::numbering::Joint;
 /// Values of a configuration file: one hand controller and all around it.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Where it was read.
+    /// File it was read from.
     pub file: PathBuf,
-    /// From SYNC to SYNC.
+    /// Communication cycle period (1006h).
     pub period: Duration,
     /// The master's own node-id, for its heartbeat.
     pub node_id: NodeId,
     /// Period of the master's heartbeat.
     pub heartbeat: Duration,
-    /// Up to what SYNCs are counted (1019h), if they are.
+    /// SYNC counter overflow value (1019h), if SYNCs are counted.
     pub sync_counter: Option<u8>,
     /// Period of TIME, if it is sent.
     pub time_period: Option<Duration>,
-    /// Where the control socket is, if the file says so.
+    /// Path of the control socket, if configured.
     pub socket: Option<PathBuf>,
-    /// Nodes store what is set in them (1010h).
+    /// Stores the configuration in the nodes (1010h).
     pub stores_configuration: bool,
-    /// Nodes get their makers' defaults back (1011h) before they are configured.
+    /// Restores the nodes' defaults (1011h) before configuration.
     pub restores_defaults: bool,
     /// The buses; a [`Channel`] is a place in this list.
     pub buses: Vec<BusSettings>,
@@ -55,11 +55,11 @@ pub struct Parameters {
     pub controller: Settings,
     /// Meaning of a displacement of the hand at the start.
     pub command_mode: Mode,
-    /// Hand that the gains are judged with.
+    /// Impedance of the hand for the stability checks.
     pub operator: Operator,
     /// The commanded side.
     pub remote: Virtual,
-    /// Limits in time.
+    /// Time limits of faults.
     pub safety: Safety,
     /// Bounds of plausible samples.
     pub plausibility: Plausibility,

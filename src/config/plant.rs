@@ -1,4 +1,4 @@
-//! The plant: the arm as it is built. It is what a simulation takes, and needs no more than this.
+//! Plant model: the arm as built, input of a simulation.
 //!
 //! The controller has its own view of the same numbers: an arm, and a calibration for each joint.
 
@@ -25,7 +25,7 @@ pub struct Plant {
 pub struct JointPlant {
     /// Kinematics, masses and range.
     pub link: Link,
-    /// Where it starts in simulation, in rad or m.
+    /// Start position in simulation, in rad or m.
     pub start: f64,
     /// Friction at the joint.
     pub friction: Friction,
@@ -49,7 +49,7 @@ pub struct Friction {
 pub struct Actuator {
     /// Encoder counts per revolution of the motor.
     pub counts_per_rev: u32,
-    /// Motor revolutions per joint revolution; negative where they turn against each other.
+    /// Motor revolutions per joint revolution; negative for opposite directions.
     pub gear_ratio: f64,
     /// Counts at joint position zero.
     pub zero_counts: i32,
@@ -61,12 +61,12 @@ pub struct Actuator {
     pub torque_curve: [f64; 3],
 }
 
-/// Imperfections of motor and gear, of which the controller knows nothing.
+/// Imperfections of motor and gear, unknown to the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Time constant of the current loop, in s.
     pub current_loop: f64,
-    /// c1, c3, c5 of the torque curve where the joint's torque is negative, if they are others there.
+    /// c1, c3, c5 of the torque curve for negative torque, if they differ.
     pub torque_curve_reverse: Option<[f64; 3]>,
     /// Width of the hysteresis of its torque, in N·m or N.
     pub hysteresis: f64,

@@ -1,5 +1,4 @@
-//! `[safety]`, as far as it is about time and about the drives by themselves; what of it is about samples stands
-//! in `plausibility`.
+//! `[safety]`: time limits, ramps and the drives' own timers. `plausibility` has the bounds of samples.
 
 use std::time::Duration;
 
@@ -10,34 +9,34 @@ use crate::value::Placed;
 /// Time limits of faults before torque goes off, and ramps.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
-    /// A drive without a fresh RPDO; 0 where only the heartbeat is to stop it.
+    /// Timeout of a drive without a fresh RPDO; 0 if only the heartbeat stops it.
     pub rpdo_timer_ms: u16,
-    /// A drive without the master's heartbeat.
+    /// Timeout of a drive without the master's heartbeat.
     pub node_lost_ms: u16,
     /// Heartbeat period of the drives.
     pub drive_heartbeat_ms: u16,
-    /// The master without a node's heartbeat.
+    /// Timeout of the master without a node's heartbeat.
     pub drive_lost: Duration,
-    /// Cycles in a row without a joint's sample.
+    /// Cycles in a row without a sample of a joint that are a fault.
     pub missing_samples: u32,
-    /// Gravity compensation from zero to full.
+    /// Ramp of gravity compensation from zero to full.
     pub gravity_ramp: Duration,
-    /// Reflection from zero to full.
+    /// Ramp of reflection from zero to full.
     pub reflection_ramp: Duration,
     /// Protection by the drives themselves.
     pub protection: Protection,
 }
 
-/// `[safety]`, as far as it is about the drives by themselves.
+/// Protection by the drives themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Protection {
-    /// Every drive must show at every boot that it stops by itself.
+    /// Requires a proof test of every drive's timers at every boot.
     pub proves_drives: bool,
     /// Mass of hand and grip, in kg.
     pub effective_mass: f64,
 }
 
-/// Limits in time, and whether they can hold at this period; `None` where a problem has been noted.
+/// Reads the time limits and checks them against the period. Returns `None` after a problem.
 pub(super) fn read(
     raw: &raw::File,
     period: Option<Duration>,
@@ -102,7 +101,7 @@ fn node_heartbeat(raw: &raw::File, period: Option<Duration>, problems: &mut Prob
     }
 }
 
-/// A drive must not be missed before its second heartbeat is due.
+/// Checks that a drive counts as lost only after its second heartbeat is due.
 fn drive_heartbeat(safety: &raw::Safety, problems: &mut Problems<'_>) {
     let (given, lost_ms) = (&safety.drive_heartbeat_ms, &safety.drive_lost_ms);
     if lost_ms.get().zip(given.get()).is_some_and(|(lost, beat)| lost < beat.saturating_mul(2)) {

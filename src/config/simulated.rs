@@ -1,4 +1,4 @@
-//! `[joint.simulated]`: imperfections of a simulated motor and gear, of which the controller knows nothing.
+//! `[joint.simulated]`: imperfections of a simulated motor and gear, unknown to the controller.
 
 use crate::plant::Drivetrain;
 use crate::raw;
@@ -7,16 +7,16 @@ use controller::arm::JointKind;
 use controller::calibration::TorqueCurve;
 use written::List;
 
-/// The time constant of a current loop, in µs; 1600 µs are 100 Hz.
+/// Range of the time constant of a current loop, in µs; 1600 µs are 100 Hz.
 const CURRENT_LOOP_US: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
 
-/// The thermal time constant of a winding, in s.
+/// Range of the thermal time constant of a winding, in s.
 const THERMAL_S: std::ops::RangeInclusive<f64> = 0.1..=36_000.0;
 
-/// The widest gap, in degrees and in m.
-const WIDEST: [f64; 2] = [10.0, 0.02];
+/// Maximum backlash, in degrees and in m.
+const MAX_BACKLASH: [f64; 2] = [10.0, 0.02];
 
-/// Reads what is given, or what is usual; `None` where a problem has been noted.
+/// Reads the imperfections, with defaults for absent keys. Returns `None` after a problem.
 pub(super) fn read(
     given: &raw::Simulated,
     max_torque: Option<f64>,
@@ -35,7 +35,7 @@ pub(super) fn read(
     }
     let most = max_torque.map_or(f64::INFINITY, |torque| torque.max(0.0));
     let hysteresis = hysteresis.and_then(|given| problems.within(&given.or(0.0), 0.0..=most));
-    let [degrees, metres] = WIDEST;
+    let [degrees, metres] = MAX_BACKLASH;
     let widest = match of.kind {
         JointKind::Revolute => degrees,
         JointKind::Prismatic => metres,

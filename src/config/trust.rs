@@ -15,7 +15,7 @@ use thiserror::Error;
 /// Required write protection of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// None, for commands that move nothing.
+    /// No protection, for commands that move nothing.
     #[default]
     Any,
     /// Not writable by other users, for commands that configure drives.

@@ -43,7 +43,7 @@ pub fn run<B: Bus, S: Station>(
         latest = latest.max(received.at);
         match received.event {
             BusEvent::Frame(frame) => {
-                station.on_frame(latest, received.channel, &frame, &mut frames)
+                station.on_frame(latest, received.channel, &frame, &mut frames);
             }
             BusEvent::Fault(BusFault::Down) => return Err(Down(received.channel)),
             BusEvent::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),

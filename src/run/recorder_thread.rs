@@ -124,7 +124,7 @@ impl EntryHandler for Recorder<'_> {
 
     fn on_event(&mut self, event: &Event) {
         log_time::stamp_with(self.now, || {
-            self.event_log.log(self.now, self.mode, event, self.names)
+            self.event_log.log(self.now, self.mode, event, self.names);
         });
     }
 }

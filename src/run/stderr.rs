@@ -92,7 +92,7 @@ fn write(mut to: impl Write, messages: &Receiver<Message>, lost: &AtomicU64) {
         match lost.swap(0, Ordering::Relaxed) {
             0 => {}
             lost => {
-                writeln!(to, "frhc: {lost} messages lost: stderr was blocked").unwrap_or_default()
+                writeln!(to, "frhc: {lost} messages lost: stderr was blocked").unwrap_or_default();
             }
         }
     }

@@ -381,7 +381,7 @@ mod tests {
     fn controlword_is_repeated_until_its_state_is_reached() {
         let mut rpdos = grouped();
         (0..4).for_each(|node| {
-            rpdos.set_controlword(NodeIndex(node), Controlword::SHUTDOWN, node != 1)
+            rpdos.set_controlword(NodeIndex(node), Controlword::SHUTDOWN, node != 1);
         });
         (0..4).for_each(|_| {
             assert_ne!(text(|out| rpdos.changed(false, out)), "");

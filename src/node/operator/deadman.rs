@@ -44,7 +44,7 @@ pub struct Deadman {
 
 impl Deadman {
     /// Returns the deadman before the first message of the switch box.
-    pub const fn new() -> Self {
+    pub const fn silent() -> Self {
         Self {
             contacts: None,
             since: Instant::ZERO,
@@ -112,7 +112,7 @@ mod tests {
     }
 
     fn held() -> Deadman {
-        let mut deadman = Deadman::new();
+        let mut deadman = Deadman::silent();
         read(&mut deadman, 0..=25, OPEN);
         read(&mut deadman, 26..=51, CLOSED);
         assert_eq!(deadman.enable_state(), EnableState::Held);
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn hazard_39_deadman_closed_at_power_up_counts_once_released() {
-        let mut deadman = Deadman::new();
+        let mut deadman = Deadman::silent();
         read(&mut deadman, 0..=1_000, CLOSED);
         assert_eq!(deadman.enable_state(), EnableState::Closed);
         read(&mut deadman, 1_001..=1_020, OPEN);
@@ -148,7 +148,7 @@ mod tests {
         fn hazard_38_deadman_not_closed_by_both_contacts_is_not_held(
             inputs in prop::collection::vec((0..4_u8, 1..40_u64), 1..60)
         ) {
-            let mut deadman = Deadman::new();
+            let mut deadman = Deadman::silent();
             let mut millis = 0;
             let (mut open_for, mut closed_for, mut may_close) = (0, 0, false);
             for (contacts, span) in inputs {

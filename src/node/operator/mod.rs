@@ -51,7 +51,7 @@ impl Operator {
     pub(super) fn new(period: Duration) -> Self {
         Self {
             period,
-            deadman: Deadman::new(),
+            deadman: Deadman::silent(),
             buttons: Buttons::new(),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),

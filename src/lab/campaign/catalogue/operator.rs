@@ -156,9 +156,12 @@ fn deadman_bounces(random: &mut Random, at: &Conditions<'_>) -> Injection {
     Injection::of([bounces(at, Duration::ZERO, input, duration)], Criterion::GoesOn)
 }
 
+/// Makes the entry that closes or opens a switch at a time in s.
+type SetSwitch = fn(f64, bool) -> Switch;
+
 /// Each button is pressed once, and its contact bounces at both edges.
 fn buttons_bounce(random: &mut Random, at: &Conditions<'_>) -> Injection {
-    let buttons: [(fn(f64, bool) -> Switch, Input); 2] =
+    let buttons: [(SetSwitch, Input); 2] =
         [(Switch::reflection, Input::Reflection), (Switch::reference, Input::Reference)];
     let mut entries = Vec::new();
     for (millis, is_pressed) in [(0, true), (60, false)] {

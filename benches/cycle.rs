@@ -18,10 +18,8 @@ use std::time::Instant;
 use nalgebra::SVector;
 
 use config::Config;
-use controller::Controller;
-use controller::Input;
-use controller::switches::Mode;
-use controller::switches::Switches;
+use controller::switches::{Mode, Switches};
+use controller::{Controller, Input};
 use units::spatial::Wrench;
 
 const TEXT: &str = include_str!("../config/kraft_like.toml");

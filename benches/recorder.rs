@@ -10,8 +10,7 @@
 )]
 
 use std::path::Path;
-use std::time::Duration;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bus::Tap;
 use canopen::frame::Telegram;
@@ -19,9 +18,7 @@ use canopen::master::event::Event;
 use config::Config;
 use lab::bench::Bench;
 use node::record::Record;
-use run::rings::EntryHandler;
-use run::rings::EntryProducer;
-use run::rings::rings;
+use run::rings::{EntryHandler, EntryProducer, rings};
 use sim::scenario::Scenario;
 
 const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");

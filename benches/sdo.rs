@@ -13,19 +13,13 @@
 #[path = "../tests/common/drive.rs"]
 mod drive;
 
-use std::time::Duration;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use drive::carry;
-use drive::drive;
-use drive::node;
+use drive::{carry, drive, node};
 
-use bus::Bus;
-use bus::Memory;
+use bus::{Bus, Memory};
 use canopen::object::Object;
-use canopen::sdo::Block;
-use canopen::sdo::Terms;
-use canopen::sdo::Transfer;
+use canopen::sdo::{Block, Terms, Transfer};
 
 const SIZE: usize = 1 << 20;
 

@@ -16,11 +16,9 @@ use std::cell::RefCell;
 use std::hint::black_box;
 use std::path::Path;
 use std::rc::Rc;
-use std::time::Duration;
-use std::time::Instant as Clock;
+use std::time::{Duration, Instant as Clock};
 
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Telegram};
 use canopen::station::Station;
 use canopen::sync;
 use config::Config;

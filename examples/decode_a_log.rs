@@ -3,14 +3,12 @@
 //! `cargo run --release --example decode_a_log [LOG [CONFIG]]`
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use std::env;
 use std::error::Error;
-use std::fs;
 use std::path::Path;
 use std::time::Duration;
+use std::{env, fs};
 
-use bus::candump::Content;
-use bus::candump::Line;
+use bus::candump::{Content, Line};
 use canopen::frame::Channel;
 use canopen_tools::decode::Decoder;
 use canopen_tools::members;

@@ -9,10 +9,8 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use config::Config;
-use controller::Controller;
-use controller::Input;
-use controller::switches::Mode;
-use controller::switches::Switches;
+use controller::switches::{Mode, Switches};
+use controller::{Controller, Input};
 use units::spatial::Wrench;
 
 fn main() -> Result<(), Box<dyn Error>> {

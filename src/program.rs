@@ -3,17 +3,12 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::Parser;
-use clap::Subcommand;
+use clap::{Parser, Subcommand};
 use tracing_subscriber::filter::LevelFilter;
 
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 use run::log_time::TimestampedWriter;
-use run::panics;
-use run::print;
-use run::stderr;
-use run::stop_signals;
+use run::{panics, print, stderr, stop_signals};
 
 const EXAMPLES: &str = if cfg!(feature = "simulation") {
     "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \

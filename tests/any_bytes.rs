@@ -11,14 +11,11 @@
 #[allow(unreachable_pub, reason = "in its own package it is a library")]
 mod targets;
 
-use std::alloc::GlobalAlloc;
-use std::alloc::Layout;
-use std::alloc::System;
+use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::time::Duration;
 
-use nix::time::ClockId;
-use nix::time::clock_gettime;
+use nix::time::{ClockId, clock_gettime};
 use proptest::prelude::*;
 
 /// Limit on the processor time of this thread for one input.

@@ -13,9 +13,7 @@
 mod common;
 
 use std::fs;
-use std::io::BufRead;
-use std::io::Read;
-use std::io::Write;
+use std::io::{BufRead, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
@@ -24,20 +22,12 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use common::log::Log;
-use common::process::Candump;
-use common::process::Outcome;
-use common::process::Process;
-use common::process::Scratch;
+use common::process::{Candump, Outcome, Process, Scratch};
 use nix::sys::signal::Signal;
 
-use bus::Bus;
-use bus::BusEvent;
-use bus::SendError;
-use bus::SocketCan;
 use bus::candump::Line;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use bus::{Bus, BusEvent, SendError, SocketCan};
+use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
 use lab::world;
 

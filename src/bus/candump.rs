@@ -12,14 +12,12 @@
 //! error frame.
 
 use std::fmt;
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::ops::Deref;
 
 use thiserror::Error;
 
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Telegram};
 use units::time::Instant;
 
 /// Flag of error frames in the identifier.

@@ -3,10 +3,7 @@
 use std::time::Duration;
 
 use nix::sys::time::TimeSpec;
-use nix::time::ClockId;
-use nix::time::ClockNanosleepFlags;
-use nix::time::clock_gettime;
-use nix::time::clock_nanosleep;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
 /// Maximum time between two readings that count as simultaneous.
 const MAX_SPREAD: Duration = Duration::from_micros(20);

@@ -4,16 +4,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::BusFault;
-use crate::Received;
-use crate::SendError;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use faults::Disturbance;
-use faults::Fault;
-use faults::HostFault;
-use faults::Kind;
-use faults::Target;
+use crate::{BusFault, Received, SendError};
+use canopen::frame::{Channel, Frame};
+use faults::{Disturbance, Fault, HostFault, Kind, Target};
 use units::time::Instant;
 
 /// Most frames that a stalled adapter keeps; later ones are lost.
@@ -213,9 +206,7 @@ pub(super) const fn reported(disturbance: Disturbance) -> Option<BusFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Bus;
-    use crate::BusEvent;
-    use crate::Memory;
+    use crate::{Bus, BusEvent, Memory};
     use canopen::frame::Telegram;
     use canopen::station::Station;
 

@@ -4,23 +4,15 @@
 //! The queue length (`txqueuelen`) has no effect with `noqueue`. A virtual bus has a queue only if configured; that
 //! gives a remark, not an error.
 
-use std::fmt;
-use std::io;
 use std::os::fd::AsRawFd;
+use std::{fmt, io};
 
-use nix::sys::socket::AddressFamily;
-use nix::sys::socket::MsgFlags;
-use nix::sys::socket::NetlinkAddr;
-use nix::sys::socket::SockFlag;
-use nix::sys::socket::SockProtocol;
-use nix::sys::socket::SockType;
-use nix::sys::socket::recv;
-use nix::sys::socket::sendto;
-use nix::sys::socket::socket;
+use nix::sys::socket::{
+    AddressFamily, MsgFlags, NetlinkAddr, SockFlag, SockProtocol, SockType, recv, sendto, socket,
+};
 use thiserror::Error;
 
-use crate::netlink;
-use crate::netlink::Link;
+use crate::netlink::{self, Link};
 
 /// Interface flag: the driver loops sent frames back when they were on the wire (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;

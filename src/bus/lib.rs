@@ -24,19 +24,15 @@ mod socketcan;
 mod trace;
 mod wire;
 
-pub use memory::Memory;
-pub use memory::Watch;
-pub use socketcan::OpenError;
-pub use socketcan::SocketCan;
+pub use memory::{Memory, Watch};
+pub use socketcan::{OpenError, SocketCan};
 pub use trace::Traced;
 
 use std::time::Duration;
 
 use thiserror::Error;
 
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use units::time::Instant;
 
 /// One or more CAN buses with a common clock.

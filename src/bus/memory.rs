@@ -3,31 +3,16 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::Bus;
-use crate::BusEvent;
-use crate::BusFault;
-use crate::Received;
-use crate::ReopenError;
-use crate::SendError;
-use crate::Tap;
-use crate::clock;
-use crate::disturbance::Adapter;
-use crate::disturbance::Change;
-use crate::disturbance::Schedule;
-use crate::disturbance::Taken;
-use crate::disturbance::reported;
-use crate::wire::Sender;
-use crate::wire::Wire;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use crate::disturbance::{Adapter, Change, Schedule, Taken, reported};
+use crate::wire::{Sender, Wire};
+use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
+use canopen::frame::{Channel, Telegram};
 use canopen::station::Station;
 use canopen::sync;
-use faults::Disturbance;
-use faults::Fault;
+use faults::{Disturbance, Fault};
 use units::time::Instant;
 
 /// Maximum frames in the node's transmit queue: about one cycle.

@@ -11,13 +11,9 @@
 //! In an error frame (linux/can/error.h) data byte 1 is the controller status, bytes 6 and 7 are the transmit and
 //! receive error counters.
 
-use socketcan::id::CAN_EFF_FLAG;
-use socketcan::id::CAN_ERR_FLAG;
-use socketcan::id::CAN_RTR_FLAG;
-use socketcan::id::CAN_SFF_MASK;
+use socketcan::id::{CAN_EFF_FLAG, CAN_ERR_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 
-use crate::BusEvent;
-use crate::BusFault;
+use crate::{BusEvent, BusFault};
 use canopen::frame::Frame;
 
 /// Bytes of a classical frame, `CAN_MTU`.

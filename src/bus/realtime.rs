@@ -2,15 +2,12 @@
 
 use std::fmt;
 
-use nix::sys::mman::MlockAllFlags;
-use nix::sys::mman::mlockall;
+use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::sys::prctl::set_timerslack;
-use thread_priority::RealtimeThreadSchedulePolicy;
-use thread_priority::ThreadPriority;
-use thread_priority::ThreadPriorityValue;
-use thread_priority::ThreadSchedulePolicy;
-use thread_priority::set_thread_priority_and_policy;
-use thread_priority::thread_native_id;
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
 
 /// Priority of 99: above ordinary work, below the threads of the CAN interrupt.
 const PRIORITY: u8 = 80;

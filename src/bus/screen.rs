@@ -11,15 +11,7 @@
 
 use std::str::SplitAsciiWhitespace;
 
-use crate::candump::Bytes;
-use crate::candump::Content;
-use crate::candump::Line;
-use crate::candump::NotALine;
-use crate::candump::byte;
-use crate::candump::identifier;
-use crate::candump::is_error;
-use crate::candump::long_dlc;
-use crate::candump::stamp;
+use crate::candump::{Bytes, Content, Line, NotALine, byte, identifier, is_error, long_dlc, stamp};
 
 const NANOS: u64 = 1_000_000_000;
 

@@ -1,40 +1,23 @@
 //! One raw CAN socket: configured before it receives, read with the kernel's receive stamp and overflow count.
 
-use std::io;
-use std::io::IoSliceMut;
-use std::os::fd::AsFd;
-use std::os::fd::AsRawFd;
-use std::os::fd::BorrowedFd;
-use std::os::fd::OwnedFd;
+use std::io::{self, IoSliceMut};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::time::Duration;
 
 use nix::cmsg_space;
 use nix::errno::Errno;
-use nix::sys::socket::ControlMessageOwned;
-use nix::sys::socket::MsgFlags;
-use nix::sys::socket::recvmsg;
-use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::RxqOvfl;
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, recvmsg, setsockopt};
 use nix::sys::time::TimeSpec;
-use socket2::SockAddr;
-use socket2::Type;
-use socketcan::CanAddr;
-use socketcan::CanFilter;
-use socketcan::CanFrame;
-use socketcan::CanSocket;
-use socketcan::EmbeddedFrame;
-use socketcan::Socket as _;
-use socketcan::SocketOptions;
-use socketcan::StandardId;
-use socketcan::addr::AF_CAN;
-use socketcan::addr::CAN_RAW;
+use socket2::{SockAddr, Type};
+use socketcan::addr::{AF_CAN, CAN_RAW};
+use socketcan::{
+    CanAddr, CanFilter, CanFrame, CanSocket, EmbeddedFrame, Socket as _, SocketOptions, StandardId,
+};
 
-use crate::BusEvent;
-use crate::BusFault;
-use crate::SendError;
 use crate::arrival::Arrivals;
 use crate::clock::Reading;
-use crate::raw_frame;
+use crate::{BusEvent, BusFault, SendError, raw_frame};
 use canopen::frame::Frame;
 
 /// Send buffer in bytes: about one cycle of frames. A larger one would store stale torques.

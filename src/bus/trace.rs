@@ -2,14 +2,8 @@
 
 use std::time::Duration;
 
-use crate::Bus;
-use crate::BusEvent;
-use crate::Received;
-use crate::ReopenError;
-use crate::SendError;
-use crate::Tap;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use crate::{Bus, BusEvent, Received, ReopenError, SendError, Tap};
+use canopen::frame::{Channel, Telegram};
 use units::time::Instant;
 
 /// Bus `B` observed by `T`. Frames that were not accepted are not observed.

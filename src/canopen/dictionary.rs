@@ -5,12 +5,8 @@
 use std::ops::RangeInclusive;
 
 use crate::NodeId;
-use crate::data_type;
-use crate::data_type::Kind;
-use crate::eds::Access;
-use crate::eds::Described;
-use crate::eds::Eds;
-use crate::eds::value;
+use crate::data_type::{self, Kind};
+use crate::eds::{Access, Described, Eds, value};
 use crate::object::Object;
 
 /// Object with its value.

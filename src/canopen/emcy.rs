@@ -10,9 +10,8 @@
 
 use std::fmt;
 
-use canopen_rs::EmergencyMessage;
-use canopen_rs::NodeId;
 use canopen_rs::emcy::emcy_cob_id;
+use canopen_rs::{EmergencyMessage, NodeId};
 
 use crate::error_codes;
 

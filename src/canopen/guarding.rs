@@ -11,14 +11,11 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::decode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
+use canopen_rs::{NmtState, NodeId};
 
 use crate::frame::Frame;
-use crate::heartbeat::Health;
-use crate::heartbeat::HeartbeatEvent;
+use crate::heartbeat::{Health, HeartbeatEvent};
 use units::time::Instant;
 
 /// Parameters of guarding.

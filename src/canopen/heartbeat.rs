@@ -7,15 +7,11 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::decode_heartbeat;
-use canopen_rs::nmt::encode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{decode_heartbeat, encode_heartbeat, heartbeat_cob_id};
+use canopen_rs::{NmtState, NodeId};
 
 use crate::frame::Frame;
-use crate::master::duplicate::HeartbeatMonitor;
-use crate::master::duplicate::Sign;
+use crate::master::duplicate::{HeartbeatMonitor, Sign};
 use units::time::Instant;
 
 /// Returns whether the frame is the boot-up message of `node`.

@@ -5,12 +5,8 @@
 
 use std::ops::RangeInclusive;
 
-use canopen_rs::MappingEntry;
-use canopen_rs::NodeId;
-use canopen_rs::PdoKind;
-use canopen_rs::Value;
-use canopen_rs::pdo::PDO_COB_ID_INVALID;
-use canopen_rs::pdo::default_cob_id;
+use canopen_rs::pdo::{PDO_COB_ID_INVALID, default_cob_id};
+use canopen_rs::{MappingEntry, NodeId, PdoKind, Value};
 
 use crate::object::Object;
 use crate::sync::Transmission;

@@ -57,7 +57,4 @@ pub mod time_stamp;
 pub mod value;
 pub mod watchdog;
 
-pub use canopen_rs::ByteString;
-pub use canopen_rs::NmtCommand;
-pub use canopen_rs::NmtState;
-pub use canopen_rs::NodeId;
+pub use canopen_rs::{ByteString, NmtCommand, NmtState, NodeId};

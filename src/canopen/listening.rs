@@ -5,15 +5,11 @@
 //! the bus without waking the process.
 
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
-use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
-use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
+use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 
-use crate::frame::COB_ID_MAX;
-use crate::frame::Channel;
-use crate::frame::FUNCTION_CODE;
-use crate::nmt;
+use crate::frame::{COB_ID_MAX, Channel, FUNCTION_CODE};
 use crate::plan::NodePlan;
-use crate::sync;
+use crate::{nmt, sync};
 
 /// Set of the COB-IDs that equal `cob_id` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

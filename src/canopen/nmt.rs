@@ -10,12 +10,8 @@
 
 use std::fmt;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::NMT_COMMAND_COB_ID;
-use canopen_rs::nmt::decode_command;
-use canopen_rs::nmt::encode_command;
+use canopen_rs::nmt::{NMT_COMMAND_COB_ID, decode_command, encode_command};
+use canopen_rs::{NmtCommand, NmtState, NodeId};
 
 use crate::frame::Frame;
 

@@ -5,8 +5,7 @@
 use thiserror::Error;
 
 use crate::drive::Statusword;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 use units::numbering::NodeIndex;
 
 /// PDO whose length differs from its mapping.

@@ -6,20 +6,14 @@
 use std::fmt;
 use std::time::Duration;
 
-use canopen_rs::ByteString;
-use canopen_rs::NodeId;
-use canopen_rs::Value;
+use canopen_rs::{ByteString, NodeId, Value};
 
-use crate::drive;
-use crate::emcy;
 use crate::guarding::Guarding;
-use crate::layout;
-use crate::layout::Direction;
-use crate::layout::Pdo;
-use crate::master::check::COB_ID_INVALID;
-use crate::master::check::Check;
+use crate::layout::{self, Direction, Pdo};
+use crate::master::check::{COB_ID_INVALID, Check};
 use crate::master::configuration::Stamp;
 use crate::object::Object;
+use crate::{drive, emcy};
 
 /// Required identity of a node (1000h and 1018h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -388,8 +382,7 @@ const fn must(object: Object, value: Value) -> Setting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::plans::elbow;
-    use crate::testing::plans::guarded_elbow;
+    use crate::testing::plans::{elbow, guarded_elbow};
 
     #[test]
     fn consumer_heartbeat_is_packed_as_the_standard_defines() {

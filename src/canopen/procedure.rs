@@ -6,8 +6,7 @@
 use std::time::Duration;
 
 use crate::frame::Frame;
-use crate::sdo;
-use crate::sdo::Transfer;
+use crate::sdo::{self, Transfer};
 use units::time::Instant;
 
 /// Machine with an outcome.

@@ -11,8 +11,7 @@ use std::time::Duration;
 
 use canopen_rs::time as codec;
 
-use crate::frame::COB_ID_MAX;
-use crate::frame::Frame;
+use crate::frame::{COB_ID_MAX, Frame};
 use units::time::Instant;
 
 /// COB-ID of the predefined connection set.

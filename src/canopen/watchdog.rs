@@ -86,9 +86,7 @@ impl NodePlan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::plans::elbow;
-    use crate::testing::plans::guarded_elbow;
-    use crate::testing::plans::switch_box;
+    use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 
     #[test]
     fn guarded_drive_waits_for_rpdos_only() {

@@ -9,12 +9,9 @@ use thiserror::Error;
 
 use canopen::concise::Download;
 use canopen::data_type;
-use canopen::eds::Commissioning;
-use canopen::eds::Eds;
-use canopen::eds::value;
+use canopen::eds::{Commissioning, Eds, value};
 use canopen::object::Object;
-use canopen::plan::NodePlan;
-use canopen::plan::Setting;
+use canopen::plan::{NodePlan, Setting};
 use canopen::sdo::bytes;
 
 /// Error of a plan that a device cannot hold, by its EDS.
@@ -135,8 +132,7 @@ fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
 mod tests {
     use super::*;
     use canopen::NodeId;
-    use canopen::testing::plans::elbow;
-    use canopen::testing::plans::switch_box;
+    use canopen::testing::plans::{elbow, switch_box};
 
     const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
 

@@ -6,16 +6,11 @@ use std::collections::HashSet;
 use std::time::Duration;
 
 use crate::decode::watch::Timing;
-use crate::signals::ACTUATOR_POSITION;
-use crate::signals::Curve;
-use crate::signals::Measure;
-use crate::signals::Member;
-use crate::signals::identifier;
+use crate::signals::{ACTUATOR_POSITION, Curve, Measure, Member, identifier};
 use canopen::frame::Channel;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use config::Config;
-use config::JointParameters;
+use config::{Config, JointParameters};
 use controller::arm::JointKind;
 
 /// Nodes of the configuration: the joints' drives, then the switch box.
@@ -137,8 +132,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use units::drive::Counts;
-    use units::drive::PerMille;
+    use units::drive::{Counts, PerMille};
 
     const CONFIGS: [&str; 2] = ["config/kraft_like.toml", "config/jpl_like.toml"];
 

@@ -4,13 +4,10 @@
 
 use std::fmt;
 
-use canopen::drive::Controlword;
-use canopen::drive::State;
-use canopen::drive::Statusword;
+use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
 use canopen::sync::Transmission;
-use config::switch_inputs::Deadman;
-use config::switch_inputs::SwitchInputs;
+use config::switch_inputs::{Deadman, SwitchInputs};
 
 // Data types by their numbers in CiA 301, 7.4.7.1.
 const I8: u16 = 0x02;

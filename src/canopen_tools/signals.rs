@@ -9,10 +9,7 @@ use canopen_rs::NodeId;
 use crate::object_text;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
-use canopen::layout::Direction;
-use canopen::layout::Mapped;
-use canopen::layout::Pdo;
-use canopen::layout::Service;
+use canopen::layout::{Direction, Mapped, Pdo, Service};
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::sync::Transmission;
@@ -311,8 +308,7 @@ pub(crate) mod tests {
 
     use super::*;
     use canopen::layout;
-    use canopen::testing::plans::IDENTITY;
-    use canopen::testing::plans::watch;
+    use canopen::testing::plans::{IDENTITY, watch};
 
     fn node(id: u8) -> NodeId {
         NodeId::new(id).unwrap()

@@ -8,8 +8,7 @@ mod session;
 
 use std::path::PathBuf;
 
-use clap::Args;
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 
 use run::config_arg::ConfigArg;
 use run::exit::Failure;

@@ -1,17 +1,13 @@
 //! `frhc campaign`: thousands of faults, with a verdict on each.
 
-use std::fs;
 use std::num::NonZero;
-use std::path::Path;
-use std::path::PathBuf;
-use std::thread;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::{fs, thread};
 
 use anyhow::Context;
 use clap::Args;
-use indicatif::ProgressBar;
-use indicatif::ProgressDrawTarget;
-use indicatif::ProgressStyle;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -21,19 +17,15 @@ use canopen::frame::Telegram;
 use config::Config;
 use lab::bench::Bench;
 use lab::campaign::case::Case;
-use lab::campaign::catalogue;
 use lab::campaign::monitor::Monitor;
 use lab::campaign::run::Campaign as Cases;
-use lab::campaign::soak;
 use lab::campaign::table::Table;
 use lab::campaign::verdict::Verdict;
+use lab::campaign::{catalogue, soak};
 use node::record::Record;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use run::results;
-use run::results::Force;
+use run::results::{self, Force};
 use units::time::Instant;
 
 /// The hand controllers of a campaign without `--config`.

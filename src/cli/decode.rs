@@ -11,28 +11,19 @@ mod text;
 mod timestamps;
 mod transcriber;
 
-use std::io;
-use std::io::BufReader;
-use std::io::BufWriter;
-use std::io::IsTerminal;
+use std::io::{self, BufReader, BufWriter, IsTerminal};
 use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::cli::decode::malformed_lines::MalformedLines;
-use crate::cli::decode::transcriber::Broken;
-use crate::cli::decode::transcriber::Form;
-use crate::cli::decode::transcriber::Names;
-use crate::cli::decode::transcriber::Transcriber;
+use crate::cli::decode::transcriber::{Broken, Form, Names, Transcriber};
 use canopen_tools::decode::Decoder;
 use canopen_tools::members;
 use canopen_tools::signals::Member;
 use config::Config;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
-use run::interfaces;
-use run::interfaces::Interfaces;
+use run::exit::{Failure, Kind, OrFail};
+use run::interfaces::{self, Interfaces};
 use run::print;
 
 /// `frhc decode`.

@@ -4,8 +4,7 @@
 use canopen::master::event::Event;
 use config::Config;
 use faults::Target;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use run::log_time;
 use sim::fault::Notice;
 use units::time::Instant;

@@ -3,25 +3,17 @@
 mod input;
 
 use std::ffi::OsString;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 use serde_json::Value as Json;
 
 use crate::cli::explain::input::Flags;
 use config::Config;
-use lab::explanation;
-use lab::explanation::Entry;
-use lab::explanation::Explanation;
-use lab::explanation::Value;
+use lab::explanation::{self, Entry, Explanation, Value};
 use lab::world;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
-use run::faults;
-use run::faults::Faults;
+use run::exit::{Failure, Kind, OrFail};
+use run::faults::{self, Faults};
 use run::print;
 use telemetry::digits;
 

@@ -1,15 +1,10 @@
 //! SIGINT and SIGTERM of a command that writes files: the first completes them, a second ends the process at once.
 
-use std::io;
-use std::process;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
-use std::thread;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::{io, process, thread};
 
-use tokio::signal::unix::Signal;
-use tokio::signal::unix::SignalKind;
-use tokio::signal::unix::signal;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 use run::exit::INTERRUPTED;
 

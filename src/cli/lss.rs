@@ -4,20 +4,14 @@ mod execute;
 
 use std::time::Duration;
 
-use clap::Args;
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 
-use crate::cli::live_bus::BusArgs;
-use crate::cli::live_bus::ForceArg;
-use crate::cli::live_bus::parsers;
+use crate::cli::live_bus::{BusArgs, ForceArg, parsers};
 use canopen::NodeId;
-use canopen::lss::Address;
-use canopen::lss::BitRate;
 use canopen::lss::identify::Description;
-use canopen::lss::job::Job;
-use canopen::lss::job::Selection;
-use run::exit::Failure;
-use run::exit::Kind;
+use canopen::lss::job::{Job, Selection};
+use canopen::lss::{Address, BitRate};
+use run::exit::{Failure, Kind};
 
 /// `frhc lss`.
 #[derive(Debug, Args)]

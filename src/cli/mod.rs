@@ -22,8 +22,7 @@ mod sim;
 
 use clap::Subcommand;
 
-use crate::cli::args::Demo;
-use crate::cli::args::Sim;
+use crate::cli::args::{Demo, Sim};
 use crate::cli::calib::Calib;
 use crate::cli::campaign::Campaign;
 use crate::cli::decode::Decode;

@@ -2,25 +2,14 @@
 
 use std::time::Duration;
 
-use clap::Args;
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 
-use crate::cli::live_bus::BusArgs;
-use crate::cli::live_bus::ForceArg;
-use crate::cli::live_bus::SessionError;
-use crate::cli::live_bus::parsers;
-use canopen::NmtCommand;
-use canopen::NmtState;
-use canopen::NodeId;
-use canopen::heartbeat;
-use canopen::nmt;
-use canopen::nmt::Order;
-use canopen_tools::diagnostics::confirm::Confirmation;
-use canopen_tools::diagnostics::confirm::NodeResponse;
-use canopen_tools::diagnostics::watch::NetworkEvent;
-use canopen_tools::diagnostics::watch::Watch;
-use run::exit::Failure;
-use run::exit::Kind;
+use crate::cli::live_bus::{BusArgs, ForceArg, SessionError, parsers};
+use canopen::nmt::{self, Order};
+use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
+use canopen_tools::diagnostics::confirm::{Confirmation, NodeResponse};
+use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
+use run::exit::{Failure, Kind};
 use run::print;
 use units::time::Instant;
 

@@ -5,10 +5,8 @@ use std::str::FromStr;
 use clap::Args;
 
 use config::Config;
-use run::exit::Failure;
-use run::exit::Kind;
-use sim::quirks::Quirk;
-use sim::quirks::QuirkAssignment;
+use run::exit::{Failure, Kind};
+use sim::quirks::{Quirk, QuirkAssignment};
 use units::numbering::Joint;
 
 /// Quirks of simulated drives.

@@ -5,19 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use config::Config;
-use config::torque_data::Measured;
-use config::torque_data::TorqueData;
+use config::torque_data::{Measured, TorqueData};
 use controller::arm::JointKind;
-use controller::fit::Direction;
-use controller::fit::Sample;
+use controller::fit::{Direction, Sample};
 use lab::world;
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 use run::print;
-use run::results;
-use run::results::Force;
-use sim::rig::Reading;
-use sim::rig::Rig;
+use run::results::{self, Force};
+use sim::rig::{Reading, Rig};
 use telemetry::digits::significant;
 
 /// Options of the simulated calibration rig.

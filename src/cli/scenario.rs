@@ -1,13 +1,10 @@
 //! Scenarios by file, or by name: those of `config/scenarios`, which the program contains.
 
 use std::io::ErrorKind;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use config::files;
-use config::shipped;
-use run::exit::Failure;
-use run::exit::Kind;
+use config::{files, shipped};
+use run::exit::{Failure, Kind};
 use sim::scenario::Scenario;
 
 /// Reads a scenario by its name, or from the file `name` if that ends in `.toml`.

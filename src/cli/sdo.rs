@@ -1,39 +1,23 @@
 //! `frhc sdo`: reads or writes one object of one node.
 
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::Args;
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 
-use crate::cli::live_bus::BusArgs;
-use crate::cli::live_bus::ForceArg;
-use crate::cli::live_bus::SelectedBus;
-use crate::cli::live_bus::objects;
-use crate::cli::live_bus::objects::ObjectError;
-use crate::cli::live_bus::objects::Target;
-use crate::cli::live_bus::parsers;
+use crate::cli::live_bus::objects::{self, ObjectError, Target};
+use crate::cli::live_bus::{BusArgs, ForceArg, SelectedBus, parsers};
 use canopen::NodeId;
-use canopen::eds::Described;
-use canopen::eds::Eds;
+use canopen::eds::{Described, Eds};
 use canopen::object::Object;
-use canopen::sdo::Block;
-use canopen::sdo::Content;
-use canopen::sdo::MAX_BYTES;
-use canopen::sdo::Terms;
-use canopen::value;
-use canopen::value::Octets;
-use canopen::value::Value;
+use canopen::sdo::{Block, Content, MAX_BYTES, Terms};
 use canopen::value::gateway_type::GatewayType;
+use canopen::value::{self, Octets, Value};
 use config::files;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use run::results;
-use run::results::Force;
+use run::results::{self, Force};
 
 /// `frhc sdo`.
 #[derive(Debug, Args)]

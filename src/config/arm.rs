@@ -1,8 +1,6 @@
 //! `[arm]` and `[coupling]`: what belongs to no single joint.
 
-use nalgebra::Isometry3;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use crate::joints::JointParameters;
 use crate::problem::Problems;

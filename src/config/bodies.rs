@@ -1,12 +1,10 @@
 //! Masses of `[arm]` and `[[joint]]`: what no body has.
 
-use nalgebra::Matrix3;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::Placed;
-use crate::value::Value;
+use crate::value::{Placed, Value};
 use written::List;
 
 /// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².

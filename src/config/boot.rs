@@ -5,9 +5,7 @@ use crate::raw;
 use crate::value::Placed;
 use canopen::ByteString;
 use canopen::guarding::Guarding;
-use canopen::plan::Admission;
-use canopen::plan::NodePlan;
-use canopen::plan::Revisions;
+use canopen::plan::{Admission, NodePlan, Revisions};
 
 /// Boot of one node.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -7,9 +7,7 @@ use crate::buses::BusSettings;
 use crate::parameters::Parameters;
 use canopen::frame::Channel;
 use canopen::load::abilities::Abilities;
-use canopen::load::network::Bus;
-use canopen::load::network::Member;
-use canopen::load::network::Network;
+use canopen::load::network::{Bus, Member, Network};
 use canopen::load::payload::Signals;
 use canopen::plan::NodePlan;
 

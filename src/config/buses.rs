@@ -2,10 +2,9 @@
 
 use std::collections::HashSet;
 
-use crate::names;
 use crate::problem::Problems;
-use crate::raw;
 use crate::value::Value;
+use crate::{names, raw};
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
 const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];

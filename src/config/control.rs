@@ -4,15 +4,12 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::arm;
-use crate::extensions;
-use crate::extensions::Made;
-use crate::interpretation;
+use crate::extensions::{self, Made};
 use crate::joints::JointParameters;
 use crate::problem::Problems;
-use crate::raw;
-use crate::raw::six;
+use crate::raw::{self, six};
 use crate::value::Value;
+use crate::{arm, interpretation};
 use controller::Settings;
 use controller::arm::Arm;
 use controller::channels::Channels;

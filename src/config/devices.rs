@@ -4,18 +4,13 @@
 use std::collections::HashSet;
 
 use crate::parameters::Parameters;
-use crate::plans;
 use crate::problem::Problems;
-use crate::raw;
 use crate::value::Placed;
-use canopen::eds::Described;
-use canopen::eds::Eds;
-use canopen::exchange;
-use canopen::exchange::Exchange;
+use crate::{plans, raw};
+use canopen::eds::{Described, Eds};
+use canopen::exchange::{self, Exchange};
 use canopen::object::Object;
-use canopen::plan::Demand;
-use canopen::plan::Identity;
-use canopen::plan::NodePlan;
+use canopen::plan::{Demand, Identity, NodePlan};
 use units::numbering::Joint;
 
 /// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.

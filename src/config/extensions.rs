@@ -2,8 +2,7 @@
 //! felt always begins by a ramp.
 
 use crate::problem::Problems;
-use crate::raw;
-use crate::raw::six;
+use crate::raw::{self, six};
 use crate::value::Value;
 use controller::Extensions;
 use controller::arm::Arm;
@@ -12,12 +11,10 @@ use controller::calibration::Calibration;
 use controller::engagement::Engagement;
 use controller::gains::Gains;
 use controller::limits::Slew;
-use controller::passivity::Passivity;
-use controller::passivity::PassivitySettings;
+use controller::passivity::{Passivity, PassivitySettings};
 use controller::period::Period;
 use controller::soft_stops::SoftStops;
-use controller::tank::Tank;
-use controller::tank::TankSettings;
+use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
 

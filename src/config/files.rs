@@ -1,25 +1,15 @@
 //! Reading of configuration files from disk, or of the copies shipped inside the program for `frhc demo`.
 
-use std::fs;
-use std::fs::File;
-use std::fs::Metadata;
-use std::fs::OpenOptions;
-use std::io;
-use std::io::Read;
-use std::os::unix::fs::FileTypeExt;
-use std::os::unix::fs::OpenOptionsExt;
-use std::path::Component;
-use std::path::Path;
-use std::path::PathBuf;
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::{Component, Path, PathBuf};
 
-use nix::libc::O_NOCTTY;
-use nix::libc::O_NONBLOCK;
+use nix::libc::{O_NOCTTY, O_NONBLOCK};
 
-use crate::problem::Invalid;
-use crate::problem::Problem;
+use crate::problem::{Invalid, Problem};
 use crate::shipped;
-use crate::trust::InspectedFile;
-use crate::trust::Trust;
+use crate::trust::{InspectedFile, Trust};
 
 /// Maximum size of a configuration or an EDS, in bytes.
 const MAX_SIZE: u64 = 4 << 20;

@@ -14,20 +14,12 @@ use crate::operator::Operator;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::Place;
-use crate::value::Placed;
+use crate::value::{Place, Placed};
 use controller::JointVector;
 use controller::gains::AXES;
-use controller::stability::axis::Axis;
-use controller::stability::axis::AxisGains;
-use controller::stability::axis::Impedance;
-use controller::stability::axis::Timing;
-use controller::stability::device::Device;
-use controller::stability::device::JointResistance;
-use controller::stability::device::Massless;
-use controller::stability::finding::Culprit;
-use controller::stability::finding::Finding;
-use controller::stability::finding::Verdict;
+use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
+use controller::stability::device::{Device, JointResistance, Massless};
+use controller::stability::finding::{Culprit, Finding, Verdict};
 use remote::site::Contact;
 
 /// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.

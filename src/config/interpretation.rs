@@ -3,13 +3,9 @@
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
-use controller::interpretation::Centring;
-use controller::interpretation::Difference;
-use controller::interpretation::Displaced;
-use controller::interpretation::Felt;
-use controller::interpretation::Interpretation;
-use controller::interpretation::Scaling;
-use controller::interpretation::Weight;
+use controller::interpretation::{
+    Centring, Difference, Displaced, Felt, Interpretation, Scaling, Weight,
+};
 use controller::orientation::Orientation;
 
 /// The preset, and over it what is said of single readings; `None` where a problem has been noted.

@@ -2,13 +2,9 @@
 //!
 //! Angles are typed in degrees; all else is SI, and so is what comes out.
 
-use crate::bodies;
-use crate::plant::Actuator;
-use crate::plant::Friction;
-use crate::plant::JointPlant;
-use crate::raw;
-use crate::simulated;
+use crate::plant::{Actuator, Friction, JointPlant};
 use crate::units::Units;
+use crate::{bodies, raw, simulated};
 use controller::arm::Link;
 use written::List;
 

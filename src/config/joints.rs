@@ -2,25 +2,18 @@
 
 use std::path::Path;
 
-use crate::boot;
-use crate::boot::BootSettings;
-use crate::joint_plant;
-use crate::lookup;
-use crate::names;
-use crate::plant::Actuator;
-use crate::plant::JointPlant;
-use crate::plausibility;
+use crate::boot::{self, BootSettings};
+use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
-use crate::raw;
 use crate::units::Units;
 use crate::value::Value;
+use crate::{joint_plant, lookup, names, plausibility, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::plan::Identity;
 use controller::arm::JointKind;
-use controller::calibration::JointCalibration;
-use controller::calibration::TorqueCurve;
+use controller::calibration::{JointCalibration, TorqueCurve};
 
 /// One joint: where it is on the network, how it moves, what moves it.
 #[derive(Clone, Debug)]

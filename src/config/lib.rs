@@ -53,37 +53,28 @@ mod units;
 mod value;
 
 pub use boot::BootSettings;
-pub use buses::BusSettings;
-pub use buses::Layout;
+pub use buses::{BusSettings, Layout};
 pub use joints::JointParameters;
 pub use operator::Operator;
 pub use parameters::Parameters;
-pub use plant::Actuator;
-pub use plant::Drivetrain;
-pub use plant::Friction;
-pub use plant::JointPlant;
-pub use plant::Plant;
+pub use plant::{Actuator, Drivetrain, Friction, JointPlant, Plant};
 pub use plausibility::Plausibility;
-pub use problem::Invalid;
-pub use problem::Problem;
+pub use problem::{Invalid, Problem};
 pub use protection::timer_tolerance;
-pub use safety::Protection;
-pub use safety::Safety;
+pub use safety::{Protection, Safety};
 pub use switch_box::SwitchBox;
 
 use std::ops::Deref;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use ::remote::site::Virtual;
 use toml::de::DeTable;
 
 use crate::control::Given;
 use crate::problem::Problems;
-use crate::section::Section;
-use crate::section::Table;
+use crate::section::{Section, Table};
 use crate::trust::Trust;
-use ::remote::site::Virtual;
 use canopen::exchange::Exchange;
 use canopen::frame::Channel;
 use controller::Settings;

@@ -9,9 +9,8 @@ use crate::raw;
 use canopen::bits;
 use canopen::exchange::RpdoImage;
 use canopen::frame::Channel;
-use canopen::load;
-use canopen::load::BusLoad;
 use canopen::load::streams::Stream;
+use canopen::load::{self, BusLoad};
 
 impl Parameters {
     /// Returns the worst-case load of each bus.

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use crate::files;
 use crate::problem::Problems;
-use crate::raw;
 use crate::value::Value;
+use crate::{files, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;

@@ -3,12 +3,10 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::RangeInclusive;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::trust::Trust;
-use crate::value::Placed;
-use crate::value::Value;
+use crate::value::{Placed, Value};
 use canopen::eds::Eds;
 use written::List;
 

@@ -4,10 +4,7 @@
 
 use std::time::Duration;
 
-use crate::force_cap::ForceCap;
-use crate::force_cap::ForceKind;
-use crate::force_cap::Forces;
-use crate::force_cap::UNPROVEN_REACTION_TIME;
+use crate::force_cap::{ForceCap, ForceKind, Forces, UNPROVEN_REACTION_TIME};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
@@ -15,8 +12,7 @@ use crate::value::Placed;
 use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
 use controller::Settings;
-use controller::arm::JointKind;
-use controller::arm::Link;
+use controller::arm::{JointKind, Link};
 use controller::stability::push::PushedHand;
 
 /// Returns the tolerance of a timer: transmission of its frame, and its own resolution.

@@ -1,10 +1,7 @@
 //! The configuration file as it is written: sections and keys, nothing checked but their types.
 
-use crate::section::OrEmpty;
-use crate::section::Sections;
-use crate::section::sections;
-use crate::value::Optional;
-use crate::value::Value;
+use crate::section::{OrEmpty, Sections, sections};
+use crate::value::{Optional, Value};
 use written::List;
 
 sections! {

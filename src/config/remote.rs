@@ -1,19 +1,12 @@
 //! `[remote]`: the commanded side. Today a virtual object, and what it can touch: a wall, a box, a
 //! sphere.
 
-use nalgebra::Isometry3;
-use nalgebra::Translation3;
-use nalgebra::Unit;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::problem::Problems;
-use crate::raw;
-use crate::raw::six;
-use crate::value::Optional;
-use crate::value::Value;
-use remote::site::Contact;
-use remote::site::Virtual;
+use crate::raw::{self, six};
+use crate::value::{Optional, Value};
+use remote::site::{Contact, Virtual};
 use robot::accommodation::Accommodation;
 use robot::object::Servo;
 use robot::payload::Payload;

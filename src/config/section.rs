@@ -4,20 +4,13 @@
 use std::fmt;
 use std::ops::Deref;
 
-use serde::Deserialize;
-use serde::Deserializer;
-use serde::de::DeserializeOwned;
-use serde::de::IgnoredAny;
-use serde::de::Visitor;
+use serde::de::{DeserializeOwned, IgnoredAny, Visitor};
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
-use toml::de::DeTable;
-use toml::de::DeValue;
-use toml::de::ValueDeserializer;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use crate::problem::Problems;
-use crate::value::Place;
-use crate::value::Placed;
-use crate::value::Value;
+use crate::value::{Place, Placed, Value};
 
 /// Former keys and their present names (CHANGELOG.md, "Renamed").
 const RENAMED: [(&str, &str); 4] = [

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use crate::boot;
-use crate::boot::BootSettings;
-use crate::lookup;
+use crate::boot::{self, BootSettings};
 use crate::problem::Problems;
-use crate::raw;
+use crate::{lookup, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;

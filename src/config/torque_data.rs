@@ -17,15 +17,12 @@
 //! Fields may be quoted as in spreadsheets, `"left, arm"`, with doubled quotes inside, but not over several lines.
 
 use std::fmt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::files;
-use crate::problem::Invalid;
-use crate::problem::Problem;
+use crate::problem::{Invalid, Problem};
 use crate::trust::Trust;
-use controller::fit::Direction;
-use controller::fit::Sample;
+use controller::fit::{Direction, Sample};
 
 /// Maximum number of reported problems.
 const MAX_PROBLEMS: usize = 20;

@@ -3,12 +3,10 @@
 //! Files writable by their group are refused unless the group is private. By convention a group with the number of its
 //! owner has no other members; checkouts with a umask of 002 have many such files.
 
-use std::fs;
-use std::fs::Metadata;
+use std::fs::{self, Metadata};
 use std::io;
 use std::os::unix::fs::MetadataExt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 

@@ -1,8 +1,7 @@
 //! Keys of a joint whose unit depends on its kind: revolute or prismatic.
 
 use crate::problem::Problems;
-use crate::value::Optional;
-use crate::value::Placed;
+use crate::value::{Optional, Placed};
 use controller::arm::JointKind;
 
 /// Selection of the key for the kind of a joint.

@@ -6,18 +6,10 @@
 //! before it. The Jacobian is always the one at {G}, so a spherical wrist needs no second wrench
 //! transformation (decisions 10, 11 and 31).
 
-use nalgebra::Isometry3;
-use nalgebra::Matrix3;
-use nalgebra::SMatrix;
-use nalgebra::SVector;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use units::spatial::Jacobian;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Jacobian, Twist, Wrench};
 
 /// No length, mass or position is larger, so that the products of them stay finite.
 const MAX_MAGNITUDE: f64 = 1e6;

@@ -3,9 +3,7 @@
 //! Not gravity, which is no wrench at the grip (decision 12), and not the law of one axis, which is
 //! [`channels`](crate::channels).
 
-use nalgebra::Isometry3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use crate::channels::Channels;
@@ -14,8 +12,7 @@ use crate::interpretation::Difference;
 use crate::orientation::Orientation;
 use crate::period::Period;
 use crate::reference::Displacement;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// The wrench on the hand that draws it back to the reference, in {G} (Eq. 8): forces along the
 /// axes that ΔX is written along, turned by `r_g_dx` into those of {G} (decision 2); moments that

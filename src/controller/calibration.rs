@@ -10,10 +10,8 @@ use nalgebra::SVector;
 use thiserror::Error;
 
 use crate::coupling::Coupling;
-pub use crate::torque_curve::InvalidTorqueCurve;
-pub use crate::torque_curve::TorqueCurve;
-use units::drive::Counts;
-use units::drive::PerMille;
+pub use crate::torque_curve::{InvalidTorqueCurve, TorqueCurve};
+use units::drive::{Counts, PerMille};
 
 /// Gear ratios between these keep positions exact and finite.
 const RATIOS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;

@@ -8,8 +8,7 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::gains::Gains;
-use crate::gains::InvalidGain;
+use crate::gains::{Gains, InvalidGain};
 use crate::reference::Displacement;
 
 /// Deadband, plateau and wall of all six axes.

@@ -9,15 +9,11 @@ use nalgebra::Isometry3;
 
 use crate::channels::Channels;
 use crate::gains::Gains;
-use crate::interpretation::Displaced;
-use crate::interpretation::Interpretation;
+use crate::interpretation::{Displaced, Interpretation};
 use crate::orientation::Orientation;
-use crate::reference::Displacement;
-use crate::reference::Reference;
-use crate::switches::Mode;
-use crate::switches::Pressed;
-use units::spatial::Motion;
-use units::spatial::Twist;
+use crate::reference::{Displacement, Reference};
+use crate::switches::{Mode, Pressed};
+use units::spatial::{Motion, Twist};
 
 /// Gains from a displacement to a command.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,7 @@
 //! Joint positions are `θ = C m + offset` of the actuators' positions m, each behind its own gear; the
 //! virtual work of torques is the same on both sides, so `τ_a = Cᵀ τ` (decision 25).
 
-use nalgebra::SMatrix;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 /// A matrix whose inverse grows numbers by more than this is taken for singular.

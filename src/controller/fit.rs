@@ -11,13 +11,11 @@
 
 use std::fmt;
 
-use nalgebra::DMatrix;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
 use crate::least_squares;
-use crate::torque_curve::InvalidTorqueCurve;
-use crate::torque_curve::TorqueCurve;
+use crate::torque_curve::{InvalidTorqueCurve, TorqueCurve};
 
 /// The paper's curve: symmetric about the origin, of 5th order.
 const ODD: [u8; 3] = [1, 3, 5];

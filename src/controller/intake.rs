@@ -5,9 +5,8 @@
 
 use nalgebra::Isometry3;
 
-use crate::Fault;
-use crate::Input;
 use crate::arm::is_pose;
+use crate::{Fault, Input};
 use units::spatial::Wrench;
 
 /// Largest reading of any sensor, in N or N·m.
@@ -67,8 +66,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::switches::Mode;
-    use crate::switches::Switches;
+    use crate::switches::{Mode, Switches};
     use units::drive::Counts;
 
     fn input() -> Input {

@@ -3,8 +3,7 @@
 //!
 //! For a few unknowns whose columns are of like size; nothing of the cycle.
 
-use nalgebra::DMatrix;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// A column is dependent if it is this much smaller than the largest, once the others are taken out of it.
 const RANK: f64 = 1e-9;

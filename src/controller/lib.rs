@@ -70,12 +70,8 @@ pub mod torque_delay;
 pub mod velocity;
 pub mod virtual_coupling;
 
-pub use output::Fault;
-pub use output::Input;
-pub use output::Ledger;
-pub use output::Output;
-pub use settings::Extensions;
-pub use settings::Settings;
+pub use output::{Fault, Input, Ledger, Output};
+pub use settings::{Extensions, Settings};
 pub use step::Controller;
 
 use nalgebra::SVector;

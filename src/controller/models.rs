@@ -6,9 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Isometry3;
 
-use crate::arm::Arm;
-use crate::arm::InvalidArm;
-use crate::arm::Link;
+use crate::arm::{Arm, InvalidArm, Link};
 
 /// On Earth, z pointing up, in m/s².
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
@@ -119,9 +117,7 @@ fn rotor(gear: f64, inertia: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::SVector;
-    use nalgebra::UnitQuaternion;
-    use nalgebra::Vector3;
+    use nalgebra::{SVector, UnitQuaternion, Vector3};
     use proptest::prelude::*;
 
     use super::*;

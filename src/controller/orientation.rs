@@ -3,11 +3,9 @@
 //!
 //! Not the extraction itself, which is [`rotation`]. Decisions 3, 4 and 15.
 
-use std::f64::consts::FRAC_PI_2;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use units::spatial::rotation;
 

@@ -6,18 +6,12 @@ use thiserror::Error;
 use crate::JointVector;
 use crate::command::Gate;
 use crate::port::Passed;
-use crate::reference::Displacement;
-use crate::reference::Reference;
-use crate::switches::Mode;
-use crate::switches::Pressed;
-use crate::switches::Switches;
+use crate::reference::{Displacement, Reference};
+use crate::switches::{Mode, Pressed, Switches};
 use crate::velocity::Moving;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
-use units::spatial::Jacobian;
-use units::spatial::Motion;
-use units::spatial::Wrench;
+use units::spatial::{Jacobian, Motion, Wrench};
 
 /// Input of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]

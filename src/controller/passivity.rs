@@ -9,8 +9,7 @@
 
 use thiserror::Error;
 
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Minimum speed at which a damper can take energy, in m/s.
 const MIN_SPEED: f64 = 1e-6;

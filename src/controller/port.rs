@@ -9,8 +9,7 @@ use crate::period::Period;
 use crate::tank::Tank;
 use crate::torque_delay::TorqueDelay;
 use crate::velocity::Moving;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// The port with its state.
 #[derive(Clone, Copy, Debug)]

@@ -4,12 +4,9 @@
 //! unless those of the base are asked for as printed in Eq. 2 (decision 2): all six numbers, and the
 //! wrenches that answer them, then share one frame, and the base of the arm may stand anywhere.
 
-use nalgebra::Isometry3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::interpretation::Displaced;
-use crate::interpretation::Interpretation;
+use crate::interpretation::{Displaced, Interpretation};
 use crate::orientation::Orientation;
 use crate::switches::Pressed;
 

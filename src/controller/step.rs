@@ -2,36 +2,19 @@
 
 use nalgebra::Isometry3;
 
-use crate::Extensions;
-use crate::Fault;
-use crate::Input;
-use crate::JointVector;
-use crate::Ledger;
-use crate::Output;
-use crate::Settings;
 use crate::arm::Posture;
-use crate::assist;
-use crate::assist::Damping;
+use crate::assist::{self, Damping};
 use crate::command::Gate;
 use crate::intake::Trusted;
-use crate::interpretation::Centring;
-use crate::interpretation::Felt;
-use crate::interpretation::Weight;
-use crate::limits::Asked;
-use crate::limits::Limited;
-use crate::limits::Limits;
+use crate::interpretation::{Centring, Felt, Weight};
+use crate::limits::{Asked, Limited, Limits};
 use crate::port::Port;
-use crate::reference::Displacement;
-use crate::reference::Reference;
-use crate::switches::Mode;
-use crate::switches::Pressed;
-use crate::switches::SwitchLogic;
-use crate::velocity::JointRates;
-use crate::velocity::Velocity;
+use crate::reference::{Displacement, Reference};
+use crate::switches::{Mode, Pressed, SwitchLogic};
+use crate::velocity::{JointRates, Velocity};
+use crate::{Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
 use units::numbering::Joint;
-use units::spatial::Jacobian;
-use units::spatial::Motion;
-use units::spatial::Wrench;
+use units::spatial::{Jacobian, Motion, Wrench};
 
 /// The law with its state.
 #[derive(Clone, Copy, Debug)]

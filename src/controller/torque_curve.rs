@@ -268,9 +268,7 @@ mod tests {
 
     #[test]
     fn other_reasons() {
-        use InvalidTorqueCurve::End;
-        use InvalidTorqueCurve::MaxTorque;
-        use InvalidTorqueCurve::NotFinite;
+        use InvalidTorqueCurve::{End, MaxTorque, NotFinite};
         assert!(matches!(TorqueCurve::new([1.0, 0.0, 0.0], 0.0), Err(MaxTorque(_))));
         assert!(matches!(TorqueCurve::new([1.0, 0.0, 0.0], f64::NAN), Err(MaxTorque(_))));
         assert!(matches!(

@@ -4,14 +4,11 @@
 //! encoders' steps make of a difference; without one the estimate is the difference itself (decision
 //! 19). After a gap it begins anew, with zero.
 
-use nalgebra::Isometry3;
-use nalgebra::SVector;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, SVector, Vector3};
 use thiserror::Error;
 
 use crate::period::Period;
-use units::spatial::Twist;
-use units::spatial::rotation;
+use units::spatial::{Twist, rotation};
 
 /// A time constant out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]

@@ -8,8 +8,7 @@ use nalgebra::Isometry3;
 
 use crate::gains::Gains;
 use crate::period::Period;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Spring and damper between where the object is and where it is asked to be.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,25 +20,14 @@ mod device;
 mod frames;
 mod host;
 
-pub use device::ContactFault;
-pub use device::DeviceFault;
-pub use device::Disconnection;
-pub use device::Input;
-pub use device::SensorFault;
-pub use frames::Effect;
-pub use frames::Extent;
-pub use frames::FrameFault;
-pub use frames::Selection;
-pub use frames::Service;
-pub use host::Disturbance;
-pub use host::HostFault;
-pub use host::LinkFault;
+pub use device::{ContactFault, DeviceFault, Disconnection, Input, SensorFault};
+pub use frames::{Effect, Extent, FrameFault, Selection, Service};
+pub use host::{Disturbance, HostFault, LinkFault};
 
 use std::fmt;
 use std::time::Duration;
 
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use canopen::frame::{Channel, Frame};
 use units::numbering::Joint;
 
 /// A fault: target, kind, start and duration.

@@ -5,8 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use config::Config;
-use controller::Extensions;
-use controller::Settings;
+use controller::{Extensions, Settings};
 use sim::scenario::Scenario;
 use telemetry::contact::Contact;
 use telemetry::summary::Summary;

@@ -3,28 +3,16 @@
 //! The values are those of the step that the loop runs; the command of the other mode is computed besides. The cycles
 //! before it lead there: reference set, deadman pressed, one cycle ago.
 
-use nalgebra::Isometry3;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
-use crate::question::InvalidQuestion;
-use crate::question::Posed;
-use crate::question::Question;
+use crate::question::{InvalidQuestion, Posed, Question};
 use config::Config;
-use controller::Controller;
-use controller::Input;
-use controller::JointVector;
-use controller::Output;
-use controller::interpretation::Displaced;
-use controller::interpretation::Interpretation;
+use controller::interpretation::{Displaced, Interpretation};
 use controller::reference::Displacement;
-use controller::switches::Mode;
-use controller::switches::Switches;
+use controller::switches::{Mode, Switches};
+use controller::{Controller, Input, JointVector, Output};
 use units::drive::PerMille;
-use units::spatial::Jacobian;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
-use units::spatial::rotation;
+use units::spatial::{Jacobian, Motion, Twist, Wrench, rotation};
 
 /// Time for which the hand rests before the explained cycle, in s, until every ramp is over.
 const SETTLING_TIME: f64 = 10.0;

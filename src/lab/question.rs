@@ -1,28 +1,17 @@
 //! Inputs of an explained cycle: joint positions, wrench, switches, and changes of the configuration.
 
-use nalgebra::Isometry3;
-use nalgebra::Matrix3;
-use nalgebra::Rotation3;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use controller::Extensions;
-use controller::JointVector;
-use controller::Settings;
-use controller::calibration::Calibration;
-use controller::calibration::JointCalibration;
-use controller::calibration::TorqueCurve;
+use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
-use controller::gains::Gains;
-use controller::gains::InvalidGain;
-use controller::gains::MAX_GAIN;
+use controller::gains::{Gains, InvalidGain, MAX_GAIN};
 use controller::interpretation::Interpretation;
 use controller::limits::AssistFraction;
 use controller::period::Period;
 use controller::reflection::Reflection;
 use controller::switches::Mode;
+use controller::{Extensions, JointVector, Settings};
 use units::spatial::Wrench;
 
 /// A pose as its 4 × 4 matrix, row by row.

@@ -2,11 +2,8 @@
 
 use std::time::Duration;
 
-use crate::transmit_queue::Down;
-use crate::transmit_queue::TransmitQueue;
-use bus::Bus;
-use bus::BusEvent;
-use bus::BusFault;
+use crate::transmit_queue::{Down, TransmitQueue};
+use bus::{Bus, BusEvent, BusFault};
 use canopen::frame::Telegram;
 use canopen::station::Station;
 use units::time::Instant;

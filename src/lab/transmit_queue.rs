@@ -6,10 +6,8 @@
 
 use std::collections::VecDeque;
 
-use bus::Bus;
-use bus::SendError;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use bus::{Bus, SendError};
+use canopen::frame::{Channel, Telegram};
 
 /// Capacity: a sub-block of each of six drives, and their other frames meanwhile.
 const CAPACITY: usize = 1_024;

@@ -2,33 +2,21 @@
 
 use std::time::Duration;
 
-use nalgebra::Matrix3;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::object::Object;
-use config::Actuator;
-use config::Config;
-use config::JointParameters;
-use config::JointPlant;
-use config::Plant;
+use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
-use sim::arm::Arm;
-use sim::arm::ArmSettings;
-use sim::arm::Joints;
-use sim::arm::LinkSettings;
-use sim::drive::Drive;
-use sim::drive::DriveSettings;
-use sim::drivetrain::Drivetrain;
-use sim::drivetrain::DrivetrainSettings;
-use sim::motion::Load;
-use sim::motion::Tuning;
-use sim::plant;
-use sim::plant::Resistance;
+use sim::arm::{Arm, ArmSettings, Joints, LinkSettings};
+use sim::drive::{Drive, DriveSettings};
+use sim::drivetrain::{Drivetrain, DrivetrainSettings};
+use sim::motion::{Load, Tuning};
+use sim::plant::{self, Resistance};
 use sim::scenario::Scenario;
 use sim::switches::SwitchBox;
 use sim::transmission::Transmission;

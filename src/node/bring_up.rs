@@ -4,18 +4,12 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::Node;
 use crate::cause::Cause;
-use crate::power;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
-use bus::Bus;
-use bus::BusEvent;
-use bus::BusFault;
-use bus::Received;
-use bus::ReopenError;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use crate::{Node, power};
+use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
+use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
 use remote::Remote;

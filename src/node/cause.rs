@@ -5,18 +5,11 @@
 
 use std::fmt;
 
-use crate::reaction::Initiator;
-use crate::reaction::Reaction;
-use crate::reaction::Row;
-use crate::reaction::always;
-use crate::reaction::armed;
-use canopen::NmtState;
-use canopen::error_codes;
-use canopen::nmt;
+use crate::reaction::{Initiator, Reaction, Row, always, armed};
 use canopen::object::Object;
+use canopen::{NmtState, error_codes, nmt};
 use controller::Fault;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use units::numbering::{Joint, NodeIndex};
 
 /// Generates [`Cause`] and [`Kind`] from the table. The first field of a cause is its place: joint, node or bus. A row
 /// has a second cause if one fault can occur in two places.
@@ -92,12 +85,8 @@ macro_rules! causes {
 
             /// Returns its reactions and reset.
             pub const fn row(self) -> Row {
-                use Initiator::Drive;
-                use Initiator::Node;
-                use Initiator::Timers;
-                use Reaction::DrivesOff;
-                use Reaction::ReflectionOff;
-                use Reaction::ZeroTorque;
+                use Initiator::{Drive, Node, Timers};
+                use Reaction::{DrivesOff, ReflectionOff, ZeroTorque};
                 match self {
                     $(Self::$kind => $row,)+
                 }

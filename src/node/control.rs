@@ -5,10 +5,8 @@ use crate::operator::Operator;
 use crate::permit::Permit;
 use crate::samples::Samples;
 use config::Config;
-use controller::Controller;
-use controller::Input;
-use controller::Output;
 use controller::switches::Mode as CommandMode;
+use controller::{Controller, Input, Output};
 
 /// The controller with its command mode.
 #[derive(Clone, Debug)]

@@ -15,13 +15,11 @@
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
-use crate::record::Record;
-use crate::record::SdoCounters;
+use crate::record::{Record, SdoCounters};
 use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;
-use controller::Input;
-use controller::Output;
+use controller::{Input, Output};
 use remote::Remote;
 use units::drive::PerMille;
 use units::numbering::Joint;

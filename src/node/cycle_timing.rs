@@ -3,10 +3,8 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::lateness;
-use crate::lateness::Lateness;
-use crate::schedule::Due;
-use crate::schedule::Schedule;
+use crate::lateness::{self, Lateness};
+use crate::schedule::{Due, Schedule};
 use config::Config;
 use units::time::Instant;
 

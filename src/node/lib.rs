@@ -46,10 +46,8 @@ mod transmission;
 mod unpowered;
 mod wire;
 
-pub use bring_up::BringUpError;
-pub use bring_up::NotConfirmed;
-pub use request::Request;
-pub use request::RequestError;
+pub use bring_up::{BringUpError, NotConfirmed};
+pub use request::{Request, RequestError};
 
 use crate::cause::Cause;
 use crate::control::Control;
@@ -58,12 +56,10 @@ use crate::drives::Drives;
 use crate::network::Network;
 use crate::operator::Operator;
 use crate::plausibility::Plausibility;
-use crate::proof_test::ProofTest;
-use crate::proof_test::ProofTestReport;
+use crate::proof_test::{ProofTest, ProofTestReport};
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
-use crate::safety::RampTimes;
-use crate::safety::Safety;
+use crate::safety::{RampTimes, Safety};
 use crate::samples::Samples;
 use crate::wire::Wire;
 use bus::Bus;

@@ -67,9 +67,7 @@ impl Link {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Quaternion;
-    use nalgebra::Unit;
-    use nalgebra::Vector3;
+    use nalgebra::{Quaternion, Unit, Vector3};
     use proptest::prelude::*;
 
     use super::*;

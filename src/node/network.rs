@@ -3,14 +3,11 @@
 use std::collections::VecDeque;
 
 use crate::sdo_pacer::SdoPacer;
-use canopen::NmtState;
 use canopen::frame::Channel;
-use canopen::heartbeat;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::plan::NodePlan;
-use canopen::sync;
-use canopen::time_stamp;
+use canopen::{NmtState, heartbeat, sync, time_stamp};
 use config::Config;
 
 /// Maximum number of queued notices; further ones are dropped.

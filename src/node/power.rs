@@ -5,11 +5,7 @@
 //! acts only at a SYNC, which the drive may not receive. An SDO download to it acts at once and disables its voltage.
 
 use crate::record::Mode;
-use canopen::drive::Controlword;
-use canopen::drive::Goal;
-use canopen::drive::PowerStage;
-use canopen::drive::State;
-use canopen::drive::Statusword;
+use canopen::drive::{Controlword, Goal, PowerStage, State, Statusword};
 use units::numbering::Joint;
 
 /// Returns whether a drive with this statusword may apply torque. An invalid state counts as one that may.

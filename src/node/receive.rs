@@ -1,14 +1,11 @@
 //! Reception between two cycles, and in the window after a SYNC.
 
-use crate::Node;
 use crate::cause::Cause;
-use crate::lateness;
 use crate::proof_test::Relation;
 use crate::safety::causes;
 use crate::schedule::Due;
-use bus::Bus;
-use bus::BusEvent;
-use bus::Received;
+use crate::{Node, lateness};
+use bus::{Bus, BusEvent, Received};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use remote::Remote;

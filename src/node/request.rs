@@ -2,10 +2,9 @@
 
 use thiserror::Error;
 
-use crate::BringUpError;
-use crate::Node;
 use crate::record::Mode;
 use crate::safety::Refusal;
+use crate::{BringUpError, Node};
 use bus::Bus;
 use config::force_cap::ForceAboveCap;
 use controller::switches::Mode as CommandMode;

@@ -3,14 +3,10 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::Filtered;
-use crate::plausibility::SampleFilter;
-use crate::plausibility::Sampled;
+use crate::plausibility::{Filtered, SampleFilter, Sampled};
 use canopen::drive::Statusword;
-use canopen::exchange::TpdoMap;
-use canopen::exchange::TpdoSample;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use canopen::exchange::{TpdoMap, TpdoSample};
+use canopen::frame::{Channel, Telegram};
 use canopen::pdo::DriveSample;
 use config::switch_inputs::SwitchInputs;
 use units::numbering::Joint;
@@ -220,8 +216,7 @@ mod tests {
 
     use super::*;
     use crate::plausibility;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
     use config::Config;
     use units::drive::Counts;
 

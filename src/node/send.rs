@@ -4,8 +4,7 @@ use crate::Node;
 use crate::record::Mode;
 use crate::wire::NotSent;
 use bus::Bus;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Frame, Telegram};
 use remote::Remote;
 use units::time::Instant;
 

@@ -4,17 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::Node;
-use bus::Bus;
-use bus::BusEvent;
-use bus::BusFault;
-use bus::Received;
-use bus::SendError;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use bus::{Bus, BusEvent, BusFault, Received, SendError};
+use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
-use remote::Remote;
-use remote::Sensed;
+use remote::{Remote, Sensed};
 use units::spatial::Motion;
 use units::time::Instant;
 

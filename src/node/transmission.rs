@@ -9,10 +9,8 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use bus::BusFault;
-use bus::SendError;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use bus::{BusFault, SendError};
+use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use units::time::Instant;
 

@@ -1,8 +1,7 @@
 //! Start without enabling drives: the network boots, and a stop is latched from the start.
 
-use crate::BringUpError;
-use crate::Node;
 use crate::cause::Cause;
+use crate::{BringUpError, Node};
 use bus::Bus;
 use remote::Remote;
 use units::spatial::Motion;

@@ -5,13 +5,8 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::safety::causes;
 use crate::transmission::Transmission;
-use bus::Bus;
-use bus::BusFault;
-use bus::Received;
-use bus::ReopenError;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use bus::{Bus, BusFault, Received, ReopenError};
+use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
 use units::time::Instant;
 

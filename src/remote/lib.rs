@@ -23,8 +23,7 @@ pub mod site;
 
 use nalgebra::Isometry3;
 
-use units::spatial::Motion;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
 /// Maximum magnitude of a force or moment component, in N or N·m.

@@ -12,13 +12,9 @@
 //!  f_t = -µ f_n v_t / max(|v_t|, FULL_SLIDING)      |f_t| ≤ µ f_n,   f_t · v_t ≤ 0
 //! ```
 
-use nalgebra::Isometry3;
-use nalgebra::Point3;
-use nalgebra::Unit;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Stiffness, damping and friction of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

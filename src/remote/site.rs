@@ -2,23 +2,14 @@
 
 use std::time::Duration;
 
-use nalgebra::Isometry3;
-use nalgebra::Unit;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Unit, Vector3};
 
-use crate::Remote;
-use crate::Sensed;
-use crate::scene::Block;
-use crate::scene::Scene;
-use crate::scene::Sphere;
-use crate::scene::Surface;
-use crate::scene::Wall;
+use crate::scene::{Block, Scene, Sphere, Surface, Wall};
+use crate::{Remote, Sensed};
 use robot::accommodation::Accommodation;
-use robot::object::Object;
-use robot::object::Servo;
+use robot::object::{Object, Servo};
 use robot::payload::Payload;
-use units::spatial::Motion;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
 /// Gravity in the object's base, in m/s².

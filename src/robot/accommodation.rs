@@ -6,8 +6,7 @@
 
 use thiserror::Error;
 
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Maximum gain and deadband, in m/s per N or rad/s per N·m, and in N or N·m.
 const MAX_VALUE: f64 = 1e3;

@@ -3,15 +3,12 @@
 //!
 //! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3).
 
-use nalgebra::Isometry3;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
 use crate::accommodation::Accommodation;
 use crate::payload::Payload;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Twist, Wrench};
 
 /// Maximum distance from the base, in m.
 const MAX_DISTANCE: f64 = 1e5;

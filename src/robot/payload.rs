@@ -3,8 +3,7 @@
 //! Static: weight and its moment, no inertia (decision 8). The sensor measures contact plus weight; subtracting the
 //! weight leaves the contact.
 
-use nalgebra::Isometry3;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
 use units::spatial::Wrench;

@@ -2,17 +2,12 @@
 
 mod eds;
 
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::ArgGroup;
-use clap::Args;
+use clap::{ArgGroup, Args};
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
-use crate::gains;
-use crate::print;
+use crate::exit::{Failure, Kind, OrFail};
+use crate::{gains, print};
 use config::Config;
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;

@@ -2,11 +2,8 @@
 
 use clap::Subcommand;
 
-use crate::check;
-use crate::commission;
-use crate::ctl;
 use crate::exit::Failure;
-use crate::run;
+use crate::{check, commission, ctl, run};
 
 /// Commands that the rack needs.
 #[derive(Debug, Subcommand)]

@@ -7,21 +7,14 @@ use anyhow::Context;
 use clap::Args;
 
 use crate::config_arg::ConfigArg;
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
-use crate::interfaces;
-use crate::interfaces::Interfaces;
-use crate::print;
-use crate::signals;
+use crate::exit::{Failure, Kind, OrFail};
+use crate::interfaces::{self, Interfaces};
+use crate::{print, signals};
 use canopen::master::check::Check;
 use canopen::plan::NodePlan;
 use config::Config;
-use node::BringUpError;
-use node::Node;
-use node::proof_test::DriveResult;
-use node::proof_test::ProofTestReport;
-use node::proof_test::Trip;
+use node::proof_test::{DriveResult, ProofTestReport, Trip};
+use node::{BringUpError, Node};
 use remote::site::VirtualSite;
 
 /// `frhc commission`.

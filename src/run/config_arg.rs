@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::exit::{Failure, Kind, OrFail};
 use config::Config;
 use config::trust::Trust;
 

@@ -1,29 +1,17 @@
 //! `frhc ctl`: sends one request to a running node and prints the response.
 
 use std::io;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
-use anyhow::anyhow;
-use anyhow::bail;
-use clap::Args;
-use clap::Subcommand;
-use clap::ValueEnum;
-use tokio::io::AsyncBufReadExt;
-use tokio::io::AsyncWriteExt;
-use tokio::io::BufReader;
+use anyhow::{Context, anyhow, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
 use tokio::net::UnixStream;
-use tokio::time::sleep;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
-use crate::console::ConsoleCommand;
-use crate::console::RequestLine;
-use crate::console::default_sockets;
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::console::{ConsoleCommand, RequestLine, default_sockets};
+use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
 use config::Config;
 

@@ -1,19 +1,12 @@
 //! The thread of the cycle: priority, bring-up, cycles, stop.
 
-use crate::console::AcceptedRequest;
-use crate::console::RequestReceiver;
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::console::{AcceptedRequest, RequestReceiver};
+use crate::exit::{Failure, Kind, OrFail};
 use crate::latch::Latch;
 use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
-use bus::Bus;
-use bus::Traced;
-use bus::realtime;
-use node::BringUpError;
-use node::Node;
-use node::Request;
+use bus::{Bus, Traced, realtime};
+use node::{BringUpError, Node, Request};
 use remote::Remote;
 
 /// Result of the cycle thread.
@@ -158,20 +151,14 @@ fn forward_events<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R
 mod tests {
     use std::cell::Cell;
     use std::fs;
-    use std::path::Path;
-    use std::path::PathBuf;
+    use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
     use super::*;
-    use crate::console;
-    use crate::console::Phase;
-    use crate::console::RequestSender;
-    use crate::rings;
-    use crate::rings::EntryConsumer;
+    use crate::console::{self, Phase, RequestSender};
+    use crate::rings::{self, EntryConsumer};
     use bus::Memory;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
-    use canopen::frame::Telegram;
+    use canopen::frame::{Channel, Frame, Telegram};
     use canopen::station::Station;
     use config::Config;
     use controller::switches::Mode as CommandMode;

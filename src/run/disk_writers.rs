@@ -5,13 +5,8 @@
 //! stall the queue is full; further batches are dropped and counted.
 
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
-use std::sync::mpsc::Sender;
-use std::sync::mpsc::SyncSender;
-use std::sync::mpsc::channel;
-use std::sync::mpsc::sync_channel;
-use std::thread;
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::{self, JoinHandle};
 
 use anyhow::Context;
 
@@ -172,18 +167,15 @@ fn write<T: RecordSink>(mut sink: T, batches: &Receiver<Batch>, messages: &Sende
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-    use std::fs::File;
-    use std::io::Read;
-    use std::io::pipe;
+    use std::fs::{self, File};
+    use std::io::{Read, pipe};
     use std::os::fd::OwnedFd;
     use std::path::Path;
     use std::time::Duration;
 
     use super::*;
     use crate::provenance::Provenance;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
     use config::Config;
     use lab::bench::Bench;
     use node::cause::Cause;

@@ -4,34 +4,25 @@
 //! A record that cannot be written is reported once; the run goes on.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::fs::DirBuilder;
-use std::io;
-use std::io::BufWriter;
+use std::fs::{self, DirBuilder};
+use std::io::{self, BufWriter};
 use std::os::unix::fs::DirBuilderExt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
-use crate::results;
-use crate::results::Access;
-use crate::results::number;
+use crate::results::{self, Access, number};
 use crate::state;
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use node::safety::table;
-use telemetry::fault_record::FaultWatch;
-use telemetry::fault_record::Observation;
-use telemetry::fault_record::Trip;
+use telemetry::fault_record::{FaultWatch, Observation, Trip};
 use telemetry::losses::Losses;
-use telemetry::session::Brief;
-use telemetry::session::SessionLog;
+use telemetry::session::{Brief, SessionLog};
 use telemetry::status::Status;
 use units::numbering::Joint;
 use units::time::Instant;

@@ -1,14 +1,11 @@
 //! `frhc explain faults`: the fault table as text or JSON.
 
 use clap::Args;
-use serde_json::Value as Json;
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use crate::print;
 use node::cause::Kind;
-use node::reaction::Initiator;
-use node::reaction::Reaction;
-use node::reaction::Row;
+use node::reaction::{Initiator, Reaction, Row};
 use node::record::Mode;
 use node::safety::table;
 

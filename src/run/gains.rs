@@ -3,9 +3,7 @@
 use std::cmp::Reverse;
 
 use config::Config;
-use controller::stability::finding::Finding;
-use controller::stability::finding::Side;
-use controller::stability::finding::Verdict;
+use controller::stability::finding::{Finding, Side, Verdict};
 
 /// Logs a warning for each inequality that does not hold.
 pub fn warn(config: &Config) {

@@ -2,9 +2,7 @@
 
 use clap::Args;
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::exit::{Failure, Kind, OrFail};
 use bus::SocketCan;
 use config::Config;
 

@@ -5,20 +5,13 @@
 //! the arm: nodes on other interfaces have other latches.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::fs::DirBuilder;
-use std::fs::File;
-use std::fs::OpenOptions;
-use std::io;
-use std::io::Write;
-use std::os::unix::fs::DirBuilderExt;
-use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Write};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
 
 use crate::state;
-use node::cause::Cause;
-use node::cause::ResetReason;
+use node::cause::{Cause, ResetReason};
 
 /// The latch of one run.
 #[derive(Debug)]

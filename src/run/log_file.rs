@@ -4,9 +4,7 @@
 //! nothing is written after it. A reader finds whole lines and no gaps.
 
 use std::fs::File;
-use std::io;
-use std::io::ErrorKind;
-use std::io::Write;
+use std::io::{self, ErrorKind, Write};
 
 /// A file written from its start.
 #[derive(Debug)]
@@ -66,9 +64,7 @@ impl Write for LogFile {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
-    use std::io::Seek;
-    use std::io::SeekFrom;
+    use std::io::{Read, Seek, SeekFrom};
 
     use super::*;
 

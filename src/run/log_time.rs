@@ -2,8 +2,7 @@
 //! `bus.log` has the same times with the origin added.
 
 use std::cell::Cell;
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::sync::OnceLock;
 
 use units::time::Instant;
@@ -59,8 +58,7 @@ impl Write for TimestampedWriter {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read;
-    use std::io::pipe;
+    use std::io::{Read, pipe};
 
     use super::*;
 

@@ -3,11 +3,9 @@
 //! A release build aborts by its profile; the hook does the same in every build, so that tests run what ships.
 //! Unwinding would leave the other threads alive, among them the one that sends the heartbeat.
 
-use std::panic;
-use std::process;
+use std::{panic, process};
 
-use crate::print;
-use crate::stderr;
+use crate::{print, stderr};
 
 /// Makes every panic abort the process: SYNC, heartbeat and RPDOs end together, and the drives stop by their own
 /// timers (promise 2).

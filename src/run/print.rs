@@ -4,15 +4,11 @@
 //! closed pipe (`| head`) is not a failure.
 
 use std::fs::File;
-use std::io;
-use std::io::ErrorKind;
-use std::io::Write;
+use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;
-use std::sync::LazyLock;
-use std::sync::OnceLock;
+use std::sync::{LazyLock, OnceLock};
 
-use crate::exit::Failure;
-use crate::exit::Kind;
+use crate::exit::{Failure, Kind};
 use crate::stderr;
 use telemetry::digits;
 

@@ -1,21 +1,16 @@
 //! The recorder thread: passes the cycle thread's entries to the disk writers, the summary, the status for the console
 //! and the log.
 
-use std::sync::Arc;
-use std::sync::Mutex;
-use std::sync::PoisonError;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use crate::disk_writers::DiskWriters;
 use crate::log_time;
-use crate::rings::EntryConsumer;
-use crate::rings::EntryHandler;
-use crate::rings::LossCounters;
+use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use telemetry::status::Status;
 use telemetry::summary::Summary;
 use telemetry::token_bucket::TokenBucket;

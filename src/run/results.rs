@@ -4,28 +4,16 @@
 //! `--force` replaces a file in one step, by renaming.
 
 use std::ffi::OsStr;
-use std::fs;
-use std::fs::DirBuilder;
-use std::fs::File;
-use std::fs::OpenOptions;
-use std::fs::Permissions;
-use std::io;
-use std::io::ErrorKind;
-use std::io::Write;
-use std::os::unix::fs::DirBuilderExt;
-use std::os::unix::fs::FileTypeExt;
-use std::os::unix::fs::OpenOptionsExt;
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 use tempfile::NamedTempFile;
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::exit::{Failure, Kind, OrFail};
 
 /// Permission to replace existing results.
 #[derive(Clone, Copy, Debug, Args)]

@@ -5,12 +5,9 @@
 //! hold the records and events, which are a hundred and four times as large as a frame.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use rtrb::Consumer;
-use rtrb::Producer;
-use rtrb::RingBuffer;
+use rtrb::{Consumer, Producer, RingBuffer};
 
 use bus::Tap;
 use canopen::frame::Telegram;
@@ -171,8 +168,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
     use config::Config;
     use lab::bench::Bench;
     use sim::scenario::Scenario;

@@ -1,8 +1,7 @@
 //! `frhc run`: the node on SocketCAN. Separate threads run the cycle, the recorder, stderr and signals; the main thread
 //! serves the console.
 
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
 
@@ -10,31 +9,17 @@ use anyhow::Context;
 use clap::Args;
 use tokio::sync::oneshot;
 
-use crate::commission;
 use crate::config_arg::TrustedConfigArg;
-use crate::console;
-use crate::console::RequestHandler;
-use crate::console::Socket;
-use crate::console::default_socket;
-use crate::cycle_thread;
-use crate::disk_writers;
-use crate::disk_writers::DiskWriters;
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
-use crate::gains;
-use crate::interfaces;
-use crate::interfaces::Interfaces;
+use crate::console::{self, RequestHandler, Socket, default_socket};
+use crate::disk_writers::{self, DiskWriters};
+use crate::exit::{Failure, Kind, OrFail};
+use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
-use crate::log_time;
-use crate::print;
 use crate::provenance::Provenance;
-use crate::recorder_thread;
-use crate::recorder_thread::LatestStatus;
-use crate::rings;
+use crate::recorder_thread::{self, LatestStatus};
 use crate::run_recorder::RunRecorder;
-use crate::session;
 use crate::stop_signals::StopSignals;
+use crate::{commission, cycle_thread, gains, log_time, print, rings, session};
 use bus::Traced;
 use node::Node;
 use remote::site::VirtualSite;

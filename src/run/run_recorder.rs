@@ -1,14 +1,11 @@
 //! The recordings of one run: the session, if `--record` or `--out` asks for it, and a fault record for each trip.
 
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::fault_records;
-use crate::fault_records::FaultRecords;
+use crate::fault_records::{self, FaultRecords};
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
-use crate::session;
-use crate::session::Session;
+use crate::session::{self, Session};
 use canopen::frame::Telegram;
 use node::record::Record;
 use telemetry::summary::Summary;
@@ -95,8 +92,7 @@ mod tests {
 
     use super::*;
     use crate::scratch::path as scratch;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
     use config::Config;
     use lab::bench::Bench;
     use node::cause::Cause;

@@ -1,11 +1,8 @@
 //! Temporary folders for tests.
 
-use std::env;
-use std::fs;
 use std::path::PathBuf;
-use std::process;
-use std::sync::atomic::AtomicU32;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::{env, fs, process};
 
 /// Returns the path of a folder that does not exist; every call returns another.
 pub(crate) fn path(name: &str) -> PathBuf {

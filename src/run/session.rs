@@ -1,31 +1,23 @@
 //! The folder of a session: `bus.log`, `summary.json` and fault records, readable by their owner only. A session never
 //! overwrites another.
 
-use std::fs;
-use std::fs::File;
-use std::io;
-use std::io::BufWriter;
-use std::path::Path;
-use std::path::PathBuf;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::exit::{Failure, Kind, OrFail};
 use crate::fault_records;
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
-use crate::results;
-use crate::results::Access;
-use crate::results::Force;
+use crate::results::{self, Access, Force};
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use telemetry::origin::Origin;
-use telemetry::session::Brief;
-use telemetry::session::SessionLog;
+use telemetry::session::{Brief, SessionLog};
 use telemetry::summary::Summary;
 use units::time::Instant;
 
@@ -131,8 +123,7 @@ mod tests {
 
     use super::*;
     use crate::scratch::path as scratch;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
 
     const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
 

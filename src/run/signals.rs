@@ -1,15 +1,11 @@
 //! Signals to commands other than `run`: SIGINT and SIGTERM end one in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a
 //! terminal) request a status report. For `run` see [`stop_signals`](crate::stop_signals).
 
-use std::io;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
-use std::thread;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::{io, thread};
 
-use tokio::signal::unix::Signal;
-use tokio::signal::unix::SignalKind;
-use tokio::signal::unix::signal;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Waits for SIGINT or SIGTERM and returns its name.
 pub async fn wait_for_stop() -> &'static str {

@@ -3,15 +3,10 @@
 //! A terminal stopped with Ctrl-S, or a pipe without a reader, blocks its writer. `run` therefore writes from a thread
 //! with a bounded queue, and drops and counts messages that do not fit. Other commands write directly.
 
-use std::io;
-use std::io::Write;
-use std::sync::Arc;
-use std::sync::OnceLock;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering;
-use std::sync::mpsc::Receiver;
-use std::sync::mpsc::SyncSender;
-use std::sync::mpsc::sync_channel;
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::Duration;
 

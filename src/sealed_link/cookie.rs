@@ -6,8 +6,7 @@
 use std::fmt;
 
 use snow::params::HashChoice;
-use snow::resolvers::CryptoResolver;
-use snow::resolvers::DefaultResolver;
+use snow::resolvers::{CryptoResolver, DefaultResolver};
 
 use units::time::Instant;
 

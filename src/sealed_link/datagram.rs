@@ -29,16 +29,11 @@
 //! Header and counter are authenticated too: epoch and counter determine keys and nonce, and every other byte of them
 //! has one legal value.
 
-use nalgebra::Isometry3;
-use nalgebra::Quaternion;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::reject::Reject;
 use remote::Sensed;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 
 /// Bytes of a datagram with content.

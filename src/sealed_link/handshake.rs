@@ -12,14 +12,10 @@
 
 use std::fmt;
 
-use snow::Builder;
-use snow::HandshakeState;
-use snow::StatelessTransportState;
+use snow::{Builder, HandshakeState, StatelessTransportState};
 use thiserror::Error;
 
-use crate::datagram;
-use crate::datagram::HEADER;
-use crate::datagram::Kind;
+use crate::datagram::{self, HEADER, Kind};
 
 /// Bytes of an initiation.
 pub const INITIATION: usize = 128;

@@ -4,19 +4,11 @@ use std::time::Duration;
 
 use snow::HandshakeState;
 
-use crate::datagram;
-use crate::datagram::HEADER;
-use crate::datagram::Kind;
-use crate::handshake;
-use crate::handshake::Failed;
-use crate::handshake::INITIATION;
-use crate::handshake::Keys;
-use crate::handshake::RESPONSE;
-use crate::reject::Reject;
-use crate::reject::Rejects;
+use crate::datagram::{self, HEADER, Kind};
+use crate::handshake::{self, Failed, INITIATION, Keys, RESPONSE};
+use crate::reject::{Reject, Rejects};
 use crate::responder::COOKIE_REPLY;
-use crate::session::Received;
-use crate::session::Session;
+use crate::session::{Received, Session};
 use units::time::Instant;
 
 /// Time after which an unanswered initiation is sent again.

@@ -5,20 +5,12 @@
 
 use std::time::Duration;
 
-use crate::cookie::COOKIE;
-use crate::cookie::Cookies;
-use crate::datagram;
-use crate::datagram::HEADER;
-use crate::datagram::Kind;
+use crate::cookie::{COOKIE, Cookies};
+use crate::datagram::{self, HEADER, Kind};
 use crate::freshness::MAX_AGE;
-use crate::handshake;
-use crate::handshake::INITIATION;
-use crate::handshake::Keys;
-use crate::handshake::RESPONSE;
-use crate::reject::Reject;
-use crate::reject::Rejects;
-use crate::session::Received;
-use crate::session::Session;
+use crate::handshake::{self, INITIATION, Keys, RESPONSE};
+use crate::reject::{Reject, Rejects};
+use crate::session::{Received, Session};
 use units::time::Instant;
 
 /// Bytes of a cookie reply.

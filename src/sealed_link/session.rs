@@ -3,13 +3,7 @@
 use snow::StatelessTransportState;
 use thiserror::Error;
 
-use crate::datagram;
-use crate::datagram::Content;
-use crate::datagram::HEADER;
-use crate::datagram::Kind;
-use crate::datagram::LENGTH;
-use crate::datagram::PLAIN;
-use crate::datagram::Payload;
+use crate::datagram::{self, Content, HEADER, Kind, LENGTH, PLAIN, Payload};
 use crate::freshness::Freshness;
 use crate::reject::Reject;
 use crate::window::Window;

@@ -2,28 +2,16 @@
 
 use std::time::Duration;
 
-use nalgebra::Isometry3;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 
-use crate::datagram::Content;
-use crate::datagram::HEADER;
-use crate::datagram::LENGTH;
-use crate::datagram::PLAIN;
-use crate::datagram::Payload;
-use crate::handshake::INITIATION;
-use crate::handshake::Keys;
-use crate::handshake::Pair;
-use crate::handshake::RESPONSE;
+use crate::datagram::{Content, HEADER, LENGTH, PLAIN, Payload};
+use crate::handshake::{INITIATION, Keys, Pair, RESPONSE};
 use crate::initiator::Initiator;
 use crate::reject::Reject;
-use crate::responder::COOKIE_REPLY;
-use crate::responder::Outcome;
-use crate::responder::Responder;
+use crate::responder::{COOKIE_REPLY, Outcome, Responder};
 use crate::session::Received;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 
 const HERE: &[u8] = b"192.0.2.1:7447";

@@ -2,11 +2,10 @@
 
 use crate::drive::Drive;
 use crate::world::World;
-use canopen::NmtState;
-use canopen::NodeId;
 use canopen::drive::State;
 use canopen::frame::Channel;
 use canopen::object::Object;
+use canopen::{NmtState, NodeId};
 use units::time::Instant;
 
 /// Values of one drive.

@@ -1,10 +1,8 @@
 //! Impedance of the operator's hand: spring and damper between the grip and its desired pose.
 
-use nalgebra::Isometry3;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Impedance of a hand.
 #[derive(Clone, Copy, Debug, PartialEq)]

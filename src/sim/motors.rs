@@ -1,8 +1,7 @@
 //! Six drivetrains behind the transmission to the joints.
 
 use crate::arm::Joints;
-use crate::drivetrain::Drivetrain;
-use crate::drivetrain::Sensed;
+use crate::drivetrain::{Drivetrain, Sensed};
 use crate::transmission::Transmission;
 
 /// The six drivetrains of an arm, base first.

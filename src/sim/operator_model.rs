@@ -11,10 +11,7 @@
 //!
 //! A startled operator has released the grip and the deadman switch in it, until the script releases and holds again.
 
-use nalgebra::Isometry3;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::delay::Delay;
 use crate::hand::Hand;

@@ -12,10 +12,8 @@
 
 use std::ops::RangeInclusive;
 
-use serde::Deserialize;
-use serde::Deserializer;
-use serde::Serialize;
 use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use crate::hand::Hand;

@@ -7,8 +7,7 @@
 //!  reading = clamp(previous reading, t - c, t + c)    t: motor torque, c: dry friction
 //! ```
 
-use crate::actuator::ActuatorSettings;
-use crate::actuator::TorqueCurve;
+use crate::actuator::{ActuatorSettings, TorqueCurve};
 use crate::random::SplitMix;
 
 /// Measured range relative to the maximum joint torque: the calibrated range must contain it.

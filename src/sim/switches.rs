@@ -7,13 +7,9 @@ use std::time::Duration;
 use canopen_rs::NmtCommand;
 
 use canopen::NodeId;
-use canopen::device::Application;
-use canopen::device::Device;
-use canopen::device::Reset;
+use canopen::device::{Application, Device, Reset};
 use canopen::dictionary::Dictionary;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
 use canopen::object::Object;
 use canopen::station::Station;

@@ -2,8 +2,7 @@
 //!
 //! Maps joint motion to actuators, and actuator torques to joints. The controller has the inverse maps.
 
-use crate::arm::JointMatrix;
-use crate::arm::Joints;
+use crate::arm::{JointMatrix, Joints};
 
 /// A rigid transmission without backlash.
 #[derive(Clone, Copy, Debug)]

@@ -6,33 +6,24 @@
 
 use std::time::Duration;
 
-use nalgebra::Isometry3;
-use nalgebra::Translation3;
+use nalgebra::{Isometry3, Translation3};
 
 use crate::arm::Joints;
 use crate::drive::Drive;
-use crate::drivetrain::Drivetrain;
-use crate::drivetrain::Sensed;
-use crate::fault::Breakable;
-use crate::fault::Devices;
-use crate::fault::Faults;
-use crate::fault::Notice;
+use crate::drivetrain::{Drivetrain, Sensed};
+use crate::fault::{Breakable, Devices, Faults, Notice};
 use crate::motors::Motors;
 use crate::operator_model::OperatorModel;
-use crate::plant;
-use crate::plant::Plant;
+use crate::plant::{self, Plant};
 use crate::scenario::Scenario;
 use crate::scenario_start::ScenarioStart;
 use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::station::Station;
 use canopen::sync;
 use faults::LinkFault;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// Maximum time between two steps of the arm.

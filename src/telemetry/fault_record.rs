@@ -132,8 +132,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
     use units::numbering::Joint;
     use units::spatial::Wrench;
 

@@ -1,12 +1,10 @@
 //! Origin of time of a run, common to stderr, `bus.log`, `fault.json` and `summary.json`.
 
 use std::fmt;
-use std::time::Duration;
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, UNIX_EPOCH};
 
-use serde::Serialize;
-use serde::Serializer;
 use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
 
 /// Wall clock at [`Instant::ZERO`](units::time::Instant::ZERO). A stamp in `bus.log` minus the origin is the time in
 /// stderr and `fault.json`. Zero in virtual time.

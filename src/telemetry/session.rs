@@ -10,14 +10,12 @@
 //!
 //! Numbers are little-endian, as in CANopen. Both lines come at the end of their cycle.
 
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use node::cause::Cause;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -142,8 +140,7 @@ const fn code(mode: Mode) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
+    use canopen::frame::{Channel, Frame};
 
     /// A disk with limited room.
     struct Disk {

@@ -8,8 +8,7 @@ use serde::Serialize;
 use crate::contact::Contact;
 use crate::losses::Losses;
 use crate::origin::Origin;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use units::spatial::Motion;
 use units::time::Instant;
 

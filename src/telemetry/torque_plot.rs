@@ -1,15 +1,9 @@
 //! Plot of a joint's torque curve as in the paper's Fig. 6: measurements in both driving directions, straight line and
 //! polynomial; below, the residuals of the measurements.
 
-use crate::chart::Axis;
-use crate::chart::Chart;
-use crate::chart::Ink;
-use crate::chart::Panel;
-use crate::chart::minus;
+use crate::chart::{Axis, Chart, Ink, Panel, minus};
 use crate::digits::significant;
-use controller::fit::Calibrated;
-use controller::fit::Direction;
-use controller::fit::Sample;
+use controller::fit::{Calibrated, Direction, Sample};
 
 /// Points of a curve.
 const POINTS: u16 = 160;

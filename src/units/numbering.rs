@@ -1,8 +1,7 @@
 //! Numbers of joints and nodes. Joints count from 1, indices in lists from 0.
 
-use std::array;
-use std::fmt;
 use std::iter::Zip;
+use std::{array, fmt};
 
 /// A joint of the arm, numbered from the base: 1 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -1,7 +1,6 @@
 //! Time as a number. Nothing here reads a clock: only a bus does.
 
-use std::ops::Add;
-use std::ops::Sub;
+use std::ops::{Add, Sub};
 use std::time::Duration;
 
 /// A point in time, in whole microseconds since the bus was opened.

@@ -19,17 +19,10 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use serde::Deserialize;
-use serde::Deserializer;
-use serde::Serialize;
-use serde::Serializer;
-use serde::de::Error;
-use serde::de::SeqAccess;
-use serde::de::Visitor;
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
-use toml::de::DeArray;
-use toml::de::DeTable;
-use toml::de::DeValue;
+use toml::de::{DeArray, DeTable, DeValue};
 
 /// A list of exactly `N` elements.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,14 +5,10 @@ use std::path::Path;
 use std::rc::Rc;
 
 use bus::Tap;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
-use config::Config;
-use config::files;
+use canopen::frame::{Channel, Frame, Telegram};
+use config::{Config, files};
 use lab::bench::Bench;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use units::time::Instant;
 

@@ -4,21 +4,18 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use frhc::cli::live_bus::Session;
+
 use super::bench::Wire;
-use bus::Bus;
-use bus::Memory;
+use bus::{Bus, Memory};
 use canopen::NodeId;
-use canopen::device::Application;
-use canopen::device::Device;
+use canopen::device::{Application, Device};
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
 use canopen::station::Station;
 use canopen_tools::diagnostics::watch::Watch;
-use frhc::cli::live_bus::Session;
 use units::time::Instant;
 
 /// Application that only resets a written max motor speed to 0.

@@ -2,21 +2,14 @@
 
 use std::time::Duration;
 
-use bus::Bus;
-use bus::BusEvent;
-use bus::Memory;
-use bus::Tap;
+use bus::{Bus, BusEvent, Memory, Tap};
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
-use canopen::sdo::Outcome;
-use canopen::sdo::Transfer;
+use canopen::frame::{Channel, Frame, Telegram};
+use canopen::sdo::{Outcome, Transfer};
 use sim::actuator::ActuatorSettings;
-use sim::drive::Drive;
-use sim::drive::DriveSettings;
+use sim::drive::{Drive, DriveSettings};
 use sim::motion::Tuning;
 
 /// Pause before a frame is offered again after the transmit queue was full.

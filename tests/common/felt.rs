@@ -3,12 +3,10 @@
 
 use nalgebra::SVector;
 
-use bus::candump::Content;
-use bus::candump::Line;
+use bus::candump::{Content, Line};
 use config::Config;
 use sim::arm::Arm;
-use telemetry::session::NODE;
-use telemetry::session::WRENCH;
+use telemetry::session::{NODE, WRENCH};
 use units::spatial::Wrench;
 
 /// Content of one cycle's log lines.

@@ -3,18 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::common::drive::drive;
-use crate::common::drive::node;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use crate::common::drive::{drive, node};
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
-use canopen::sdo::Block;
-use canopen::sdo::Outcome;
-use canopen::sdo::Queue;
-use canopen::sdo::Request;
-use canopen::sdo::Task;
-use canopen::sdo::Terms;
+use canopen::sdo::{Block, Outcome, Queue, Request, Task, Terms};
 use canopen::station::Station;
 use sim::drive::Drive;
 use units::time::Instant;

@@ -4,19 +4,11 @@
 use std::fs;
 use std::path::Path;
 
-use nalgebra::Isometry3;
-use nalgebra::Matrix3;
-use nalgebra::Rotation3;
-use nalgebra::SVector;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Matrix3, Rotation3, SVector, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-use controller::arm::Arm;
-use controller::arm::JointKind;
-use controller::arm::Link;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use controller::arm::{Arm, JointKind, Link};
+use units::spatial::{Twist, Wrench};
 
 /// Maximum difference from a reference value.
 pub(crate) const TOLERANCE: f64 = 1e-9;

@@ -9,15 +9,12 @@ use nalgebra::SVector;
 use crate::common::oracle;
 use config::Config;
 use lab::bench::Bench;
-use lab::comparison;
-use lab::comparison::Comparison;
+use lab::comparison::{self, Comparison};
 use lab::world;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
 const STIFF_WALL: &str = include_str!("../../config/scenarios/stiff-wall.toml");

@@ -13,9 +13,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::bench::Wire;
-use crate::common::bench::scenario;
-use crate::common::bench::until;
+use crate::common::bench::{Wire, scenario, until};
 use crate::common::golden::compare;
 use bus::Bus;
 use canopen::frame::Frame;
@@ -25,8 +23,7 @@ use config::Config;
 use lab::bench::Bench;
 use node::BringUpError;
 use node::record::Mode;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 const FILE: &str = "config/kraft_like_500hz.toml";

@@ -12,20 +12,14 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::common::bench::Wire;
-use crate::common::bench::config;
+use crate::common::bench::{Wire, config};
 use bus::Bus;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use faults::Disturbance;
-use faults::Fault;
-use faults::HostFault;
-use faults::Target;
+use canopen::frame::{Channel, Frame};
+use faults::{Disturbance, Fault, HostFault, Target};
 use lab::bench::Bench;
 use node::Request;
 use node::cause::Kind;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use units::time::Instant;
 

@@ -11,19 +11,15 @@
 use std::num::NonZero;
 use std::time::Duration;
 
-use crate::common::bench::Wire;
-use crate::common::bench::config;
+use crate::common::bench::{Wire, config};
 use config::Config;
 use lab::bench::Bench;
-use lab::campaign::catalogue;
 use lab::campaign::run::Campaign;
 use lab::campaign::situation::Situation;
-use lab::campaign::soak;
 use lab::campaign::table::Table;
-use lab::campaign::verdict::Outcome;
-use lab::campaign::verdict::Verdict;
-use node::BringUpError;
-use node::cause;
+use lab::campaign::verdict::{Outcome, Verdict};
+use lab::campaign::{catalogue, soak};
+use node::{BringUpError, cause};
 use sim::scenario::Scenario;
 use units::time::Instant;
 

@@ -175,7 +175,7 @@ fn inconsistent_values_are_refused() {
         ("0x0402_0010", "0x0402_0011", "joint[0].product_code: vendor 00000F8Ch product 04020011h"),
         ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 1 ", "safety.rpdo_timer_ms: 1 ms is less than two"),
         ("node_lost_ms = 22", "node_lost_ms = 9", "safety.node_lost_ms: "),
-        ("layout = \"grouped\"", "layout = \"groups\"", "bus[0].layout: \"groups\""),
+        ("layout = \"grouped\"", "layout = \"groups\"", "bus[0].layout: unknown value \"groups\""),
         (
             "layout = \"grouped\"",
             "layout = \"per-drive\"",
@@ -209,7 +209,7 @@ fn inconsistent_values_are_refused() {
         (
             "name = \"yaw\"",
             "name = \"yaw\"\nkind = \"screw\"",
-            "joint[4].kind: \"screw\": there is",
+            "joint[4].kind: unknown value \"screw\"",
         ),
         (
             "start_deg = 95.0",

@@ -2,50 +2,31 @@
 //! no motion is uncommanded, and invalid inputs have no effect.
 #![cfg(test)]
 
-use nalgebra::Isometry3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use crate::common::oracle;
-use controller::Controller;
-use controller::Extensions;
-use controller::Fault;
-use controller::Input;
-use controller::JointVector;
-use controller::Output;
-use controller::Settings;
-use controller::arm::Arm;
-use controller::arm::JointKind;
-use controller::arm::Link;
+use controller::arm::{Arm, JointKind, Link};
 use controller::assist::ContactFade;
-use controller::calibration::Calibration;
-use controller::calibration::JointCalibration;
-use controller::calibration::TorqueCurve;
+use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
-use controller::command::CommandLaw;
-use controller::command::Gate;
+use controller::command::{CommandLaw, Gate};
 use controller::engagement::Engagement;
 use controller::gains::Gains;
 use controller::interpretation::Interpretation;
-use controller::limits::AssistFraction;
-use controller::limits::Slew;
+use controller::limits::{AssistFraction, Slew};
 use controller::orientation::Orientation;
-use controller::passivity::Passivity;
-use controller::passivity::PassivitySettings;
+use controller::passivity::{Passivity, PassivitySettings};
 use controller::period::Period;
 use controller::reflection::Reflection;
 use controller::soft_stops::SoftStops;
-use controller::switches::Mode;
-use controller::switches::Switches;
-use controller::tank::Tank;
-use controller::tank::TankSettings;
+use controller::switches::{Mode, Switches};
+use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
+use controller::{Controller, Extensions, Fault, Input, JointVector, Output, Settings};
 use units::drive::Counts;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Twist, Wrench};
 
 const NEUTRAL: [f64; 6] = [0.1, -0.87, 1.66, -0.79, 0.1, 0.2];
 const MAX_TORQUES: [f64; 6] = [6.0, 6.0, 4.0, 1.2, 1.0, 0.8];

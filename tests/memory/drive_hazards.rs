@@ -13,13 +13,10 @@ use std::time::Duration;
 
 use canopen_rs::NmtState;
 
-use crate::common::bench::Wire;
-use crate::common::bench::config;
-use crate::common::bench::until;
+use crate::common::bench::{Wire, config, until};
 use bus::Bus;
 use canopen::drive::State;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use canopen::frame::{Channel, Frame};
 use canopen::object::Object;
 use canopen::station::Station;
 use config::Config;
@@ -27,8 +24,7 @@ use faults::Disturbance;
 use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
 use units::numbering::Joint;

@@ -2,20 +2,12 @@
 //! (`tests/oracles/stability.json`), in one dimension and in six.
 #![cfg(test)]
 
-use crate::common::bench::config;
-use crate::common::bench::scenario;
-use crate::common::oracle;
-use crate::common::oracle::assert_near;
-use crate::common::oracle::list;
-use crate::common::oracle::number;
-use crate::common::oracle::numbers;
-use controller::passivity::Passivity;
-use controller::passivity::PassivitySettings;
-use controller::tank::Tank;
-use controller::tank::TankSettings;
+use crate::common::bench::{config, scenario};
+use crate::common::oracle::{self, assert_near, list, number, numbers};
+use controller::passivity::{Passivity, PassivitySettings};
+use controller::tank::{Tank, TankSettings};
 use lab::bench::Bench;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Limits that none of the traces reaches.
 const SETTINGS: PassivitySettings = PassivitySettings {

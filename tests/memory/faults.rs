@@ -9,10 +9,7 @@
 
 use std::time::Duration;
 
-use crate::common::bench::Wire;
-use crate::common::bench::booted;
-use crate::common::bench::until;
-use crate::common::bench::until_contact;
+use crate::common::bench::{Wire, booted, until, until_contact};
 use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;

@@ -9,8 +9,7 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use crate::common::bench::booted;
-use crate::common::bench::until;
+use crate::common::bench::{booted, until};
 use crate::common::golden::compare;
 use node::Request;
 use node::record::Mode;

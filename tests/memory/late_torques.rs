@@ -14,14 +14,11 @@ use std::time::Duration;
 
 use crate::common::bench::config;
 use bus::Tap;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
-use faults::Fault;
-use faults::HostFault;
+use canopen::frame::{Frame, Telegram};
+use faults::{Fault, HostFault};
 use lab::bench::Bench;
 use node::cause::Kind;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::losses::Losses;
 use telemetry::status::Status;

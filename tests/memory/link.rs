@@ -10,25 +10,20 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::bench::config;
-use crate::common::bench::scenario;
+use crate::common::bench::{config, scenario};
 use bus::Memory;
 use config::Config;
 use faults::LinkFault;
 use lab::bench::Bench;
 use lab::world;
-use node::Node;
-use node::Request;
 use node::cause::Cause;
-use node::record::Mode;
-use node::record::Record;
-use remote::Remote;
-use remote::Sensed;
+use node::record::{Mode, Record};
+use node::{Node, Request};
 use remote::site::VirtualSite;
+use remote::{Remote, Sensed};
 use sim::scenario::Scenario;
 use sim::world::World;
-use units::spatial::Motion;
-use units::spatial::Wrench;
+use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";

@@ -8,30 +8,21 @@
 
 use std::time::Duration;
 
+use frhc::cli::live_bus::Session;
+
 use crate::common::bench::Wire;
-use crate::common::devices::Devices;
-use crate::common::devices::session;
-use crate::common::devices::settle;
+use crate::common::devices::{Devices, session, settle};
 use crate::common::golden::compare;
 use bus::Memory;
-use canopen::NmtCommand;
-use canopen::NodeId;
 use canopen::frame::Frame;
-use canopen::lss::Address;
-use canopen::lss::BitRate;
-use canopen::lss::codec::Mode;
-use canopen::lss::codec::Request;
-use canopen::lss::identify::Description;
-use canopen::lss::identify::Identify;
-use canopen::lss::job::Job;
-use canopen::lss::job::LssError;
-use canopen::lss::job::Report;
-use canopen::lss::job::Selection;
-use canopen::lss::job::Timeouts;
+use canopen::lss::codec::{Mode, Request};
+use canopen::lss::identify::{Description, Identify};
+use canopen::lss::job::{Job, LssError, Report, Selection, Timeouts};
 use canopen::lss::master::Master;
+use canopen::lss::{Address, BitRate};
 use canopen::nmt::Order;
 use canopen::procedure::Procedure;
-use frhc::cli::live_bus::Session;
+use canopen::{NmtCommand, NodeId};
 use units::time::Instant;
 
 const TIMEOUTS: Timeouts = Timeouts {

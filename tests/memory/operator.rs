@@ -12,18 +12,14 @@ use std::path::Path;
 
 use nalgebra::Isometry3;
 
-use crate::common::bench::config;
-use crate::common::bench::scenario;
-use config::Config;
-use config::JointPlant;
-use controller::arm::Arm;
-use controller::arm::Link;
+use crate::common::bench::{config, scenario};
+use config::{Config, JointPlant};
+use controller::arm::{Arm, Link};
 use lab::bench::Bench;
 use lab::comparison;
 use node::Request;
 use node::cause::Cause;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
 use units::spatial::Motion;

@@ -2,77 +2,36 @@
 //! ambiguous, the interpretation is the one called "recommended" there; the rejected ones are checked to differ.
 #![cfg(test)]
 
-use nalgebra::Isometry3;
-use nalgebra::SMatrix;
-use nalgebra::SVector;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, SMatrix, SVector, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-use crate::common::oracle;
-use crate::common::oracle::assert_near;
-use crate::common::oracle::assert_same_pose;
-use crate::common::oracle::farthest;
-use crate::common::oracle::joints;
-use crate::common::oracle::list;
-use crate::common::oracle::number;
-use crate::common::oracle::numbers;
-use crate::common::oracle::pose;
-use crate::common::oracle::rotation;
-use crate::common::oracle::rows;
-use crate::common::oracle::twist;
-use crate::common::oracle::vector;
-use crate::common::oracle::wrench;
-use controller::Controller;
-use controller::Extensions;
-use controller::Input;
-use controller::Output;
-use controller::Settings;
-use controller::arm::Arm;
-use controller::arm::JointKind;
-use controller::arm::Link;
-use controller::arm::Posture;
-use controller::assist;
-use controller::assist::Damping;
-use controller::calibration::Calibration;
-use controller::calibration::JointCalibration;
-use controller::calibration::TorqueCurve;
+use crate::common::oracle::{
+    self, assert_near, assert_same_pose, farthest, joints, list, number, numbers, pose, rotation,
+    rows, twist, vector, wrench,
+};
+use controller::arm::{Arm, JointKind, Link, Posture};
+use controller::assist::{self, Damping};
+use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
 use controller::command::CommandLaw;
 use controller::coupling::Coupling;
-use controller::fit;
-use controller::fit::Direction;
-use controller::fit::Sample;
+use controller::fit::{self, Direction, Sample};
 use controller::gains::Gains;
-use controller::interpretation::Difference;
-use controller::interpretation::Interpretation;
-use controller::interpretation::Scaling;
-use controller::limits::Asked;
-use controller::limits::AssistFraction;
-use controller::limits::Limited;
-use controller::limits::Limits;
-use controller::models;
+use controller::interpretation::{Difference, Interpretation, Scaling};
+use controller::limits::{Asked, AssistFraction, Limited, Limits};
 use controller::orientation::Orientation;
 use controller::period::Period;
-use controller::reference::Displacement;
-use controller::reference::Reference;
+use controller::reference::{Displacement, Reference};
 use controller::reflection::Reflection;
-use controller::switches::Mode;
-use controller::switches::SwitchLogic;
-use controller::switches::Switches;
-use controller::velocity::Filter;
-use controller::velocity::Velocity;
+use controller::switches::{Mode, SwitchLogic, Switches};
+use controller::velocity::{Filter, Velocity};
+use controller::{Controller, Extensions, Input, Output, Settings, models};
 use robot::accommodation::Accommodation;
-use robot::object::Object;
-use robot::object::Servo;
+use robot::object::{Object, Servo};
 use robot::payload::Payload;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
-use units::spatial::Motion;
-use units::spatial::Twist;
-use units::spatial::Wrench;
-use units::spatial::rotation as rotations;
+use units::spatial::{Motion, Twist, Wrench, rotation as rotations};
 
 /// Minimum difference, far above rounding, of values that must differ.
 const TINY: f64 = 1e-4;

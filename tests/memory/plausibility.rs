@@ -10,13 +10,11 @@
 
 use std::path::Path;
 
-use crate::common::bench::config;
-use crate::common::bench::scenario;
+use crate::common::bench::{config, scenario};
 use config::Config;
 use lab::bench::Bench;
 use node::cause::Cause;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use units::numbering::Joint;
 

@@ -13,12 +13,10 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::bench::Wire;
-use crate::common::bench::until;
+use crate::common::bench::{Wire, until};
 use bus::Bus;
 use canopen::drive::State;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use canopen::frame::{Channel, Frame};
 use canopen::master::event::Event;
 use canopen::object::Object;
 use canopen::station::Station;
@@ -56,10 +54,7 @@ enum Outcome {
     NotProven(&'static str),
 }
 
-use Outcome::NotProven;
-use Outcome::Refused;
-use Outcome::Runs;
-use Outcome::Unarmed;
+use Outcome::{NotProven, Refused, Runs, Unarmed};
 
 use units::numbering::Joint;
 

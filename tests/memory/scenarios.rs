@@ -12,18 +12,14 @@ use std::time::Duration;
 
 use nalgebra::SVector;
 
-use crate::common::bench::Wire;
-use crate::common::bench::config;
-use crate::common::bench::scenario;
+use crate::common::bench::{Wire, config, scenario};
 use canopen::frame::Channel;
 use canopen::object::Object;
 use config::Config;
-use faults::LinkFault;
-use faults::Target;
+use faults::{LinkFault, Target};
 use lab::bench::Bench;
 use node::cause;
-use node::record::Mode;
-use node::record::Record;
+use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -55,10 +51,7 @@ const fn within(zero: u64, torque_free: u64) -> Within {
     Within { zero, torque_free }
 }
 
-use Node::Disengages;
-use Node::EndsReflection;
-use Node::GoesOn;
-use Node::Stops;
+use Node::{Disengages, EndsReflection, GoesOn, Stops};
 
 use units::numbering::Joint;
 

@@ -12,24 +12,13 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use crate::common::bench::Wire;
-use crate::common::drive::carry;
-use crate::common::drive::drive;
-use crate::common::drive::node;
+use crate::common::drive::{carry, drive, node};
 use crate::common::golden::compare;
-use crate::common::lossy::ErrorRates;
-use crate::common::lossy::Lossy;
-use bus::Bus;
-use bus::Memory;
-use bus::Tap;
+use crate::common::lossy::{ErrorRates, Lossy};
+use bus::{Bus, Memory, Tap};
 use canopen::abort::AbortCode;
 use canopen::object::Object;
-use canopen::sdo::Block;
-use canopen::sdo::Content;
-use canopen::sdo::Outcome;
-use canopen::sdo::SdoError;
-use canopen::sdo::Task;
-use canopen::sdo::Terms;
-use canopen::sdo::Transfer;
+use canopen::sdo::{Block, Content, Outcome, SdoError, Task, Terms, Transfer};
 use sim::drive::Drive;
 
 const BUFFER: Object = Object::SAMPLE_BUFFER;

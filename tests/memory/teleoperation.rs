@@ -9,11 +9,7 @@
 
 use std::path::Path;
 
-use crate::common::bench::booted;
-use crate::common::bench::config;
-use crate::common::bench::scenario;
-use crate::common::bench::until;
-use crate::common::bench::until_contact;
+use crate::common::bench::{booted, config, scenario, until, until_contact};
 use config::Config;
 use lab::bench::Bench;
 use node::record::Mode;

@@ -16,21 +16,15 @@ use std::path::Path;
 use nalgebra::SVector;
 
 use crate::common::bench::scenario;
-use config::Config;
-use config::JointParameters;
-use config::files;
+use config::{Config, JointParameters, files};
 use controller::Output;
 use controller::calibration::TorqueCurve;
-use controller::fit::Calibrated;
-use controller::fit::Direction;
-use controller::fit::Sample;
+use controller::fit::{Calibrated, Direction, Sample};
 use lab::bench::Bench;
 use lab::world;
 use node::record::Mode;
-use sim::rig::Reading;
-use sim::rig::Rig;
-use units::spatial::Jacobian;
-use units::spatial::Wrench;
+use sim::rig::{Reading, Rig};
+use units::spatial::{Jacobian, Wrench};
 
 const CONFIG: &str = "config/kraft_like.toml";
 

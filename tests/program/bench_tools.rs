@@ -9,29 +9,21 @@
 use std::process::Command;
 use std::time::Duration;
 
+use frhc::cli::live_bus::Session;
+use frhc::cli::live_bus::objects::{self, ObjectError, Target};
+
 use crate::common::bench::Wire;
-use crate::common::devices::Devices;
-use crate::common::devices::session;
+use crate::common::devices::{Devices, session};
 use bus::Memory;
-use canopen::NmtCommand;
-use canopen::NmtState;
-use canopen::NodeId;
 use canopen::abort::AbortCode;
-use canopen::heartbeat;
 use canopen::nmt::Order;
 use canopen::object::Object;
-use canopen::sdo::SdoError;
-use canopen::sdo::Terms;
+use canopen::sdo::{SdoError, Terms};
 use canopen::value::gateway_type::GatewayType;
+use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
-use canopen_tools::diagnostics::scan::Found;
-use canopen_tools::diagnostics::scan::Scan;
-use canopen_tools::diagnostics::watch::NetworkEvent;
-use canopen_tools::diagnostics::watch::Watch;
-use frhc::cli::live_bus::Session;
-use frhc::cli::live_bus::objects;
-use frhc::cli::live_bus::objects::ObjectError;
-use frhc::cli::live_bus::objects::Target;
+use canopen_tools::diagnostics::scan::{Found, Scan};
+use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
 use units::time::Instant;
 
 type TestSession = Session<Memory<Devices, Wire>>;

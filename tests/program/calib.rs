@@ -10,8 +10,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::common::cli::folder;
-use crate::common::cli::frhc;
+use crate::common::cli::{folder, frhc};
 use config::Config;
 
 const CONFIG: &str = "config/kraft_like.toml";
@@ -115,7 +114,7 @@ fn invalid_csv_is_refused_with_every_line_and_column() {
     let fit = frhc(&["calib", "fit", csv]);
     assert_eq!(fit.code, 3);
     assert!(fit.stderr.contains("wrong.csv:2: torque_nm: must be a finite number, got `x`"));
-    assert!(fit.stderr.contains("wrong.csv:3: direction: `over`"));
+    assert!(fit.stderr.contains("wrong.csv:3: direction: must be up, +1, down or -1, got `over`"));
     assert_eq!(frhc(&["calib", "fit", "none.csv"]).code, 3);
     let good = readings("good", |t| 200.0 * t);
     assert_eq!(frhc(&["calib", "fit", &good, "--joint", "yaw"]).code, 2);

@@ -15,16 +15,11 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
-use crate::common::cli::folder;
-use crate::common::cli::frhc;
-use canopen::NodeId;
-use canopen::concise;
-use canopen::eds::Access;
-use canopen::eds::Described;
-use canopen::eds::Eds;
-use canopen::eds::Severity;
+use crate::common::cli::{folder, frhc};
+use canopen::eds::{Access, Described, Eds, Severity};
 use canopen::layout::Direction;
 use canopen::object::Object;
+use canopen::{NodeId, concise};
 use config::Config;
 
 const DRIVE: &[u8] = include_bytes!("../../eds/frhc_drive.eds");

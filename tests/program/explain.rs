@@ -3,15 +3,11 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::process::Command;
-use std::process::Output;
-use std::process::Stdio;
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-use crate::common::oracle;
-use crate::common::oracle::TOLERANCE;
-use crate::common::oracle::list;
+use crate::common::oracle::{self, TOLERANCE, list};
 use node::cause::Kind;
 use node::record::Mode;
 use node::safety::table;

@@ -2,18 +2,14 @@
 #![cfg(test)]
 
 use std::fs;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 
 use canopen::bits;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
-use canopen::load::network::Assumptions;
-use canopen::load::network::BusPlan;
-use canopen::load::network::Planned;
+use canopen::frame::{Channel, Telegram};
+use canopen::load::network::{Assumptions, BusPlan, Planned};
 use canopen::load::streams::Role;
 use node::record::Mode;
 use units::time::Instant;

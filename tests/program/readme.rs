@@ -6,14 +6,11 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use std::fs;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::thread;
+use std::{fs, thread};
 
-use crate::common::cli::folder;
-use crate::common::cli::frhc;
+use crate::common::cli::{folder, frhc};
 
 const KRAFT: &str = "config/kraft_like.toml";
 

@@ -9,22 +9,16 @@
 )]
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
-use std::os::unix::fs::chown;
-use std::os::unix::fs::symlink;
-use std::path::Path;
-use std::path::PathBuf;
+use std::os::unix::fs::{PermissionsExt, chown, symlink};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use proptest::prelude::*;
 
 use crate::common::bench::config;
-use crate::common::cli::Ended;
-use crate::common::cli::folder;
-use crate::common::cli::frhc;
-use canopen::eds::Eds;
-use canopen::eds::Severity;
+use crate::common::cli::{Ended, folder, frhc};
+use canopen::eds::{Eds, Severity};
 use config::Config;
 use controller::calibration::TorqueCurve;
 
@@ -104,7 +98,11 @@ fn hazard_18_invalid_config_is_refused_by_key_before_the_bus() {
         ),
         ("heartbeat_ms = 5", "heartbeat_ms = 70000", ["arm.toml:", "70000"]),
         ("heartbeat_ms = 5", "heartbeat_s = 5", ["node.heartbeat_s", "unknown key"]),
-        ("node_id = 127", "node_id = 128", ["node.node_id", "no node-id"]),
+        (
+            "node_id = 127",
+            "node_id = 128",
+            ["node.node_id", "must be a node-id within 1..=127, got 128"],
+        ),
         ("missing_samples = 3", "missing_samples = 300", ["safety.missing_samples", "300"]),
         ("[safety]", "[safety", ["arm.toml:", "expected"]),
         ("eds/frhc_drive.eds", "eds/absent.eds", ["joint[0].eds", "absent.eds"]),

@@ -6,20 +6,14 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use std::fs::File;
-use std::fs::OpenOptions;
-use std::io::BufRead;
-use std::io::BufReader;
-use std::io::Write;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::process::Command;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::thread;
 
-use crate::common::cli::Ended;
-use crate::common::cli::folder;
-use crate::common::cli::frhc;
+use crate::common::cli::{Ended, folder, frhc};
 
 const KRAFT: &str = "config/kraft_like.toml";
 

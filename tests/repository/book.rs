@@ -6,11 +6,9 @@
 )]
 
 use std::collections::BTreeSet;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::pages;
-use crate::pages::Page;
+use crate::pages::{self, Page};
 
 const SUMMARY: &str = "docs/SUMMARY.md";
 const INDEX: &str = "docs/adr/index.md";

@@ -9,8 +9,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use crate::pages;
-use crate::pages::Page;
+use crate::pages::{self, Page};
 
 const PAGE: &str = "docs/paper.md";
 

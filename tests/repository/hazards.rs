@@ -11,16 +11,11 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::claims::Claim;
-use crate::claims::HAZARDS;
-use crate::claims::PROMISES;
-use crate::claims::PROPERTIES;
+use crate::claims::{Claim, HAZARDS, PROMISES, PROPERTIES};
 use lab::campaign::catalogue;
-use lab::campaign::expectation::EXPECTATIONS;
-use lab::campaign::expectation::Expectation;
+use lab::campaign::expectation::{EXPECTATIONS, Expectation};
 
 const PAGE: &str = "docs/safety.md";
 

@@ -5,13 +5,11 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use std::collections::BTreeMap;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use crate::pages;
-use crate::pages::Page;
+use crate::pages::{self, Page};
 
 const PAGE: &str = "docs/configuration.md";
 

@@ -8,12 +8,10 @@
 use std::fs;
 use std::path::Path;
 
-use toml::Table;
-use toml::Value;
-
-use config::Config;
+use toml::{Table, Value};
 
 use crate::keys;
+use config::Config;
 
 /// A file with most of the optional sections, and those that it lacks.
 const FILE: &str = "config/kraft_like.toml";

@@ -1,15 +1,9 @@
 //! Adapters and cables: hazards 22 to 24. Frames may be accepted and reach no device.
 
 use crate::common::process::Process;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::interface::Interface;
-use crate::interface::ip;
-use crate::rig::Onset;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::interface::{Interface, ip};
+use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::serial_can::Adapter;
 use faults::Disturbance;
 

@@ -1,13 +1,9 @@
 //! Signals, requests and bus faults during a boot that withholds SYNC or heartbeat. Hazards 23 and 30.
 
 use crate::common::process::Process;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
+use crate::gateway::{Gateway, NODE};
 use crate::host::KEEPS;
-use crate::rig::NODES;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::millis;
+use crate::rig::{NODES, Rig, Setup, millis};
 use bus::candump::Line;
 
 /// Returns a boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.

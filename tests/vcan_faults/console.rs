@@ -2,12 +2,8 @@
 
 use std::io::Write;
 
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::rig::{Rig, Setup, cycles, millis};
 
 const ARM: &[u8] = b"{\"ask\":\"arm\"}\n";
 

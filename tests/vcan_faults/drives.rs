@@ -3,19 +3,11 @@
 use std::time::Duration;
 
 use crate::common::process::Process;
-use crate::gateway::DRIVES;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
+use crate::gateway::{DRIVES, Gateway, NODE};
 use crate::inject::ELBOW;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::rig::{Rig, Setup, cycles, millis};
 use crate::script;
-use faults::DeviceFault;
-use faults::Fault;
-use faults::Kind;
-use faults::Target;
+use faults::{DeviceFault, Fault, Kind, Target};
 use sim::scenario::Entry;
 use units::numbering::Joint;
 

@@ -2,25 +2,13 @@
 
 use std::time::Duration;
 
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::inject::ELBOW;
-use crate::inject::ELEVATION;
-use crate::inject::POSITION;
-use crate::inject::WIRE_CUT;
-use crate::inject::every;
-use crate::rig::Onset;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::inject::{ELBOW, ELEVATION, POSITION, WIRE_CUT, every};
+use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::script;
 use crate::seen::Seen;
 use crate::shaper::Shaper;
-use faults::Effect;
-use faults::Kind;
-use faults::Service;
-use faults::Target;
+use faults::{Effect, Kind, Service, Target};
 use units::numbering::Joint;
 
 /// COB-ID of the elbow's position.

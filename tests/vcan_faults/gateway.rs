@@ -2,8 +2,7 @@
 //! so that taking a rule away loses exactly that frame, at once.
 
 use std::cell::RefCell;
-use std::sync::Mutex;
-use std::sync::PoisonError;
+use std::sync::{Mutex, PoisonError};
 
 use crate::common::process::Process;
 

@@ -2,14 +2,9 @@
 //! tested in virtual time, where computing takes none.
 
 use crate::common::process::Process;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
+use crate::gateway::{Gateway, NODE};
 use crate::inject::STOPPED;
-use crate::rig::NODES;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::rig::{NODES, Rig, Setup, cycles, millis};
 use faults::Target;
 
 /// Drives that keep their torque for 200 ms without their master, and a force that may be kept so long.

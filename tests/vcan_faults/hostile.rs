@@ -2,15 +2,10 @@
 
 use crate::common::log::Entry;
 use crate::common::process::Process;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::inject::BUS;
-use crate::inject::foreign;
+use crate::gateway::{Gateway, NODE};
+use crate::inject::{BUS, foreign};
 use crate::interface::Interface;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::rig::{Rig, Setup, cycles, millis};
 
 /// An interface of the node that takes CAN FD, for cangen.
 const OPEN: &str = "vcan2";

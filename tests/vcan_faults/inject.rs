@@ -1,32 +1,20 @@
 //! Faults of the vocabulary, applied to the wire between node and drives: by the kernel's gateway, by frames of another
 //! sender, by signals to the node's process.
 
-use canopen::NmtCommand;
-use canopen::NodeId;
-use canopen::emcy::Emergency;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::nmt;
-use canopen::nmt::Order;
-use faults::DeviceFault;
-use faults::Disconnection;
-use faults::Effect;
-use faults::Extent;
-use faults::FrameFault;
-use faults::HostFault;
-use faults::Kind;
-use faults::Selection;
-use faults::Service;
-use faults::Target;
 use nix::sys::signal::Signal;
-use units::numbering::Joint;
 
 use crate::common::process::Process;
-use crate::gateway::DRIVES;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::gateway::Way;
+use crate::gateway::{DRIVES, Gateway, NODE, Way};
 use crate::rig::Rig;
+use canopen::emcy::Emergency;
+use canopen::frame::{Channel, Frame};
+use canopen::nmt::{self, Order};
+use canopen::{NmtCommand, NodeId};
+use faults::{
+    DeviceFault, Disconnection, Effect, Extent, FrameFault, HostFault, Kind, Selection, Service,
+    Target,
+};
+use units::numbering::Joint;
 
 /// The elbow: it carries weight, and its limits are far.
 pub(crate) const ELBOW: Joint = Joint::of::<3>();

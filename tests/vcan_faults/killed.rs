@@ -6,11 +6,8 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 
 use crate::common::log::Entry;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::rig::{Rig, Setup, millis};
 
 /// Drives with heartbeat monitoring alone, and forces for which that is quick enough.
 const HEARTBEAT_ONLY: [(&str, &str); 4] = [

@@ -2,18 +2,11 @@
 
 use std::time::Duration;
 
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::inject::POSITION;
-use crate::inject::every;
-use crate::rig::Onset;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::inject::{POSITION, every};
+use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::seen::Seen;
-use faults::Effect;
-use faults::Target;
+use faults::{Effect, Target};
 
 /// The azimuth carries no weight: its targets are reflection alone.
 const AZIMUTH: u16 = 1;

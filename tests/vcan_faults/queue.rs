@@ -1,11 +1,7 @@
 //! A bus slower than its node: hazard 21.
 
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::rig::{Rig, Setup, cycles, millis};
 use crate::shaper::Shaper;
 
 #[test]

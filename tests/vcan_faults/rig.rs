@@ -7,13 +7,8 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 
 use crate::common::log::Log;
-use crate::common::process::Candump;
-use crate::common::process::Outcome;
-use crate::common::process::Process;
-use crate::common::process::Scratch;
-use crate::gateway::DRIVES;
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
+use crate::common::process::{Candump, Outcome, Process, Scratch};
+use crate::gateway::{DRIVES, Gateway, NODE};
 use crate::script;
 use crate::seen::Seen;
 use crate::torque::CYCLE;

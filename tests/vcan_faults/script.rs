@@ -1,10 +1,8 @@
 //! The operator in every test: presses the deadman again and again, soon after each release, so that a test need not know
 //! when the node is ready, and a latched mode is tried repeatedly; moves to and fro, so that no joint stands still.
 
-use sim::scenario::Entry;
-use sim::scenario::Scenario;
-use sim::scenario::operator::Move;
-use sim::scenario::operator::Switch;
+use sim::scenario::operator::{Move, Switch};
+use sim::scenario::{Entry, Scenario};
 
 /// Time of the first press, in s after the first SYNC.
 const FIRST_S: f64 = 0.2;

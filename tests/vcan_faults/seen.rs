@@ -2,14 +2,9 @@
 
 use std::time::Duration;
 
-use crate::common::log::Entry;
-use crate::common::log::Log;
-use crate::rig::NODES;
-use crate::rig::Onset;
-use crate::rig::cycles;
-use crate::torque;
-use crate::torque::CYCLE;
-use crate::torque::Torque;
+use crate::common::log::{Entry, Log};
+use crate::rig::{NODES, Onset, cycles};
+use crate::torque::{self, CYCLE, Torque};
 
 /// Largest target of any drive, in per mille of its rated torque: the end of every torque curve.
 const MAX_TARGET: u16 = 867;

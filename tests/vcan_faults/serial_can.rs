@@ -4,32 +4,16 @@
 //! It stalls, reports states of its controller, and can be unplugged.
 
 use std::fs;
-use std::io::Read;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::os::fd::AsFd;
-use std::sync::mpsc::Receiver;
-use std::sync::mpsc::Sender;
-use std::sync::mpsc::channel;
-use std::thread;
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use nix::fcntl::OFlag;
-use nix::poll::PollFd;
-use nix::poll::PollFlags;
-use nix::poll::PollTimeout;
-use nix::poll::poll;
-use nix::pty::PtyMaster;
-use nix::pty::grantpt;
-use nix::pty::posix_openpt;
-use nix::pty::ptsname_r;
-use nix::pty::unlockpt;
-use socketcan::CanFrame;
-use socketcan::CanSocket;
-use socketcan::EmbeddedFrame;
-use socketcan::Id;
-use socketcan::Socket;
-use socketcan::StandardId;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Id, Socket, StandardId};
 
 use crate::common::process::Process;
 use crate::gateway::DRIVES;

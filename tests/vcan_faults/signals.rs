@@ -2,13 +2,8 @@
 
 use nix::sys::signal::Signal;
 
-use crate::gateway::Gateway;
-use crate::gateway::NODE;
-use crate::rig::NODES;
-use crate::rig::Rig;
-use crate::rig::Setup;
-use crate::rig::cycles;
-use crate::rig::millis;
+use crate::gateway::{Gateway, NODE};
+use crate::rig::{NODES, Rig, Setup, cycles, millis};
 
 /// Signals that stop the node in order.
 const STOPS: [Signal; 5] =

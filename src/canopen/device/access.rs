@@ -3,20 +3,11 @@
 //! The [device](super::Device) applies the effect of a write, by `written`.
 
 use crate::abort::AbortCode;
-use crate::device::Application;
-use crate::device::Misbehaviour;
-use crate::device::clock;
-use crate::device::heartbeat;
-use crate::device::history;
 use crate::device::mapping::number;
-use crate::device::parameter::Place;
-use crate::device::parameter::check_cob_id_change;
+use crate::device::parameter::{Place, check_cob_id_change};
 use crate::device::sdo_server::Access;
-use crate::device::store;
-use crate::device::sync;
-use crate::dictionary::Dictionary;
-use crate::dictionary::Entry;
-use crate::dictionary::OutOfRange;
+use crate::device::{Application, Misbehaviour, clock, heartbeat, history, store, sync};
+use crate::dictionary::{Dictionary, Entry, OutOfRange};
 use crate::object::Object;
 
 /// Objects of a device, during one request.

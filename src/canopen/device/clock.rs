@@ -10,8 +10,7 @@ use crate::device::parameter::consumed;
 use crate::dictionary::Dictionary;
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::time_stamp;
-use crate::time_stamp::TimeOfDay;
+use crate::time_stamp::{self, TimeOfDay};
 use units::time::Instant;
 
 /// Time of day.

@@ -9,8 +9,7 @@ use std::time::Duration;
 use canopen_rs::EmergencyMessage;
 use canopen_rs::emcy::ErrorRegister;
 
-use crate::device::condition::Condition;
-use crate::device::condition::Conditions;
+use crate::device::condition::{Condition, Conditions};
 use crate::device::history;
 use crate::device::parameter::cob_id;
 use crate::dictionary::Dictionary;

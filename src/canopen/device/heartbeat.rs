@@ -4,10 +4,8 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::encode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{encode_heartbeat, heartbeat_cob_id};
+use canopen_rs::{NmtState, NodeId};
 
 use crate::abort::AbortCode;
 use crate::dictionary::Dictionary;

@@ -7,17 +7,12 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::device::Application;
-use crate::device::Device;
-use crate::device::Reset;
 use crate::device::sdo_server::SdoServer;
+use crate::device::{Application, Device, Reset};
 use crate::dictionary::Dictionary;
 use crate::frame::Frame;
-use crate::lss::Address;
-use crate::lss::BitRate;
-use crate::lss::REQUEST_COB_ID;
-use crate::lss::slave::Effect;
-use crate::lss::slave::Slave;
+use crate::lss::slave::{Effect, Slave};
+use crate::lss::{Address, BitRate, REQUEST_COB_ID};
 use crate::object::Object;
 use units::time::Instant;
 
@@ -152,14 +147,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::NmtCommand;
-    use crate::NmtState;
     use crate::eds::Eds;
-    use crate::lss::codec::Answer;
-    use crate::lss::codec::Mode;
-    use crate::lss::codec::Reply;
-    use crate::lss::codec::Request;
+    use crate::lss::codec::{Answer, Mode, Reply, Request};
     use crate::nmt::Order;
+    use crate::{NmtCommand, NmtState};
 
     struct Idle;
 

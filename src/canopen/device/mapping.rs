@@ -3,8 +3,7 @@
 //! The data of a PDO is one number of up to 64 bits; the first mapped object has the lowest bits.
 
 use crate::abort::AbortCode;
-use crate::dictionary::Dictionary;
-use crate::dictionary::Entry;
+use crate::dictionary::{Dictionary, Entry};
 use crate::layout::Direction;
 use crate::object::Object;
 

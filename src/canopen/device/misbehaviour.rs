@@ -5,9 +5,7 @@
 use std::ops::RangeInclusive;
 
 use crate::abort::AbortCode;
-use crate::device::Application;
-use crate::device::ConnectionLoss;
-use crate::device::Device;
+use crate::device::{Application, ConnectionLoss, Device};
 use crate::object::Object;
 
 /// Deviations of a device; none by default.

@@ -27,15 +27,12 @@ mod sync;
 mod tests;
 mod tpdo;
 
-pub use application::Application;
-pub use application::ConnectionLoss;
-pub use application::Reset;
+pub use application::{Application, ConnectionLoss, Reset};
 pub use misbehaviour::Misbehaviour;
 
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
+use canopen_rs::{NmtState, NodeId};
 
 use crate::device::clock::Clock;
 use crate::device::errors::Errors;

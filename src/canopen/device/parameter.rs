@@ -4,17 +4,12 @@
 //! COB-ID.
 
 use crate::abort::AbortCode;
-use crate::device::mapping::Mapping;
-use crate::device::mapping::byte;
-use crate::device::mapping::mappable;
-use crate::device::mapping::number;
+use crate::device::mapping::{Mapping, byte, mappable, number};
 use crate::dictionary::Dictionary;
 use crate::frame::COB_ID_MAX;
-use crate::layout::Direction;
-use crate::layout::MAX_PDOS;
+use crate::layout::{Direction, MAX_PDOS};
 use crate::object::Object;
-use crate::sync;
-use crate::sync::Transmission;
+use crate::sync::{self, Transmission};
 
 /// PDO of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,14 +2,11 @@
 
 use canopen_rs::NmtState;
 
-use crate::device::Application;
-use crate::device::Device;
-use crate::device::clock;
 use crate::device::condition::Condition;
 use crate::device::parameter::Place;
-use crate::device::rpdo::Received;
-use crate::device::rpdo::Rpdo;
+use crate::device::rpdo::{Received, Rpdo};
 use crate::device::tpdo::Tpdo;
+use crate::device::{Application, Device, clock};
 use crate::frame::Frame;
 use crate::layout::Direction;
 use crate::sync::Sync;

@@ -6,8 +6,7 @@
 
 use std::time::Duration;
 
-use crate::device::condition::Condition;
-use crate::device::condition::Conditions;
+use crate::device::condition::{Condition, Conditions};
 use crate::device::mapping::Mapping;
 use crate::device::parameter::Place;
 use crate::dictionary::Dictionary;

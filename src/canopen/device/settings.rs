@@ -2,12 +2,9 @@
 
 use std::time::Duration;
 
-use crate::device::Application;
-use crate::device::Device;
 use crate::device::access::Objects;
-use crate::device::history;
 use crate::device::parameter::Place;
-use crate::device::store;
+use crate::device::{Application, Device, history, store};
 use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;

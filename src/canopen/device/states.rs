@@ -1,20 +1,14 @@
 //! NMT states of a device and their transitions (CiA 301, 7.3.2.2): commands, resets, loss of the master.
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
-use canopen_rs::nmt::encode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{encode_heartbeat, heartbeat_cob_id};
+use canopen_rs::{NmtCommand, NmtState};
 
-use crate::device::Application;
-use crate::device::ConnectionLoss;
-use crate::device::Device;
-use crate::device::Reset;
 use crate::device::condition::Condition;
 use crate::device::heartbeat::Heartbeat;
-use crate::device::mapping;
 use crate::device::parameter::Place;
 use crate::device::rpdo::Rpdo;
 use crate::device::tpdo::Tpdo;
+use crate::device::{Application, ConnectionLoss, Device, Reset, mapping};
 use crate::frame::Frame;
 use crate::layout::Direction;
 use crate::object::Object;

@@ -9,8 +9,7 @@ use std::time::Duration;
 use crate::abort::AbortCode;
 use crate::device::parameter::consumed;
 use crate::dictionary::Dictionary;
-use crate::frame::COB_ID_MAX;
-use crate::frame::Frame;
+use crate::frame::{COB_ID_MAX, Frame};
 use crate::object::Object;
 use units::time::Instant;
 

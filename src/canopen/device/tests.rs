@@ -21,9 +21,7 @@ use crate::eds::Eds;
 use crate::layout::Direction;
 use crate::nmt::Order;
 use crate::object::Object;
-use crate::sdo::Outcome;
-use crate::sdo::SdoError;
-use crate::sdo::Transfer;
+use crate::sdo::{Outcome, SdoError, Transfer};
 use crate::sync::Sync;
 
 /// Application that records its calls.

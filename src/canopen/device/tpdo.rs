@@ -6,15 +6,12 @@
 
 use std::time::Duration;
 
-use crate::device::mapping::Mapping;
-use crate::device::mapping::byte;
-use crate::device::parameter::NO_REMOTE;
-use crate::device::parameter::Place;
+use crate::device::mapping::{Mapping, byte};
+use crate::device::parameter::{NO_REMOTE, Place};
 use crate::dictionary::Dictionary;
 use crate::frame::Frame;
 use crate::layout::Direction;
-use crate::sync::Sync;
-use crate::sync::Transmission;
+use crate::sync::{Sync, Transmission};
 use units::time::Instant;
 
 /// One configured TPDO.

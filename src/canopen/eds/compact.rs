@@ -1,22 +1,13 @@
 //! Compact descriptions (CiA 306): arrays by `CompactSubObj`, PDOs by `CompactPDO`.
 
-use std::collections::HashMap;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
-use crate::data_type;
-use crate::data_type::UNSIGNED8;
-use crate::data_type::UNSIGNED32;
-use crate::eds::described::Access;
-use crate::eds::described::Described;
-use crate::eds::described::Setting;
-use crate::eds::ini::Entry;
-use crate::eds::ini::Ini;
-use crate::eds::ini::Section;
+use crate::data_type::{self, UNSIGNED8, UNSIGNED32};
+use crate::eds::described::{Access, Described, Setting};
+use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::read;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
-use crate::eds::value;
-use crate::eds::value::Number;
+use crate::eds::title::{Named, Title};
+use crate::eds::value::{self, Number};
 use crate::object::Object;
 
 /// Number of sub-indices described compactly, 0 to 254.

@@ -1,10 +1,8 @@
 //! Description of one object.
 
-use crate::NodeId;
-use crate::data_type;
-use crate::eds::value;
-use crate::eds::value::Number;
+use crate::eds::value::{self, Number};
 use crate::object::Object;
+use crate::{NodeId, data_type};
 
 /// Access to an object by SDO and PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

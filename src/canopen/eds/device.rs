@@ -3,8 +3,7 @@
 use crate::NodeId;
 use crate::eds::ini::Ini;
 use crate::eds::read;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
+use crate::eds::title::{Named, Title};
 
 /// Device information (CiA 306, 4.4). Zero or empty if absent.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -5,8 +5,7 @@
 //! first counts, as in the Windows functions for this format.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
-use std::collections::hash_map;
+use std::collections::{HashMap, hash_map};
 
 use crate::eds::title::Title;
 

@@ -1,7 +1,6 @@
 //! Keys of CiA 306, in its order and spelling.
 
-use crate::eds::title::Named;
-use crate::eds::title::Title;
+use crate::eds::title::{Named, Title};
 
 const FILE_INFO: &[&str] = &[
     "FileName",

@@ -17,17 +17,12 @@ mod text;
 mod title;
 pub mod value;
 
-pub use described::Access;
-pub use described::Described;
-pub use described::Setting;
-pub use device::Commissioning;
-pub use device::DeviceInfo;
-pub use lint::Finding;
-pub use lint::Severity;
+pub use described::{Access, Described, Setting};
+pub use device::{Commissioning, DeviceInfo};
+pub use lint::{Finding, Severity};
 pub use pdo::PdoAbility;
 pub(crate) use sheet::Sheet;
-pub use value::NoValue;
-pub use value::Number;
+pub use value::{NoValue, Number};
 
 use std::sync::Arc;
 

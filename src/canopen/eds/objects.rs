@@ -2,13 +2,10 @@
 
 use std::collections::HashSet;
 
-use crate::eds::Described;
-use crate::eds::EdsError;
-use crate::eds::compact;
 use crate::eds::ini::Ini;
-use crate::eds::read::is_head;
-use crate::eds::read::one;
+use crate::eds::read::{is_head, one};
 use crate::eds::title::Title;
+use crate::eds::{Described, EdsError, compact};
 use crate::object::Object;
 
 /// Maximum number of objects, and maximum bytes copied for compact descriptions, which could expand to any

@@ -1,15 +1,9 @@
 //! Conversion of sections to objects. Absent or invalid parts get the default of CiA 306 or a plausible one;
 //! [`lint`](crate::eds::lint) reports them.
 
-use crate::data_type;
-use crate::data_type::DOMAIN;
-use crate::data_type::DataType;
-use crate::eds::described::Access;
-use crate::eds::described::Described;
-use crate::eds::described::Setting;
-use crate::eds::ini::Entry;
-use crate::eds::ini::Ini;
-use crate::eds::ini::Section;
+use crate::data_type::{self, DOMAIN, DataType};
+use crate::eds::described::{Access, Described, Setting};
+use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::title::Title;
 use crate::eds::value;
 use crate::object::Object;

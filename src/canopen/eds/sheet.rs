@@ -5,12 +5,9 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 
 use crate::eds::described::Described;
-use crate::eds::ini::Ini;
-use crate::eds::ini::Section;
-use crate::eds::keys;
-use crate::eds::text;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
+use crate::eds::ini::{Ini, Section};
+use crate::eds::title::{Named, Title};
+use crate::eds::{keys, text};
 use crate::object::Object;
 
 /// Sections of a file.

@@ -3,8 +3,7 @@
 use thiserror::Error;
 
 use crate::NodeId;
-use crate::data_type::DataType;
-use crate::data_type::Kind;
+use crate::data_type::{DataType, Kind};
 
 /// Number, optionally plus the node-id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

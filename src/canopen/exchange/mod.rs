@@ -20,8 +20,7 @@ mod slot;
 mod tpdos;
 
 pub use rpdos::RpdoImage;
-pub use tpdos::TpdoMap;
-pub use tpdos::TpdoSample;
+pub use tpdos::{TpdoMap, TpdoSample};
 
 use thiserror::Error;
 

@@ -6,14 +6,9 @@
 
 use crate::drive::Controlword;
 use crate::exchange::ExchangeError;
-use crate::exchange::slot::Slot;
-use crate::exchange::slot::slots;
-use crate::frame::Channel;
-use crate::frame::Frame;
-use crate::frame::Telegram;
-use crate::layout::Direction;
-use crate::layout::Pdo;
-use crate::layout::Service;
+use crate::exchange::slot::{Slot, slots};
+use crate::frame::{Channel, Frame, Telegram};
+use crate::layout::{Direction, Pdo, Service};
 use crate::object::Object;
 use crate::plan::NodePlan;
 use units::drive::PerMille;
@@ -271,8 +266,7 @@ mod tests {
     use super::*;
     use crate::NodeId;
     use crate::exchange::resolve;
-    use crate::layout;
-    use crate::layout::Group;
+    use crate::layout::{self, Group};
     use crate::testing::plans::elbow;
 
     fn plans(layout: impl Fn(NodeId, Group) -> Vec<Pdo>) -> Vec<(Channel, NodePlan)> {

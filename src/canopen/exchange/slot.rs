@@ -1,7 +1,6 @@
 //! Bit field in a frame. The eight bytes form one little-endian number (CiA 301, 7.2.2.5).
 
-use crate::layout::Mapped;
-use crate::layout::Service;
+use crate::layout::{Mapped, Service};
 
 /// Position of a mapped object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

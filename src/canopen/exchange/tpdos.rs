@@ -3,19 +3,13 @@
 use std::time::Duration;
 
 use crate::drive::Statusword;
-use crate::exchange::slot::Slot;
-use crate::exchange::slot::content;
-use crate::exchange::slot::slots;
-use crate::frame::Channel;
-use crate::frame::Telegram;
-use crate::layout::Direction;
-use crate::layout::Mapped;
-use crate::layout::Pdo;
+use crate::exchange::slot::{Slot, content, slots};
+use crate::frame::{Channel, Telegram};
+use crate::layout::{Direction, Mapped, Pdo};
 use crate::object::Object;
 use crate::pdo::WrongLength;
 use crate::plan::NodePlan;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 use units::numbering::NodeIndex;
 
 /// Content of one received TPDO; `None` for objects that it does not map.
@@ -141,8 +135,7 @@ mod tests {
     use crate::NodeId;
     use crate::exchange::resolve;
     use crate::frame::Frame;
-    use crate::layout;
-    use crate::layout::Group;
+    use crate::layout::{self, Group};
     use crate::sync::Transmission;
     use crate::testing::plans::elbow;
 

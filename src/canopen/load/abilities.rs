@@ -7,8 +7,7 @@
 use std::fmt;
 
 use crate::eds::Eds;
-use crate::layout::Direction;
-use crate::layout::Group;
+use crate::layout::{Direction, Group};
 use crate::object::Object;
 
 /// Reason why a drive cannot take a shared RPDO.

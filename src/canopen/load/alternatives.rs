@@ -5,17 +5,11 @@ use std::fmt;
 use canopen_rs::NodeId;
 
 use crate::emcy;
-use crate::layout;
-use crate::layout::Direction;
-use crate::layout::Group;
-use crate::layout::Pdo;
+use crate::layout::{self, Direction, Group, Pdo};
 use crate::load::abilities::NoGroup;
-use crate::load::network::Bus;
-use crate::load::network::Member;
-use crate::load::network::Network;
+use crate::load::network::{Bus, Member, Network};
 use crate::load::utilisation::BusLoad;
-use crate::plan::ErrorControl;
-use crate::plan::NodePlan;
+use crate::plan::{ErrorControl, NodePlan};
 
 /// Heartbeat period of nodes that also monitor their RPDO, in ms.
 const SLOW_HEARTBEAT_MS: u16 = 100;
@@ -215,8 +209,7 @@ fn laid_out(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::network::tests::network;
-    use crate::load::network::tests::six_drives_and_switches;
+    use crate::load::network::tests::{network, six_drives_and_switches};
     use crate::object::Object;
 
     fn overloaded() -> Network {

@@ -29,5 +29,4 @@ pub mod timeline;
 pub mod utilisation;
 
 pub use streams::streams;
-pub use utilisation::BusLoad;
-pub use utilisation::Overload;
+pub use utilisation::{BusLoad, Overload};

@@ -5,21 +5,12 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 
 use crate::load::abilities::Abilities;
-use crate::load::payload;
-use crate::load::payload::Signals;
+use crate::load::payload::{self, Signals};
 use crate::load::rates::Rates;
-use crate::load::response;
-use crate::load::response::Contender;
-use crate::load::streams::Role;
-use crate::load::streams::Stream;
-use crate::load::streams::sporadic;
-use crate::load::streams::streams;
-use crate::load::timeline::LoopDelay;
-use crate::load::timeline::Pauses;
-use crate::load::timeline::Timeline;
-use crate::load::utilisation::BusLoad;
-use crate::load::utilisation::Margin;
-use crate::load::utilisation::Utilisation;
+use crate::load::response::{self, Contender};
+use crate::load::streams::{Role, Stream, sporadic, streams};
+use crate::load::timeline::{LoopDelay, Pauses, Timeline};
+use crate::load::utilisation::{BusLoad, Margin, Utilisation};
 use crate::plan::NodePlan;
 
 /// Node on a bus.
@@ -320,9 +311,7 @@ pub(crate) mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::load::streams::tests::drives;
-    use crate::load::streams::tests::grouped;
-    use crate::load::streams::tests::master;
+    use crate::load::streams::tests::{drives, grouped, master};
     use crate::testing::plans::switch_box;
 
     /// Bus of `plans` at 1 Mbit/s with a limit of 90 %, whose drives permit every change.

@@ -6,14 +6,11 @@
 
 use canopen_rs::NodeId;
 
-use crate::bits;
-use crate::drive;
 use crate::frame::Frame;
 use crate::load::pace::MOVING;
-use crate::load::streams::Role;
-use crate::load::streams::Slot;
-use crate::load::streams::Stream;
+use crate::load::streams::{Role, Slot, Stream};
 use crate::object::Object;
+use crate::{bits, drive};
 
 /// Number of sampled frames per mean.
 const SAMPLES: u32 = 512;
@@ -128,9 +125,7 @@ mod tests {
 
     use super::*;
     use crate::load::streams::streams;
-    use crate::load::streams::tests::drives;
-    use crate::load::streams::tests::grouped;
-    use crate::load::streams::tests::master;
+    use crate::load::streams::tests::{drives, grouped, master};
 
     fn moving(_: NodeId) -> Signals {
         Signals { home: 20_000, travel: 60_000, holding: 100, effort: 200 }

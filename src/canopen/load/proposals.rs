@@ -2,10 +2,8 @@
 
 use std::time::Duration;
 
-use crate::load::alternatives::Change;
-use crate::load::alternatives::changed;
-use crate::load::network::Assumptions;
-use crate::load::network::Network;
+use crate::load::alternatives::{Change, changed};
+use crate::load::network::{Assumptions, Network};
 use crate::load::utilisation::BusLoad;
 
 /// Usual SYNC periods, in µs.
@@ -100,8 +98,7 @@ fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
 mod tests {
     use super::*;
     use crate::load::abilities::NoGroup;
-    use crate::load::network::tests::network;
-    use crate::load::network::tests::six_drives_and_switches;
+    use crate::load::network::tests::{network, six_drives_and_switches};
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

@@ -51,9 +51,7 @@ mod tests {
 
     use super::*;
     use crate::load::streams::streams;
-    use crate::load::streams::tests::drives;
-    use crate::load::streams::tests::grouped;
-    use crate::load::streams::tests::master;
+    use crate::load::streams::tests::{drives, grouped, master};
     use crate::load::utilisation::BusLoad;
     use crate::plan::NodePlan;
 

@@ -3,21 +3,14 @@
 //! An RPDO shared by several drives is one frame. Its mapping decides whether the master sends it on change (a
 //! controlword) or in every cycle (a torque).
 
-use canopen_rs::NodeId;
-use canopen_rs::Value;
 use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::{NodeId, Value};
 
-use crate::bits;
-use crate::layout::Direction;
-use crate::layout::Mapped;
-use crate::layout::Pdo;
-use crate::layout::Service;
-use crate::load::pace::Pace;
-use crate::load::pace::Values;
+use crate::layout::{Direction, Mapped, Pdo, Service};
+use crate::load::pace::{Pace, Values};
 use crate::object::Object;
-use crate::plan::ErrorControl;
-use crate::plan::NodePlan;
-use crate::sync;
+use crate::plan::{ErrorControl, NodePlan};
+use crate::{bits, sync};
 
 /// Objects that change rarely; all others count as measured values.
 const RARE: [Object; 4] =
@@ -336,8 +329,7 @@ const SDO_RESPONSE: u16 = 0x580;
 pub(crate) mod tests {
     use super::*;
     use crate::layout;
-    use crate::testing::plans::elbow;
-    use crate::testing::plans::switch_box;
+    use crate::testing::plans::{elbow, switch_box};
 
     pub(crate) fn node(raw: u8) -> NodeId {
         NodeId::new(raw).unwrap()

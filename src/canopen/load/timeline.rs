@@ -8,8 +8,7 @@
 //! while the host computes, one other frame may start: [`Timeline::blocked_us`] includes that. Further delays
 //! are in [`response`](crate::load::response).
 
-use crate::load::streams::Role;
-use crate::load::streams::Stream;
+use crate::load::streams::{Role, Stream};
 
 /// Number of moments in a cycle at which another frame may start.
 const OPENINGS: f64 = 3.0;
@@ -123,9 +122,7 @@ pub struct LoopDelay {
 mod tests {
     use super::*;
     use crate::load::streams::streams;
-    use crate::load::streams::tests::drives;
-    use crate::load::streams::tests::grouped;
-    use crate::load::streams::tests::master;
+    use crate::load::streams::tests::{drives, grouped, master};
 
     const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
 

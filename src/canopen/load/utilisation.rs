@@ -144,14 +144,10 @@ pub struct Margin {
 mod tests {
     use super::*;
     use crate::layout::Mapped;
-    use crate::load::streams::sporadic;
-    use crate::load::streams::streams;
-    use crate::load::streams::tests::drives;
-    use crate::load::streams::tests::grouped;
-    use crate::load::streams::tests::master;
+    use crate::load::streams::tests::{drives, grouped, master};
+    use crate::load::streams::{sporadic, streams};
     use crate::object::Object;
-    use crate::plan::ErrorControl;
-    use crate::plan::NodePlan;
+    use crate::plan::{ErrorControl, NodePlan};
     use crate::testing::plans::switch_box;
 
     const MBIT: u32 = 1_000_000;

@@ -19,9 +19,7 @@
 use std::fmt;
 
 use crate::frame::Frame;
-use crate::lss::Part;
-use crate::lss::REPLY_COB_ID;
-use crate::lss::REQUEST_COB_ID;
+use crate::lss::{Part, REPLY_COB_ID, REQUEST_COB_ID};
 
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;

@@ -9,11 +9,8 @@
 use std::time::Duration;
 
 use crate::frame::Frame;
-use crate::lss::Address;
-use crate::lss::Part;
-use crate::lss::codec::Probe;
-use crate::lss::codec::Reply;
-use crate::lss::codec::Request;
+use crate::lss::codec::{Probe, Reply, Request};
+use crate::lss::{Address, Part};
 use units::time::Instant;
 
 /// Result of a fastscan.

@@ -5,9 +5,7 @@
 use std::time::Duration;
 
 use crate::frame::Frame;
-use crate::lss::codec::Condition;
-use crate::lss::codec::Reply;
-use crate::lss::codec::Request;
+use crate::lss::codec::{Condition, Reply, Request};
 use crate::procedure::Procedure;
 use units::time::Instant;
 

@@ -10,14 +10,8 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use thiserror::Error;
 
-use crate::lss::Address;
-use crate::lss::BitRate;
-use crate::lss::Part;
-use crate::lss::STANDARD_TABLE;
-use crate::lss::codec::Answer;
-use crate::lss::codec::Mode;
-use crate::lss::codec::Request;
-use crate::lss::node_byte;
+use crate::lss::codec::{Answer, Mode, Request};
+use crate::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte};
 
 /// Selection of the slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

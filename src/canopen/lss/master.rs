@@ -13,18 +13,9 @@ use canopen_rs::NodeId;
 
 use crate::frame::Frame;
 use crate::heartbeat::is_boot_up;
-use crate::lss::codec::Answer;
-use crate::lss::codec::Reply;
-use crate::lss::codec::Request;
-use crate::lss::fastscan::Fastscan;
-use crate::lss::fastscan::Found;
-use crate::lss::job::Job;
-use crate::lss::job::LssError;
-use crate::lss::job::Report;
-use crate::lss::job::Selection;
-use crate::lss::job::Step;
-use crate::lss::job::TO_WAITING;
-use crate::lss::job::Timeouts;
+use crate::lss::codec::{Answer, Reply, Request};
+use crate::lss::fastscan::{Fastscan, Found};
+use crate::lss::job::{Job, LssError, Report, Selection, Step, TO_WAITING, Timeouts};
 use crate::lss::node_of;
 use crate::procedure::Procedure;
 use units::time::Instant;
@@ -256,14 +247,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::lss::Address;
-    use crate::lss::BitRate;
-    use crate::lss::Part;
-    use crate::lss::REPLY_COB_ID;
-    use crate::lss::REQUEST_COB_ID;
     use crate::lss::codec::Mode;
-    use crate::lss::slave::Effect;
-    use crate::lss::slave::Slave;
+    use crate::lss::slave::{Effect, Slave};
+    use crate::lss::{Address, BitRate, Part, REPLY_COB_ID, REQUEST_COB_ID};
 
     const ADDRESS: Address = Address { vendor: 1, product: 2, revision: 3, serial: 4 };
     const TIMEOUTS: Timeouts = Timeouts {

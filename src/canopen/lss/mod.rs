@@ -21,9 +21,7 @@ pub mod slave;
 use std::fmt;
 
 use canopen_rs::NodeId;
-use canopen_rs::lss::LSS_MASTER_COB_ID;
-use canopen_rs::lss::LSS_SLAVE_COB_ID;
-use canopen_rs::lss::UNCONFIGURED_NODE_ID;
+use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID, UNCONFIGURED_NODE_ID};
 
 /// COB-ID of LSS requests.
 pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;

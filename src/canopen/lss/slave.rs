@@ -9,18 +9,8 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 
 use crate::frame::Frame;
-use crate::lss::Address;
-use crate::lss::BitRate;
-use crate::lss::Part;
-use crate::lss::STANDARD_TABLE;
-use crate::lss::codec::Answer;
-use crate::lss::codec::Condition;
-use crate::lss::codec::Mode;
-use crate::lss::codec::Probe;
-use crate::lss::codec::Reply;
-use crate::lss::codec::Request;
-use crate::lss::node_byte;
-use crate::lss::node_of;
+use crate::lss::codec::{Answer, Condition, Mode, Probe, Reply, Request};
+use crate::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte, node_of};
 
 /// Effect of a request on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,13 +6,11 @@ use canopen_rs::NodeId;
 use thiserror::Error;
 
 use crate::abort::AbortCode;
-use crate::master::check::Check;
-use crate::master::check::DisplayedValue;
+use crate::master::check::{Check, DisplayedValue};
 use crate::master::duplicate::Sign;
 use crate::object::Object;
 use crate::plan::NodePlan;
-use crate::sdo::Content;
-use crate::sdo::SdoError;
+use crate::sdo::{Content, SdoError};
 
 /// Error of a failed boot.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

@@ -7,8 +7,7 @@ use std::fmt;
 use canopen_rs::Value;
 
 use crate::object::Object;
-use crate::sdo::Content;
-use crate::sdo::bytes;
+use crate::sdo::{Content, bytes};
 
 /// Expected value of an object.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,8 +138,7 @@ fn number(f: &mut fmt::Formatter<'_>, bytes: &[u8], mask: u64) -> fmt::Result {
 pub(super) mod tests {
     use std::time::Duration;
 
-    use canopen_rs::ByteString;
-    use canopen_rs::NodeId;
+    use canopen_rs::{ByteString, NodeId};
 
     use super::*;
     use crate::frame::Frame;

@@ -9,32 +9,21 @@ mod transfer_end;
 
 use std::time::Duration;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
-use canopen_rs::Value;
-use canopen_rs::nmt::decode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::sdo::response_cob_id;
+use canopen_rs::{NmtCommand, NmtState, Value};
 
 use crate::drive::Controlword;
 use crate::frame::Frame;
 use crate::heartbeat::is_boot_up;
-use crate::master::boot_error::BootError;
-use crate::master::boot_error::Problem;
-use crate::master::duplicate::Reply;
-use crate::master::duplicate::ReplyCounter;
-use crate::master::duplicate::Sign;
+use crate::master::boot_error::{BootError, Problem};
+use crate::master::duplicate::{Reply, ReplyCounter, Sign};
 use crate::master::standstill::Standstill;
-use crate::master::steps::Action;
-use crate::master::steps::Configuration;
-use crate::master::steps::Next;
-use crate::master::steps::Stage;
-use crate::master::steps::Step;
+use crate::master::steps::{Action, Configuration, Next, Stage, Step};
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
-use crate::sdo::Transfer;
-use crate::sdo::bytes;
+use crate::sdo::{Transfer, bytes};
 use units::time::Instant;
 
 /// Time allowed for one SDO reply.

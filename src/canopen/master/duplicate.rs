@@ -6,9 +6,8 @@
 use std::fmt;
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
 use canopen_rs::sdo::request_cob_id;
+use canopen_rs::{NmtState, NodeId};
 
 use crate::frame::Frame;
 use units::time::Instant;

@@ -11,8 +11,7 @@ use canopen_rs::NodeId;
 use crate::error_codes;
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::sdo::Outcome;
-use crate::sdo::Transfer;
+use crate::sdo::{Outcome, Transfer};
 use units::time::Instant;
 
 /// Maximum number of errors read, the newest first.

@@ -6,14 +6,11 @@ use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NmtState;
-use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
-use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
+use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 
 use crate::drive::Statusword;
 use crate::emcy::Emergency;
-use crate::frame::Channel;
-use crate::frame::FUNCTION_CODE;
-use crate::frame::Frame;
+use crate::frame::{Channel, FUNCTION_CODE, Frame};
 use crate::master::boot_error::BootError;
 use crate::master::duplicate::Sign;
 use crate::master::error_history::History;

@@ -5,19 +5,13 @@
 
 use std::time::Duration;
 
-use canopen_rs::NodeId;
-use canopen_rs::Value;
+use canopen_rs::{NodeId, Value};
 
-use crate::drive::Controlword;
-use crate::drive::Statusword;
+use crate::drive::{Controlword, Statusword};
 use crate::frame::Frame;
-use crate::master::error_history::History;
-use crate::master::error_history::HistoryReader;
+use crate::master::error_history::{History, HistoryReader};
 use crate::object::Object;
-use crate::sdo::Content;
-use crate::sdo::Outcome;
-use crate::sdo::Transfer;
-use crate::sdo::bytes;
+use crate::sdo::{Content, Outcome, Transfer, bytes};
 use units::time::Instant;
 
 /// Time allowed for one reply.

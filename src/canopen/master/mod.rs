@@ -27,15 +27,10 @@ use std::collections::VecDeque;
 
 use canopen_rs::NmtCommand;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
-use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
-use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
+use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 
-use crate::emcy;
-use crate::emcy::Emergency;
-use crate::frame::Channel;
-use crate::frame::FUNCTION_CODE;
-use crate::frame::Frame;
-use crate::frame::Telegram;
+use crate::emcy::{self, Emergency};
+use crate::frame::{Channel, FUNCTION_CODE, Frame, Telegram};
 use crate::heartbeat::Health;
 use crate::layout::Direction;
 use crate::master::event::Event;
@@ -43,8 +38,7 @@ use crate::master::read_back::Setting;
 use crate::master::sdo_traffic::Foreign;
 use crate::master::slave::Slave;
 use crate::master::unknown_nodes::UnknownNodes;
-use crate::nmt;
-use crate::nmt::Order;
+use crate::nmt::{self, Order};
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sync;

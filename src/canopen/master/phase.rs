@@ -1,19 +1,14 @@
 //! Consequences of a node's report for the whole network: frames, events, the next phase.
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
+use canopen_rs::{NmtCommand, NmtState};
 
 use crate::frame::Telegram;
 use crate::heartbeat::HeartbeatEvent;
-use crate::master::MAX_QUEUED;
-use crate::master::Master;
-use crate::master::Phase;
 use crate::master::boot_error::Problem;
 use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::event::Event;
-use crate::master::slave::Report;
-use crate::master::slave::Slave;
-use crate::master::telegram;
+use crate::master::slave::{Report, Slave};
+use crate::master::{MAX_QUEUED, Master, Phase, telegram};
 use crate::nmt::Order;
 use units::numbering::NodeIndex;
 use units::time::Instant;

@@ -7,15 +7,13 @@ use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NodeId;
-use canopen_rs::sdo::request_cob_id;
-use canopen_rs::sdo::response_cob_id;
+use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::check::Check;
 use crate::object::Object;
-use crate::sdo::SdoError;
-use crate::sdo::bytes;
+use crate::sdo::{SdoError, bytes};
 use units::time::Instant;
 
 /// Time allowed for the reply.

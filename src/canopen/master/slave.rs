@@ -6,32 +6,21 @@ use std::time::Duration;
 
 use canopen_rs::NmtState;
 use canopen_rs::nmt::heartbeat_cob_id;
-use canopen_rs::sdo::request_cob_id;
-use canopen_rs::sdo::response_cob_id;
+use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
 use crate::drive::Statusword;
-use crate::frame::Channel;
-use crate::frame::Frame;
+use crate::frame::{Channel, Frame};
 use crate::guarding::Guard;
-use crate::heartbeat::Consumer;
-use crate::heartbeat::Health;
-use crate::heartbeat::HeartbeatEvent;
-use crate::master::boot_error::BootError;
-use crate::master::boot_error::Problem;
-use crate::master::commission::Boot;
-use crate::master::commission::BootOutcome;
+use crate::heartbeat::{Consumer, Health, HeartbeatEvent};
+use crate::master::boot_error::{BootError, Problem};
+use crate::master::commission::{Boot, BootOutcome};
 use crate::master::error_history::History;
-use crate::master::inquiry::Answer;
-use crate::master::inquiry::Inquiry;
-use crate::master::read_back;
-use crate::master::read_back::ReadBack;
-use crate::master::read_back::Setting;
-use crate::master::sdo_traffic::Foreign;
-use crate::master::sdo_traffic::SdoTraffic;
+use crate::master::inquiry::{Answer, Inquiry};
+use crate::master::read_back::{self, ReadBack, Setting};
+use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::Configuration;
 use crate::object::Object;
-use crate::plan::ErrorControl;
-use crate::plan::NodePlan;
+use crate::plan::{ErrorControl, NodePlan};
 use units::time::Instant;
 
 /// Period at which an absent optional node is polled, in case its boot-up message was lost.

@@ -16,16 +16,12 @@
 use std::collections::HashSet;
 use std::fmt;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::Value;
+use canopen_rs::{NmtCommand, Value};
 
-use crate::drive::Controlword;
-use crate::drive::Statusword;
+use crate::drive::{Controlword, Statusword};
 use crate::master::check::Check;
 use crate::object::Object;
-use crate::plan::NodePlan;
-use crate::plan::Revisions;
-use crate::plan::Setting;
+use crate::plan::{NodePlan, Revisions, Setting};
 
 /// Stage of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -327,10 +323,7 @@ const LOAD: u32 = u32::from_le_bytes(*b"load");
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::plans::IDENTITY;
-    use crate::testing::plans::elbow;
-    use crate::testing::plans::guarded_elbow;
-    use crate::testing::plans::switch_box;
+    use crate::testing::plans::{IDENTITY, elbow, guarded_elbow, switch_box};
     use crate::testing::scripted::first_boot;
 
     /// Index of each write, with its object.

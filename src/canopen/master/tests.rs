@@ -10,9 +10,7 @@ use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::duplicate::Sign;
 use crate::master::steps::Configuration;
 use crate::object::Object;
-use crate::testing::plans::elbow;
-use crate::testing::plans::guarded_elbow;
-use crate::testing::plans::switch_box;
+use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::Scripted;
 use units::numbering::NodeIndex;
 

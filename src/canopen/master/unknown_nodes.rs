@@ -5,9 +5,7 @@
 
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 
-use crate::frame::Channel;
-use crate::frame::FUNCTION_CODE;
-use crate::frame::Frame;
+use crate::frame::{Channel, FUNCTION_CODE, Frame};
 use crate::plan::NodePlan;
 
 /// Known nodes on each bus: bit n stands for node-id n.

@@ -12,11 +12,10 @@
 
 use canopen_rs::Address;
 use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::block::decode_download_initiate_response;
-use canopen_rs::sdo::block::decode_end_response;
-use canopen_rs::sdo::block::decode_sub_response;
-use canopen_rs::sdo::block::encode_download_initiate;
-use canopen_rs::sdo::block::encode_end;
+use canopen_rs::sdo::block::{
+    decode_download_initiate_response, decode_end_response, decode_sub_response,
+    encode_download_initiate, encode_end,
+};
 
 use crate::sdo::content::Content;
 use crate::sdo::sender::Sender;

@@ -13,18 +13,14 @@
 
 use canopen_rs::Address;
 use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::block::decode_end;
-use canopen_rs::sdo::block::decode_upload_initiate_response;
-use canopen_rs::sdo::block::encode_end_response;
-use canopen_rs::sdo::block::encode_upload_initiate;
-use canopen_rs::sdo::block::encode_upload_start;
+use canopen_rs::sdo::block::{
+    decode_end, decode_upload_initiate_response, encode_end_response, encode_upload_initiate,
+    encode_upload_start,
+};
 
 use crate::abort::AbortCode;
-use crate::sdo::content::Content;
-use crate::sdo::content::Size;
-use crate::sdo::receiver::BlockParameters;
-use crate::sdo::receiver::Receiver;
-use crate::sdo::receiver::Taken;
+use crate::sdo::content::{Content, Size};
+use crate::sdo::receiver::{BlockParameters, Receiver, Taken};
 use crate::sdo::segmented::SCS_UPLOAD;
 use crate::sdo::step::Step;
 use crate::sdo::terms::Block;

@@ -42,23 +42,11 @@ mod terms;
 mod tests;
 mod transfer;
 
-pub use content::Content;
-pub use content::bytes;
-pub use queue::Done;
-pub use queue::Queue;
-pub use queue::Request;
-pub use queue::Task;
-pub use queue::Ticket;
-pub(crate) use receiver::BlockParameters;
-pub(crate) use receiver::Receiver;
-pub(crate) use receiver::Taken;
+pub use content::{Content, bytes};
+pub use queue::{Done, Queue, Request, Task, Ticket};
+pub(crate) use receiver::{BlockParameters, Receiver, Taken};
 pub(crate) use sender::Sender;
-pub use terms::Block;
-pub use terms::InvalidBlockSize;
-pub use terms::MAX_BYTES;
-pub use terms::Protocol;
-pub use terms::SEGMENTED_BYTES;
-pub use terms::Terms;
+pub use terms::{Block, InvalidBlockSize, MAX_BYTES, Protocol, SEGMENTED_BYTES, Terms};
 pub use transfer::Transfer;
 
 use thiserror::Error;

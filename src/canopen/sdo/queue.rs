@@ -3,18 +3,16 @@
 //! Nodes are served in parallel, the requests to one node in order. Every request has one outcome, unless it
 //! is cancelled.
 
-use std::collections::BTreeMap;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use canopen_rs::NodeId;
 
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::sdo::Outcome;
-use crate::sdo::SdoError;
 use crate::sdo::terms::Terms;
 use crate::sdo::transfer::Transfer;
+use crate::sdo::{Outcome, SdoError};
 use units::time::Instant;
 
 /// Request to a node.

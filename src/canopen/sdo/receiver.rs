@@ -4,9 +4,8 @@
 //! Accepts segments in sequence only. Each sub-block is acknowledged at its end. Memory grows with received
 //! bytes, not with the indicated size.
 
-use canopen_rs::sdo::SEGMENT_DATA_MAX;
-use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
+use canopen_rs::sdo::{SEGMENT_DATA_MAX, SdoPayload};
 
 use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;

@@ -1,23 +1,15 @@
 //! Client side of expedited and segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): up to four bytes in the
 //! initiating frame, or seven bytes per request and reply.
 
-use canopen_rs::Address;
-use canopen_rs::ByteString;
-use canopen_rs::Value;
-use canopen_rs::sdo::SEGMENT_DATA_MAX;
-use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::decode_data_segment;
-use canopen_rs::sdo::decode_download_response;
-use canopen_rs::sdo::decode_download_segment_response;
-use canopen_rs::sdo::encode_data_segment;
-use canopen_rs::sdo::encode_download_expedited;
-use canopen_rs::sdo::encode_download_initiate_segmented;
-use canopen_rs::sdo::encode_upload_request;
-use canopen_rs::sdo::encode_upload_segment_request;
+use canopen_rs::sdo::{
+    SEGMENT_DATA_MAX, SdoPayload, decode_data_segment, decode_download_response,
+    decode_download_segment_response, encode_data_segment, encode_download_expedited,
+    encode_download_initiate_segmented, encode_upload_request, encode_upload_segment_request,
+};
+use canopen_rs::{Address, ByteString, Value};
 
 use crate::abort::AbortCode;
-use crate::sdo::content::Content;
-use crate::sdo::content::Size;
+use crate::sdo::content::{Content, Size};
 use crate::sdo::step::Step;
 
 /// Upload in progress.

@@ -4,8 +4,7 @@
 //! A sub-block has up to 127 segments of seven bytes, numbered from 1. Its acknowledgement states how many
 //! arrived in sequence; the next sub-block starts after those, so lost segments are sent again.
 
-use canopen_rs::sdo::SEGMENT_DATA_MAX;
-use canopen_rs::sdo::SdoPayload;
+use canopen_rs::sdo::{SEGMENT_DATA_MAX, SdoPayload};
 
 use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;

@@ -8,11 +8,7 @@ use crate::NodeId;
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::sdo::Block;
-use crate::sdo::Outcome;
-use crate::sdo::SdoError;
-use crate::sdo::Terms;
-use crate::sdo::Transfer;
+use crate::sdo::{Block, Outcome, SdoError, Terms, Transfer};
 use units::time::Instant;
 
 const TIMEOUT: Duration = Duration::from_millis(100);

@@ -3,26 +3,18 @@
 
 use std::time::Duration;
 
-use canopen_rs::Address;
-use canopen_rs::NodeId;
-use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::request_cob_id;
-use canopen_rs::sdo::response_cob_id;
+use canopen_rs::sdo::{SdoPayload, request_cob_id, response_cob_id};
+use canopen_rs::{Address, NodeId};
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::sdo::Outcome;
-use crate::sdo::SdoError;
 use crate::sdo::block_download::BlockDownload;
 use crate::sdo::block_upload::BlockUpload;
-use crate::sdo::segmented::Download;
-use crate::sdo::segmented::Upload;
+use crate::sdo::segmented::{Download, Upload};
 use crate::sdo::step::Step;
-use crate::sdo::terms::BLOCK_THRESHOLD;
-use crate::sdo::terms::Protocol;
-use crate::sdo::terms::SEGMENTED_BYTES;
-use crate::sdo::terms::Terms;
+use crate::sdo::terms::{BLOCK_THRESHOLD, Protocol, SEGMENTED_BYTES, Terms};
+use crate::sdo::{Outcome, SdoError};
 use units::time::Instant;
 
 /// One transfer from its request to its outcome.

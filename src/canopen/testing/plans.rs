@@ -4,9 +4,7 @@ use canopen_rs::NodeId;
 
 use crate::guarding::Guarding;
 use crate::layout;
-use crate::plan::Identity;
-use crate::plan::NodePlan;
-use crate::plan::Watch;
+use crate::plan::{Identity, NodePlan, Watch};
 
 pub const IDENTITY: Identity =
     Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };

@@ -3,13 +3,11 @@
 
 use std::collections::HashMap;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NodeId;
+use canopen_rs::{NmtCommand, NodeId};
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;
-use crate::master::steps::Stage;
-use crate::master::steps::Step;
+use crate::master::steps::{Stage, Step};
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;

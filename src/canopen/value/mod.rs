@@ -10,11 +10,8 @@ use std::fmt;
 use thiserror::Error;
 
 use crate::time_stamp::TimeOfDay;
-use crate::value::gateway_type::GatewayType;
-use crate::value::gateway_type::Width;
-use crate::value::numeral::bare;
-use crate::value::numeral::hexadecimal;
-use crate::value::numeral::whole;
+use crate::value::gateway_type::{GatewayType, Width};
+use crate::value::numeral::{bare, hexadecimal, whole};
 
 /// Error of a text or content that is not a value of its type.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

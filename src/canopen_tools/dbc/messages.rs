@@ -2,24 +2,12 @@
 
 use thiserror::Error;
 
-use crate::dbc::Database;
-use crate::dbc::Field;
-use crate::dbc::Message;
-use crate::dbc::Number;
-use crate::object_text;
-use crate::object_text::Command;
-use crate::signals;
-use crate::signals::ACTUATOR_POSITION;
-use crate::signals::Member;
-use crate::signals::PdoFrame;
-use crate::signals::Signal;
-use canopen::drive::Controlword;
-use canopen::drive::State;
-use canopen::drive::Statusword;
-use canopen::error_codes;
-use canopen::nmt;
+use crate::dbc::{Database, Field, Message, Number};
+use crate::object_text::{self, Command};
+use crate::signals::{self, ACTUATOR_POSITION, Member, PdoFrame, Signal};
+use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
-use canopen::sync;
+use canopen::{error_codes, nmt, sync};
 
 /// Messages of the master itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -369,8 +357,7 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
-    use crate::signals::tests::grouped;
-    use crate::signals::tests::per_drive;
+    use crate::signals::tests::{grouped, per_drive};
     use canopen::frame::Channel;
 
     const THE_MASTER: Master = Master { node: 127, period_us: 1_000, heartbeat_ms: 5 };

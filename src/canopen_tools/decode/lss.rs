@@ -112,13 +112,10 @@ impl fmt::Display for Clock {
 
 #[cfg(test)]
 mod tests {
-    use canopen_rs::lss::LssAddress;
-    use canopen_rs::lss::encode_configure_node_id;
-    use canopen_rs::lss::encode_fastscan;
-    use canopen_rs::lss::encode_inquire_node_id;
-    use canopen_rs::lss::encode_store;
-    use canopen_rs::lss::encode_switch_global;
-    use canopen_rs::lss::encode_switch_selective;
+    use canopen_rs::lss::{
+        LssAddress, encode_configure_node_id, encode_fastscan, encode_inquire_node_id,
+        encode_store, encode_switch_global, encode_switch_selective,
+    };
     use proptest::prelude::*;
 
     use super::*;

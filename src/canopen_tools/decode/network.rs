@@ -1,18 +1,13 @@
 //! Use of every COB-ID of a bus: the predefined connection set (CiA 301, 7.3.3), overridden by the members' plans.
 
 use canopen_rs::NodeId;
-use canopen_rs::lss::LSS_MASTER_COB_ID;
-use canopen_rs::lss::LSS_SLAVE_COB_ID;
+use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID};
 use canopen_rs::time::TIME_COB_ID;
 
-use crate::signals::Member;
-use crate::signals::PdoFrame;
-use canopen::emcy;
-use canopen::frame::COB_ID_MAX;
-use canopen::frame::Channel;
+use crate::signals::{Member, PdoFrame};
+use canopen::frame::{COB_ID_MAX, Channel};
 use canopen::layout::Direction;
-use canopen::nmt;
-use canopen::sync;
+use canopen::{emcy, nmt, sync};
 
 /// Use of a COB-ID.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

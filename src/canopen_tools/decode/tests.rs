@@ -4,12 +4,10 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::decode::Bus;
-use crate::decode::Decoder;
 use crate::decode::watch::Timing;
+use crate::decode::{Bus, Decoder};
 use crate::signals::Member;
-use crate::signals::tests::grouped;
-use crate::signals::tests::per_drive;
+use crate::signals::tests::{grouped, per_drive};
 use canopen::frame::Channel;
 use units::time::Instant;
 

@@ -4,27 +4,13 @@ use std::fmt;
 
 use canopen_rs::NmtState;
 
-use crate::decode::Annotation;
-use crate::decode::What;
-use crate::decode::Who;
 use crate::decode::lss::Clock;
-use crate::decode::sdo::Act;
-use crate::decode::sdo::Side;
-use crate::decode::sdo::Step;
-use crate::decode::sdo::Value;
-use crate::decode::watch::Change;
-use crate::decode::watch::Remark;
-use crate::object_text;
-use crate::object_text::Command;
-use crate::object_text::ObjectText;
-use crate::object_text::Status;
-use crate::object_text::Switches;
-use crate::object_text::ValueText;
-use crate::signals::ACTUATOR_POSITION;
-use crate::signals::PdoFrame;
-use crate::signals::Signal;
-use canopen::drive::Controlword;
-use canopen::drive::Statusword;
+use crate::decode::sdo::{Act, Side, Step, Value};
+use crate::decode::watch::{Change, Remark};
+use crate::decode::{Annotation, What, Who};
+use crate::object_text::{self, Command, ObjectText, Status, Switches, ValueText};
+use crate::signals::{ACTUATOR_POSITION, PdoFrame, Signal};
+use canopen::drive::{Controlword, Statusword};
 use canopen::layout::Direction;
 use canopen::object::Object;
 

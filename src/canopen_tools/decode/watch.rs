@@ -4,8 +4,7 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
+use canopen_rs::{NmtCommand, NmtState};
 
 use crate::signals::PdoFrame;
 use canopen::nmt::Order;

@@ -5,11 +5,8 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::decode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
+use canopen_rs::{NmtCommand, NmtState, NodeId};
 
 use canopen::frame::Frame;
 use canopen::nmt::Order;

@@ -4,24 +4,16 @@
 
 use std::time::Duration;
 
-use canopen_rs::MappingEntry;
-use canopen_rs::NodeId;
 use canopen_rs::pdo::PDO_COB_ID_INVALID;
+use canopen_rs::{MappingEntry, NodeId};
 use thiserror::Error;
 
 use canopen::abort::AbortCode;
-use canopen::frame::COB_ID_MAX;
-use canopen::frame::Frame;
-use canopen::layout::Direction;
-use canopen::layout::MAX_PDOS;
-use canopen::layout::Mapped;
-use canopen::layout::Pdo;
-use canopen::layout::Service;
+use canopen::frame::{COB_ID_MAX, Frame};
+use canopen::layout::{Direction, MAX_PDOS, Mapped, Pdo, Service};
 use canopen::object::Object;
 use canopen::procedure::Procedure;
-use canopen::sdo::Outcome;
-use canopen::sdo::SdoError;
-use canopen::sdo::Transfer;
+use canopen::sdo::{Outcome, SdoError, Transfer};
 use canopen::sync::Transmission;
 use units::time::Instant;
 
@@ -276,8 +268,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::layout;
-    use canopen::layout::Group;
+    use canopen::layout::{self, Group};
     use canopen::plan::NodePlan;
     use canopen::sdo::bytes;
     use canopen::testing::plans::elbow;

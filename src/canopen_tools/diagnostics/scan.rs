@@ -9,21 +9,16 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use canopen_rs::NmtState;
-use canopen_rs::NodeId;
-use canopen_rs::nmt::decode_heartbeat;
-use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::sdo::response_cob_id;
+use canopen_rs::{NmtState, NodeId};
 
-use canopen::emcy;
-use canopen::emcy::Emergency;
+use canopen::emcy::{self, Emergency};
 use canopen::frame::Frame;
 use canopen::lss::Address;
 use canopen::object::Object;
 use canopen::procedure::Procedure;
-use canopen::sdo::Content;
-use canopen::sdo::SdoError;
-use canopen::sdo::Transfer;
+use canopen::sdo::{Content, SdoError, Transfer};
 use canopen::value::visible;
 use units::time::Instant;
 

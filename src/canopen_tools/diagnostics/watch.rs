@@ -6,11 +6,9 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use canopen::emcy;
-use canopen::emcy::Emergency;
+use canopen::emcy::{self, Emergency};
 use canopen::frame::Frame;
-use canopen::heartbeat;
-use canopen::heartbeat::Consumer;
+use canopen::heartbeat::{self, Consumer};
 use canopen::procedure::Procedure;
 use units::time::Instant;
 

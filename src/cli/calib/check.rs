@@ -1,12 +1,9 @@
 //! `frhc calib check`: properties of the torque curves of a configuration, whose loading has proven them monotone.
 
 use crate::cli::calib::Check;
-use config::Config;
-use config::JointParameters;
+use config::{Config, JointParameters};
 use controller::arm::JointKind;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use telemetry::digits::significant;
 

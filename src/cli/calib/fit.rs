@@ -5,26 +5,14 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::cli::calib::Fit;
-use crate::cli::calib::fragment;
-use crate::cli::calib::report;
-use crate::cli::calib::session::Accepted;
-use crate::cli::calib::session::Fitted;
-use crate::cli::calib::session::Session;
-use config::Actuator;
-use config::Config;
-use config::JointParameters;
-use config::torque_data::Measured;
-use config::torque_data::TorqueData;
-use controller::fit;
-use controller::fit::Calibrated;
-use controller::fit::Sample;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use crate::cli::calib::session::{Accepted, Fitted, Session};
+use crate::cli::calib::{Fit, fragment, report};
+use config::torque_data::{Measured, TorqueData};
+use config::{Actuator, Config, JointParameters};
+use controller::fit::{self, Calibrated, Sample};
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use run::results;
-use run::results::Force;
+use run::results::{self, Force};
 use telemetry::torque_plot::TorquePlot;
 
 /// Fits the curves, prints the report and writes the files.

@@ -1,11 +1,8 @@
 //! `torque_curves.toml`: the keys of every joint that a calibration replaces, with their origin.
 
 use crate::cli::calib::report;
-use crate::cli::calib::session::Accepted;
-use crate::cli::calib::session::Fitted;
-use crate::cli::calib::session::Session;
-use controller::calibration::InvalidTorqueCurve;
-use controller::calibration::TorqueCurve;
+use crate::cli::calib::session::{Accepted, Fitted, Session};
+use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
 use telemetry::digits::significant;
 
 /// Significant digits of a coefficient; the rounding error is a thousandth of a step of the drive.

@@ -2,13 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::cli::calib::session::Accepted;
-use crate::cli::calib::session::Fitted;
-use crate::cli::calib::session::Session;
-use controller::fit::Calibrated;
-use controller::fit::Polynomial;
-use controller::fit::Residuals;
-use controller::fit::Sample;
+use crate::cli::calib::session::{Accepted, Fitted, Session};
+use controller::fit::{Calibrated, Polynomial, Residuals, Sample};
 use telemetry::digits::significant;
 
 /// Returns the unit of the measurements.

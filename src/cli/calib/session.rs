@@ -2,8 +2,7 @@
 
 use config::torque_data::TorqueData;
 use controller::calibration::TorqueCurve;
-use controller::fit::Calibrated;
-use controller::fit::Sample;
+use controller::fit::{Calibrated, Sample};
 
 /// A file of measurements and the results of its joints.
 pub(super) struct Session<'a> {

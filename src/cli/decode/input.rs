@@ -1,15 +1,10 @@
 //! Input of `decode`: lines of a log or pipe, of any bytes and any length.
 
-use std::io;
-use std::io::BufRead;
-use std::io::BufReader;
-use std::io::ErrorKind;
-use std::io::Read;
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use config::files;
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 
 /// Size of the read buffer, in bytes.
 pub(super) const BUFFER: usize = 1 << 16;

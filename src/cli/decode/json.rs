@@ -1,28 +1,20 @@
 //! JSON output of `decode`: one object per line.
 
 use std::fmt::Write as _;
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 
 use serde_json::to_writer;
 
 use crate::cli::decode::recorder_line::RecorderLine;
 use crate::cli::decode::timestamps::GoesBack;
 use crate::cli::decode::transcriber::Decoded;
-use bus::candump::Content;
-use bus::candump::Line;
-use bus::candump::NotALine;
-use canopen::drive::Controlword;
-use canopen::drive::State;
-use canopen::drive::Statusword;
+use bus::candump::{Content, Line, NotALine};
+use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
 use canopen_tools::decode::What;
-use canopen_tools::decode::sdo::Act;
-use canopen_tools::decode::sdo::Step;
-use canopen_tools::object_text::Command;
-use canopen_tools::object_text::Switches;
-use canopen_tools::signals::PdoFrame;
-use canopen_tools::signals::Signal;
+use canopen_tools::decode::sdo::{Act, Step};
+use canopen_tools::object_text::{Command, Switches};
+use canopen_tools::signals::{PdoFrame, Signal};
 
 /// Writes a line that is not a candump line.
 pub(super) fn plain(

@@ -2,8 +2,7 @@
 
 use crate::cli::decode::transcriber::Counts;
 use bus::candump::NotALine;
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 use run::print;
 
 /// Maximum number of lines reported one by one; a binary file has thousands.

@@ -5,8 +5,7 @@ use std::fmt;
 use bus::candump::Line;
 use canopen_tools::object_text::Switches;
 use node::record::Mode;
-use telemetry::session::NODE;
-use telemetry::session::WRENCH;
+use telemetry::session::{NODE, WRENCH};
 
 /// A line of the session recorder.
 #[derive(Clone, Copy, Debug, PartialEq)]

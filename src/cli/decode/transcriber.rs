@@ -1,24 +1,16 @@
 //! Decoding of the input line by line.
 
-use std::io;
-use std::io::BufReader;
-use std::io::Read;
-use std::io::Write;
+use std::io::{self, BufReader, Read, Write};
 
 use crate::cli::decode::input::read_line;
-use crate::cli::decode::json;
 use crate::cli::decode::recorder_line::RecorderLine;
-use crate::cli::decode::text;
 use crate::cli::decode::timestamps::Timestamps;
-use bus::candump::Content;
-use bus::candump::Line;
-use bus::candump::NotALine;
+use crate::cli::decode::{json, text};
+use bus::candump::{Content, Line, NotALine};
 use bus::screen;
 use canopen::frame::Channel;
-use canopen_tools::decode::Annotation;
-use canopen_tools::decode::Bus;
-use canopen_tools::decode::Decoder;
 use canopen_tools::decode::error_frame::ErrorFrame;
+use canopen_tools::decode::{Annotation, Bus, Decoder};
 use units::time::Instant;
 
 /// Error that ended decoding before the end of the input.

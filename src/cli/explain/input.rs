@@ -1,9 +1,7 @@
 //! JSON input of `frhc explain`: on the command line, in a file or on stdin.
 
 use std::ffi::OsStr;
-use std::io;
-use std::io::IsTerminal;
-use std::io::Read;
+use std::io::{self, IsTerminal, Read};
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -11,8 +9,7 @@ use serde_json::Value as Json;
 
 use config::files;
 use lab::question::Question;
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 
 /// Maximum length of the input, in bytes.
 const MAX_LENGTH: u64 = 1 << 20;

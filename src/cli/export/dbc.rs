@@ -5,25 +5,17 @@ use std::path::PathBuf;
 use clap::Args;
 
 use canopen::frame::Channel;
-use canopen_tools::dbc::Field;
-use canopen_tools::dbc::Format;
-use canopen_tools::dbc::Message;
-use canopen_tools::dbc::Number;
-use canopen_tools::dbc::messages;
-use canopen_tools::dbc::messages::Master;
+use canopen_tools::dbc::messages::{self, Master};
+use canopen_tools::dbc::{Field, Format, Message, Number};
 use canopen_tools::members;
 use canopen_tools::signals::identifier;
 use config::Config;
 use node::record::Mode;
 use run::config_arg::ConfigArg;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use run::results;
-use run::results::Force;
-use telemetry::session::NODE;
-use telemetry::session::WRENCH;
+use run::results::{self, Force};
+use telemetry::session::{NODE, WRENCH};
 
 /// `frhc export dbc`.
 #[derive(Debug, Args)]

@@ -2,27 +2,21 @@
 
 use std::collections::HashSet;
 use std::fs;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 
 use canopen::concise;
-use canopen::eds::Commissioning;
-use canopen::eds::Eds;
+use canopen::eds::{Commissioning, Eds};
 use canopen::frame::Channel;
 use canopen::plan::NodePlan;
-use canopen_tools::dcf;
-use canopen_tools::dcf::DcfError;
+use canopen_tools::dcf::{self, DcfError};
 use config::Config;
 use run::config_arg::ConfigArg;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use run::results;
-use run::results::Force;
+use run::results::{self, Force};
 
 /// `frhc export dcf`.
 #[derive(Debug, Args)]

@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::live_bus::Session;
-use crate::cli::live_bus::SessionError;
-use crate::cli::live_bus::stop_flag;
+use crate::cli::live_bus::{Session, SessionError, stop_flag};
 use bus::SocketCan;
 use canopen::NodeId;
 use canopen::eds::Eds;
@@ -14,9 +12,7 @@ use canopen::frame::Channel;
 use canopen::plan::NodePlan;
 use canopen_tools::diagnostics::presence::Presence;
 use config::Config;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 
 /// Options that select the bus.
 #[derive(Debug, Args)]

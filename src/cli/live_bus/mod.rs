@@ -9,9 +9,6 @@ pub(super) mod parsers;
 pub mod session;
 mod stop_flag;
 
-pub(super) use bus_args::BusArgs;
-pub(super) use bus_args::ForceArg;
-pub(super) use bus_args::SelectedBus;
+pub(super) use bus_args::{BusArgs, ForceArg, SelectedBus};
 
-pub use session::Session;
-pub use session::SessionError;
+pub use session::{Session, SessionError};

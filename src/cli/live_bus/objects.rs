@@ -2,15 +2,11 @@
 
 use std::fmt;
 
-use crate::cli::live_bus::Session;
-use crate::cli::live_bus::SessionError;
+use crate::cli::live_bus::{Session, SessionError};
 use bus::Bus;
 use canopen::NodeId;
 use canopen::object::Object;
-use canopen::sdo::Content;
-use canopen::sdo::SdoError;
-use canopen::sdo::Terms;
-use canopen::sdo::Transfer;
+use canopen::sdo::{Content, SdoError, Terms, Transfer};
 use canopen::value::Octets;
 
 /// An object of a node, and the terms of its transfer.

@@ -2,8 +2,7 @@
 
 use canopen::NodeId;
 use canopen::object::Object;
-use canopen::value::numeral::hexadecimal;
-use canopen::value::numeral::whole;
+use canopen::value::numeral::{hexadecimal, whole};
 
 /// Parses a node-id: `3`, `0x10`, `10h`.
 pub(crate) fn node(text: &str) -> Result<NodeId, String> {

@@ -5,17 +5,11 @@
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use bus::Bus;
-use bus::BusEvent;
-use bus::BusFault;
-use bus::SendError;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use bus::{Bus, BusEvent, BusFault, SendError};
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::procedure::Procedure;
 use units::time::Instant;
 
@@ -210,8 +204,7 @@ mod tests {
     use bus::Received;
     use canopen::NodeId;
     use canopen::object::Object;
-    use canopen::sdo::SdoError;
-    use canopen::sdo::Transfer;
+    use canopen::sdo::{SdoError, Transfer};
 
     /// A bus without other nodes.
     #[derive(Default)]

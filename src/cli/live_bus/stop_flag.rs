@@ -1,15 +1,12 @@
 //! A flag set by SIGINT and SIGTERM: a session then aborts its transfer in order.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::Context;
 
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::signals;
 
 /// Returns a flag that the first of these signals sets. Its thread ends with the process.

@@ -2,26 +2,16 @@
 
 use std::time::Duration;
 
-use crate::cli::live_bus::ForceArg;
-use crate::cli::live_bus::Session;
-use crate::cli::live_bus::SessionError;
-use crate::cli::lss::Lss;
-use crate::cli::lss::Task;
+use crate::cli::live_bus::{ForceArg, Session, SessionError};
+use crate::cli::lss::{Lss, Task};
 use bus::Bus;
 use canopen::NodeId;
 use canopen::lss::Address;
-use canopen::lss::identify::Description;
-use canopen::lss::identify::Identify;
-use canopen::lss::job::Job;
-use canopen::lss::job::Report;
-use canopen::lss::job::Selection;
-use canopen::lss::job::Timeouts;
+use canopen::lss::identify::{Description, Identify};
+use canopen::lss::job::{Job, Report, Selection, Timeouts};
 use canopen::lss::master::Master;
-use canopen_tools::diagnostics::scan::Found;
-use canopen_tools::diagnostics::scan::Scan;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use canopen_tools::diagnostics::scan::{Found, Scan};
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
 /// Runs a job and prints its result.

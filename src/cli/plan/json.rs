@@ -2,23 +2,15 @@
 
 use std::time::Duration;
 
-use serde_json::Value as Json;
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
-use crate::cli::plan::Report;
-use crate::cli::plan::text;
-use canopen::load::network::Both;
-use canopen::load::network::Bus;
-use canopen::load::network::BusPlan;
-use canopen::load::network::Planned;
+use crate::cli::plan::{Report, text};
+use canopen::load::network::{Both, Bus, BusPlan, Planned};
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
 use canopen::load::rates::Rates;
 use canopen::load::streams::Sender;
-use canopen::load::timeline::LoopDelay;
-use canopen::load::timeline::Stage;
-use canopen::load::timeline::Step;
-use canopen::load::timeline::Timeline;
+use canopen::load::timeline::{LoopDelay, Stage, Step, Timeline};
 use canopen::load::utilisation::BusLoad;
 
 /// Returns the report as one object.

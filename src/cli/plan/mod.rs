@@ -5,23 +5,15 @@
 mod json;
 mod text;
 
-use clap::Args;
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 
-use canopen::load::alternatives;
-use canopen::load::alternatives::Change;
-use canopen::load::alternatives::Obstacle;
-use canopen::load::network::Assumptions;
-use canopen::load::network::BusPlan;
-use canopen::load::network::Network;
-use canopen::load::proposals;
-use canopen::load::proposals::Proposal;
+use canopen::load::alternatives::{self, Change, Obstacle};
+use canopen::load::network::{Assumptions, BusPlan, Network};
+use canopen::load::proposals::{self, Proposal};
 use canopen::load::timeline::Pauses;
 use config::Config;
 use run::config_arg::ConfigArg;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
+use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
 /// `frhc plan`.

@@ -2,17 +2,12 @@
 
 use std::time::Duration;
 
-use crate::cli::plan::Report;
-use crate::cli::plan::obstacle;
-use canopen::load::network::Bus;
-use canopen::load::network::BusPlan;
-use canopen::load::network::Planned;
+use crate::cli::plan::{Report, obstacle};
+use canopen::load::network::{Bus, BusPlan, Planned};
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
-use canopen::load::streams::Role;
-use canopen::load::streams::Stream;
-use canopen::load::timeline::Stage;
-use canopen::load::timeline::Step;
+use canopen::load::streams::{Role, Stream};
+use canopen::load::timeline::{Stage, Step};
 use canopen::load::utilisation::BusLoad;
 
 /// Width of the timeline, in columns.

@@ -6,15 +6,12 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::cli::live_bus::BusArgs;
-use crate::cli::live_bus::parsers;
+use crate::cli::live_bus::{BusArgs, parsers};
 use crate::cli::scan::pdos::Pdos;
-use canopen::NodeId;
-use canopen::nmt;
 use canopen::plan::NodePlan;
+use canopen::{NodeId, nmt};
 use canopen_tools::diagnostics::scan::Found;
-use run::exit::Failure;
-use run::exit::Kind;
+use run::exit::{Failure, Kind};
 use run::print;
 
 /// `frhc scan`.

@@ -2,14 +2,11 @@
 
 use std::time::Duration;
 
-use crate::cli::live_bus::Session;
-use crate::cli::live_bus::SessionError;
+use crate::cli::live_bus::{Session, SessionError};
 use bus::Bus;
 use canopen::NodeId;
-use canopen::layout::Direction;
-use canopen::layout::Pdo;
-use canopen_tools::diagnostics::effective::Reader;
-use canopen_tools::diagnostics::effective::Unreadable;
+use canopen::layout::{Direction, Pdo};
+use canopen_tools::diagnostics::effective::{Reader, Unreadable};
 
 /// PDOs of one node, or the reason why they could not be read.
 pub(super) type Pdos = (NodeId, Result<Vec<Pdo>, Unreadable>);
@@ -78,8 +75,7 @@ fn name(pdo: &Pdo) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::layout;
-    use canopen::layout::Group;
+    use canopen::layout::{self, Group};
 
     #[test]
     fn pdo_is_formatted_as_one_line() {

@@ -5,8 +5,7 @@
 
 mod report;
 
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::Context;
@@ -14,25 +13,16 @@ use tokio::sync::mpsc;
 
 use crate::cli::args::Sim;
 use crate::cli::event_narrator::EventNarrator;
-use crate::cli::rig;
-use crate::cli::scenario;
-use bus::SocketCan;
-use bus::realtime;
+use crate::cli::{rig, scenario};
+use bus::{SocketCan, realtime};
 use canopen::frame::Channel;
 use config::Config;
-use faults::Fault;
-use faults::Target;
-use lab::station;
+use faults::{Fault, Target};
 use lab::transmit_queue::Down;
-use lab::world;
-use run::exit::Failure;
-use run::exit::Kind;
-use run::exit::OrFail;
-use run::interfaces;
-use run::log_time;
-use run::print;
-use run::signals;
-use run::signals::StatusSignals;
+use lab::{station, world};
+use run::exit::{Failure, Kind, OrFail};
+use run::signals::{self, StatusSignals};
+use run::{interfaces, log_time, print};
 use sim::drive_view::Report;
 use sim::fault::Notice;
 use sim::world::World;

@@ -1,15 +1,11 @@
 //! State of each simulated drive, as a table or as one JSON object per line.
 
-use canopen::error_codes;
 use canopen::frame::Channel;
-use canopen::nmt;
+use canopen::{error_codes, nmt};
 use canopen_tools::object_text::mode_of_operation;
-use config::Config;
-use config::JointParameters;
+use config::{Config, JointParameters};
 use controller::arm::JointKind;
-use sim::drive_view::Axis;
-use sim::drive_view::DriveView;
-use sim::drive_view::Report;
+use sim::drive_view::{Axis, DriveView, Report};
 use units::time::Instant;
 
 /// Returns the time, a heading and a row for each drive.

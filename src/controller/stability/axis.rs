@@ -12,17 +12,10 @@
 //! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
 //! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
 
-use crate::stability::bounds;
-use crate::stability::bounds::Held;
-use crate::stability::bounds::RateReflection;
+use crate::stability::bounds::{self, Held, RateReflection};
 use crate::stability::device::Device;
-use crate::stability::finding::Culprit;
-use crate::stability::finding::Digits;
-use crate::stability::finding::Finding;
-use crate::stability::finding::Side;
-use crate::stability::finding::Verdict;
-use crate::stability::passivity::Law;
-use crate::stability::passivity::SampledLaw;
+use crate::stability::finding::{Culprit, Digits, Finding, Side, Verdict};
+use crate::stability::passivity::{Law, SampledLaw};
 
 /// A spring and a damper, in N/m and N·s/m or in N·m/rad and N·m·s/rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

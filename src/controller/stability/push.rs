@@ -7,8 +7,7 @@
 //!
 //! Both quantities are the largest over `postures`, a sample of the range, not over all of it.
 
-use nalgebra::SMatrix;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use crate::JointVector;
 use crate::arm::Arm;

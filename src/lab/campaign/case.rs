@@ -3,16 +3,12 @@
 use std::time::Duration;
 
 use crate::campaign::catalogue;
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
-use crate::campaign::injection::seconds;
+use crate::campaign::injection::{Conditions, Injection, seconds};
 use crate::campaign::kind::Kind;
-use crate::campaign::random::Random;
-use crate::campaign::random::rounded;
+use crate::campaign::random::{Random, rounded};
 use crate::campaign::situation::Situation;
 use config::Config;
-use sim::scenario::Problem;
-use sim::scenario::Scenario;
+use sim::scenario::{Problem, Scenario};
 
 /// Latest onset after the situation is reached, in s.
 const SPREAD_S: f64 = 0.1;

@@ -6,18 +6,12 @@
 use std::fmt;
 use std::time::Duration;
 
+use EndState::{DrivesOff, ReflectionOff, ZeroTorque};
+use Limit::{Cycles, DriveTimer, HeartbeatTime, Millis, Unstated};
+
 use config::Config;
 use node::cause::Kind as Cause;
 use node::record::Mode;
-
-use EndState::DrivesOff;
-use EndState::ReflectionOff;
-use EndState::ZeroTorque;
-use Limit::Cycles;
-use Limit::DriveTimer;
-use Limit::HeartbeatTime;
-use Limit::Millis;
-use Limit::Unstated;
 
 /// Expectation of one hazard.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,6 @@
 //! A kind of fault of the campaign: name, hazard, situations, causes that may stop the node first.
 
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
+use crate::campaign::injection::{Conditions, Injection};
 use crate::campaign::random::Random;
 use crate::campaign::situation::Situation;
 use node::cause::Kind as Cause;

@@ -2,15 +2,13 @@
 
 use std::num::NonZero;
 use std::sync::Mutex;
-use std::sync::atomic::AtomicUsize;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use crate::bench::Bench;
 use crate::campaign::case::Case;
 use crate::campaign::monitor::Monitor;
-use crate::campaign::play;
-use crate::campaign::play::StageError;
+use crate::campaign::play::{self, StageError};
 use crate::campaign::situation::Situation;
 use crate::campaign::verdict::Verdict;
 use canopen::frame::Telegram;

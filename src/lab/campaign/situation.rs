@@ -4,11 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use sim::scenario::ConsoleRequest;
-use sim::scenario::Entry;
-use sim::scenario::operator::Console;
-use sim::scenario::operator::Move;
-use sim::scenario::operator::Switch;
+use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry};
 
 /// Situation of the operator at the onset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -6,28 +6,14 @@ use std::time::Duration;
 
 use crate::bench::Bench;
 use crate::campaign::monitor::Monitor;
-use crate::campaign::play;
-use crate::campaign::play::StageError;
-use crate::campaign::random::Random;
-use crate::campaign::random::rounded;
+use crate::campaign::play::{self, StageError};
+use crate::campaign::random::{Random, rounded};
 use crate::campaign::run::each;
 use config::Config;
-use faults::Effect;
-use faults::Extent;
-use faults::Fault;
-use faults::FrameFault;
-use faults::Kind;
-use faults::LinkFault;
-use faults::Service;
-use faults::Target;
+use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
 use node::cause::Cause;
-use sim::scenario::ConsoleRequest;
-use sim::scenario::Entry;
-use sim::scenario::Problem;
-use sim::scenario::Scenario;
-use sim::scenario::operator::Console;
-use sim::scenario::operator::Move;
-use sim::scenario::operator::Switch;
+use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
 use units::numbering::Joint;
 
 /// Duration of one lap, in s.

@@ -1,18 +1,15 @@
 //! The figures of a campaign: one line for each kind of fault.
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::iter;
 use std::time::Duration;
+use std::{fmt, iter};
 
 use serde::Serialize;
 
 use crate::campaign::catalogue;
 use crate::campaign::criterion::Criterion;
-use crate::campaign::kind::KILLED;
-use crate::campaign::kind::Kind;
-use crate::campaign::verdict::Outcome;
-use crate::campaign::verdict::Verdict;
+use crate::campaign::kind::{KILLED, Kind};
+use crate::campaign::verdict::{Outcome, Verdict};
 
 /// All lines, and their sum.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -4,13 +4,10 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::campaign::case::Case;
-use crate::campaign::criterion::Criterion;
-use crate::campaign::criterion::MayStop;
-use crate::campaign::expectation;
-use crate::campaign::expectation::EndState;
+use crate::campaign::criterion::{Criterion, MayStop};
+use crate::campaign::expectation::{self, EndState};
 use crate::campaign::monitor::Violation;
-use node::cause::Cause;
-use node::cause::Kind as CauseKind;
+use node::cause::{Cause, Kind as CauseKind};
 
 /// Observation of one case. Times count from its onset.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -207,8 +204,7 @@ fn timely(criterion: Criterion, observed: &Observation) -> Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use units::numbering::Joint;
-    use units::numbering::NodeIndex;
+    use units::numbering::{Joint, NodeIndex};
 
     const WITHIN: Duration = Duration::from_millis(5);
     const CAUSES: &[CauseKind] = &[CauseKind::SamplesMissing];

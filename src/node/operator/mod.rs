@@ -19,16 +19,14 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::operator::anti_tie_down::AntiTieDown;
 use crate::operator::buttons::Buttons;
-use crate::operator::deadman::Deadman;
-use crate::operator::deadman::EnableState;
+use crate::operator::deadman::{Deadman, EnableState};
 use crate::operator::instability::Instability;
 use crate::operator::uncommanded_motion::UncommandedMotion;
 use crate::permit::Permit;
 use config::switch_inputs::SwitchInputs;
-use controller::JointVector;
-use controller::Output;
 use controller::switches::Switches;
 use controller::torque_delay::TorqueDelay;
+use controller::{JointVector, Output};
 use units::time::Instant;
 
 /// All monitors of the operator.
@@ -126,10 +124,8 @@ mod tests {
     use super::*;
     use crate::record::Mode;
     use config::Config;
-    use controller::Controller;
-    use controller::Input;
-    use controller::switches::Mode as CommandMode;
-    use controller::switches::Switches;
+    use controller::switches::{Mode as CommandMode, Switches};
+    use controller::{Controller, Input};
     use units::drive::Counts;
     use units::spatial::Wrench;
 

@@ -153,8 +153,7 @@ mod tests {
 
     #[test]
     fn hazard_04_late_frame_never_replaces_the_first() {
-        use Arrival::First;
-        use Arrival::Late;
+        use Arrival::{First, Late};
         let late = arrivals(&[0, 2, 1, 0, 0, 3, 1]);
         let expected = [
             vec![],
@@ -170,9 +169,7 @@ mod tests {
 
     #[test]
     fn hazard_06_surplus_responses_in_two_windows_are_two_nodes() {
-        use Arrival::Duplicate;
-        use Arrival::First;
-        use Arrival::Surplus;
+        use Arrival::{Duplicate, First, Surplus};
         let twice = arrivals(&[2, 1, 2]);
         assert_eq!(twice, [vec![First, Surplus], vec![First], vec![First, Duplicate]]);
         let later: Vec<u32> = [2].into_iter().chain([1; 100]).chain([2]).collect();

@@ -123,9 +123,7 @@ mod tests {
 
     #[test]
     fn hazard_12_second_jump_soon_after_is_a_fault() {
-        use Step::Implausible;
-        use Step::Jumped;
-        use Step::Plausible;
+        use Step::{Implausible, Jumped, Plausible};
         let single = steps([(0, 7), (1, 1_100_000), (2, 8)]);
         assert_eq!(single, [Plausible, Implausible, Plausible]);
         assert_eq!(steps([(0, 7), (1, 5_000), (2, 5_000)]), [Plausible, Implausible, Jumped]);

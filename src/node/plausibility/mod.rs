@@ -22,8 +22,7 @@ mod sampled;
 mod speed;
 mod torque;
 
-pub(super) use sample_filter::Filtered;
-pub(super) use sample_filter::SampleFilter;
+pub(super) use sample_filter::{Filtered, SampleFilter};
 pub(super) use sampled::Sampled;
 
 use crate::cause::Cause;
@@ -31,15 +30,12 @@ use crate::plausibility::frozen::Frozen;
 use crate::plausibility::jump::TravelLimit;
 use crate::plausibility::limits::Limits;
 use crate::plausibility::missing_rate::MissingRate;
-use crate::plausibility::speed::Snapshot;
-use crate::plausibility::speed::Speed;
-use crate::plausibility::speed::SpeedLimits;
+use crate::plausibility::speed::{Snapshot, Speed, SpeedLimits};
 use crate::plausibility::torque::Torque;
 use config::Config;
-use controller::JointVector;
-use controller::Output;
 use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
+use controller::{JointVector, Output};
 use units::numbering::Joint;
 
 /// Clear motion of a revolute joint, in rad: ten times the tremor of a hand.

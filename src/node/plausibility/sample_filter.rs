@@ -3,11 +3,8 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::balance::Arrival;
-use crate::plausibility::balance::ResponseBalance;
-use crate::plausibility::jump::Jump;
-use crate::plausibility::jump::Step;
-use crate::plausibility::jump::TravelLimit;
+use crate::plausibility::balance::{Arrival, ResponseBalance};
+use crate::plausibility::jump::{Jump, Step, TravelLimit};
 use units::drive::Counts;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -160,23 +157,20 @@ mod tests {
 
     #[test]
     fn hazard_06_positions_too_far_apart_in_a_window_are_two_nodes() {
-        use Filtered::Ignored;
-        use Filtered::Sample;
+        use Filtered::{Ignored, Sample};
         assert_eq!(filtered(&[&[10, 500_000]]), [[Sample, DUPLICATE]]);
         assert_eq!(filtered(&[&[500_000, 10]]), [[Ignored, DUPLICATE]], "in either order");
     }
 
     #[test]
     fn hazard_06_two_equal_nodes_are_detected_in_the_second_window() {
-        use Filtered::Ignored;
-        use Filtered::Sample;
+        use Filtered::{Ignored, Sample};
         assert_eq!(filtered(&[&[10, 10], &[10, 10]]), [[Sample, Ignored], [Sample, DUPLICATE]]);
     }
 
     #[test]
     fn hazard_12_implausible_position_is_dropped_and_a_second_stops() {
-        use Filtered::Ignored;
-        use Filtered::Sample;
+        use Filtered::{Ignored, Sample};
         assert_eq!(filtered(&[&[1 << 20], &[20]]), [[Ignored], [Sample]]);
         assert_eq!(filtered(&[&[5_000], &[5_000]]), [[Ignored], [JUMPED]]);
     }

@@ -17,31 +17,22 @@ mod report;
 mod run;
 mod watchdog_test;
 
-pub use report::DriveResult;
-pub use report::NoTrip;
-pub use report::ProofTestFailure;
-pub use report::ProofTestReport;
-pub use report::Trip;
+pub use report::{DriveResult, NoTrip, ProofTestFailure, ProofTestReport, Trip};
 
 use crate::proof_test::recheck::Recheck;
 use crate::proof_test::watchdog_test::WatchdogTest;
-use canopen::NmtState;
 use canopen::emcy::Emergency;
-use canopen::error_codes;
 use canopen::frame::Channel;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::object::Object;
 use canopen::pdo::DriveSample;
 use canopen::plan::NodePlan;
-use canopen::watchdog::Awaited;
-use canopen::watchdog::Watchdog;
+use canopen::watchdog::{Awaited, Watchdog};
+use canopen::{NmtState, error_codes};
 use config::Config;
-use config::force_cap::ForceAboveCap;
-use config::force_cap::ForceCap;
-use config::force_cap::UNPROVEN_REACTION_TIME;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use config::force_cap::{ForceAboveCap, ForceCap, UNPROVEN_REACTION_TIME};
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// Phase and results of the proof test.
@@ -305,9 +296,7 @@ mod tests {
 
     #[test]
     fn emergencies_of_watchdogs_are_expected_and_others_are_logged() {
-        use Relation::Part;
-        use Relation::Tolerated;
-        use Relation::Unrelated;
+        use Relation::{Part, Tolerated, Unrelated};
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof_test = ProofTest::new(&config, &config.node_plans());
         proof_test.start(&Master::new(config.node_plans()));

@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use crate::BringUpError;
-use crate::Node;
+use crate::{BringUpError, Node};
 use bus::Bus;
 use canopen::watchdog::Awaited;
 use remote::Remote;

@@ -14,11 +14,9 @@
 use std::time::Duration;
 
 use crate::power;
-use crate::proof_test::report::NoTrip;
-use crate::proof_test::report::Trip;
+use crate::proof_test::report::{NoTrip, Trip};
 use canopen::drive::Statusword;
-use canopen::watchdog::Awaited;
-use canopen::watchdog::Watchdog;
+use canopen::watchdog::{Awaited, Watchdog};
 use units::numbering::Joint;
 use units::time::Instant;
 

@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use crate::cause::Cause;
-use crate::cause::Kind;
+use crate::cause::{Cause, Kind};
 use units::time::Instant;
 
 /// Time for which a cause stays active after it was last raised. Watches raise their cause in every cycle.

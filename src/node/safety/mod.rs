@@ -34,12 +34,10 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::cause::Cause;
-use crate::cause::Kind;
+use crate::cause::{Cause, Kind};
 use crate::operator::deadman::EnableState;
 use crate::permit::Permit;
-use crate::reaction::Initiator;
-use crate::reaction::Reaction;
+use crate::reaction::{Initiator, Reaction};
 use crate::record::Mode;
 use crate::safety::active_causes::ActiveCauses;
 use crate::safety::ramp::Ramp;

@@ -2,9 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::cause::ResetReason;
-use canopen::NmtState;
-use canopen::error_codes;
 use canopen::object::Object;
+use canopen::{NmtState, error_codes};
 use controller::Fault;
 use units::numbering::NodeIndex;
 

@@ -1,20 +1,14 @@
 //! `frhc check --eds`: findings in EDS files by line, and the nodes of a configuration whose EDS has errors.
 
 use std::fmt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::exit::Failure;
-use crate::exit::Kind;
-use crate::exit::OrFail;
+use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
-use canopen::eds::Eds;
-use canopen::eds::Finding;
-use canopen::eds::Severity;
-use config::Config;
-use config::files;
+use canopen::eds::{Eds, Finding, Severity};
+use config::{Config, files};
 
 /// A file and its findings.
 struct Report<'a> {

@@ -2,29 +2,17 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use tokio::io::AsyncBufReadExt;
-use tokio::io::AsyncReadExt;
-use tokio::io::AsyncWriteExt;
-use tokio::io::BufReader;
-use tokio::io::Interest;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader, Interest};
 use tokio::net::UnixStream;
-use tokio::net::unix::ReadHalf;
-use tokio::net::unix::WriteHalf;
-use tokio::task::AbortHandle;
-use tokio::task::JoinSet;
-use tokio::time::sleep;
-use tokio::time::timeout;
+use tokio::net::unix::{ReadHalf, WriteHalf};
+use tokio::task::{AbortHandle, JoinSet};
+use tokio::time::{sleep, timeout};
 
-use crate::console::ConsoleCommand;
-use crate::console::RequestLine;
-use crate::console::Response;
-use crate::console::Socket;
 use crate::console::request_handler::RequestHandler;
+use crate::console::{ConsoleCommand, RequestLine, Response, Socket};
 
 /// Maximum number of clients. A further connection closes the client that has been idle longest.
 const MAX_CLIENTS: usize = 16;
@@ -179,20 +167,16 @@ async fn hang_up(write: &WriteHalf<'_>) -> io::Error {
 mod tests {
     use std::fs;
     use std::future::Future;
-    use std::path::Path;
-    use std::path::PathBuf;
+    use std::path::{Path, PathBuf};
 
     use super::*;
-    use crate::console::RequestReceiver;
-    use crate::console::channel;
+    use crate::console::{RequestReceiver, channel};
     use crate::recorder_thread::LatestStatus;
     use config::Config;
     use lab::bench;
-    use node::Request;
-    use node::RequestError;
-    use node::record::Mode;
-    use node::record::Record;
+    use node::record::{Mode, Record};
     use node::safety::Refusal;
+    use node::{Request, RequestError};
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;

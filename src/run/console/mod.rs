@@ -24,12 +24,9 @@ pub(super) use request_queue::RequestReceiver;
 #[cfg(test)]
 pub(super) use request_queue::RequestSender;
 pub(super) use request_queue::channel;
-pub(super) use socket::Socket;
-pub(super) use socket::default_socket;
-pub(super) use socket::default_sockets;
+pub(super) use socket::{Socket, default_socket, default_sockets};
 
-use serde::Deserialize;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use node::record::Mode;
 use telemetry::status::Status;

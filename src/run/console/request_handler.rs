@@ -2,23 +2,15 @@
 //! that disconnects.
 
 use std::fmt;
-use std::sync::Arc;
-use std::sync::Mutex;
-use std::sync::PoisonError;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
-use tokio::time::sleep;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
-use crate::console::ConsoleCommand;
-use crate::console::Response;
-use crate::console::request_queue::Denied;
-use crate::console::request_queue::Outcome;
-use crate::console::request_queue::Phase;
-use crate::console::request_queue::RequestSender;
+use crate::console::request_queue::{Denied, Outcome, Phase, RequestSender};
+use crate::console::{ConsoleCommand, Response};
 use crate::recorder_thread::LatestStatus;
 use controller::switches::Mode as CommandMode;
 use node::Request;
@@ -282,8 +274,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::console::RequestReceiver;
-    use crate::console::channel;
+    use crate::console::{RequestReceiver, channel};
     use config::Config;
     use lab::bench::Bench;
     use node::RequestError;

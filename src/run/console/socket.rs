@@ -1,20 +1,12 @@
 //! Path and permissions of the control socket, and replacement of a stale one.
 
-use std::ffi::OsStr;
-use std::ffi::OsString;
-use std::fs;
-use std::fs::DirBuilder;
-use std::fs::File;
-use std::fs::Permissions;
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, DirBuilder, File, Permissions};
 use std::io;
-use std::os::unix::fs::DirBuilderExt;
-use std::os::unix::fs::FileTypeExt;
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
-use std::path::PathBuf;
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, PermissionsExt};
+use std::path::{Path, PathBuf};
 
-use tokio::net::UnixListener;
-use tokio::net::UnixStream;
+use tokio::net::{UnixListener, UnixStream};
 
 /// Permissions: read and write for this user and group only.
 const PERMISSIONS: u32 = 0o660;
@@ -144,8 +136,7 @@ mod tests {
     }
 
     use std::os::unix::fs::symlink;
-    use std::os::unix::net::UnixListener as Blocking;
-    use std::os::unix::net::UnixStream as Stream;
+    use std::os::unix::net::{UnixListener as Blocking, UnixStream as Stream};
 
     /// Creates a folder for one test.
     fn folder(name: &str) -> PathBuf {

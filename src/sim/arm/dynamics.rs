@@ -7,17 +7,10 @@
 //!  M_ij = s_i · (I_j + I_j+1 + ..) s_j,  i <= j        bias_i = s_i · Σ_k>=i (I_k a_k + v_k x* I_k v_k)
 //! ```
 
-use nalgebra::IsometryMatrix3;
-use nalgebra::Vector3;
+use nalgebra::{IsometryMatrix3, Vector3};
 
-use crate::arm::Arm;
-use crate::arm::JointMatrix;
-use crate::arm::Joints;
-use crate::arm::Link;
-use crate::arm::Posture;
-use crate::arm::rigid::Body;
-use crate::arm::rigid::Effort;
-use crate::arm::rigid::Motion;
+use crate::arm::rigid::{Body, Effort, Motion};
+use crate::arm::{Arm, JointMatrix, Joints, Link, Posture};
 use units::spatial::Wrench;
 
 /// Equation of motion at one state: `M qdd + bias = tau`.

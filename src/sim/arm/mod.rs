@@ -6,22 +6,15 @@
 mod dynamics;
 mod rigid;
 
-pub(super) use dynamics::Dynamics;
-pub(super) use dynamics::accelerations;
+pub(super) use dynamics::{Dynamics, accelerations};
 
-use nalgebra::Isometry3;
-use nalgebra::IsometryMatrix3;
-use nalgebra::Matrix3;
-use nalgebra::Rotation3;
-use nalgebra::SMatrix;
-use nalgebra::SVector;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{
+    Isometry3, IsometryMatrix3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion,
+    Vector3,
+};
 
 use crate::arm::rigid::Body;
-use units::spatial::Jacobian;
-use units::spatial::Twist;
+use units::spatial::{Jacobian, Twist};
 
 /// One value per joint, base first.
 pub type Joints = SVector<f64, 6>;

@@ -1,8 +1,6 @@
 //! Spatial motions, forces and inertias at the origin of one frame (Featherstone 2008), which can be added as they are.
 
-use nalgebra::IsometryMatrix3;
-use nalgebra::Matrix3;
-use nalgebra::Vector3;
+use nalgebra::{IsometryMatrix3, Matrix3, Vector3};
 
 /// Spatial motion: angular, and linear at the origin.
 #[derive(Clone, Copy, Debug)]

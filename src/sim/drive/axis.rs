@@ -4,34 +4,21 @@
 //! synchronous torque mode nothing happens between two set-points. In every other mode, and during a stop, the control
 //! loops run every [`SERVO_PERIOD`].
 
-use crate::actuator::ActuatorSettings;
-use crate::actuator::Encoder;
+use crate::actuator::{ActuatorSettings, Encoder};
 use crate::drive::limits::Limits;
-use crate::drive::monitor::Cause;
-use crate::drive::monitor::Monitor;
-use crate::drive::options::Abort;
-use crate::drive::options::Options;
+use crate::drive::monitor::{Cause, Monitor};
+use crate::drive::options::{Abort, Options};
 use crate::drive::power::Power;
 use crate::drive::servo::Servo;
-use crate::drive::status;
-use crate::drive::status::Status;
+use crate::drive::status::{self, Status};
 use crate::drive::stop::Stop;
-use crate::drive::task;
-use crate::drive::task::Task;
+use crate::drive::task::{self, Task};
 use crate::drivetrain::Sensed;
-use crate::motion::Feedback;
-use crate::motion::Motion;
-use crate::motion::Ramp;
-use crate::motion::SERVO_PERIOD;
-use crate::motion::TorqueDemand;
-use crate::motion::Tuning;
+use crate::motion::{Feedback, Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use canopen::abort::AbortCode;
-use canopen::device::Application;
-use canopen::device::ConnectionLoss;
-use canopen::device::Reset;
+use canopen::device::{Application, ConnectionLoss, Reset};
 use canopen::dictionary::Dictionary;
-use canopen::drive::Controlword;
-use canopen::drive::State;
+use canopen::drive::{Controlword, State};
 use canopen::object::Object;
 use units::time::Instant;
 

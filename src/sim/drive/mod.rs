@@ -35,23 +35,15 @@ use crate::actuator::ActuatorSettings;
 use crate::drive::axis::Axis;
 use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
-use crate::motion::Feedback;
-use crate::motion::Tuning;
-use crate::quirks::QuirkEffects;
-use crate::quirks::Quirks;
-use crate::quirks::TransmitPath;
-use crate::quirks::start_running;
-use canopen::NmtCommand;
-use canopen::NmtState;
-use canopen::NodeId;
+use crate::motion::{Feedback, Tuning};
+use crate::quirks::{QuirkEffects, Quirks, TransmitPath, start_running};
 use canopen::device::Device;
 use canopen::dictionary::Dictionary;
 use canopen::drive::State;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
 use canopen::station::Station;
+use canopen::{NmtCommand, NmtState, NodeId};
 use units::time::Instant;
 
 /// Settings of one drive.

@@ -131,9 +131,7 @@ mod tests {
 
     #[test]
     fn codes_have_the_ramps_of_cia_402() {
-        use Ramp::CurrentLimit;
-        use Ramp::QuickStop;
-        use Ramp::SlowDown;
+        use Ramp::{CurrentLimit, QuickStop, SlowDown};
         let none = None;
         let quick_stops = [
             none,

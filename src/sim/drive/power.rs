@@ -12,9 +12,7 @@
 
 use crate::drive::options::Options;
 use crate::motion::Ramp;
-use canopen::drive::Controlword;
-use canopen::drive::State;
-use canopen::drive::Statusword;
+use canopen::drive::{Controlword, State, Statusword};
 
 /// Power state machine of one drive.
 #[derive(Clone, Copy, Debug)]
@@ -240,8 +238,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::drive::Goal;
-    use canopen::drive::PowerStage;
+    use canopen::drive::{Goal, PowerStage};
 
     /// All stops immediate; the quick stop is a ramp that ends in quick stop active.
     const OPTIONS: Options = Options {

@@ -3,8 +3,7 @@
 //! Torque is in whole per mille: noise below that does not trigger an event-driven TPDO.
 
 use crate::drive::monitor::Monitor;
-use crate::motion::Feedback;
-use crate::motion::TorqueDemand;
+use crate::motion::{Feedback, TorqueDemand};
 use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::object::Object;

@@ -1,9 +1,6 @@
 //! A stop on a ramp (605Ah to 605Eh), with a timeout of [`MAX_STOP_TIME`].
 
-use crate::motion::Feedback;
-use crate::motion::Motion;
-use crate::motion::Ramp;
-use crate::motion::TorqueDemand;
+use crate::motion::{Feedback, Motion, Ramp, TorqueDemand};
 use canopen::dictionary::Dictionary;
 
 /// Time after which a motor that still turns is released, in s.

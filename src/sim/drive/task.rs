@@ -3,8 +3,7 @@
 use crate::drive::power::Power;
 use crate::drive::stop::Stop;
 use canopen::dictionary::Dictionary;
-use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
-use canopen::drive::State;
+use canopen::drive::{CYCLIC_SYNCHRONOUS_TORQUE, State};
 use canopen::object::Object;
 
 /// Motor task.

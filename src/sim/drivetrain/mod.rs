@@ -8,8 +8,7 @@ mod current_loop;
 mod hysteresis;
 pub mod winding;
 
-use crate::actuator::ActuatorSettings;
-use crate::actuator::TorqueCurve;
+use crate::actuator::{ActuatorSettings, TorqueCurve};
 use crate::drivetrain::backlash::Backlash;
 use crate::drivetrain::current_loop::CurrentLoop;
 use crate::drivetrain::hysteresis::Hysteresis;

@@ -2,14 +2,12 @@
 
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
-use canopen_rs::sdo::request_cob_id;
-use canopen_rs::sdo::response_cob_id;
+use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
 use crate::drive::Drive;
 use crate::switches::SwitchBox;
 use canopen::dictionary::Dictionary;
-use canopen::frame::COB_ID_MAX;
-use canopen::frame::Channel;
+use canopen::frame::{COB_ID_MAX, Channel};
 use canopen::nmt;
 use canopen::object::Object;
 use canopen::station::Station;
@@ -108,8 +106,7 @@ fn cob_id(
     direction: Direction,
     service: Service,
 ) -> Option<u16> {
-    use Direction::FromDevice;
-    use Direction::ToDevice;
+    use Direction::{FromDevice, ToDevice};
     match (direction, service) {
         (FromDevice, Service::Tpdo(number)) => {
             valid(objects, Object::tpdo_communication(number, 1))

@@ -12,8 +12,7 @@ mod running;
 mod tests;
 mod wiring;
 
-pub use breakable::Breakable;
-pub use breakable::Direction;
+pub use breakable::{Breakable, Direction};
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -21,17 +20,11 @@ use std::time::Duration;
 
 use crate::drivetrain::Sensed;
 use crate::fault::held::Held;
-use crate::fault::running::OfDevices;
-use crate::fault::running::Running;
+use crate::fault::running::{OfDevices, Running};
 use canopen::error_codes;
 use canopen::frame::Telegram;
-use faults::DeviceFault;
-use faults::Disconnection;
-use faults::Fault;
-use faults::Kind;
-use faults::LinkFault;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use faults::{DeviceFault, Disconnection, Fault, Kind, LinkFault};
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// The six drives and the switch box.

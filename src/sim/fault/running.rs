@@ -2,25 +2,14 @@
 
 use crate::drivetrain::Sensed;
 use crate::fault::Devices;
-use crate::fault::breakable::Breakable;
-use crate::fault::breakable::Direction;
+use crate::fault::breakable::{Breakable, Direction};
 use crate::random::SplitMix;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
-use faults::ContactFault;
-use faults::Disconnection;
-use faults::Effect;
-use faults::Extent;
-use faults::Fault;
-use faults::FrameFault;
-use faults::Kind;
-use faults::Selection;
-use faults::SensorFault;
-use faults::Service;
-use faults::Target;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use canopen::frame::{Channel, Frame, Telegram};
+use faults::{
+    ContactFault, Disconnection, Effect, Extent, Fault, FrameFault, Kind, Selection, SensorFault,
+    Service, Target,
+};
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// A fault that has started and not ended.

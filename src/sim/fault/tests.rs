@@ -5,20 +5,13 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use crate::drivetrain::Sensed;
-use crate::fault::Breakable;
-use crate::fault::Devices;
-use crate::fault::Direction;
-use crate::fault::Faults;
+use crate::fault::{Breakable, Devices, Direction, Faults};
 use crate::scenario::Scenario;
 use canopen::error_codes;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use canopen::station::Station;
-use faults::LinkFault;
-use faults::Service;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use faults::{LinkFault, Service};
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// Joint of the device at place 2.

@@ -4,11 +4,9 @@ use std::mem;
 use std::time::Duration;
 
 use crate::fault::Faults;
-use crate::fault::breakable::Breakable;
-use crate::fault::breakable::Direction;
+use crate::fault::breakable::{Breakable, Direction};
 use crate::fault::held::Delayed;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Frame, Telegram};
 use faults::Effect;
 use units::numbering::NodeIndex;
 use units::time::Instant;

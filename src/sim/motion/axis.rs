@@ -1,17 +1,11 @@
 //! State shared by all modes: shaft position, demand, and the servo loops.
 
-use crate::motion::limits::Limited;
-use crate::motion::limits::TorqueLimits;
-use crate::motion::limits::top_speed;
+use crate::motion::limits::{Limited, TorqueLimits, top_speed};
 use crate::motion::ramp::Demand;
-use crate::motion::servo::Reference;
-use crate::motion::servo::Servo;
-use crate::motion::shaft::Actual;
-use crate::motion::shaft::Shaft;
+use crate::motion::servo::{Reference, Servo};
+use crate::motion::shaft::{Actual, Shaft};
 use crate::motion::tuning::Tuning;
-use crate::motion::units::Units;
-use crate::motion::units::saturated;
-use crate::motion::units::wrapped;
+use crate::motion::units::{Units, saturated, wrapped};
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 

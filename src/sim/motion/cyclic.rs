@@ -4,17 +4,12 @@
 //! The demand moves linearly to each set-point within the interpolation time (60C2h) and then stays. Before the first
 //! set-point the motor holds its position.
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
+use crate::motion::axis::{Axis, StepInput};
 use crate::motion::following::Following;
-use crate::motion::limits;
-use crate::motion::limits::Limited;
-use crate::motion::limits::within;
+use crate::motion::limits::{self, Limited, within};
 use crate::motion::ramp::Demand;
-use crate::motion::units::saturated;
-use crate::motion::units::signed;
+use crate::motion::units::{saturated, signed};
+use crate::motion::{TorqueDemand, bits};
 use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::error_codes::FOLLOWING_ERROR;
@@ -187,10 +182,7 @@ const MAX_INTERPOLATION_TIME: f64 = 10.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::HALT;
-    use crate::motion::fixture::put;
+    use crate::motion::fixture::{ENABLED, Fixture, HALT, put};
     use crate::motion::rotor::Rotor;
 
     const POSITION: i8 = 8;

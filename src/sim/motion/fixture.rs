@@ -1,11 +1,7 @@
 //! Test fixture: the modes of operation move a [`Rotor`].
 
-use crate::motion::Motion;
-use crate::motion::Ramp;
-use crate::motion::SERVO_PERIOD;
-use crate::motion::TorqueDemand;
-use crate::motion::Tuning;
 use crate::motion::rotor::Rotor;
+use crate::motion::{Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::drive::Controlword;

@@ -1,7 +1,6 @@
 //! Following error monitoring (CiA 402-2: 6065h, 6066h).
 
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
+use crate::motion::axis::{Axis, StepInput};
 use crate::motion::condition_timer::ConditionTimer;
 use canopen::object::Object;
 

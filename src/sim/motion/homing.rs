@@ -3,15 +3,11 @@
 //!
 //! The home position then reads as the home offset (607Ch). 60E3h lists the methods.
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
-use crate::motion::limits;
-use crate::motion::ramp::Demand;
-use crate::motion::ramp::Profile;
+use crate::motion::axis::{Axis, StepInput};
+use crate::motion::ramp::{Demand, Profile};
 use crate::motion::reached::Standstill;
 use crate::motion::units::signed;
+use crate::motion::{TorqueDemand, bits, limits};
 use canopen::drive::Controlword;
 use canopen::object::Object;
 
@@ -176,13 +172,8 @@ fn set_home(axis: &mut Axis, position: f64, input: &StepInput<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bits::HOMING_ATTAINED;
-    use crate::motion::bits::HOMING_ERROR;
-    use crate::motion::bits::TARGET_REACHED;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::HALT;
-    use crate::motion::fixture::START;
+    use crate::motion::bits::{HOMING_ATTAINED, HOMING_ERROR, TARGET_REACHED};
+    use crate::motion::fixture::{ENABLED, Fixture, HALT, START};
     use crate::motion::rotor::Rotor;
     use canopen::object::Object;
 

@@ -1,8 +1,7 @@
 //! Limits that apply to all modes: torque, speed, acceleration, position.
 
 use crate::motion::ramp::Profile;
-use crate::motion::units::Units;
-use crate::motion::units::signed;
+use crate::motion::units::{Units, signed};
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 
@@ -96,8 +95,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::fixture::drive;
-    use crate::motion::fixture::put;
+    use crate::motion::fixture::{drive, put};
 
     #[test]
     fn target_stays_within_configured_position_limits() {

@@ -39,12 +39,9 @@ mod torque;
 mod tuning;
 mod units;
 
-pub use tuning::InvalidLoad;
-pub use tuning::Load;
-pub use tuning::Tuning;
+pub use tuning::{InvalidLoad, Load, Tuning};
 
-use axis::Axis;
-use axis::StepInput;
+use axis::{Axis, StepInput};
 use mode::Mode;
 use stop::Stop;
 

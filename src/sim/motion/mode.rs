@@ -1,17 +1,13 @@
 //! Dispatch to the modes of operation (6060h).
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
-use crate::motion::cyclic::CyclicPosition;
-use crate::motion::cyclic::CyclicVelocity;
+use crate::motion::axis::{Axis, StepInput};
+use crate::motion::cyclic::{CyclicPosition, CyclicVelocity};
 use crate::motion::homing::Homing;
 use crate::motion::profile_position::ProfilePosition;
 use crate::motion::profile_velocity::ProfileVelocity;
 use crate::motion::stop::Stopped;
-use crate::motion::torque;
-use crate::motion::torque::ProfileTorque;
+use crate::motion::torque::{self, ProfileTorque};
+use crate::motion::{TorqueDemand, bits};
 use canopen::drive::Controlword;
 
 /// Active mode with its state.

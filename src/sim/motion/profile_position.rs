@@ -3,16 +3,12 @@
 //! One set-point can wait for the one before. Controlword bit 9 (change on set-point) is ignored and 60F2h is absent:
 //! a relative target is relative to the previous target, and the axis is linear.
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
+use crate::motion::axis::{Axis, StepInput};
 use crate::motion::following::Following;
-use crate::motion::limits;
-use crate::motion::ramp::Profile;
-use crate::motion::ramp::Trajectory;
+use crate::motion::ramp::{Profile, Trajectory};
 use crate::motion::reached::Reached;
 use crate::motion::units::signed;
+use crate::motion::{TorqueDemand, bits, limits};
 use canopen::drive::Controlword;
 use canopen::error_codes::FOLLOWING_ERROR;
 use canopen::object::Object;
@@ -144,14 +140,8 @@ impl ProfilePosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bits::SET_POINT_ACKNOWLEDGED;
-    use crate::motion::bits::TARGET_REACHED;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::HALT;
-    use crate::motion::fixture::IMMEDIATELY;
-    use crate::motion::fixture::RELATIVE;
-    use crate::motion::fixture::START;
+    use crate::motion::bits::{SET_POINT_ACKNOWLEDGED, TARGET_REACHED};
+    use crate::motion::fixture::{ENABLED, Fixture, HALT, IMMEDIATELY, RELATIVE, START};
     use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 1;

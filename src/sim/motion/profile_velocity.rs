@@ -1,15 +1,11 @@
 //! Profile velocity mode (CiA 402-2, 12): 60FFh on the ramps of 6083h and 6084h.
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
-use crate::motion::limits;
-use crate::motion::limits::within;
+use crate::motion::axis::{Axis, StepInput};
+use crate::motion::limits::{self, within};
 use crate::motion::ramp::Profile;
-use crate::motion::reached::Reached;
-use crate::motion::reached::Standstill;
+use crate::motion::reached::{Reached, Standstill};
 use crate::motion::units::signed;
+use crate::motion::{TorqueDemand, bits};
 use canopen::object::Object;
 
 /// State of profile velocity mode.
@@ -50,11 +46,8 @@ impl ProfileVelocity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bits::SPEED_ZERO;
-    use crate::motion::bits::TARGET_REACHED;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::HALT;
+    use crate::motion::bits::{SPEED_ZERO, TARGET_REACHED};
+    use crate::motion::fixture::{ENABLED, Fixture, HALT};
     use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 3;

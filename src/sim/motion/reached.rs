@@ -1,7 +1,6 @@
 //! Target reached and standstill detection (CiA 402-2: 6067h to 6070h).
 
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
+use crate::motion::axis::{Axis, StepInput};
 use crate::motion::condition_timer::ConditionTimer;
 use crate::motion::following::NO_WINDOW;
 use canopen::object::Object;
@@ -74,11 +73,8 @@ fn time(input: &StepInput<'_>) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bits::SPEED_ZERO;
-    use crate::motion::bits::TARGET_REACHED;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::START;
+    use crate::motion::bits::{SPEED_ZERO, TARGET_REACHED};
+    use crate::motion::fixture::{ENABLED, Fixture, START};
     use crate::motion::rotor::Rotor;
 
     #[test]

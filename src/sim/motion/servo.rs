@@ -6,9 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::motion::limits::Limited;
-use crate::motion::limits::TorqueLimits;
-use crate::motion::limits::within;
+use crate::motion::limits::{Limited, TorqueLimits, within};
 use crate::motion::ramp::Demand;
 use crate::motion::shaft::Actual;
 use crate::motion::tuning::Tuning;
@@ -89,8 +87,7 @@ mod tests {
     use crate::motion::SERVO_PERIOD;
     use crate::motion::fixture::drive;
     use crate::motion::limits::top_speed;
-    use crate::motion::ramp::Profile;
-    use crate::motion::ramp::Trajectory;
+    use crate::motion::ramp::{Profile, Trajectory};
     use crate::motion::rotor::Rotor;
     use crate::motion::units::Units;
 

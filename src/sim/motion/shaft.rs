@@ -4,8 +4,7 @@
 //! and wraps.
 
 use crate::motion::Feedback;
-use crate::motion::units::Units;
-use crate::motion::units::wrapped;
+use crate::motion::units::{Units, wrapped};
 
 /// Shaft of the motor, as the encoder measures it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,15 +3,11 @@
 //! Modes with a velocity decelerate. Torque modes remove their torque: on the slope of 6087h in profile torque mode, at
 //! once in cyclic synchronous torque mode, in which a hand may hold the load.
 
-use crate::motion::Ramp;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::limits::Limited;
-use crate::motion::limits::deceleration;
-use crate::motion::ramp::Demand;
-use crate::motion::ramp::Profile;
+use crate::motion::axis::{Axis, StepInput};
+use crate::motion::limits::{Limited, deceleration};
+use crate::motion::ramp::{Demand, Profile};
 use crate::motion::reached::Standstill;
-use crate::motion::torque;
+use crate::motion::{Ramp, torque};
 use canopen::object::Object;
 
 /// Quantity that a stop brings to zero.
@@ -107,8 +103,7 @@ impl Stop {
 mod tests {
     use super::*;
     use crate::motion::SERVO_PERIOD;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::put;
+    use crate::motion::fixture::{Fixture, put};
     use crate::motion::rotor::Rotor;
 
     /// Returns a motor at 100,000 increments/s in profile velocity mode.

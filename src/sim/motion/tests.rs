@@ -3,8 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::motion::fixture::drive;
-use crate::motion::fixture::put;
+use crate::motion::fixture::{drive, put};
 use canopen::eds::Eds;
 
 /// Statusword bits 10, 12 and 13.

@@ -3,10 +3,8 @@
 //!
 //! The master generates the profile of the cyclic mode: a slope would delay the force reflected to a hand.
 
-use crate::motion::TorqueDemand;
-use crate::motion::axis::Axis;
-use crate::motion::axis::StepInput;
-use crate::motion::bits;
+use crate::motion::axis::{Axis, StepInput};
+use crate::motion::{TorqueDemand, bits};
 use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::object::Object;
@@ -70,9 +68,7 @@ pub(super) fn step_cyclic(axis: &mut Axis, input: &StepInput<'_>) -> TorqueDeman
 mod tests {
     use super::*;
     use crate::motion::bits::TARGET_REACHED;
-    use crate::motion::fixture::ENABLED;
-    use crate::motion::fixture::Fixture;
-    use crate::motion::fixture::HALT;
+    use crate::motion::fixture::{ENABLED, Fixture, HALT};
     use crate::motion::rotor::Rotor;
 
     fn locked(mode: i8) -> Fixture {

@@ -126,8 +126,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::fixture::drive;
-    use crate::motion::fixture::put;
+    use crate::motion::fixture::{drive, put};
 
     #[test]
     fn default_unit_is_one_increment() {

@@ -26,16 +26,9 @@ pub use resistance::Resistance;
 
 use nalgebra::Isometry3;
 
-use crate::arm;
-use crate::arm::Arm;
-use crate::arm::Dynamics;
-use crate::arm::JointMatrix;
-use crate::arm::Joints;
-use crate::arm::Posture;
+use crate::arm::{self, Arm, Dynamics, JointMatrix, Joints, Posture};
 use crate::hand::Hand;
-use units::spatial::Jacobian;
-use units::spatial::Twist;
-use units::spatial::Wrench;
+use units::spatial::{Jacobian, Twist, Wrench};
 
 /// Maximum step, in s.
 const MAX_STEP: f64 = 500e-6;

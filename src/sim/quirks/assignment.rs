@@ -1,13 +1,10 @@
 //! Assignment of quirks to joints: `[[drive]]` in a scenario, `--quirks` on the command line.
 
-use serde::Deserialize;
-use serde::Deserializer;
-use serde::Serialize;
 use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::quirks::Quirk;
-use crate::quirks::Quirks;
+use crate::quirks::{Quirk, Quirks};
 use units::numbering::Joint;
 
 /// Quirks by joint. Drives of joints without an entry have none.

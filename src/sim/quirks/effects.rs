@@ -2,18 +2,13 @@
 
 use std::time::Duration;
 
-use crate::quirks::FrameQuirks;
-use crate::quirks::Quirk;
-use crate::quirks::Quirks;
-use canopen::NodeId;
+use crate::quirks::{FrameQuirks, Quirk, Quirks};
 use canopen::abort::AbortCode;
-use canopen::device::Application;
-use canopen::device::Misbehaviour;
+use canopen::device::{Application, Misbehaviour};
 use canopen::dictionary::Dictionary;
-use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
-use canopen::drive::Controlword;
-use canopen::layout;
+use canopen::drive::{CYCLIC_SYNCHRONOUS_TORQUE, Controlword};
 use canopen::object::Object;
+use canopen::{NodeId, layout};
 use units::time::Instant;
 
 /// Deviations of one drive outside its CiA 402 application.

@@ -10,14 +10,11 @@ mod name;
 mod quirk;
 mod transmit_path;
 
-pub use assignment::QuirkAssignment;
-pub use assignment::UnknownJoint;
-pub(super) use effects::QuirkEffects;
-pub(super) use effects::start_running;
+pub use assignment::{QuirkAssignment, UnknownJoint};
+pub(super) use effects::{QuirkEffects, start_running};
 pub use name::UnknownQuirk;
 pub use quirk::Quirk;
-pub(super) use transmit_path::FrameQuirks;
-pub(super) use transmit_path::TransmitPath;
+pub(super) use transmit_path::{FrameQuirks, TransmitPath};
 
 /// Quirks of one drive.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -4,9 +4,7 @@
 
 use std::time::Duration;
 
-use serde::Deserialize;
-use serde::Serialize;
-use serde::Serializer;
+use serde::{Deserialize, Serialize, Serializer};
 
 use canopen::object::Object;
 

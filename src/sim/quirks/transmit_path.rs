@@ -5,16 +5,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use canopen_rs::EmergencyMessage;
-use canopen_rs::NmtState;
 use canopen_rs::emcy::ErrorRegister;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
+use canopen_rs::{EmergencyMessage, NmtState};
 
-use canopen::device::Application;
-use canopen::device::Device;
-use canopen::frame::COB_ID_MAX;
-use canopen::frame::Frame;
+use canopen::device::{Application, Device};
+use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::heartbeat::is_boot_up;
 use canopen::master::check::COB_ID_INVALID;
 use canopen::object::Object;

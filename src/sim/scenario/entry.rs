@@ -2,39 +2,19 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::NodeId;
-use toml::Spanned;
-use toml::Value;
+use canopen_rs::{NmtCommand, NodeId};
+use toml::{Spanned, Value};
 
-use crate::scenario::keys::Entry;
-use crate::scenario::keys::Keys;
-use crate::scenario::problem::MIN_DURATION;
-use crate::scenario::problem::Misplaced;
-use crate::scenario::problem::Problem;
-use crate::scenario::problem::follows;
-use canopen::frame::COB_ID_MAX;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use crate::scenario::keys::{Entry, Keys};
+use crate::scenario::problem::{MIN_DURATION, Misplaced, Problem, follows};
+use canopen::frame::{COB_ID_MAX, Channel, Frame};
 use canopen::layout::MAX_PDOS;
 use canopen::nmt::Order;
 use canopen::sync;
-use faults::ContactFault;
-use faults::DeviceFault;
-use faults::Disconnection;
-use faults::Disturbance;
-use faults::Effect;
-use faults::Extent;
-use faults::Fault;
-use faults::FrameFault;
-use faults::HostFault;
-use faults::Input;
-use faults::Kind;
-use faults::LinkFault;
-use faults::Selection;
-use faults::SensorFault;
-use faults::Service;
-use faults::Target;
+use faults::{
+    ContactFault, DeviceFault, Disconnection, Disturbance, Effect, Extent, Fault, FrameFault,
+    HostFault, Input, Kind, LinkFault, Selection, SensorFault, Service, Target,
+};
 use units::numbering::Joint;
 
 /// Longest delay of a frame, in ms.

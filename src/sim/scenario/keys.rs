@@ -1,15 +1,11 @@
 //! Keys of one `[[fault]]`: read one by one, each checked, none left over.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
-use toml::Spanned;
-use toml::Value;
+use toml::{Spanned, Value};
 
-use crate::scenario::problem::Misplaced;
-use crate::scenario::problem::Problem;
-use crate::scenario::problem::within;
+use crate::scenario::problem::{Misplaced, Problem, within};
 
 /// A table of a file.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;

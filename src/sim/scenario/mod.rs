@@ -15,30 +15,19 @@ pub mod operator;
 mod problem;
 mod to_toml;
 
-pub use operator::ConsoleRequest;
-pub use operator::Operator;
-pub use problem::Problem;
-pub use problem::ScenarioError;
+pub use operator::{ConsoleRequest, Operator};
+pub use problem::{Problem, ScenarioError};
 
 use std::ops::Range;
 
-use serde::Deserialize;
-use serde::Serialize;
-use serde::Serializer;
+use serde::{Deserialize, Serialize, Serializer};
 use toml::Spanned;
 
 use crate::operator_settings::OperatorSettings;
 use crate::quirks::QuirkAssignment;
 use crate::scenario::keys::Entry as Table;
-use crate::scenario::operator::Actions;
-use crate::scenario::operator::Console;
-use crate::scenario::operator::Hold;
-use crate::scenario::operator::Move;
-use crate::scenario::operator::Switch;
-use crate::scenario::problem::MIN_DURATION;
-use crate::scenario::problem::Misplaced;
-use crate::scenario::problem::follows;
-use crate::scenario::problem::within;
+use crate::scenario::operator::{Actions, Console, Hold, Move, Switch};
+use crate::scenario::problem::{MIN_DURATION, Misplaced, follows, within};
 use crate::scenario::to_toml::FaultEntry;
 use faults::Fault;
 
@@ -317,9 +306,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use faults::DeviceFault;
-    use faults::Kind;
-    use faults::Target;
+    use faults::{DeviceFault, Kind, Target};
     use units::numbering::Joint;
 
     const SCRIPT: &str = "seconds = 5\n\

@@ -2,16 +2,11 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
-use serde::Deserialize;
-use serde::Serialize;
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use crate::scenario::problem::MIN_DURATION;
-use crate::scenario::problem::Misplaced;
-use crate::scenario::problem::in_order;
-use crate::scenario::problem::within;
+use crate::scenario::problem::{MIN_DURATION, Misplaced, in_order, within};
 use written::List;
 
 /// Reach of the hand, in m.

@@ -2,27 +2,15 @@
 
 use std::time::Duration;
 
-use serde::Serialize;
-use serde::Serializer;
+use serde::{Serialize, Serializer};
 use toml::Value;
 
 use crate::scenario::entry::DISTURBANCES;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use faults::ContactFault;
-use faults::DeviceFault;
-use faults::Disconnection;
-use faults::Disturbance;
-use faults::Effect;
-use faults::Extent;
-use faults::Fault;
-use faults::FrameFault;
-use faults::HostFault;
-use faults::Kind;
-use faults::LinkFault;
-use faults::Selection;
-use faults::SensorFault;
-use faults::Target;
+use canopen::frame::{Channel, Frame};
+use faults::{
+    ContactFault, DeviceFault, Disconnection, Disturbance, Effect, Extent, Fault, FrameFault,
+    HostFault, Kind, LinkFault, Selection, SensorFault, Target,
+};
 
 /// A fault as a table of TOML, its keys in the order in which people write them.
 #[derive(Debug)]

@@ -1,10 +1,8 @@
 //! Jacobian of a serial chain: maps joint rates to the twist of a frame, and a wrench at it to joint torques.
 
-use nalgebra::SMatrix;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::spatial::{Twist, Wrench};
 
 /// Body Jacobian of a chain of `N` joints: `v_g = J qd`, `tau = Jᵀ f_g` (Eq. 7), all in {G}.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,6 @@
 //! Orientations as three numbers: Z-Y-X Euler angles (Craig 1989, 2.8) and rotation vectors.
 
-use nalgebra::Matrix3;
-use nalgebra::Rotation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Limit of |cos β| below which α and γ are one rotation; α is then zero (Craig 1989, 2.8).
 const DEGENERATE: f64 = 1e-9;
@@ -83,8 +80,7 @@ pub fn left_jacobian_inverse(vector: &Vector3<f64>) -> Matrix3<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
-    use std::f64::consts::PI;
+    use std::f64::consts::{FRAC_PI_2, PI};
 
     use proptest::prelude::*;
 

@@ -1,12 +1,8 @@
 //! Linear and angular velocity, in m/s and rad/s.
 
-use std::ops::Add;
-use std::ops::Mul;
+use std::ops::{Add, Mul};
 
-use nalgebra::Isometry3;
-use nalgebra::Translation3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::spatial::rotation;
 

@@ -1,13 +1,8 @@
 //! Force and moment, in N and N·m (Craig 1989, chapter 5).
 
-use std::ops::Add;
-use std::ops::Mul;
-use std::ops::Neg;
-use std::ops::Sub;
+use std::ops::{Add, Mul, Neg, Sub};
 
-use nalgebra::Isometry3;
-use nalgebra::UnitQuaternion;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::spatial::Twist;
 

@@ -4,9 +4,7 @@
 use canopen_rs::sdo::SdoPayload;
 
 use crate::abort::AbortCode;
-use crate::sdo::Receiver;
-use crate::sdo::Sender;
-use crate::sdo::Taken;
+use crate::sdo::{Receiver, Sender, Taken};
 
 /// Block upload in progress.
 #[derive(Clone, Debug)]

@@ -14,13 +14,10 @@ mod tests;
 use std::time::Duration;
 
 use canopen_rs::NodeId;
-use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::request_cob_id;
-use canopen_rs::sdo::response_cob_id;
+use canopen_rs::sdo::{SdoPayload, request_cob_id, response_cob_id};
 
 use crate::abort::AbortCode;
-use crate::device::sdo_server::block::CONFIRMED;
-use crate::device::sdo_server::block::Next;
+use crate::device::sdo_server::block::{CONFIRMED, Next};
 use crate::device::sdo_server::opening::SIZE_INDICATED_IN_BLOCK;
 use crate::frame::Frame;
 use crate::object::Object;

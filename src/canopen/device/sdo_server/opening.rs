@@ -6,19 +6,11 @@ use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
 
 use crate::abort::AbortCode;
-use crate::device::sdo_server::Access;
-use crate::device::sdo_server::SdoServer;
-use crate::device::sdo_server::Transfer;
-use crate::device::sdo_server::Way;
-use crate::device::sdo_server::block;
-use crate::device::sdo_server::block::SCS_BLOCK_DOWNLOAD;
-use crate::device::sdo_server::block::SCS_BLOCK_UPLOAD;
-use crate::device::sdo_server::segmented;
+use crate::device::sdo_server::block::{self, SCS_BLOCK_DOWNLOAD, SCS_BLOCK_UPLOAD};
 use crate::device::sdo_server::size::check_size;
+use crate::device::sdo_server::{Access, SdoServer, Transfer, Way, segmented};
 use crate::object::Object;
-use crate::sdo::BlockParameters;
-use crate::sdo::MAX_BYTES;
-use crate::sdo::Receiver;
+use crate::sdo::{BlockParameters, MAX_BYTES, Receiver};
 
 /// Segments per sub-block of a download.
 pub(super) const BLOCK_SIZE: u8 = 127;

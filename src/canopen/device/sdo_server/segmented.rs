@@ -1,7 +1,6 @@
 //! Server side of segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): seven bytes per request and reply.
 
-use canopen_rs::sdo::SEGMENT_DATA_MAX;
-use canopen_rs::sdo::SdoPayload;
+use canopen_rs::sdo::{SEGMENT_DATA_MAX, SdoPayload};
 
 use crate::abort::AbortCode;
 use crate::device::sdo_server::size::check_size;

@@ -7,14 +7,10 @@ use canopen_rs::sdo::SdoPayload;
 use proptest::prelude::*;
 
 use crate::abort::AbortCode;
-use crate::device::sdo_server::Access;
-use crate::device::sdo_server::CLIENT_TIMEOUT;
-use crate::device::sdo_server::RETRY_TIMEOUT;
-use crate::device::sdo_server::SEGMENT_INTERVAL;
-use crate::device::sdo_server::SdoServer;
-use crate::device::sdo_server::abort;
-use crate::device::sdo_server::segmented::LAST;
-use crate::device::sdo_server::segmented::TOGGLE;
+use crate::device::sdo_server::segmented::{LAST, TOGGLE};
+use crate::device::sdo_server::{
+    Access, CLIENT_TIMEOUT, RETRY_TIMEOUT, SEGMENT_INTERVAL, SdoServer, abort,
+};
 use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;

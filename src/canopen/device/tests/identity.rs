@@ -1,10 +1,7 @@
 //! Identity of a device, and objects that follow its node-id.
 
 use super::*;
-use crate::lss::codec::Answer;
-use crate::lss::codec::Mode;
-use crate::lss::codec::Reply;
-use crate::lss::codec::Request;
+use crate::lss::codec::{Answer, Mode, Reply, Request};
 use crate::time_stamp::TimeOfDay;
 
 const CLIENT_TO_SERVER: Object = Object { index: 0x1200, sub: 1 };

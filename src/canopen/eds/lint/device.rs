@@ -2,12 +2,9 @@
 
 use crate::eds::device::BITRATES;
 use crate::eds::ini::Section;
-use crate::eds::lint::Lint;
-use crate::eds::lint::Spot;
-use crate::eds::read;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
-use crate::eds::value;
+use crate::eds::lint::{Lint, Spot};
+use crate::eds::title::{Named, Title};
+use crate::eds::{read, value};
 use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {

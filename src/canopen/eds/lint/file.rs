@@ -1,19 +1,14 @@
 //! File as a text: encoding, lines, duplicates, spelling.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
-use std::collections::hash_map;
+use std::collections::{HashMap, hash_map};
 use std::fmt;
 
-use crate::eds::ini::Oddity;
-use crate::eds::ini::Section;
-use crate::eds::keys;
-use crate::eds::lint::Lint;
-use crate::eds::lint::Spot;
+use crate::eds::ini::{Oddity, Section};
+use crate::eds::lint::{Lint, Spot};
 use crate::eds::text::Encoding;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
-use crate::eds::value;
+use crate::eds::title::{Named, Title};
+use crate::eds::{keys, value};
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     encoding(lint);

@@ -1,18 +1,12 @@
 //! Lists of objects (CiA 306, 4.5.2), and consistency of listed, counted and described objects.
 
-use std::collections::BTreeSet;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use crate::data_type::UNSIGNED8;
-use crate::eds::compact;
-use crate::eds::ini::Entry;
-use crate::eds::ini::Section;
-use crate::eds::lint::Lint;
-use crate::eds::lint::Spot;
-use crate::eds::read;
-use crate::eds::title::Named;
-use crate::eds::title::Title;
-use crate::eds::value;
+use crate::eds::ini::{Entry, Section};
+use crate::eds::lint::{Lint, Spot};
+use crate::eds::title::{Named, Title};
+use crate::eds::{compact, read, value};
 use crate::object::Object;
 
 /// First index of objects; data types are below.

@@ -4,8 +4,7 @@
 use crate::data_type;
 use crate::eds::described::Described;
 use crate::eds::lint::Lint;
-use crate::eds::value;
-use crate::eds::value::Number;
+use crate::eds::value::{self, Number};
 use crate::layout::Direction;
 use crate::object::Object;
 

@@ -11,9 +11,7 @@ mod objects;
 use std::fmt;
 
 use crate::eds::Eds;
-use crate::eds::ini::Entry;
-use crate::eds::ini::Ini;
-use crate::eds::ini::Section;
+use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::title::Title;
 use crate::object::Object;
 

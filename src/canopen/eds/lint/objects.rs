@@ -1,19 +1,13 @@
 //! Each object by itself: mandatory entries, and values within type and limits (CiA 306, 4.6.3).
 
 use crate::NodeId;
-use crate::data_type;
-use crate::data_type::DataType;
-use crate::eds::compact;
-use crate::eds::described::Access;
-use crate::eds::described::Described;
-use crate::eds::ini::Entry;
-use crate::eds::ini::Section;
-use crate::eds::lint::Lint;
-use crate::eds::lint::Spot;
-use crate::eds::read;
+use crate::data_type::{self, DataType};
+use crate::eds::described::{Access, Described};
+use crate::eds::ini::{Entry, Section};
+use crate::eds::lint::{Lint, Spot};
 use crate::eds::title::Title;
-use crate::eds::value;
-use crate::eds::value::NoValue;
+use crate::eds::value::{self, NoValue};
+use crate::eds::{compact, read};
 use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {

@@ -6,12 +6,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::abort::AbortCode;
 use crate::plan::Revisions;
-use crate::testing::plans::elbow;
-use crate::testing::plans::guarded_elbow;
-use crate::testing::plans::switch_box;
-use crate::testing::scripted::Scripted;
-use crate::testing::scripted::first_boot;
-use crate::testing::scripted::stamp;
+use crate::testing::plans::{elbow, guarded_elbow, switch_box};
+use crate::testing::scripted::{Scripted, first_boot, stamp};
 
 /// Boots `device` by `plan`. Returns the outcome, the duration, and all frames the master sent.
 fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<Frame>) {

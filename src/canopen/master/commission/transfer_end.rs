@@ -1,22 +1,16 @@
 //! End of an SDO transfer in a boot: next step, retry, alternative stage or failure.
 
+use canopen_rs::NmtCommand;
+
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::boot_error::Problem;
-use crate::master::commission::Boot;
-use crate::master::commission::BootOutcome;
-use crate::master::commission::MAX_REPEATS;
-use crate::master::commission::RETRY_PERIOD;
-use crate::master::commission::STANDSTILL_TIMEOUT;
-use crate::master::commission::Wait;
-use crate::master::steps::Action;
-use crate::master::steps::Stage;
-use crate::master::steps::Step;
+use crate::master::commission::{
+    Boot, BootOutcome, MAX_REPEATS, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait,
+};
+use crate::master::steps::{Action, Stage, Step};
 use crate::nmt::Order;
-use crate::sdo::Content;
-use crate::sdo::Outcome;
-use crate::sdo::SdoError;
-use canopen_rs::NmtCommand;
+use crate::sdo::{Content, Outcome, SdoError};
 use units::time::Instant;
 
 impl Boot {

@@ -3,25 +3,14 @@
 use std::time::Duration;
 
 use crate::campaign::criterion::Criterion;
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
-use crate::campaign::kind::KILLED;
-use crate::campaign::kind::Kind;
-use crate::campaign::kind::NO_CAUSE;
-use crate::campaign::kind::kind;
+use crate::campaign::injection::{Conditions, Injection};
+use crate::campaign::kind::{KILLED, Kind, NO_CAUSE, kind};
 use crate::campaign::random::Random;
-use canopen::NmtCommand;
-use canopen::NodeId;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use canopen::frame::{Channel, Frame};
 use canopen::layout::Direction;
 use canopen::nmt::Order;
-use canopen::sync;
-use faults::Disturbance;
-use faults::Fault;
-use faults::HostFault;
-use faults::Kind as FaultKind;
-use faults::Target;
+use canopen::{NmtCommand, NodeId, sync};
+use faults::{Disturbance, Fault, HostFault, Kind as FaultKind, Target};
 use node::cause::Kind as Cause;
 use sim::scenario::Entry;
 

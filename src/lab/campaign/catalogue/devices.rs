@@ -3,26 +3,15 @@
 use std::time::Duration;
 
 use crate::campaign::criterion::Criterion;
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
-use crate::campaign::kind::Kind;
-use crate::campaign::kind::engaged;
-use crate::campaign::kind::in_contact;
-use crate::campaign::kind::kind;
-use crate::campaign::random::Random;
-use crate::campaign::random::rounded;
-use canopen::error_codes;
+use crate::campaign::injection::{Conditions, Injection};
+use crate::campaign::kind::{Kind, engaged, in_contact, kind};
+use crate::campaign::random::{Random, rounded};
 use canopen::frame::Frame;
-use canopen::layout;
 use canopen::object::Object;
-use faults::DeviceFault;
-use faults::Disconnection;
-use faults::Effect;
-use faults::FrameFault;
-use faults::Kind as FaultKind;
-use faults::SensorFault;
-use faults::Service;
-use faults::Target;
+use canopen::{error_codes, layout};
+use faults::{
+    DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
+};
 use node::cause::Kind as Cause;
 use sim::scenario::Entry;
 use sim::scenario::operator::Move;

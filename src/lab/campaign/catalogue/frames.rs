@@ -3,20 +3,11 @@
 use std::time::Duration;
 
 use crate::campaign::criterion::Criterion;
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
-use crate::campaign::kind::Kind;
-use crate::campaign::kind::NO_CAUSE;
-use crate::campaign::kind::kind;
-use crate::campaign::random::Random;
-use crate::campaign::random::rounded;
+use crate::campaign::injection::{Conditions, Injection};
+use crate::campaign::kind::{Kind, NO_CAUSE, kind};
+use crate::campaign::random::{Random, rounded};
 use config::Layout;
-use faults::Effect;
-use faults::Extent;
-use faults::FrameFault;
-use faults::Kind as FaultKind;
-use faults::Service;
-use faults::Target;
+use faults::{Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
 use node::cause::Kind as Cause;
 use sim::scenario::Entry;
 use units::numbering::Joint;

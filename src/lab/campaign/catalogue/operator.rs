@@ -2,33 +2,17 @@
 
 use std::time::Duration;
 
-use crate::campaign::criterion::Criterion;
-use crate::campaign::criterion::MayStop;
-use crate::campaign::injection::Conditions;
-use crate::campaign::injection::Injection;
-use crate::campaign::injection::seconds;
-use crate::campaign::kind::Kind;
-use crate::campaign::kind::NO_CAUSE;
-use crate::campaign::kind::armed;
-use crate::campaign::kind::engaged;
-use crate::campaign::kind::in_contact;
-use crate::campaign::kind::kind;
+use crate::campaign::criterion::{Criterion, MayStop};
+use crate::campaign::injection::{Conditions, Injection, seconds};
+use crate::campaign::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind};
 use crate::campaign::random::Random;
-use faults::ContactFault;
-use faults::Disconnection;
-use faults::Effect;
-use faults::FrameFault;
-use faults::Input;
-use faults::Kind as FaultKind;
-use faults::LinkFault;
-use faults::Service;
-use faults::Target;
+use faults::{
+    ContactFault, Disconnection, Effect, FrameFault, Input, Kind as FaultKind, LinkFault, Service,
+    Target,
+};
 use node::cause::Kind as Cause;
-use sim::scenario::ConsoleRequest;
-use sim::scenario::Entry;
-use sim::scenario::operator::Console;
-use sim::scenario::operator::Move;
-use sim::scenario::operator::Switch;
+use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry};
 
 pub(super) const KINDS: &[Kind] = &[
     in_contact(11, "hand too fast", &[Cause::GripOverspeed], too_fast),

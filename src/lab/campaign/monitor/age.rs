@@ -7,9 +7,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::campaign::monitor::sheet::Sheet;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Frame, Telegram};
 use units::numbering::Joint;
 use units::time::Instant;
 

@@ -23,8 +23,7 @@ mod sheet;
 mod tests;
 mod torque;
 
-pub use invariant::Invariant;
-pub use invariant::Violation;
+pub use invariant::{Invariant, Violation};
 pub use rhythm::Exemption;
 
 use std::sync::Arc;
@@ -35,12 +34,10 @@ use crate::campaign::monitor::grip::Grip;
 use crate::campaign::monitor::invariant::Violations;
 use crate::campaign::monitor::order::Order;
 use crate::campaign::monitor::rhythm::Rhythm;
-use crate::campaign::monitor::sheet::Command;
-use crate::campaign::monitor::sheet::Sheet;
+use crate::campaign::monitor::sheet::{Command, Sheet};
 use crate::campaign::monitor::torque::Torque;
 use bus::Tap;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
+use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
 use units::time::Instant;

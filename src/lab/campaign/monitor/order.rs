@@ -1,24 +1,15 @@
 //! Order of the node's commands to each device: I6, I8, I9 and I12.
 
-use crate::campaign::monitor::invariant::Invariant;
-use crate::campaign::monitor::invariant::Violations;
-use crate::campaign::monitor::sheet::ERROR_CONTROL;
-use crate::campaign::monitor::sheet::Member;
-use crate::campaign::monitor::sheet::SDO_REPLY;
-use crate::campaign::monitor::sheet::SDO_REQUEST;
-use crate::campaign::monitor::sheet::Sheet;
-use canopen::NmtCommand;
+use crate::campaign::monitor::invariant::{Invariant, Violations};
+use crate::campaign::monitor::sheet::{ERROR_CONTROL, Member, SDO_REPLY, SDO_REQUEST, Sheet};
 use canopen::drive::State;
 use canopen::emcy::Emergency;
-use canopen::error_codes;
 use canopen::exchange::TpdoSample;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::nmt;
-use canopen::nmt::Order as Nmt;
+use canopen::frame::{Channel, Frame};
+use canopen::nmt::{self, Order as Nmt};
 use canopen::object::Object;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use canopen::{NmtCommand, error_codes};
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// Bits 0 to 3 of a controlword: enable operation.

@@ -2,12 +2,9 @@
 
 use std::time::Duration;
 
-use crate::campaign::monitor::invariant::Invariant;
-use crate::campaign::monitor::invariant::Violations;
-use crate::campaign::monitor::sheet::Command;
-use crate::campaign::monitor::sheet::Sheet;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
+use crate::campaign::monitor::invariant::{Invariant, Violations};
+use crate::campaign::monitor::sheet::{Command, Sheet};
+use canopen::frame::{Channel, Frame};
 use canopen::sync;
 use units::time::Instant;
 

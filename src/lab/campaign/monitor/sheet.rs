@@ -3,28 +3,18 @@
 use std::time::Duration;
 
 use crate::world;
-use canopen::NodeId;
 use canopen::exchange::TpdoMap;
-use canopen::frame::Channel;
-use canopen::frame::Frame;
-use canopen::layout::Direction;
-use canopen::layout::Mapped;
-use canopen::layout::Pdo;
-use canopen::nmt;
+use canopen::frame::{Channel, Frame};
+use canopen::layout::{Direction, Mapped, Pdo};
 use canopen::object::Object;
-use canopen::plan::Identity;
-use canopen::plan::NodePlan;
-use canopen::sync;
-use canopen::time_stamp;
+use canopen::plan::{Identity, NodePlan};
 use canopen::watchdog::Awaited;
-use config::Actuator;
-use config::Config;
+use canopen::{NodeId, nmt, sync, time_stamp};
+use config::{Actuator, Config};
 use sim::actuator::TorqueCurve;
-use sim::arm::Arm;
-use sim::arm::Joints;
+use sim::arm::{Arm, Joints};
 use units::drive::Counts;
-use units::numbering::Joint;
-use units::numbering::NodeIndex;
+use units::numbering::{Joint, NodeIndex};
 
 /// COB-ID of an SDO request, before the node-ID is added (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;

@@ -2,12 +2,10 @@
 
 use std::time::Duration;
 
-use crate::campaign::monitor::invariant::Invariant;
-use crate::campaign::monitor::invariant::Violations;
+use crate::campaign::monitor::invariant::{Invariant, Violations};
 use crate::campaign::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
-use config::switch_inputs::Deadman;
-use config::switch_inputs::SwitchInputs;
+use config::switch_inputs::{Deadman, SwitchInputs};
 use units::numbering::Joint;
 use units::time::Instant;
 

@@ -7,22 +7,16 @@ mod modes;
 mod stops;
 
 use super::*;
-use canopen::drive::Controlword;
-use canopen::drive::Goal;
-use canopen::drive::PowerStage;
-use canopen::drive::Statusword;
+use canopen::drive::{Controlword, Goal, PowerStage, Statusword};
 use canopen::eds::Eds;
 use canopen::layout;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::object::Object;
 use canopen::pdo::DriveSample;
-use canopen::plan::Identity;
-use canopen::plan::NodePlan;
-use canopen::plan::Watch;
+use canopen::plan::{Identity, NodePlan, Watch};
 use canopen::sync::Sync;
-use units::drive::Counts;
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 
 const BUS: Channel = Channel(0);
 const MS: Duration = Duration::from_millis(1);

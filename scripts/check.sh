@@ -24,6 +24,7 @@ must_not_depend frhc-run $bench frhc-sealed-link snow
 must_not_depend frhc $bench frhc-sealed-link snow -- --no-default-features
 must_not_depend frhc-sim frhc-controller frhc-robot frhc-remote
 
+scripts/prose.sh
 cargo fmt --all -- --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo clippy --test vcan --test vcan_faults --locked -- -D warnings

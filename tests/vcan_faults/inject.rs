@@ -98,7 +98,7 @@ impl Rig {
         match fault.effect {
             Effect::Drop => gateway.lose(way, cob_id),
             Effect::Corrupt(mask) => {
-                gateway.alter(way, cob_id, &format!("XOR:D:0.0.{}", hex(mask)))
+                gateway.alter(way, cob_id, &format!("XOR:D:0.0.{}", hex(mask)));
             }
             Effect::Freeze => {
                 let mut data = [0; 8];

@@ -104,7 +104,7 @@ fn hazard_05_frozen_position_under_torque_stops_all_in_600_ms() {
     let onset = rig.onset();
     rig.inject(&gateway, Target::Joint(ELEVATION), every(POSITION, Effect::Freeze));
     rig.run_for(millis(620));
-    rig.is_stopped_by("joint 2: its position stands still");
+    rig.is_stopped_by("joint 2: position frozen under torque");
     rig.seen_after(onset, millis(620)).all_are_free_within(millis(600));
 }
 

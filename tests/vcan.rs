@@ -129,7 +129,11 @@ fn refused_run_names_the_reason_and_sends_nothing() {
     let text = fs::read_to_string(CONFIG).unwrap();
     let cases = [
         (text.replace("vcan0", "can7"), 4, "can7: no such interface"),
-        (text.replace("a_m = 0.254", "a_m = nan"), 3, "joint[2].a_m: must be within -10..=10, got NaN"),
+        (
+            text.replace("a_m = 0.254", "a_m = nan"),
+            3,
+            "joint[2].a_m: must be within -10..=10, got NaN",
+        ),
         (text.replace("heartbeat_ms = 5", "heartbeat_s = 5"), 3, "node.heartbeat_s: unknown key"),
         (
             text.replace("layout = \"grouped\"", "layout = \"per-drive\""),

@@ -5,9 +5,9 @@ use std::io::{self, Write};
 
 use serde_json::to_writer;
 
+use crate::cli::decode::decoded::Decoded;
 use crate::cli::decode::recorder_line::RecorderLine;
 use crate::cli::decode::timestamps::GoesBack;
-use crate::cli::decode::transcriber::Decoded;
 use bus::candump::{Content, Line, NotALine};
 use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::cli::decode::decoded::Decoded;
 use crate::cli::decode::timestamps::GoesBack;
-use crate::cli::decode::transcriber::Decoded;
 use canopen_tools::decode::Decoder;
 
 /// Positions and widths of the columns.

@@ -2,6 +2,7 @@
 
 use std::io::{self, BufReader, Read, Write};
 
+use crate::cli::decode::decoded::Decoded;
 use crate::cli::decode::input::read_line;
 use crate::cli::decode::recorder_line::RecorderLine;
 use crate::cli::decode::timestamps::Timestamps;
@@ -10,7 +11,7 @@ use bus::candump::{Content, Line, NotALine};
 use bus::screen;
 use canopen::frame::Channel;
 use canopen_tools::decode::error_frame::ErrorFrame;
-use canopen_tools::decode::{Annotation, Bus, Decoder};
+use canopen_tools::decode::{Bus, Decoder};
 use units::time::Instant;
 
 /// Error that ended decoding before the end of the input.
@@ -40,18 +41,6 @@ pub(super) struct Counts {
     pub(super) malformed: u64,
     /// Number of the newest line.
     number: u64,
-}
-
-/// Meaning of a line.
-pub(super) enum Decoded<'d> {
-    /// A CANopen frame.
-    Frame(Annotation<'d>),
-    /// A line of the session recorder.
-    RecorderLine(RecorderLine),
-    /// An error frame of the CAN controller.
-    Error(ErrorFrame),
-    /// A frame that is not CANopen: the reason.
-    Other(&'static str),
 }
 
 /// Decodes line by line.

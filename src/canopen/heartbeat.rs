@@ -41,7 +41,7 @@ impl Producer {
         Frame::new(heartbeat_cob_id(self.node), encode_heartbeat(self.state))
     }
 
-    /// Returns the heartbeat if one is due. Missed ones are skipped.
+    /// Returns the heartbeat if one is due. After a delay of a period or more, the period restarts at `now`.
     pub fn due(&mut self, now: Instant) -> Option<Frame> {
         if now < self.next {
             return None;
@@ -66,15 +66,15 @@ pub enum Health {
 /// Change of a node's health.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeartbeatEvent {
-    /// First state, or another state than the last.
+    /// First state, another state than the last, or any state after a loss.
     State(NmtState),
-    /// First boot-up message, without an earlier heartbeat.
+    /// Boot-up message before any heartbeat or loss.
     BootedUp,
-    /// Boot-up message of a node that was known: its configuration is lost.
+    /// Boot-up message after a heartbeat, a boot-up message or a loss: the configuration is lost.
     Rebooted,
     /// Heartbeat lost. Reported once.
     Lost,
-    /// Sign of two nodes with this node-id. Reported once.
+    /// Sign of two nodes with this node-id. Reported once per boot-up, instead of a state change.
     Duplicate(Sign),
 }
 

@@ -2,8 +2,8 @@
 //!
 //! The assist is scaled as a whole to its fraction of capacity, then task and assist as a whole to
 //! what gravity leaves (decisions 13, 20, 21 and 22): directions are kept, the arm does not sag, and
-//! the task dominates. Nothing is ever scaled up. Last, no torque may change faster than its joint's
-//! capacity in a given time: a step from anywhere reaches the hand as a ramp.
+//! the task dominates. No torque is scaled up. Last, [`Slew`] limits each torque's change per cycle; only a
+//! torque that is not finite drops all to zero at once. Joints are actuators where both are coupled.
 
 use nalgebra::SVector;
 use thiserror::Error;
@@ -26,10 +26,10 @@ impl AssistFraction {
         self.0
     }
 
-    /// A share between 0 and 1.
+    /// Returns the share.
     ///
     /// # Errors
-    /// Anything else.
+    /// A share outside 0 to 1, or NaN.
     pub fn new(fraction: f64) -> Result<Self, InvalidAssistFraction> {
         if (0.0..=1.0).contains(&fraction) {
             Ok(Self(fraction))
@@ -74,7 +74,7 @@ pub struct Limited<const N: usize> {
 }
 
 impl<const N: usize> Limits<N> {
-    /// From the most each joint may exert, which must be positive, in N·m or N.
+    /// Returns limits for these capacities, in N·m or N, which must be positive.
     pub const fn new(
         max_torques: SVector<f64, N>,
         assist: AssistFraction,
@@ -111,7 +111,8 @@ impl<const N: usize> Limits<N> {
             }
         }
         let wanted = carried + rest * (rest_scale * share);
-        let is_broken = !wanted.iter().all(|torque| torque.is_finite());
+        // Clamped gravity hides what is infinite.
+        let is_broken = !gravity.iter().chain(wanted.iter()).all(|torque| torque.is_finite());
         let tau =
             if is_broken { SVector::zeros() } else { wanted.zip_map(&self.max_torques, clamp) };
         Limited { tau, assist_scale, rest_scale, limiting_joint, is_broken }
@@ -192,8 +193,8 @@ impl<const N: usize> Slew<N> {
         (self.before, None)
     }
 
-    /// The torques, or as near to them as joints may come in one cycle; and the first joint that could
-    /// not, from 0. `tau` must be finite.
+    /// Returns the torques, each changed by at most its limit for one cycle, and the first joint held back,
+    /// from 0. `tau` must be finite.
     pub fn limit(&mut self, tau: &SVector<f64, N>) -> (SVector<f64, N>, Option<usize>) {
         let rates = self.rise.iter().zip(self.fall.iter());
         let mut held = None;
@@ -329,10 +330,15 @@ mod tests {
     #[test]
     fn torque_that_is_not_finite_sets_all_to_zero() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let mut task = Joints::repeat(0.1);
-            task[3] = bad;
-            let limited = combine(limits(0.35), &Joints::zeros(), &task, &Joints::zeros());
-            assert!(limited.is_broken && limited.tau == Joints::zeros());
+            let good = Joints::repeat(0.1);
+            let mut torque = good;
+            torque[3] = bad;
+            for [gravity, task, assist] in
+                [[&torque, &good, &good], [&good, &torque, &good], [&good, &good, &torque]]
+            {
+                let limited = combine(limits(0.35), gravity, task, assist);
+                assert!(limited.is_broken && limited.tau == Joints::zeros(), "{limited:?}");
+            }
         }
     }
 

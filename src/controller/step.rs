@@ -16,7 +16,7 @@ use crate::{Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
-/// The law with its state.
+/// The control law (Fig. 3) with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Controller {
     settings: Settings,
@@ -236,8 +236,8 @@ impl Controller {
             None => (limited.tau, None),
         };
         let tau = coupling.at_joints(&tau_a);
-        let is_held = if is_broken { 0.0 } else { rest_scale * asked.share };
-        self.port.hold(&(port * is_held));
+        let held_share = if is_broken { 0.0 } else { rest_scale * asked.share };
+        self.port.hold(&(port * held_share));
         let broken = is_broken.then_some(Fault::TorqueNotFinite);
         let [limiting_joint, slewing_joint] =
             [limiting_joint, slewing_joint].map(|place| place.and_then(Joint::at));

@@ -16,7 +16,8 @@ use remote::Remote;
 use units::numbering::Joint;
 use units::spatial::Motion;
 
-/// Time before a boot in which frames in flight, such as boot-up messages, are received and dropped.
+/// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
+/// dropped.
 const LISTEN_TIME: Duration = Duration::from_millis(20);
 
 /// Maximum time between two calls of `give_up` in a boot.
@@ -93,7 +94,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.listen_before_boot()?;
         let booted = self.boot(give_up);
         if booted.is_err() {
-            self.leave_pre_operational();
+            self.enter_pre_operational();
         }
         booted
     }
@@ -253,7 +254,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.cycle();
             on = self.first_powered();
         }
-        self.leave_pre_operational();
+        self.enter_pre_operational();
         match on {
             None => Ok(()),
             Some((joint, statusword)) => Err(NotConfirmed { joint, statusword }),
@@ -274,7 +275,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Sets all nodes pre-operational, so that no PDO of this master acts any more.
-    fn leave_pre_operational(&mut self) {
+    fn enter_pre_operational(&mut self) {
         self.network.master.shut_down(&mut self.wire.out);
         self.send_queued();
         let flushed = self.wire.now() + self.timing.period;

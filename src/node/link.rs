@@ -13,10 +13,10 @@ use remote::Sensed;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Minimum of the maximum age of a sample, for links with a short period.
+/// Lower bound of the maximum age of a sample, for links with a short period.
 const MIN_TIMEOUT: Duration = Duration::from_millis(20);
 
-/// Maximum of the maximum age of a sample, for links with a long period.
+/// Upper bound of the maximum age of a sample, for links with a long period.
 const MAX_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Maximum age of a sample, in periods of the link.

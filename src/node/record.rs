@@ -14,7 +14,7 @@ use units::time::Instant;
 /// Mode of the node. Only [`safety`](crate::safety) changes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// Drives are configured and enabled, at zero torque.
+    /// Drives are being configured, enabled and proof-tested, at zero torque.
     Boot,
     /// Drives enabled at zero torque.
     Ready,

@@ -1,10 +1,11 @@
 //! LSS master (CiA 305): runs a [job](crate::lss::job) to its end.
 //!
-//! After any failure, and when abandoned, it switches all slaves to waiting: none stays in configuration
-//! unless the job requires it.
+//! All slaves are switched to waiting after any failure and when abandoned; after a success, if the job
+//! releases them.
 //!
 //! Slaves share one reply COB-ID, so simultaneous replies collide or merge. Unless the job selects by
-//! identity, every reply window stays open and a second reply ends the job. A single reply proves little.
+//! identity, every reply window stays open and a second reply ends the job. A single reply may
+//! still be several identical ones, merged.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -141,7 +142,7 @@ impl Master {
             Reply::NodeId(byte) => {
                 let node = node_of(byte).map_err(|_| LssError::NoNodeId(byte))?;
                 self.report.node = Some(node);
-                // The first node-id acts at once, and the slave boots up with it.
+                // An unconfigured slave takes its first node-id on the switch to waiting, and boots up with it.
                 if let (None, Some(Some(first)), true) = (node, self.job.node, self.job.release) {
                     self.steps.push_back(Step::BootUp(first));
                 }

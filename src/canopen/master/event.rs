@@ -27,7 +27,7 @@ pub enum Event {
     Booted,
     /// A node could not be booted. The others are booted further, but none is started.
     BootFailed(BootError),
-    /// A drive had its power on before its boot. The boot switched it off and waited for standstill.
+    /// A drive was found enabled before its boot. The boot disabled voltage and awaited standstill.
     FoundEnabled {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -159,7 +159,7 @@ impl fmt::Display for Event {
         match self {
             Self::Booted => f.write_str("every node is operational"),
             Self::BootFailed(error) => write!(f, "{error}"),
-            Self::FoundEnabled { .. } => f.write_str("was found with its power on; it is off now"),
+            Self::FoundEnabled { .. } => f.write_str("was found enabled; it is disabled now"),
             Self::Configured { configuration, .. } => write!(f, "configuration {configuration}"),
             Self::Absent { waited, .. } => {
                 let waited = waited.as_secs_f64();

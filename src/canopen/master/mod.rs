@@ -70,7 +70,7 @@ pub struct Master {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Booting,
-    /// Start commands are sent; every node must report operational until then.
+    /// Start commands are sent; every node must report operational by this time.
     Starting(Instant),
     Running,
     /// At least one mandatory node could not be booted.

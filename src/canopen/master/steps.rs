@@ -28,7 +28,7 @@ use crate::plan::{NodePlan, Revisions, Setting};
 pub enum Stage {
     /// Waits for a reply and compares the device profile (1000h).
     Probe,
-    /// Checks that a drive has its power off.
+    /// Checks that a drive is not in an enabled state (6041h bit 2 = 0); high voltage (bit 4) may be on.
     CheckPowerOff,
     /// Switches a drive's power off and waits for standstill.
     SwitchOff,

@@ -44,7 +44,7 @@ use crate::safety::ramp::Ramp;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Maximum time in `Boot` until all drives are enabled.
+/// Maximum time from a call of [`boot`](Safety::boot) until all drives are enabled.
 const ENABLE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Time in `ZeroTorque` after which the drives are switched off.
@@ -142,7 +142,8 @@ impl Safety {
         self.cause
     }
 
-    /// Enters `Boot` after the network has booted, unless a stop is latched.
+    /// Enters `Boot`, the mode in which drives are enabled and tested, unless a stop is latched. The enable
+    /// timeout starts.
     pub fn boot(&mut self, now: Instant) {
         if self.cause.is_none() {
             self.enter(Mode::Boot, now);
@@ -166,7 +167,7 @@ impl Safety {
         self.enter(Mode::DrivesOff, now);
     }
 
-    /// Enters `Ready` from `Boot`, once all drives report `Operation enabled`.
+    /// Enters `Ready` from `Boot`. Called when all drives report `Operation enabled` and the proof test has ended.
     pub fn on_drives_enabled(&mut self, now: Instant) {
         if self.mode == Mode::Boot {
             self.enter(Mode::Ready, now);

@@ -17,8 +17,9 @@ readonly OPENINGS='what|whether|who|whom|whose|whoever|how|so|of|none|nobody'
 # Frames are sent and received, nodes report, values are invalid or absent.
 readonly WORDS='told|tells?|heard|hears?|heed(s|ed)?|nobody|somebody|whoever|befalls?|befallen|befell|deeds?|mishaps?|temperaments?|(that )?is (?-i:none)|no number'
 
-# The tree as it would be committed. History keeps the words it was written with; this file names them.
-readonly HISTORY='^(CHANGELOG\.md|docs/adr/.*|scripts/prose\.(sh|txt))$'
+# The tree as it would be committed. Old decisions keep their words, and so do the tables of CHANGELOG that name what
+# was renamed; this file names the words.
+readonly HISTORY='^(CHANGELOG\.md|docs/adr/00(0[1-9]|1[0-8])-.*|scripts/prose\.(sh|txt))$'
 mapfile -t files < <(git ls-files --cached --others --exclude-standard -- \
   '*.rs' '*.sh' '*.py' '*.toml' '*.md' '*.yml' '*.service' | grep -vE "$HISTORY" | sort -u)
 readonly files
@@ -41,7 +42,9 @@ findings() {
     /#\[(tokio::)?test[](]/ { is_test = 1 }
     is_test && match($0, /fn [a-z0-9_]+/) { is_test = 0; if (RLENGTH - 3 > 60) found("test") }
   ' $(printf '%s\n' "${files[@]}" | grep '\.rs$')
-  grep -onHiP "(?<![a-z])(?:$WORDS)(?![a-z])" "${files[@]}" | sed -E 's/^([^:]+:[0-9]+):/\1: word /' || true
+  local words=(grep -onHiP "(?<![a-z])(?:$WORDS)(?![a-z])")
+  { "${words[@]}" "${files[@]}"; sed 's/^|.*//' CHANGELOG.md | "${words[@]}" --label=CHANGELOG.md; } |
+    sed -E 's/^([^:]+:[0-9]+):/\1: word /' || true
 }
 
 # Reads findings, and prints GROUP DOCS OPENINGS WORDS TESTS; a group is a file, or a room with `--rooms`.

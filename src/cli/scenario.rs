@@ -35,7 +35,8 @@ fn unknown(name: &str) -> Failure {
         let names = names.filter(|(of, _)| *of == folder).map(|(_, name)| name);
         names.collect::<Vec<_>>().join(", ")
     };
-    let similar = shipped::scenarios().find(|full| full.rsplit('/').next() == Some(name));
+    let last = |name: &str| name.rsplit('/').next().map(str::to_owned);
+    let similar = shipped::scenarios().find(|full| last(full) == last(name));
     let similar = similar.map_or_else(String::new, |full| format!("; did you mean {full}?"));
     let lines = [
         format!("--scenario {name}: unknown scenario{similar}"),

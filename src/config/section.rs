@@ -128,11 +128,20 @@ impl<'d> Table<'d> {
     }
 
     fn note_missing(&self, key: &str, problems: &mut Problems<'_>) {
-        if self.entries.is_some() {
+        if self.entries.is_some() && !self.has_former_name_of(key) {
             // What is missing has no place of its own.
             let table = Place::new(String::new(), self.line);
             problems.add(&table, format_args!("missing field `{}`", bare(key)));
         }
+    }
+
+    /// Returns whether the table has `key` by its former name, which is reported by itself.
+    fn has_former_name_of(&self, key: &str) -> bool {
+        RENAMED.iter().filter(|(_, now)| *now == bare(key)).any(|(before, _)| {
+            let before =
+                before.strip_prefix(self.place.key()).and_then(|rest| rest.strip_prefix('.'));
+            before.is_some_and(|before| self.find(before).is_some())
+        })
     }
 
     /// Reports every key that is not among `known`; a former one with its present name.

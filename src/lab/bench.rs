@@ -69,19 +69,8 @@ impl HostFaults {
             let end = fault.duration.map_or(Duration::MAX, |span| fault.start + span);
             (fault.start..end).contains(&elapsed)
         };
-        self.forces.iter().rfind(runs).and_then(|fault| match fault.kind {
-            Kind::SensedForce(force) => Some(force),
-            Kind::Disconnection(_)
-            | Kind::Frames(_)
-            | Kind::Imitation { .. }
-            | Kind::Device(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::ForeignFrame { .. }
-            | Kind::Link(_)
-            | Kind::Bus(_)
-            | Kind::Host(_) => None,
-        })
+        let Kind::SensedForce(force) = self.forces.iter().rfind(runs)?.kind else { return None };
+        Some(force)
     }
 }
 

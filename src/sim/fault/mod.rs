@@ -143,18 +143,9 @@ impl Faults {
 
     /// Returns the worst fault of the link to the commanded side.
     pub fn link(&self) -> Option<LinkFault> {
-        let links = self.running.iter().filter_map(|running| match running.fault.kind {
-            Kind::Link(link) => Some(link),
-            Kind::Disconnection(_)
-            | Kind::Frames(_)
-            | Kind::Imitation { .. }
-            | Kind::Device(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::ForeignFrame { .. }
-            | Kind::SensedForce(_)
-            | Kind::Bus(_)
-            | Kind::Host(_) => None,
+        let links = self.running.iter().filter_map(|running| {
+            let Kind::Link(link) = running.fault.kind else { return None };
+            Some(link)
         });
         links.max()
     }

@@ -178,20 +178,10 @@ impl Running {
 
     /// Returns whether the fault has applied to as many frames as its `count`.
     pub(super) const fn is_spent(&self) -> bool {
-        match self.fault.kind {
-            Kind::Frames(FrameFault { extent: Extent::First(count), .. }) => self.matched >= count,
-            Kind::Frames(_)
-            | Kind::Disconnection(_)
-            | Kind::Imitation { .. }
-            | Kind::Device(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::ForeignFrame { .. }
-            | Kind::Link(_)
-            | Kind::SensedForce(_)
-            | Kind::Bus(_)
-            | Kind::Host(_) => false,
-        }
+        let Kind::Frames(FrameFault { extent: Extent::First(count), .. }) = self.fault.kind else {
+            return false;
+        };
+        self.matched >= count
     }
 
     /// Returns the first frame of this COB-ID since the fault started.

@@ -3,6 +3,7 @@
 mod check;
 mod fit;
 mod fragment;
+mod judgement;
 mod report;
 mod session;
 

@@ -62,6 +62,7 @@ pub(super) fn run(
         joints: vec![Measured {
             joint: joint.name.clone(),
             samples: rig.measure().into_iter().map(sample).collect(),
+            ..Measured::default()
         }],
         ..TorqueData::default()
     };

@@ -1,7 +1,9 @@
 //! Linear least squares by Householder QR (Golub and Van Loan, 5.3), with what leaving each sample out
-//! would change.
+//! would change, and how sure the unknowns are.
 //!
 //! For a few unknowns whose columns are of like size; nothing of the cycle.
+
+use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -13,6 +15,8 @@ const RANK: f64 = 1e-9;
 pub(super) struct Solution {
     /// The unknowns `x`.
     pub(super) unknowns: DVector<f64>,
+    /// Standard deviation of each unknown, if the residuals are independent noise.
+    pub(super) deviations: DVector<f64>,
     /// `b - A x`, a number per row.
     pub(super) residuals: DVector<f64>,
     /// The same had the row itself been left out: `r / (1 - h)`, where `h` is the row's leverage,
@@ -22,15 +26,7 @@ pub(super) struct Solution {
 
 /// Solves `A x = b`; `None` unless the rows determine all unknowns, whichever row is left out.
 pub(super) fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Solution> {
-    if a.nrows() <= a.ncols() {
-        return None;
-    }
-    let qr = a.clone().qr();
-    let (q, r) = (qr.q(), qr.r());
-    let pivots = r.diagonal().abs();
-    if pivots.min().partial_cmp(&(RANK * pivots.max())) != Some(std::cmp::Ordering::Greater) {
-        return None;
-    }
+    let (q, r) = factors(a)?;
     let unknowns = r.solve_upper_triangular(&(q.transpose() * b))?;
     let residuals = b - a * &unknowns;
     let free = DVector::from_iterator(q.nrows(), q.row_iter().map(|row| 1.0 - row.norm_squared()));
@@ -38,7 +34,36 @@ pub(super) fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Solution> {
         return None;
     }
     let left_out = residuals.component_div(&free);
-    Some(Solution { unknowns, residuals, left_out })
+    let inverse = r.solve_upper_triangular(&DMatrix::identity(r.nrows(), r.ncols()))?;
+    // The sum of `1 - h` is the number of rows less that of the unknowns.
+    let noise = (residuals.norm_squared() / free.sum()).sqrt();
+    let deviations = DVector::from_iterator(r.nrows(), inverse.row_iter().map(|row| row.norm()));
+    Some(Solution { unknowns, deviations: deviations * noise, residuals, left_out })
+}
+
+/// Solves `A x = b` with each row counted by its `weights`; `None` unless the rows determine all unknowns.
+pub(super) fn weighted(
+    a: &DMatrix<f64>,
+    b: &DVector<f64>,
+    weights: &DVector<f64>,
+) -> Option<DVector<f64>> {
+    let roots = weights.map(f64::sqrt);
+    let mut rows = a.clone();
+    rows.column_iter_mut().for_each(|mut column| column.component_mul_assign(&roots));
+    let (q, r) = factors(&rows)?;
+    r.solve_upper_triangular(&(q.transpose() * b.component_mul(&roots)))
+}
+
+/// Returns Q and R of `a`; `None` if its columns are dependent or its rows too few.
+fn factors(a: &DMatrix<f64>) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    if a.nrows() <= a.ncols() {
+        return None;
+    }
+    let qr = a.clone().qr();
+    let (q, r) = (qr.q(), qr.r());
+    let pivots = r.diagonal().abs();
+    let is_full = pivots.min().partial_cmp(&(RANK * pivots.max())) == Some(Ordering::Greater);
+    is_full.then_some((q, r))
 }
 
 #[cfg(test)]
@@ -68,6 +93,29 @@ mod tests {
             let predicted = others.unknowns[0] + others.unknowns[1] * x;
             assert!((b[row] - predicted - solution.left_out[row]).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn deviations_are_those_of_a_straight_line() {
+        let xs = [0.0, 1.0, 2.0, 4.0, 7.0];
+        let b = DVector::from_vec(vec![1.0, -2.0, 0.5, 3.0, 2.0]);
+        let solution = solve(&line(&xs), &b).unwrap();
+        // Textbook: s² / Σ (x - mean)² for the slope, and that times the mean of x² for the offset.
+        let noise = solution.residuals.norm_squared() / 3.0;
+        let spread: f64 = xs.iter().map(|x| (x - 2.8_f64).powi(2)).sum();
+        let slope = (noise / spread).sqrt();
+        let offset = slope * 14.0_f64.sqrt();
+        assert!((solution.deviations[1] - slope).abs() < 1e-12);
+        assert!((solution.deviations[0] - offset).abs() < 1e-12);
+    }
+
+    #[test]
+    fn row_without_weight_does_not_count() {
+        let a = line(&[0.0, 1.0, 2.0, 3.0, 4.0]);
+        let b = DVector::from_vec(vec![1.0, 3.0, 5.0, 70.0, 9.0]);
+        let weights = DVector::from_vec(vec![1.0, 2.0, 1.0, 0.0, 0.5]);
+        let unknowns = weighted(&a, &b, &weights).unwrap();
+        assert!((unknowns[0] - 1.0).abs() < 1e-12 && (unknowns[1] - 2.0).abs() < 1e-12);
     }
 
     #[test]

@@ -21,6 +21,7 @@ font-size:14px;fill:#222}.title{font-size:20px;font-weight:bold}.small{font-size
 .dashed{fill:none;stroke:#666;stroke-width:1.8;stroke-dasharray:9 6}\
 .band{fill:#d5e2ee;stroke:none}\
 .up{fill:#1663a8;stroke:none}.down{fill:#fff;stroke:#c04a12;stroke-width:1.4}\
+.ring{fill:none;stroke:#b00020;stroke-width:1.6}\
 .box{fill:#fff;fill-opacity:.92;stroke:#ccc;stroke-width:1}";
 
 /// A scale symmetric about zero.
@@ -107,6 +108,8 @@ pub(super) enum Ink {
     Dashed,
     /// A pale area.
     Band,
+    /// A ring about a mark.
+    Ring,
 }
 
 impl Ink {
@@ -117,6 +120,7 @@ impl Ink {
             Self::Solid => "solid",
             Self::Dashed => "dashed",
             Self::Band => "band",
+            Self::Ring => "ring",
         }
     }
 }
@@ -178,7 +182,9 @@ impl Chart {
         points: impl Iterator<Item = (f64, f64)>,
     ) {
         let shape = match ink {
-            Ink::Up | Ink::Down => return points.for_each(|at| self.mark(ink, panel.place(at))),
+            Ink::Up | Ink::Down | Ink::Ring => {
+                return points.for_each(|at| self.mark(ink, panel.place(at)));
+            }
             Ink::Solid | Ink::Dashed => "polyline",
             Ink::Band => "polygon",
         };
@@ -193,7 +199,7 @@ impl Chart {
         for (ink, name) in entries {
             let (class, from, to) = (ink.class(), left + 12.0, left + 48.0);
             match ink {
-                Ink::Up | Ink::Down => self.mark(*ink, (left + 30.0, y)),
+                Ink::Up | Ink::Down | Ink::Ring => self.mark(*ink, (left + 30.0, y)),
                 Ink::Solid | Ink::Dashed => {
                     self.put(&format!("<path class=\"{class}\" d=\"M{from} {y}H{to}\"/>"));
                 }
@@ -234,8 +240,13 @@ impl Chart {
         top + 8.0 + ROW / 2.0
     }
 
-    /// Draws a triangle at a point in px: filled and upward, or hollow and downward.
+    /// Draws a triangle at a point in px, filled and upward or hollow and downward; or a ring.
     fn mark(&mut self, ink: Ink, (x, y): (f64, f64)) {
+        if ink == Ink::Ring {
+            let class = ink.class();
+            return self
+                .put(&format!("<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"9\"/>"));
+        }
         let up = if ink == Ink::Up { 1.0 } else { -1.0 };
         let (tip, base) = (y - 5.0 * up, y + 3.5 * up);
         let (class, left, right) = (ink.class(), x - 4.5, x + 4.5);

@@ -60,13 +60,16 @@ impl TorquePlot<'_> {
         let end = calibrated.curve.max_torque();
         let curve = along(-end, end).map(|t| (t, calibrated.curve.at(t)));
         chart.draw(&panel, Ink::Solid, curve);
-        let entries = [
+        let mut entries = vec![
             (Ink::Up, "measured, torque rising"),
             (Ink::Down, "measured, torque falling"),
             (Ink::Solid, "polynomial c₁t + c₃t³ + c₅t⁵"),
             (Ink::Dashed, line),
             (Ink::Band, "between the driving directions"),
         ];
+        if !calibrated.outliers.is_empty() {
+            entries.push((Ink::Ring, "left out of the fit"));
+        }
         chart.legend(&panel, &entries);
         chart.notes(&panel, &notes(calibrated, self.unit));
         chart.frame(&panel);
@@ -90,13 +93,17 @@ impl TorquePlot<'_> {
         chart.frame(&panel);
     }
 
-    /// Draws a mark per sample, at its torque and the value that `of` computes.
+    /// Draws a mark per sample, and a ring about each that was left out, at its torque and the value that `of` computes.
     fn marks(&self, chart: &mut Chart, panel: &Panel<'_>, of: impl Fn(f64, f64) -> f64) {
         for (ink, direction) in [(Ink::Up, Direction::Up), (Ink::Down, Direction::Down)] {
             let samples = self.samples.iter().filter(|sample| sample.direction == direction);
             let place = |sample: &Sample| (sample.torque, of(sample.torque, self.target(sample)));
             chart.draw(panel, ink, samples.map(place));
         }
+        let outliers = self.calibrated.outliers.iter();
+        let outliers = outliers.filter_map(|outlier| self.samples.get(outlier.place));
+        let place = |sample: &Sample| (sample.torque, of(sample.torque, self.target(sample)));
+        chart.draw(panel, Ink::Ring, outliers.map(place));
     }
 
     /// Returns the target of a sample with the sign of its torque.
@@ -120,7 +127,7 @@ impl TorquePlot<'_> {
 fn notes(calibrated: &Calibrated, unit: &str) -> [String; 6] {
     let [c1, c3, c5] = calibrated.curve.coefficients().map(|c| significant(c, 5));
     let residuals = calibrated.both.residuals;
-    let hysteresis = calibrated.hysteresis;
+    let friction = calibrated.friction;
     let (least, _) = calibrated.curve.least_slope();
     [
         minus(&format!("c₁ {c1}, c₃ {c3}, c₅ {c5}")),
@@ -129,8 +136,9 @@ fn notes(calibrated: &Calibrated, unit: &str) -> [String; 6] {
         format!("residual {:.1} ‰ RMS, {:.1} ‰ at most", residuals.rms, residuals.largest),
         format!("each sample left out: {:.1} ‰ RMS", residuals.left_out_rms),
         format!(
-            "hysteresis {:.3} {unit}, {:.1} ‰ wide",
-            hysteresis.mean_torque, hysteresis.mean_per_mille
+            "friction {:.3} {unit}, hysteresis {:.3} {unit}",
+            friction.torque,
+            friction.hysteresis()
         ),
     ]
 }

@@ -164,6 +164,7 @@ fn fit_error_is_below_its_stated_residual() {
             TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
         let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
         let fit = Calibrated::fit(&samples).unwrap();
+        assert_eq!(fit.doubts(), [], "{seed}");
         let stated = fit.both.residuals.left_out_rms;
         for step in -20..=20 {
             let torque = joint.plant.actuator.max_torque * f64::from(step) / 20.0;
@@ -173,7 +174,7 @@ fn fit_error_is_below_its_stated_residual() {
                 "{seed}: {error}"
             );
         }
-        let friction = fit.hysteresis.mean_torque / 2.0;
+        let friction = fit.friction.torque;
         assert!((friction / joint.plant.friction.coulomb - 1.0).abs() < 0.1, "{seed}: {friction}");
     }
 }

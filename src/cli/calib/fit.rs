@@ -5,11 +5,10 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::cli::calib::session::{Accepted, Fitted, Session};
-use crate::cli::calib::{Fit, fragment, report};
-use config::torque_data::{Measured, TorqueData};
-use config::{Actuator, Config, JointParameters};
-use controller::fit::{self, Calibrated, Sample};
+use crate::cli::calib::session::{Evidence, Fitted, Session};
+use crate::cli::calib::{Fit, fragment, judgement, report};
+use config::torque_data::TorqueData;
+use config::{Config, JointParameters};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
@@ -45,14 +44,14 @@ fn fit_all<'a>(
 ) -> Result<Vec<Fitted<'a>>, Failure> {
     let wanted = wanted.map(|name| called(config, name, Kind::Usage)).transpose()?;
     let mut joints: Vec<Fitted<'a>> = Vec::new();
-    for Measured { joint, samples } in &data.joints {
-        let (name, joint) = called(config, joint, Kind::Configuration)?;
+    for measured in &data.joints {
+        let (name, joint) = called(config, &measured.joint, Kind::Configuration)?;
         if joints.iter().any(|other| other.joint == name) {
             let reason = format_args!("joint {name} occurs both by name and by number");
             return Err(Failure::new(Kind::Configuration, reason));
         }
         if wanted.as_ref().is_none_or(|(wanted, _)| *wanted == name) {
-            joints.push(Fitted { joint: name, samples, outcome: accept(samples, joint) });
+            joints.push(judgement::judge(name, measured, data.is_force, joint));
         }
     }
     match wanted {
@@ -64,7 +63,7 @@ fn fit_all<'a>(
 }
 
 /// Returns name and entry of a joint given by name or number; without a configuration the name as written.
-fn called<'c>(
+pub(super) fn called<'c>(
     config: Option<&'c Config>,
     written: &str,
     kind: Kind,
@@ -77,38 +76,17 @@ fn called<'c>(
     Ok((joint.name.clone(), Some(joint)))
 }
 
-/// Fits a curve to `samples` and checks it against `joint`.
-fn accept(samples: &[Sample], joint: Option<&JointParameters>) -> Result<Accepted, String> {
-    let fit = Calibrated::fit(samples).map_err(|error| error.to_string())?;
-    let curve = fragment::written(&fit.curve).map_err(|error| error.to_string())?;
-    if let Some(joint) =
-        joint.filter(|joint| (joint.plant.actuator.gear_ratio < 0.0) != fit.is_reversed)
-    {
-        let motor = if fit.is_reversed { "against" } else { "with" };
-        let gear_ratio = joint.plant.actuator.gear_ratio;
-        return Err(format!("the motor turns {motor} the joint, but gear_ratio is {gear_ratio}"));
-    }
-    let [slope] = fit.line.coefficients;
-    let line = joint.map_or(("best straight line", slope), |joint| {
-        // Nominal data of motor and gear: 1000 ‰ at their product.
-        let Actuator { rated_torque, gear_ratio, .. } = joint.plant.actuator;
-        ("manufacturer (rated × gear)", 1e3 / (rated_torque * gear_ratio.abs()))
-    });
-    let before = joint.and_then(|joint| fit::distance(samples, joint.calibration.curve()));
-    Ok(Accepted { fit, curve, before, line })
-}
-
 /// Writes the fragment and the plots to `folder`, all or none.
 fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failure> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     let mut files = vec![(folder.join("torque_curves.toml"), fragment::text(session))];
-    for Fitted { joint, samples, outcome } in &session.joints {
-        let Ok(Accepted { fit, line, .. }) = outcome else { continue };
+    for Fitted { joint, measured, evidence, .. } in &session.joints {
+        let Some(Evidence { fit, line, .. }) = evidence else { continue };
         let plot = TorquePlot {
             joint,
-            provenance: &report::origin(session, samples),
-            unit: report::unit(session),
-            samples,
+            provenance: &report::origin(session, measured),
+            unit: report::unit(session.data.is_force),
+            samples: &measured.samples,
             calibrated: fit,
             line: *line,
         };
@@ -125,9 +103,9 @@ fn file_name(joint: &str) -> String {
 
 /// Returns a failure if a joint has no valid curve.
 fn verdict(session: &Session<'_>) -> Result<(), Failure> {
-    let rejected = session.joints.iter().filter_map(|fitted| {
-        let reason = fitted.outcome.as_ref().err()?;
-        Some(format!("{}: joint {}: {reason}", session.file, fitted.joint))
+    let rejected = session.joints.iter().flat_map(|fitted| {
+        let joint = format!("{}: joint {}", session.file, fitted.joint);
+        fitted.reasons.iter().map(move |reason| format!("{joint}: {reason}"))
     });
     let rejected: Vec<String> = rejected.collect();
     if rejected.is_empty() {

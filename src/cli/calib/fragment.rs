@@ -1,7 +1,7 @@
 //! `torque_curves.toml`: the keys of every joint that a calibration replaces, with their origin.
 
 use crate::cli::calib::report;
-use crate::cli::calib::session::{Accepted, Fitted, Session};
+use crate::cli::calib::session::{Evidence, Fitted, Session};
 use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
 use telemetry::digits::significant;
 
@@ -37,14 +37,16 @@ pub(super) fn text(session: &Session<'_>) -> String {
     lines.join("\n") + "\n"
 }
 
-fn joint(session: &Session<'_>, Fitted { joint, samples, outcome }: &Fitted<'_>) -> String {
-    let Accepted { fit, curve, .. } = match outcome {
-        Ok(accepted) => accepted,
-        Err(reason) => return format!("\n# {joint}: rejected: {reason}"),
+fn joint(session: &Session<'_>, fitted: &Fitted<'_>) -> String {
+    let Fitted { joint, measured, reasons, .. } = fitted;
+    let Some(Evidence { fit, curve, .. }) = fitted.accepted() else {
+        let reasons = reasons.iter().map(|reason| format!("\n# {joint}: rejected: {reason}"));
+        return reasons.collect();
     };
-    let (origin, unit) = (report::origin(session, samples), report::unit(session));
+    let origin = report::origin(session, measured);
+    let unit = report::unit(session.data.is_force);
     let residuals = fit.both.residuals;
-    let hysteresis = fit.hysteresis;
+    let friction = fit.friction;
     let [c1, c3, c5] = curve.coefficients();
     let end = if session.data.is_force { "max_force_n" } else { "max_torque_nm" };
     let lines = [
@@ -56,8 +58,10 @@ fn joint(session: &Session<'_>, Fitted { joint, samples, outcome }: &Fitted<'_>)
             residuals.rms, residuals.largest, residuals.left_out_rms
         ),
         format!(
-            "# hysteresis {:.4} {unit} on average, {:.4} {unit} at most",
-            hysteresis.mean_torque, hysteresis.largest_torque
+            "# friction {:.4} {unit}, hysteresis {:.4} {unit}; {} readings left out",
+            friction.torque,
+            friction.hysteresis(),
+            fit.outliers.len()
         ),
         format!("{end} = {:?}", curve.max_torque()),
         format!(
@@ -69,6 +73,6 @@ fn joint(session: &Session<'_>, Fitted { joint, samples, outcome }: &Fitted<'_>)
 }
 
 /// Formats a one-line string as TOML.
-fn toml_string(text: &str) -> String {
+pub(super) fn toml_string(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\t', "\\t"))
 }

@@ -1,8 +1,8 @@
 //! Results of fitting a file of measurements.
 
-use config::torque_data::TorqueData;
+use config::torque_data::{Measured, TorqueData};
 use controller::calibration::TorqueCurve;
-use controller::fit::{Calibrated, Sample};
+use controller::fit::Calibrated;
 
 /// A file of measurements and the results of its joints.
 pub(super) struct Session<'a> {
@@ -16,13 +16,17 @@ pub(super) struct Session<'a> {
 pub(super) struct Fitted<'a> {
     /// Name of the joint: that of the configuration, if given.
     pub(super) joint: String,
-    pub(super) samples: &'a [Sample],
-    /// The curve, or the reason of its rejection.
-    pub(super) outcome: Result<Accepted, String>,
+    pub(super) measured: &'a Measured,
+    /// The curve, if the measurements determine one.
+    pub(super) evidence: Option<Evidence>,
+    /// Reasons of its rejection; without one it is accepted.
+    pub(super) reasons: Vec<String>,
+    /// Remarks that do not reject it.
+    pub(super) warnings: Vec<String>,
 }
 
-/// A valid curve.
-pub(super) struct Accepted {
+/// A fitted curve.
+pub(super) struct Evidence {
     pub(super) fit: Calibrated,
     /// Curve rounded to the digits that are written; proven monotone.
     pub(super) curve: TorqueCurve,
@@ -30,4 +34,18 @@ pub(super) struct Accepted {
     pub(super) before: Option<f64>,
     /// Straight line to compare with: its name, and its slope in ‰ per N·m.
     pub(super) line: (&'static str, f64),
+}
+
+impl Fitted<'_> {
+    /// Returns the curve, if it is accepted.
+    pub(super) fn accepted(&self) -> Option<&Evidence> {
+        self.evidence.as_ref().filter(|_| self.reasons.is_empty())
+    }
+
+    /// Returns line and distance of each reading that was left out, in the order of the lines.
+    pub(super) fn outliers(&self) -> Vec<(usize, f64)> {
+        let outliers = self.evidence.iter().flat_map(|evidence| &evidence.fit.outliers);
+        let line = |place: usize| self.measured.lines.get(place).copied();
+        outliers.filter_map(|outlier| Some((line(outlier.place)?, outlier.distance))).collect()
+    }
 }

@@ -1,4 +1,4 @@
-//! Measured joint torques as a text file, one reading per line: input of the fit of a torque curve (paper, 4.2).
+//! Readings of a load cell over targets, joint at rest: input of the fit of a torque curve (paper, 4.2).
 //!
 //! ```text
 //! # load cell 20 N on a lever arm of 300 mm, 2026-03-02        comments: provenance of the data
@@ -13,19 +13,15 @@
 //! | `per_mille` | target torque (6071h) in ‰ of rated torque, an integer                       |
 //! | `torque_nm` | measured joint torque in N·m; `force_n` in N for prismatic joints            |
 //! | `date`      | date of the measurement, optional, any text                                  |
-//!
-//! Fields may be quoted as in spreadsheets, `"left, arm"`, with doubled quotes inside, but not over several lines.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::files;
-use crate::problem::{Invalid, Problem};
+use crate::problem::Invalid;
+use crate::torque_data::readings::{self, Readings};
 use crate::trust::Trust;
-use controller::fit::{Direction, Sample};
-
-/// Maximum number of reported problems.
-const MAX_PROBLEMS: usize = 20;
+use controller::fit::Sample;
 
 /// Readings of one file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,12 +37,14 @@ pub struct TorqueData {
 }
 
 /// Readings of one joint.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measured {
     /// Name or number, as written.
     pub joint: String,
     /// Readings, at least one.
     pub samples: Vec<Sample>,
+    /// Line of each reading, from 1; empty if they are from no file.
+    pub lines: Vec<usize>,
 }
 
 impl TorqueData {
@@ -63,44 +61,32 @@ impl TorqueData {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        let mut reader = Reader { file: file.to_path_buf(), line: 0, problems: Vec::new() };
+        let mut readings = Readings::new(file, text);
         let mut data = Self::default();
-        let mut header: Option<Vec<Column>> = None;
-        for line in text.trim_start_matches('\u{feff}').lines() {
-            reader.line += 1;
-            if reader.problems.len() >= MAX_PROBLEMS {
-                reader.problem("", "more than 20 problems; the rest was not read");
-                break;
-            }
-            if line.contains(|c: char| c.is_control() && c != '\t') {
-                reader.problem("", "a control character");
-            } else if let Some(comment) = line.trim_start().strip_prefix('#') {
-                data.provenance.push(comment.trim().to_owned());
-            } else if line.trim().is_empty() {
-                // Blank lines separate.
-            } else if let Some(columns) = &header {
-                data.add(reader.row(columns, line));
-            } else {
-                let Some(columns) = reader.header(line) else { break };
-                data.is_force = columns.contains(&Column::Force);
-                header = Some(columns);
+        if let Some(columns) = header(&mut readings) {
+            data.is_force = columns.contains(&Column::Force);
+            for row in readings.rows(columns.len()) {
+                data.add(parse_row(&mut readings, &columns, &row));
             }
         }
-        reader.line = 0;
-        if reader.problems.is_empty() && data.joints.is_empty() {
-            reader.problem("", "must have at least one reading");
-        }
-        if reader.problems.is_empty() { Ok(data) } else { Err(Invalid(reader.problems)) }
+        data.provenance = std::mem::take(&mut readings.comments);
+        let is_empty = data.joints.is_empty();
+        readings.finish(data, is_empty)
     }
 
     fn add(&mut self, row: Option<Row>) {
-        let Some(Row { joint, date, sample }) = row else { return };
+        let Some(Row { line, joint, date, sample }) = row else { return };
         if let Some(date) = date.filter(|date| !self.dates.contains(date)) {
             self.dates.push(date);
         }
         match self.joints.iter_mut().find(|measured| measured.joint == joint) {
-            Some(measured) => measured.samples.push(sample),
-            None => self.joints.push(Measured { joint, samples: vec![sample] }),
+            Some(measured) => {
+                measured.samples.push(sample);
+                measured.lines.push(line);
+            }
+            None => {
+                self.joints.push(Measured { joint, samples: vec![sample], lines: vec![line] });
+            }
         }
     }
 }
@@ -114,31 +100,14 @@ impl fmt::Display for TorqueData {
         let measured = if self.is_force { Column::Force } else { Column::Torque };
         let columns = [Column::Joint, Column::Direction, Column::PerMille, measured];
         writeln!(f, "{}", columns.map(Column::name).join(","))?;
-        for Measured { joint, samples } in &self.joints {
-            let joint = quoted(joint).ok_or(fmt::Error)?;
+        for Measured { joint, samples, .. } in &self.joints {
+            let joint = readings::quoted(joint).ok_or(fmt::Error)?;
             for Sample { torque, per_mille, direction } in samples {
                 writeln!(f, "{joint},{direction},{per_mille},{torque:.5}")?;
             }
         }
         Ok(())
     }
-}
-
-/// Returns a field as written: quoted if it contains a comma or a quote, or would begin a comment.
-fn quoted(field: &str) -> Option<String> {
-    let mut writer = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(Vec::new());
-    writer.write_record([field]).ok()?;
-    let line = String::from_utf8(writer.into_inner().ok()?).ok()?;
-    line.strip_suffix('\n').map(str::to_owned)
-}
-
-/// Returns the fields of a line without quotes and surrounding blanks, or `None` if a quote is not closed.
-fn fields(line: &str) -> Option<Vec<String>> {
-    let is_closed = line.matches('"').count().is_multiple_of(2);
-    let mut reader = csv::ReaderBuilder::new();
-    let reader = reader.has_headers(false).trim(csv::Trim::All).from_reader(line.as_bytes());
-    let record = reader.into_records().next()?.ok().filter(|_| is_closed)?;
-    Some(record.iter().map(str::to_owned).collect())
 }
 
 /// Column of the file.
@@ -170,126 +139,45 @@ impl Column {
 
 /// One reading.
 struct Row {
+    line: usize,
     joint: String,
     date: Option<String>,
     sample: Sample,
 }
 
-/// Parser of lines that collects their problems.
-struct Reader {
-    file: PathBuf,
-    /// Current line, from 1; 0 for the file as a whole.
-    line: usize,
-    problems: Vec<Problem>,
+/// Parses the column names. Returns `None` if some are missing, repeated or unknown.
+fn header(readings: &mut Readings<'_>) -> Option<Vec<Column>> {
+    let expected = "the columns joint, direction, per_mille, and torque_nm or force_n";
+    let known = Column::ALL.map(|column| (column.name(), column));
+    let needed = [Column::Joint, Column::Direction, Column::PerMille];
+    let (line, columns) = readings.header(&known, &needed, expected)?;
+    if columns.contains(&Column::Torque) == columns.contains(&Column::Force) {
+        let reason = "must have either a column `torque_nm` or a column `force_n`";
+        readings.problem(line, "", reason);
+    }
+    (!readings.is_refused(line)).then_some(columns)
 }
 
-impl Reader {
-    fn problem(&mut self, column: &str, reason: impl fmt::Display) {
-        self.problems.push(Problem {
-            file: self.file.clone(),
-            line: (self.line > 0).then_some(self.line),
-            key: column.to_owned(),
-            reason: reason.to_string(),
-        });
-    }
-
-    /// Parses the column names. Returns `None` if some are missing, repeated or unknown.
-    fn header(&mut self, line: &str) -> Option<Vec<Column>> {
-        let before = self.problems.len();
-        let names = self.fields(line)?;
-        let is_known = |name: &String| Column::ALL.iter().any(|column| column.name() == name);
-        if !names.iter().any(is_known) {
-            let reason = "expected the columns joint, direction, per_mille, and torque_nm or force_n, with \
-                commas between them";
-            self.problem("", reason);
-            return None;
-        }
-        let mut columns = Vec::new();
-        for name in names.iter().map(String::as_str) {
-            match Column::ALL.into_iter().find(|column| column.name() == name) {
-                Some(column) if columns.contains(&column) => {
-                    self.problem(name, "must appear once, got it twice");
-                }
-                Some(column) => columns.push(column),
-                None => self.problem(name, "unknown column; columns are separated by commas"),
-            }
-        }
-        for needed in [Column::Joint, Column::Direction, Column::PerMille] {
-            if !columns.contains(&needed) {
-                self.problem(needed.name(), "this column is missing");
-            }
-        }
-        if columns.contains(&Column::Torque) == columns.contains(&Column::Force) {
-            self.problem("", "must have either a column `torque_nm` or a column `force_n`");
-        }
-        (self.problems.len() == before).then_some(columns)
-    }
-
-    fn fields(&mut self, line: &str) -> Option<Vec<String>> {
-        let fields = fields(line);
-        if fields.is_none() {
-            self.problem("", "a quote is not closed on its line");
-        }
-        fields
-    }
-
-    fn row(&mut self, columns: &[Column], line: &str) -> Option<Row> {
-        let fields = self.fields(line)?;
-        if fields.len() != columns.len() {
-            let (found, wanted) = (fields.len(), columns.len());
-            self.problem("", format_args!("must have {wanted} fields, got {found}"));
-            return None;
-        }
-        let (mut joint, mut date) = (None, None);
-        let (mut direction, mut per_mille, mut torque) = (None, None, None);
-        for (column, field) in columns.iter().zip(fields.iter().map(String::as_str)) {
-            match column {
-                Column::Joint => joint = self.joint(field),
-                Column::Direction => direction = self.direction(field),
-                Column::PerMille => per_mille = self.per_mille(field),
-                Column::Torque | Column::Force => torque = self.torque(*column, field),
-                Column::Date => date = (!field.is_empty()).then(|| field.to_owned()),
-            }
-        }
-        let sample = Sample { torque: torque?, per_mille: per_mille?, direction: direction? };
-        Some(Row { joint: joint?, date, sample })
-    }
-
-    fn joint(&mut self, field: &str) -> Option<String> {
-        if field.is_empty() {
-            self.problem(Column::Joint.name(), "must not be empty");
-        }
-        (!field.is_empty()).then(|| field.to_owned())
-    }
-
-    fn direction(&mut self, field: &str) -> Option<Direction> {
-        match field {
-            "up" | "+1" | "1" => Some(Direction::Up),
-            "down" | "-1" => Some(Direction::Down),
-            other => {
-                let reason = format_args!("must be up, +1, down or -1, got `{other}`");
-                self.problem(Column::Direction.name(), reason);
-                None
-            }
+fn parse_row(
+    readings: &mut Readings<'_>,
+    columns: &[Column],
+    readings::Row { line, fields }: &readings::Row,
+) -> Option<Row> {
+    let line = *line;
+    let (mut joint, mut date) = (None, None);
+    let (mut direction, mut per_mille, mut torque) = (None, None, None);
+    for (column, field) in columns.iter().zip(fields.iter().map(String::as_str)) {
+        let name = column.name();
+        match column {
+            Column::Joint => joint = readings.joint(line, name, field),
+            Column::Direction => direction = readings.direction(line, name, field),
+            Column::PerMille => per_mille = readings.per_mille(line, name, field).map(f64::from),
+            Column::Torque | Column::Force => torque = readings.number(line, name, field),
+            Column::Date => date = (!field.is_empty()).then(|| field.to_owned()),
         }
     }
-
-    fn per_mille(&mut self, field: &str) -> Option<f64> {
-        let whole = field.parse::<i16>();
-        if whole.is_err() {
-            let reason = format_args!("must be an integer within -32768..=32767, got `{field}`");
-            self.problem(Column::PerMille.name(), reason);
-        }
-        whole.ok().map(f64::from)
-    }
-
-    fn torque(&mut self, column: Column, field: &str) -> Option<f64> {
-        let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
-        if number.is_none() {
-            self.problem(column.name(), format_args!("must be a finite number, got `{field}`"));
-        }
-        number
-    }
+    let sample = Sample { torque: torque?, per_mille: per_mille?, direction: direction? };
+    Some(Row { line, joint: joint?, date, sample })
 }
 
 #[cfg(test)]
@@ -297,6 +185,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::torque_data::readings::MAX_PROBLEMS;
+    use controller::fit::Direction;
 
     fn parse(text: &str) -> Result<TorqueData, String> {
         TorqueData::parse(Path::new("a.csv"), text).map_err(|invalid| invalid.to_string())
@@ -317,6 +207,7 @@ mod tests {
             Sample { torque: -0.5, per_mille: -120.0, direction: Direction::Down }
         );
         assert_eq!(data.joints[0].samples.len(), 2);
+        assert_eq!((&data.joints[0].lines[..], &data.joints[1].lines[..]), (&[4, 6][..], &[5][..]));
     }
 
     #[test]
@@ -371,13 +262,18 @@ mod tests {
             readings in prop::collection::vec((0..3_u8, any::<i16>(), -9.0..9.0_f64, any::<bool>()), 1..50)
         ) {
             let mut data = TorqueData { provenance: vec!["from, a # test".into()], ..TorqueData::default() };
-            for (joint, per_mille, torque, is_up) in readings {
+            for (line, (joint, per_mille, torque, is_up)) in (3..).zip(readings) {
                 let direction = if is_up { Direction::Up } else { Direction::Down };
                 let torque = (torque * 1e5).round() / 1e5;
                 let sample = Sample { torque, per_mille: per_mille.into(), direction };
-                data.add(Some(Row { joint: format!("j{joint}"), date: None, sample }));
+                data.add(Some(Row { line, joint: format!("j{joint}"), date: None, sample }));
             }
-            prop_assert_eq!(parse(&data.to_string()), Ok(data));
+            let mut read = parse(&data.to_string()).unwrap();
+            // Joints are written one after the other, so their lines change.
+            for (read, written) in read.joints.iter_mut().zip(&data.joints) {
+                read.lines.clone_from(&written.lines);
+            }
+            prop_assert_eq!(read, data);
         }
 
         #[test]

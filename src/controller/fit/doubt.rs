@@ -1,0 +1,149 @@
+//! Reasons not to accept a curve that was fitted: the readings speak against it.
+//!
+//! A curve can fit badly, or fit what was not meant: each doubt names the evidence with its number, and what to do.
+
+use crate::fit::calibrated::{Calibrated, EXCHANGED};
+use crate::fit::uneven::Unevenness;
+use crate::torque_curve::TorqueCurve;
+
+/// Largest share of readings that may be left out.
+const MAX_OUTLIERS: f64 = 0.02;
+/// Largest even part relative to the end of the curve.
+const MAX_UNEVENNESS: f64 = 0.02;
+/// Largest residual of readings left out, RMS, relative to the end of the curve.
+const MAX_LEFT_OUT: f64 = 0.02;
+/// Largest ratio of a range or slope to the configured one, or the reverse.
+const MAX_RATIO: f64 = 3.0;
+
+/// A reason not to accept a fitted curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Doubt {
+    /// Samples driven up lie where those driven down should.
+    DirectionsExchanged {
+        /// Friction that the samples ask for, in N·m; below zero.
+        friction: f64,
+    },
+    /// Too many readings belong to no curve.
+    Outliers {
+        /// Number of these.
+        found: usize,
+        /// Number of all.
+        of: usize,
+    },
+    /// The load cell does not show zero without load.
+    CellOffset {
+        /// In N·m.
+        offset: f64,
+        /// Even part relative to the end of the curve.
+        share: f64,
+    },
+    /// One side of zero torque is weaker.
+    WeakerSide {
+        /// Torque of the positive side relative to the negative one at the same target.
+        strength: f64,
+        /// Even part relative to the end of the curve.
+        share: f64,
+    },
+    /// The curve does not predict a reading that is left out.
+    LeftOut {
+        /// Residual relative to the end of the curve, RMS.
+        share: f64,
+    },
+    /// Range or slope are far from the configured ones.
+    Scale {
+        /// Range in N·m: measured, configured.
+        range: [f64; 2],
+        /// Slope at zero in ‰ per N·m: measured, configured.
+        slope: [f64; 2],
+    },
+}
+
+impl Calibrated {
+    /// Returns what the readings say against the curve, the plainest first.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let end = self.curve.at(self.curve.max_torque());
+        let left_out = self.both.residuals.left_out_rms / end;
+        let uneven = self.uneven();
+        // Sides that differ explain what the odd curve misses.
+        let is_unexplained = left_out > MAX_LEFT_OUT && uneven.is_none();
+        let left_out = is_unexplained.then_some(Doubt::LeftOut { share: left_out });
+        [self.exchange(), self.excess(), uneven, left_out].into_iter().flatten().collect()
+    }
+
+    /// Returns whether range or slope are far from those of the `configured` curve.
+    pub fn doubt_against(&self, configured: &TorqueCurve) -> Option<Doubt> {
+        let range = [self.curve.max_torque(), configured.max_torque()];
+        let slope = [self.curve.slope(0.0), configured.slope(0.0)];
+        let is_far = |[measured, configured]: [f64; 2]| {
+            !(1.0 / MAX_RATIO..=MAX_RATIO).contains(&(measured / configured))
+        };
+        (is_far(range) || is_far(slope)).then_some(Doubt::Scale { range, slope })
+    }
+
+    fn exchange(&self) -> Option<Doubt> {
+        let (deviations, part) = EXCHANGED;
+        let friction = self.friction.torque;
+        let noise = (deviations * self.friction.deviation).max(part * self.curve.max_torque());
+        (friction < -noise).then_some(Doubt::DirectionsExchanged { friction })
+    }
+
+    fn excess(&self) -> Option<Doubt> {
+        let (found, of) = (self.outliers.len(), self.samples);
+        let share = count(found) / count(of);
+        (share > MAX_OUTLIERS).then_some(Doubt::Outliers { found, of })
+    }
+
+    fn uneven(&self) -> Option<Doubt> {
+        let Unevenness { share, is_offset, offset, strength } = self.unevenness;
+        (share > MAX_UNEVENNESS).then_some(if is_offset {
+            Doubt::CellOffset { offset, share }
+        } else {
+            Doubt::WeakerSide { strength, share }
+        })
+    }
+}
+
+impl Doubt {
+    /// Returns reason and remedy, with torques in `unit`: `N·m`, or `N` of a sliding joint.
+    pub fn reason(&self, unit: &str) -> String {
+        let percent = |share: f64| 100.0 * share;
+        match *self {
+            Self::DirectionsExchanged { friction } => format!(
+                "readings driven up lie below those driven down by {:.4} {unit}; exchange up and down",
+                -2.0 * friction
+            ),
+            Self::Outliers { found, of } => format!(
+                "{found} of {of} readings are outliers, at most 2 % may be; measure their lines again"
+            ),
+            Self::CellOffset { offset, share } => format!(
+                "the load cell has an offset of {offset:+.4} {unit}, which bends the curve by {:.1} % of its end \
+                 (at most 2 %); zero the load cell",
+                percent(share)
+            ),
+            Self::WeakerSide { strength, share } => format!(
+                "the {} side exerts {:.1} % less torque than the other, which bends the curve by {:.1} % of its end \
+                 (at most 2 %); look for what holds it on one side",
+                if strength < 1.0 { "positive" } else { "negative" },
+                percent(1.0 - strength.min(1.0 / strength)),
+                percent(share)
+            ),
+            Self::LeftOut { share } => format!(
+                "the curve misses readings left out by {:.1} % of its end, RMS (at most 2 %); look at the \
+                 residuals, and measure with less noise or in smaller steps",
+                percent(share)
+            ),
+            Self::Scale { range: [range, configured_range], slope: [slope, configured_slope] } => {
+                format!(
+                    "range {range:.4} {unit} and slope {slope:.4} ‰/{unit} are more than 3 times off the configured \
+                     {configured_range} {unit} and {configured_slope:.4} ‰/{unit}; are the readings in {unit}? \
+                     Are the targets in ‰?"
+                )
+            }
+        }
+    }
+}
+
+/// Converts a number of readings.
+fn count(readings: usize) -> f64 {
+    u32::try_from(readings).map_or(f64::INFINITY, f64::from)
+}

@@ -105,6 +105,7 @@ fn inputs(config: &Config) -> Vec<Input> {
                 mode: if cycle < 2_000 { Mode::Rate } else { Mode::Pose },
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                held: None,
                 restart: cycle == 0,
             }
         })

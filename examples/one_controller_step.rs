@@ -27,6 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         mode: Mode::Rate,
         gravity_share: 1.0,
         reflection_share: 1.0,
+        held: None,
         restart: true,
     };
     let output = controller.step(&input);

@@ -26,6 +26,7 @@ use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
+use telemetry::fidelity::{Fidelity, Judged};
 use units::time::Instant;
 
 /// The hand controllers of a campaign without `--config`.
@@ -308,11 +309,14 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
             print::line(&format!("lap {} ({file}): {violation}", lap.number));
         });
     }
+    let mut at_hand = Fidelity::new(Judged::Hand);
+    laps.iter().for_each(|lap| at_hand.join(&lap.at_hand));
+    let fidelity = at_hand.report();
     if args.json {
-        let found =
-            json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len() });
+        let found = json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len(), "fidelity": fidelity });
         print::line(&found.to_string());
     } else {
+        fidelity.iter().for_each(|fidelity| print::line(&format!("felt, hand: {fidelity}")));
         print::line(&format!(
             "{played} cycles in {} laps, {} with a stop or a violation",
             laps.len(),

@@ -16,12 +16,14 @@ use canopen::frame::Telegram;
 use config::Config;
 use lab::bench::Bench;
 use lab::comparison::{self, Comparison};
+use lab::fidelity::truth::Truth;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
 use run::run_recorder::RunRecorder;
 use run::{gains, print, session};
 use sim::scenario::Scenario;
+use telemetry::fidelity::{Fidelity, Judged};
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
 use units::time::Instant;
@@ -155,9 +157,11 @@ impl Play<'_> {
         bench.bring_up().or_fail(Kind::Drive)?;
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let mut summary = Summary::default();
+        let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
         for cycle in 1..=cycles {
             let record = bench.cycle();
             summary.add(&record);
+            at_hand.add(truth.sample(&bench, &record).as_ref());
             if let Some(narrator) = &mut narrator {
                 bar.suspend(|| print_cycle(narrator, &mut bench, &record));
             }
@@ -175,6 +179,7 @@ impl Play<'_> {
             }
         }
         bar.finish_and_clear();
+        summary.fidelity = at_hand.report();
         let carried = bench.carried();
         summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
         summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();

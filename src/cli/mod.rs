@@ -6,6 +6,7 @@ mod campaign;
 mod decode;
 mod demo;
 mod event_narrator;
+mod experiment;
 mod explain;
 mod export;
 mod interrupt;
@@ -26,6 +27,7 @@ use crate::cli::args::{Demo, Sim};
 use crate::cli::calib::Calib;
 use crate::cli::campaign::Campaign;
 use crate::cli::decode::Decode;
+use crate::cli::experiment::Experiment;
 use crate::cli::explain::Explain;
 use crate::cli::export::Export;
 use crate::cli::lss::Lss;
@@ -51,6 +53,9 @@ pub(crate) enum Command {
             frhc campaign --seed 1 --soak 1000000"
     )]
     Campaign(Campaign),
+    /// Measures on the simulation what is felt and what it costs.
+    #[command(subcommand, after_help = "Example:\n  frhc experiment fidelity --short")]
+    Experiment(Experiment),
     /// Simulates the drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
     #[command(
         after_help = "Prints the state of each drive at the end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
@@ -109,6 +114,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(args, is_quiet),
             Self::Campaign(args) => campaign::run(args, is_quiet),
+            Self::Experiment(experiment) => experiment::run(experiment, is_quiet),
             Self::Sim(args) => sim::run(args),
             Self::Plan(args) => plan::run(args),
             Self::Explain(args) => explain::run(args),

@@ -61,7 +61,12 @@ pub(super) fn settings(
     let calibration = around.joints.map(|joints| arm::calibration(joints, coupling));
     let extensions = extensions::extensions(
         given,
-        Made { arm: arm.as_ref(), calibration: calibration.as_ref(), period },
+        Made {
+            joints: around.joints,
+            arm: arm.as_ref(),
+            calibration: calibration.as_ref(),
+            period,
+        },
         problems,
     );
 

@@ -1,14 +1,16 @@
 //! `[controller]`: what stands beside the paper's law. What is not written down is off, but for one: what is
 //! felt always begins by a ramp.
 
+use crate::joints::JointParameters;
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::value::Value;
 use controller::Extensions;
-use controller::arm::Arm;
+use controller::arm::{Arm, JointKind};
 use controller::assist::ContactFade;
 use controller::calibration::Calibration;
 use controller::engagement::Engagement;
+use controller::friction::{FrictionCompensation, FrictionSettings, MAX_SHARE};
 use controller::gains::Gains;
 use controller::limits::Slew;
 use controller::passivity::{Passivity, PassivitySettings};
@@ -21,12 +23,17 @@ use controller::virtual_coupling::VirtualCoupling;
 /// Ramp of what is felt where the file asks for none, in s.
 const BEGINS_OVER: f64 = 0.3;
 
+/// Presliding distance of a joint where the file says none, in rad and m.
+const PRESLIDING_RAD: f64 = 0.5e-3;
+const PRESLIDING_M: f64 = 0.15e-3;
+
 /// Strongest damper of a tank of which the file says none, in N·s/m: that of the shipped passivity layers.
 const TANK_DAMPING: f64 = 60.0;
 
-/// Arm, calibration and period that the parts are made for; each `None` where a problem has been noted.
+/// Joints, arm, calibration and period that the parts are made for; each `None` where a problem has been noted.
 #[derive(Clone, Copy)]
 pub(super) struct Made<'m> {
+    pub(super) joints: Option<&'m [JointParameters; 6]>,
     pub(super) arm: Option<&'m Arm<6>>,
     pub(super) calibration: Option<&'m Calibration<6>>,
     pub(super) period: Option<Period>,
@@ -58,6 +65,7 @@ pub(super) fn extensions(
         },
         soft_stops: given.soft_stops.as_ref().and_then(|given| soft_stops(given, made, problems)),
         slew: slew(given, made, problems),
+        friction: given.friction.as_ref().and_then(|given| friction(given, made, problems)),
         passivity: given.passivity.as_ref().and_then(|given| observer(given, period, problems)),
         tank: given.tank.as_ref().and_then(|given| tank(given, problems)),
         virtual_coupling: given
@@ -95,6 +103,29 @@ fn soft_stops(
     let calibration = made.calibration?;
     let capacities = calibration.coupling().capacities(&calibration.max_torques());
     SoftStops::new(made.arm?.ranges(), &capacities, margin?, push?).ok()
+}
+
+/// The compensation of the friction that the joints are configured with.
+fn friction(
+    given: &raw::FrictionCompensation,
+    made: Made<'_>,
+    problems: &mut Problems<'_>,
+) -> Option<FrictionCompensation> {
+    let share = problems.within(&given.share, 0.0..=MAX_SHARE);
+    let turning = problems.within(&given.presliding_rad.or(PRESLIDING_RAD), 1e-4..=0.1);
+    let sliding = problems.within(&given.presliding_m.or(PRESLIDING_M), 1e-5..=0.02);
+    let (joints, [turning, sliding]) = (made.joints?, [turning?, sliding?]);
+    let presliding = joints.each_ref().map(|joint| match joint.plant.link.kind {
+        JointKind::Revolute => turning,
+        JointKind::Prismatic => sliding,
+    });
+    let settings = FrictionSettings {
+        share: share?,
+        coulomb: joints.each_ref().map(|joint| joint.plant.friction.coulomb).into(),
+        viscous: joints.each_ref().map(|joint| joint.plant.friction.viscous).into(),
+        presliding: presliding.into(),
+    };
+    FrictionCompensation::new(settings).ok()
 }
 
 fn slew(given: &raw::Controller, made: Made<'_>, problems: &mut Problems<'_>) -> Option<Slew<6>> {

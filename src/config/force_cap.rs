@@ -3,7 +3,8 @@
 //!
 //! All forces commanded at once last as long: reflection, return to centre and walls, soft stops. A force F accelerates
 //! a free hand and grip of mass m to F t / m in a time t, which must not exceed [`MAX_RUNAWAY_SPEED`]. Gravity
-//! compensation is in balance with the weight. A held damper d slows the hand, unless it reverses the motion: d t / m
+//! compensation is in balance with the weight, and friction compensation is at most 0.7 of the friction that takes it.
+//! A held damper d slows the hand, unless it reverses the motion: d t / m
 //! above 1 adds to the speed.
 
 use std::fmt;

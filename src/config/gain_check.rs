@@ -16,11 +16,13 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::{Place, Placed};
 use controller::JointVector;
+use controller::friction::MAX_SHARE;
 use controller::gains::AXES;
 use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
 use controller::stability::device::{Device, JointResistance, Massless};
 use controller::stability::finding::{Culprit, Finding, Verdict};
 use remote::site::Contact;
+use units::numbering::Joint;
 
 /// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.
 const TORQUE_DELAY: u32 = 1;
@@ -92,8 +94,10 @@ fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
 fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     let raw::File { controller, remote, .. } = raw;
     let (tank, coupling) = (controller.tank.as_ref(), controller.virtual_coupling.as_ref());
+    let friction = controller.friction.as_ref();
     match (culprit, is_rotation) {
         (Culprit::Tank, _) => at(tank.map(|tank| &tank.max_damping_ns_per_m), controller),
+        (Culprit::Friction, _) => at(friction.map(|friction| &friction.share), controller),
         (Culprit::Damping, false) => controller.damping_ns_per_m.place(),
         (Culprit::Damping, true) => controller.damping_nms_per_rad.place(),
         (Culprit::Wrench, _) => controller.wrench_gain.place(),
@@ -170,11 +174,20 @@ fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
     tank.map_or(0.0, |tank| tank.max_damping())
 }
 
+/// Returns what is left of the friction of each joint, if there is less of it than identified.
 fn resistances(config: &Parameters) -> [JointResistance; 6] {
-    config.joints.each_ref().map(|joint| JointResistance {
-        coulomb: joint.plant.friction.coulomb,
-        viscous: joint.plant.friction.viscous,
-        quantum: joint.calibration.quantum(),
+    let compensation = config.controller.extensions.friction;
+    let left = compensation.map_or(1.0, |friction| MAX_SHARE - friction.settings().share);
+    let stiffness: [f64; 6] =
+        compensation.map_or([0.0; 6], |friction| friction.negative_stiffness().into());
+    Joint::ALL.map(|number| {
+        let joint = number.entry(&config.joints);
+        JointResistance {
+            coulomb: joint.plant.friction.coulomb,
+            viscous: joint.plant.friction.viscous * left,
+            quantum: joint.calibration.quantum(),
+            compensated_stiffness: *number.entry(&stiffness),
+        }
     })
 }
 

@@ -16,8 +16,8 @@ pub(super) fn read(
 ) -> Option<JointPlant> {
     let range = range(joint, of);
     let start = range.and_then(|range| start(joint, range, of));
-    let friction = friction(joint, of);
     let max_torque = actuator.map(|actuator| actuator.max_torque);
+    let friction = friction(joint, max_torque, of);
     let drivetrain = simulated::read(&joint.simulated, max_torque, of);
     let link = link(joint, range, of);
     Some(JointPlant {
@@ -70,10 +70,24 @@ fn start(joint: &raw::Joint, [low, high]: [f64; 2], of: &mut Units<'_, '_>) -> O
     Some(start)
 }
 
-fn friction(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Friction> {
+/// Friction of the joint, which its torque must overcome.
+fn friction(
+    joint: &raw::Joint,
+    max_torque: Option<f64>,
+    of: &mut Units<'_, '_>,
+) -> Option<Friction> {
     let coulomb = of.either(&joint.coulomb_friction_nm, &joint.coulomb_friction_n);
     let viscous = of.either(&joint.viscous_friction_nms_per_rad, &joint.viscous_friction_ns_per_m);
-    let coulomb = coulomb.and_then(|value| of.problems.not_negative(value));
+    let coulomb = coulomb.and_then(|value| {
+        // A capacity below zero is a problem of its own.
+        let most = max_torque.filter(|most| *most > 0.0).unwrap_or(f64::MAX);
+        let size = of.problems.not_negative(value)?;
+        if size >= most {
+            of.problems.add(value, format_args!("must be below the joint's capacity of {most}"));
+            return None;
+        }
+        Some(size)
+    });
     let viscous = viscous.and_then(|value| of.problems.not_negative(value));
     Some(Friction { coulomb: coulomb?, viscous: viscous? })
 }

@@ -164,6 +164,16 @@ impl Config {
         self
     }
 
+    /// The same with this share of every joint's friction: no PDO depends on it.
+    #[must_use]
+    pub fn with_friction(mut self, share: f64) -> Self {
+        for joint in &mut self.parameters.joints {
+            joint.plant.friction.coulomb *= share;
+            joint.plant.friction.viscous *= share;
+        }
+        self
+    }
+
     /// The same with every drive's proof at bring-up, whatever the file says: no PDO depends on it.
     #[must_use]
     pub const fn with_proof(mut self) -> Self {

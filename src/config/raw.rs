@@ -147,6 +147,7 @@ sections! {
         walls: Option<Walls>,
         engagement: Option<Engagement>,
         soft_stops: Option<SoftStops>,
+        friction: Option<FrictionCompensation>,
         passivity: Option<Passivity>,
         tank: Option<Tank>,
         virtual_coupling: Option<VirtualCoupling>,
@@ -181,6 +182,12 @@ sections! {
     SoftStops {
         margin: Value<f64>,
         push: Value<f64>,
+    }
+
+    FrictionCompensation {
+        share: Value<f64>,
+        presliding_rad: Optional<f64>,
+        presliding_m: Optional<f64>,
     }
 
     Passivity {

@@ -170,6 +170,26 @@ impl<const N: usize> Calibration<N> {
         self.coupling.at_joints(&SVector::from_iterator(tau_a))
     }
 
+    /// Torques of the actuators that hold `held`: those of `targets` are known to be `tau_a`. In N·m or N.
+    pub(crate) fn held_torques(
+        &self,
+        held: &[PerMille; N],
+        targets: &[PerMille; N],
+        tau_a: &SVector<f64, N>,
+    ) -> SVector<f64, N> {
+        let mut torques = *tau_a;
+        let pairs = held.iter().zip(targets);
+        for ((torque, (held, target)), actuator) in
+            torques.iter_mut().zip(pairs).zip(&self.actuators)
+        {
+            // The inverse of a curve costs more than all the rest of a joint.
+            if held != target {
+                *torque = actuator.torque(*held);
+            }
+        }
+        torques
+    }
+
     /// Largest torque of each actuator: the end of its calibrated range, in N·m or N.
     pub fn max_torques(&self) -> SVector<f64, N> {
         SVector::from_iterator(self.actuators.iter().map(|actuator| actuator.curve.max_torque()))

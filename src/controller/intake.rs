@@ -78,6 +78,7 @@ mod tests {
             mode: Mode::Rate,
             gravity_share: 0.5,
             reflection_share: 0.25,
+            held: None,
             restart: false,
         }
     }

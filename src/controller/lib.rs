@@ -40,12 +40,16 @@
 
 pub mod arm;
 pub mod assist;
+mod booking;
 pub mod calibration;
 pub mod channels;
 pub mod command;
+pub mod contact_stiffness;
 pub mod coupling;
+mod damper;
 pub mod engagement;
 pub mod fit;
+pub mod friction;
 pub mod gains;
 mod intake;
 pub mod interpretation;

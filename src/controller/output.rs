@@ -30,6 +30,8 @@ pub struct Input {
     pub gravity_share: f64,
     /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
+    /// Targets that the drives hold since the last cycle; `None` where they are those of its output.
+    pub held: Option<[PerMille; 6]>,
     /// Forget earlier cycles: this is the first one, or follows an overrun.
     pub restart: bool,
 }
@@ -96,6 +98,8 @@ pub struct Ledger {
     pub passivity: JointVector,
     /// The soft stops.
     pub soft_stops: JointVector,
+    /// Friction compensation, times the share of the engagement ramp.
+    pub friction: JointVector,
     /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,
     /// Scale of task and assist together, 0 to 1.
@@ -119,12 +123,18 @@ impl Ledger {
             damping: none,
             passivity: none,
             soft_stops: none,
+            friction: none,
             assist_scale: 1.0,
             rest_scale: 1.0,
             share: 1.0,
             limiting_joint: None,
             slewing_joint: None,
         }
+    }
+
+    /// Torques that carry the arm's weight and overcome its friction: the arm takes them, not the hand.
+    pub fn carried(&self) -> JointVector {
+        self.gravity + self.friction * (self.rest_scale * self.share)
     }
 }
 

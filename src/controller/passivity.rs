@@ -6,6 +6,11 @@
 //! this cycle's speed takes each sample to have begun earlier than it did, and never sees the energy
 //! that a sampled wall gives off. Where the sum falls below zero, the port has given more than it was
 //! given, and the controller takes it back with a damper that is just strong enough.
+//!
+//! Damping that the drives hold already, and whose effect no sample shows yet, is taken as done: else every cycle of
+//! the delay would ask for the same energy again. The credit of the sum is bounded, but what the spring of the contact
+//! stores ([`contact_stiffness`](crate::contact_stiffness)) is not credit: the hand that presses has put it there,
+//! and takes it back when it lets go.
 
 use thiserror::Error;
 
@@ -13,6 +18,9 @@ use units::spatial::{Twist, Wrench};
 
 /// Minimum speed at which a damper can take energy, in m/s.
 const MIN_SPEED: f64 = 1e-6;
+
+/// Energy of a contact that bounces, in J: out of contact, less is not damped.
+const BOUNCE: f64 = 5e-3;
 
 /// Parameters of observer and controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,30 +89,40 @@ impl Passivity {
         self.energy
     }
 
-    /// Adds the work in J that the hand did against the port since the last cycle.
-    pub fn account(&mut self, work: f64, f_g_task: &Wrench) {
+    /// Adds the work in J that the hand did against the port since the last cycle; `stored` J are in the spring of the
+    /// contact.
+    pub fn account(&mut self, work: f64, f_g_task: &Wrench, stored: f64) {
         let has_no_contact = f_g_task.force.norm() < self.settings.contact_threshold;
         self.cycles_without_contact =
             if has_no_contact { self.cycles_without_contact.saturating_add(1) } else { 0 };
         self.energy = if self.cycles_without_contact > self.settings.contact_release_cycles {
             0.0
         } else {
-            (self.energy + work).min(self.settings.max_energy)
+            (self.energy + work).min(self.settings.max_energy + stored.max(0.0))
         };
     }
 
-    /// The wrench on the hand, in {G}, that takes back in the next `dt` s what the port has given too
-    /// much, if the hand goes on as it moves: `-α W v_g` with `α = -E / (dt vᵀ W v)`. If the contact is
-    /// one-sided, it and the task's together never pull the hand back into what pushes it away.
-    pub fn wrench(&self, dt: f64, v_g: &Twist, f_g_task: &Wrench) -> Wrench {
-        let moving = self.weighted(v_g);
-        let strength = moving.power(v_g);
-        if self.energy >= 0.0 || strength < MIN_SPEED * MIN_SPEED {
-            return Wrench::ZERO;
+    /// The damper in N·s/m that takes back in the next `dt` s what the port has given too much, if the hand goes on as
+    /// it moves: `α = -(E + E_f) / (dt vᵀ W v)`. `in_flight` is E_f, the energy in J that damping under way takes back.
+    pub fn damping(&self, dt: f64, v_g: &Twist, in_flight: f64) -> f64 {
+        let strength = self.weighted(v_g).power(v_g);
+        let energy = self.energy + in_flight.max(0.0);
+        if energy >= 0.0 || strength < MIN_SPEED * MIN_SPEED {
+            return 0.0;
         }
-        let damping = (-self.energy / (dt * strength)).min(self.settings.max_damping);
-        let against = moving * -damping;
+        (-energy / (dt * strength)).min(self.settings.max_damping)
+    }
+
+    /// The wrench of a damper of `damping` N·s/m on the hand, in {G}: `-α W v_g`. If the contact is one-sided, it and
+    /// the task's together never pull the hand back into what pushes it away.
+    pub fn wrench(&self, damping: f64, v_g: &Twist, f_g_task: &Wrench) -> Wrench {
+        let against = self.weighted(v_g) * -damping;
         if self.settings.is_one_sided { one_sided(&against, f_g_task) } else { against }
+    }
+
+    /// Returns whether there is contact, or the bounce of a contact that was active. A hand that lets go leaves less than [`BOUNCE`] behind.
+    pub const fn is_engaged(&self) -> bool {
+        self.cycles_without_contact == 0 || self.energy < -BOUNCE
     }
 
     /// `W v`: a damper of 1 N·s/m, and of its lever squared for rotations.
@@ -143,8 +161,13 @@ mod tests {
     /// An observer that has seen `energy`.
     fn seen(energy: f64) -> Passivity {
         let mut passivity = Passivity::new(SETTINGS).unwrap();
-        passivity.account(energy, &push(1.0));
+        passivity.account(energy, &push(1.0), 0.0);
         passivity
+    }
+
+    /// The wrench of the exact damper.
+    fn exact(passivity: &Passivity, v_g: &Twist, f_g_task: &Wrench, in_flight: f64) -> Wrench {
+        passivity.wrench(passivity.damping(1e-3, v_g, in_flight), v_g, f_g_task)
     }
 
     fn push(force: f64) -> Wrench {
@@ -160,15 +183,15 @@ mod tests {
         fn excess_energy_is_dissipated(energy in -1e-3..0.0_f64, v_g in twist()) {
             let both_sided = PassivitySettings { is_one_sided: false, ..SETTINGS };
             let mut passivity = Passivity::new(both_sided).unwrap();
-            passivity.account(energy, &push(1.0));
-            let f_g = passivity.wrench(1e-3, &v_g, &push(1.0));
+            passivity.account(energy, &push(1.0), 0.0);
+            let f_g = exact(&passivity, &v_g, &push(1.0), 0.0);
             let taken = -f_g.power(&v_g) * 1e-3;
             prop_assert!(taken >= 0.0 && taken <= -energy * (1.0 + 1e-9));
         }
 
         #[test]
         fn a_passive_port_is_left_alone(energy in 0.0..1.0_f64, v_g in twist()) {
-            prop_assert_eq!(seen(energy).wrench(1e-3, &v_g, &push(1.0)), Wrench::ZERO);
+            prop_assert!(seen(energy).damping(1e-3, &v_g, 0.0) <= 0.0);
         }
 
         #[test]
@@ -176,8 +199,36 @@ mod tests {
             energy in -1.0..0.0_f64, v_g in twist(), f in prop::array::uniform6(-5.0..5.0_f64)
         ) {
             let f_g_task = Wrench::from_components(f);
-            let f_g = seen(energy).wrench(1e-3, &v_g, &f_g_task) + f_g_task;
+            let f_g = exact(&seen(energy), &v_g, &f_g_task, 0.0) + f_g_task;
             prop_assert!(f_g.force.dot(&f_g_task.force) >= -1e-9);
+        }
+    }
+
+    #[test]
+    fn damping_under_way_is_not_asked_for_again() {
+        let v_g = Twist::from_components([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let passivity = seen(-1e-3);
+        let asked = |in_flight| {
+            let f_g = exact(&passivity, &v_g, &push(1e3), in_flight);
+            -f_g.power(&v_g) * 1e-3
+        };
+        assert!((asked(0.0) - 1e-3).abs() < 1e-12);
+        assert!((asked(0.6e-3) - 0.4e-3).abs() < 1e-12);
+        assert_eq!((asked(1e-3), asked(5e-3)), (0.0, 0.0));
+        assert!((asked(-5e-3) - 1e-3).abs() < 1e-12, "damping never adds energy");
+    }
+
+    #[test]
+    fn what_the_contact_stores_comes_back_without_a_brake() {
+        let mut passivity = Passivity::new(SETTINGS).unwrap();
+        // Pressing stores 0.5 J; letting go takes it out again, and the cap sinks with it.
+        for _ in 0..50 {
+            passivity.account(0.01, &push(10.0), 0.5);
+        }
+        assert!((passivity.energy() - 0.5).abs() < 1e-9);
+        for step in (0..50).rev() {
+            passivity.account(-0.01, &push(10.0), 0.01 * f64::from(step));
+            assert!(passivity.energy() >= -1e-9, "{} J", passivity.energy());
         }
     }
 
@@ -185,13 +236,13 @@ mod tests {
     fn credit_is_bounded_and_ends_with_the_contact() {
         let mut passivity = seen(5.0);
         assert!((passivity.energy() - 0.1).abs() < 1e-15);
-        passivity.account(-0.3, &push(1.0));
+        passivity.account(-0.3, &push(1.0), 0.0);
         assert!(passivity.energy() < -0.19);
         for _ in 0..3 {
-            passivity.account(0.0, &Wrench::ZERO);
+            passivity.account(0.0, &Wrench::ZERO, 0.0);
         }
         assert!(passivity.energy() < -0.19, "a bounce");
-        passivity.account(0.0, &Wrench::ZERO);
+        passivity.account(0.0, &Wrench::ZERO, 0.0);
         assert!(passivity.energy() == 0.0);
     }
 

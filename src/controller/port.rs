@@ -1,9 +1,12 @@
 //! The reflection port, where task and hand exchange energy, and what keeps it passive there.
 //!
 //! Neither knows the task: both look only at the torques that were held and at how far the joints came.
-//! [`TorqueDelay`] says which torque acted until this sample.
+//! [`Booking`] says which part of those was the port's, [`TorqueDelay`] which torque acted until this sample.
 
 use crate::JointVector;
+use crate::booking::{Booking, PortTorques};
+use crate::coupling::Coupling;
+use crate::damper::Damper;
 use crate::passivity::Passivity;
 use crate::period::Period;
 use crate::tank::Tank;
@@ -16,9 +19,13 @@ use units::spatial::{Twist, Wrench};
 pub(crate) struct Port {
     period: Period,
     passivity: Option<Passivity>,
+    damper: Damper,
     tank: Option<Tank>,
-    /// Torques of the port.
-    held: TorqueDelay<JointVector>,
+    booking: Booking,
+    /// Torques of the port at the joints, as they were held.
+    held: TorqueDelay<PortTorques>,
+    /// Joint positions of the last sample.
+    q_before: Option<JointVector>,
 }
 
 /// Output of the port.
@@ -28,6 +35,9 @@ pub struct Passed {
     pub f_g_task: Wrench,
     /// The wrench of the dampers that keep the port passive, at {G}.
     pub f_g_passivity: Wrench,
+    /// Activity of the port, 0 to 1: 0 while the passivity controller has nothing to do, 1 from a quarter of its
+    /// strongest damper on.
+    pub activity: f64,
     /// Energy from the hand into the port less energy out of it, in J, where it is observed.
     pub energy: Option<f64>,
     /// Level of the tank, in J, where there is one.
@@ -36,14 +46,43 @@ pub struct Passed {
 
 impl Port {
     pub(crate) fn new(period: Period, passivity: Option<Passivity>, tank: Option<Tank>) -> Self {
-        Self { period, passivity, tank, held: TorqueDelay::new(JointVector::zeros()) }
+        let held = TorqueDelay::new(PortTorques::zero());
+        let (booking, damper) = (Booking::new(), Damper::default());
+        Self { period, passivity, damper, tank, booking, held, q_before: None }
     }
 
-    /// Takes the rates at which the joints came here, and lets through what may act of `f_g_task`.
-    pub(crate) fn pass(&mut self, qd: &JointVector, moving: &Moving, f_g_task: &Wrench) -> Passed {
+    /// Returns whether a layer observes energy: without one nothing need be booked.
+    pub(crate) const fn is_observed(&self) -> bool {
+        self.passivity.is_some() || self.tank.is_some()
+    }
+
+    /// Books the torques in N·m or N that the actuators hold since the last cycle.
+    pub(crate) fn book(&mut self, tau_a: &JointVector, coupling: &Coupling<6>) {
+        let PortTorques { port, damper } = self.booking.book(tau_a);
+        let [port, damper] = [port, damper].map(|tau_a| coupling.at_joints(&tau_a));
+        self.held.push(PortTorques { port, damper });
+    }
+
+    /// Keeps the torques at the actuators that this cycle asks for, before their slew, and the port's parts of them.
+    pub(crate) const fn ask(&mut self, tau_a: &JointVector, parts: &PortTorques) {
+        self.booking.ask(tau_a, parts);
+    }
+
+    /// Takes the joints' new positions, and lets through what may act of `f_g_task`. `stored` J are in the contact.
+    ///
+    /// A target waits for the next SYNC, however long that takes, so the torque of two cycles ago acted over the whole
+    /// way since the last sample, even after skipped cycles.
+    pub(crate) fn pass(
+        &mut self,
+        q: &JointVector,
+        moving: &Moving,
+        f_g_task: &Wrench,
+        stored: f64,
+    ) -> Passed {
         let dt = self.period.seconds();
         let v_g = &moving.v_g_raw;
-        let work = -self.held.acted().dot(qd) * dt; // of the hand against the port, since the last sample
+        let dq = q - self.q_before.replace(*q).unwrap_or(*q);
+        let work = -self.held.acted().port.dot(&dq); // of the hand against the port, since the last sample
         let mut passed = Passed { f_g_task: *f_g_task, ..Passed::default() };
         if let Some(tank) = &mut self.tank {
             tank.account(work);
@@ -52,17 +91,18 @@ impl Port {
             passed.tank = Some(tank.level());
         }
         if let Some(passivity) = &mut self.passivity {
-            passivity.account(work, f_g_task);
-            let damping = passivity.wrench(dt, v_g, &passed.f_g_task);
-            passed.f_g_passivity = passed.f_g_passivity + damping;
+            passivity.account(work, f_g_task, stored);
+            // If the joints go on as they came.
+            let in_flight = -self.held.in_flight().damper.dot(&dq);
+            let wanted = passivity.damping(dt, v_g, in_flight);
+            self.damper.next(dt, wanted, passivity.max_damping(), v_g, passivity.is_engaged());
+            let (damping, v_g) = (self.damper.damping(), self.damper.v_g());
+            let f_g_damper = passivity.wrench(damping, v_g, &passed.f_g_task);
+            passed.f_g_passivity = passed.f_g_passivity + f_g_damper;
+            passed.activity = (4.0 * damping / passivity.max_damping()).min(1.0);
             passed.energy = Some(passivity.energy());
         }
         passed
-    }
-
-    /// The torques of the port, as far as they are really asked for, in N·m or N.
-    pub(crate) const fn hold(&mut self, tau: &JointVector) {
-        self.held.push(*tau);
     }
 }
 
@@ -111,6 +151,12 @@ mod tests {
         Wrench { force: [1.0, 0.0, 0.0].into(), ..Wrench::ZERO }
     }
 
+    /// Asks for a torque of the port, and lets the drives hold it.
+    fn hold(port: &mut Port, tau: f64, damper: f64) {
+        port.ask(&first(tau), &PortTorques { port: first(tau), damper: first(damper) });
+        port.book(&first(tau), &Coupling::none());
+    }
+
     fn at_rest() -> Moving {
         Moving::default()
     }
@@ -119,9 +165,13 @@ mod tests {
     fn booked(has_tank: bool, taus: &[f64], rates: &[f64]) -> Vec<f64> {
         let mut port = port(has_tank);
         let mut before = if has_tank { 0.1 } else { 0.0 };
+        let mut q = 0.0;
+        let mut held = 0.0;
         let cycle = |(tau, qd): (&f64, &f64)| {
-            let passed = port.pass(&first(*qd), &at_rest(), &push());
-            port.hold(&first(*tau));
+            q += qd * DT;
+            hold(&mut port, held, 0.0);
+            held = *tau;
+            let passed = port.pass(&first(q), &at_rest(), &push(), 0.0);
             let level = passed.energy.or(passed.tank).unwrap();
             level - std::mem::replace(&mut before, level)
         };
@@ -155,11 +205,13 @@ mod tests {
             v_g_raw: Twist { linear: [0.5, 0.0, 0.0].into(), ..Twist::ZERO },
             ..at_rest()
         };
+        let mut q = 0.0;
         for _ in 0..200 {
-            port.hold(&first(10.0));
-            port.pass(&first(1.0), &moving, &push());
+            hold(&mut port, 10.0, 0.0);
+            q += DT;
+            port.pass(&first(q), &moving, &push(), 0.0);
         }
-        let passed = port.pass(&first(1.0), &moving, &push());
+        let passed = port.pass(&first(q + DT), &moving, &push(), 0.0);
         assert!(passed.f_g_task.power(&moving.v_g_raw).abs() < 1e-12, "{passed:?}");
         assert!(passed.f_g_passivity.power(&moving.v_g_raw) < 0.0, "{passed:?}");
     }
@@ -167,8 +219,8 @@ mod tests {
     #[test]
     fn port_without_layers_passes_all() {
         let mut port = Port::new(Period::new(DT).unwrap(), None, None);
-        port.hold(&first(1.0));
-        let passed = port.pass(&first(1.0), &at_rest(), &push());
+        hold(&mut port, 1.0, 0.0);
+        let passed = port.pass(&first(1.0), &at_rest(), &push(), 0.0);
         assert_eq!(passed, Passed { f_g_task: push(), ..Passed::default() });
     }
 }

@@ -6,6 +6,7 @@ use crate::calibration::Calibration;
 use crate::channels::Channels;
 use crate::command::CommandLaw;
 use crate::engagement::Engagement;
+use crate::friction::FrictionCompensation;
 use crate::gains::Gains;
 use crate::interpretation::Interpretation;
 use crate::limits::{AssistFraction, Slew};
@@ -53,6 +54,8 @@ pub struct Extensions {
     pub contact_fade: Option<ContactFade>,
     /// Ramp of reflection; without it reflection starts at once.
     pub engagement: Option<Engagement>,
+    /// Feed-forward of the joints' friction.
+    pub friction: Option<FrictionCompensation>,
     /// Springs and dampers before the ends of the joints.
     pub soft_stops: Option<SoftStops<6>>,
     /// Limits on the rate of change of torques.

@@ -4,15 +4,18 @@ use nalgebra::Isometry3;
 
 use crate::arm::Posture;
 use crate::assist::{self, Damping};
+use crate::booking::PortTorques;
 use crate::command::Gate;
+use crate::contact_stiffness::ContactStiffness;
 use crate::intake::Trusted;
 use crate::interpretation::{Centring, Felt, Weight};
 use crate::limits::{Asked, Limited, Limits};
-use crate::port::Port;
+use crate::port::{Passed, Port};
 use crate::reference::{Displacement, Reference};
 use crate::switches::{Mode, Pressed, SwitchLogic};
-use crate::velocity::{JointRates, Velocity};
+use crate::velocity::{JointRates, Moving, Velocity};
 use crate::{Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
+use units::drive::PerMille;
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
@@ -30,6 +33,9 @@ pub struct Controller {
     velocity: Velocity,
     damping: Damping,
     port: Port,
+    contact: ContactStiffness,
+    /// Torques of the last cycle at the actuators, and the same as targets.
+    last: (JointVector, [PerMille; 6]),
     mode: Mode,
     /// Last pose of the object.
     x_b_m: Isometry3<f64>,
@@ -53,6 +59,8 @@ impl Controller {
             velocity: Velocity::new(period, extensions.velocity_filter),
             damping: Damping::new(settings.damping, period, interpretation.damping),
             port: Port::new(period, extensions.passivity, extensions.tank),
+            contact: ContactStiffness::default(),
+            last: (JointVector::zeros(), [PerMille(0); 6]),
             mode: Mode::Rate,
             x_b_m: Isometry3::identity(),
             x_b_asked: None,
@@ -92,7 +100,7 @@ impl Controller {
         let f_m_task = self.task(&given, &command); // Eq. 6
         let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
         let begun = self.begun(&pressed, &f_g_felt);
-        let port = self.port.pass(&qd, &moving, &(f_g_felt * begun));
+        let port = self.pass(input, &given, &q, &moving, &(f_g_felt * begun), &f_m_task);
         let f_g_task = port.f_g_task;
 
         let f_g_centring = self.centring(&pressed, input.mode, &x_0_g, &dx) * begun; // Eq. 8
@@ -109,11 +117,14 @@ impl Controller {
             damping: j_g.torques(&f_g_damping) * fade,
             passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
             soft_stops: self.soft_stops(&pressed, &q, &qd),
+            // An active port needs the friction that takes energy.
+            friction: self.friction(&q, &qd) * (begun * (1.0 - port.activity)),
             share: given.reflection_share,
             ..Ledger::nothing()
         };
         let (tau, ledger, broken) = self.limit(asked); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
+        self.last.1 = targets;
 
         self.gate = gate;
         self.mode = input.mode;
@@ -176,6 +187,32 @@ impl Controller {
         }
     }
 
+    /// Lets through the port what may act of `f_g_felt`, after booking what the drives hold.
+    fn pass(
+        &mut self,
+        input: &Input,
+        given: &Trusted,
+        q: &JointVector,
+        moving: &Moving,
+        f_g_felt: &Wrench,
+        f_m_task: &Wrench,
+    ) -> Passed {
+        let Settings { calibration, command, .. } = &self.settings;
+        if !self.port.is_observed() {
+            return Passed { f_g_task: *f_g_felt, ..Passed::default() };
+        }
+        let (tau_a, targets) = &self.last;
+        let held = input.held.map(|held| calibration.held_torques(&held, targets, tau_a));
+        self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
+        let f_b = given.x_b_m.rotation * f_m_task.force;
+        self.contact.update(&f_b, &given.x_b_m.translation.vector);
+        let stored = match input.mode {
+            Mode::Pose => self.contact.stored(f_g_felt, f_m_task, &command.pose_gain),
+            Mode::Rate => 0.0,
+        };
+        self.port.pass(q, moving, f_g_felt, stored)
+    }
+
     /// The return to centre in rate mode; in pose mode at most its walls (3.5).
     fn centring(
         &self,
@@ -219,13 +256,19 @@ impl Controller {
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
 
+    /// Torques that compensate friction; none without a compensation.
+    fn friction(&mut self, q: &JointVector, qd: &JointVector) -> JointVector {
+        let compensation = self.layers.friction.as_mut();
+        compensation.map_or_else(JointVector::zeros, |friction| friction.torques(q, qd))
+    }
+
     /// Limits the requested torques to the actuators' capacities and rates of change.
     fn limit(&mut self, asked: Ledger) -> (JointVector, Ledger, Option<Fault>) {
         let coupling = self.settings.calibration.coupling();
         let port = asked.task + asked.passivity;
         let torques = Asked {
             gravity: coupling.at_actuators(&asked.gravity),
-            task: coupling.at_actuators(&(port + asked.soft_stops)),
+            task: coupling.at_actuators(&(port + asked.soft_stops + asked.friction)),
             assist: coupling.at_actuators(&(asked.centring + asked.damping)),
         };
         let limited = self.limits.combine(&torques, asked.share);
@@ -235,9 +278,13 @@ impl Controller {
             Some(slew) => slew.limit(&limited.tau),
             None => (limited.tau, None),
         };
-        let tau = coupling.at_joints(&tau_a);
         let held_share = if is_broken { 0.0 } else { rest_scale * asked.share };
-        self.port.hold(&(port * held_share));
+        let [port, damper] = [port, asked.passivity].map(|tau| {
+            coupling.at_actuators(&if is_broken { JointVector::zeros() } else { tau * held_share })
+        });
+        self.port.ask(&limited.tau, &PortTorques { port, damper });
+        self.last.0 = tau_a;
+        let tau = coupling.at_joints(&tau_a);
         let broken = is_broken.then_some(Fault::TorqueNotFinite);
         let [limiting_joint, slewing_joint] =
             [limiting_joint, slewing_joint].map(|place| place.and_then(Joint::at));

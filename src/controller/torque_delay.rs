@@ -27,6 +27,12 @@ impl<T: Copy> TorqueDelay<T> {
         acted
     }
 
+    /// Torques of the last cycle: they act from the last SYNC to the next.
+    pub const fn in_flight(&self) -> T {
+        let [in_flight, _] = self.sent;
+        in_flight
+    }
+
     /// Keeps the torques that this cycle sends.
     pub const fn push(&mut self, torques: T) {
         let [last, _] = self.sent;
@@ -41,11 +47,11 @@ mod tests {
     #[test]
     fn torque_is_returned_two_cycles_after_it_was_sent() {
         let mut delay = TorqueDelay::new(0);
-        let acted = [1, 2, 3, 4].map(|sent| {
-            let acted = delay.acted();
+        let seen = [1, 2, 3, 4].map(|sent| {
+            let seen = (delay.acted(), delay.in_flight());
             delay.push(sent);
-            acted
+            seen
         });
-        assert_eq!(acted, [0, 0, 1, 2]);
+        assert_eq!(seen, [(0, 0), (0, 1), (1, 2), (2, 3)]);
     }
 }

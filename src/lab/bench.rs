@@ -261,6 +261,11 @@ impl<T: Tap> Bench<T> {
         now.since(bus.stations().scenario_start().unwrap_or(now))
     }
 
+    /// The stations, as they really are.
+    pub const fn world(&self) -> &World {
+        self.node.bus().stations()
+    }
+
     /// The stations.
     pub const fn world_mut(&mut self) -> &mut World {
         self.node.bus_mut().stations_mut()

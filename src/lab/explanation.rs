@@ -17,6 +17,9 @@ use units::spatial::{Jacobian, Motion, Twist, Wrench, rotation};
 /// Time for which the hand rests before the explained cycle, in s, until every ramp is over.
 const SETTLING_TIME: f64 = 10.0;
 
+/// Torques of friction compensation.
+const TAU_FRICTION: &str = "tau_friction";
+
 /// A value of Fig. 3.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
@@ -89,6 +92,7 @@ fn run(posed: &Posed) -> Output {
                 mode: posed.mode,
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                held: None,
                 restart,
             },
         )
@@ -107,6 +111,10 @@ fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
     let mut entries = motion(posed, output);
     entries.extend(wrenches(posed, output));
     entries.extend(torques(output));
+    if posed.settings.extensions.friction.is_none() {
+        // The paper has none: without it, nothing is said of it.
+        entries.retain(|entry| entry.name != TAU_FRICTION);
+    }
     entries
 }
 
@@ -173,6 +181,7 @@ fn torques(output: &Output) -> Vec<Entry> {
         entry("tau_damping", &ledger.damping, "7", joints, "of damping"),
         entry("tau_passivity", &ledger.passivity, "", joints, "of passivity"),
         entry("tau_soft_stops", &ledger.soft_stops, "", joints, "of the soft stops"),
+        entry(TAU_FRICTION, &ledger.friction, "", joints, "against the joints' friction"),
         entry("tau_gravity", &ledger.gravity, "3.3", joints, "carrying the arm"),
         entry("tau_assist", &assist, "10", joints, "return to centre and damping"),
         entry("tau_rg", &with_gravity, "10", joints, "the same with gravity"),

@@ -18,6 +18,7 @@ pub mod bench;
 pub mod campaign;
 pub mod comparison;
 pub mod explanation;
+pub mod fidelity;
 pub mod question;
 pub mod station;
 pub mod transmit_queue;

@@ -7,18 +7,25 @@ use crate::samples::Samples;
 use config::Config;
 use controller::switches::Mode as CommandMode;
 use controller::{Controller, Input, Output};
+use units::drive::PerMille;
 
 /// The controller with its command mode.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     controller: Controller,
     pub(super) command_mode: CommandMode,
+    /// Targets that the drives hold since the last cycle.
+    held: [PerMille; 6],
 }
 
 impl Control {
     /// Returns the controller and the command mode of the configuration.
     pub(super) fn new(config: &Config) -> Self {
-        Self { controller: Controller::new(&config.controller), command_mode: config.command_mode }
+        Self {
+            controller: Controller::new(&config.controller),
+            command_mode: config.command_mode,
+            held: [PerMille(0); 6],
+        }
     }
 
     /// Returns the input of a step: the drives' positions, the commanded side, the operator's switches and the permit.
@@ -39,8 +46,14 @@ impl Control {
             mode: self.command_mode,
             gravity_share: permit.gravity_share,
             reflection_share: permit.reflection_share,
+            held: Some(self.held),
             restart,
         }
+    }
+
+    /// Keeps the targets that the drives hold from this cycle on.
+    pub(super) const fn set_held(&mut self, targets: [PerMille; 6]) {
+        self.held = targets;
     }
 
     /// Computes one step.

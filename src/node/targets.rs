@@ -30,6 +30,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = limiter.limit(self.safety.allows_torque(), &output.tau, &output.targets);
         let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
         let targets = self.drives.limiter.revert_unsent(was_sent);
+        self.control.set_held(targets);
         self.plausibility.on_sent(&targets.map(|PerMille(target)| target));
         targets
     }

@@ -68,7 +68,7 @@ pub struct Sphere {
 }
 
 /// Half the edge of the cube whose corners are the contact points, in m.
-const HALF_CUBE: f64 = 0.02;
+pub const HALF_CUBE: f64 = 0.02;
 
 /// Share of a surface's stiffness per contact point: a face has four.
 const SHARE: f64 = 0.25;

@@ -11,6 +11,7 @@ use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use node::record::{Mode, Record};
+use telemetry::fidelity::{Commanded, Fidelity, Judged};
 use telemetry::status::Status;
 use telemetry::summary::Summary;
 use telemetry::token_bucket::TokenBucket;
@@ -57,17 +58,20 @@ impl LatestStatus {
 }
 
 /// Records entries until the cycle thread has ended; returns the summary of the run. `names` are those of the nodes,
-/// in the order of their plans.
+/// in the order of their plans; `commanded` judges the commanded wrench, because the drives' truth is unknown.
 pub(super) fn run(
     mut entries: EntryConsumer,
     writers: &mut DiskWriters,
     latest: &LatestStatus,
     names: &[String],
+    commanded: Commanded,
     lost: &LossCounters,
 ) -> Summary {
     let mut recorder = Recorder {
         writers,
         names,
+        commanded,
+        fidelity: Fidelity::new(Judged::Command),
         summary: Summary::default(),
         mode: Mode::Boot,
         event_log: EventLog::new(),
@@ -93,6 +97,8 @@ pub(super) fn run(
 struct Recorder<'a> {
     writers: &'a mut DiskWriters,
     names: &'a [String],
+    commanded: Commanded,
+    fidelity: Fidelity,
     summary: Summary,
     mode: Mode,
     event_log: EventLog,
@@ -114,6 +120,7 @@ impl EntryHandler for Recorder<'_> {
             log_time::stamp_with(record.at, || log_mode(record));
         }
         self.summary.add(record);
+        self.fidelity.add(self.commanded.sample(record).as_ref());
         self.newest = Some(*record);
     }
 
@@ -143,6 +150,7 @@ impl Recorder<'_> {
     fn finish(mut self, lost: &LossCounters) -> Summary {
         log_time::stamp_with(self.now, || self.event_log.log_suppressed());
         self.summary.lost = lost.snapshot();
+        self.summary.fidelity = self.fidelity.report();
         self.summary
     }
 }

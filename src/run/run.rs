@@ -23,6 +23,7 @@ use crate::{commission, cycle_thread, gains, log_time, print, rings, session};
 use bus::Traced;
 use node::Node;
 use remote::site::VirtualSite;
+use telemetry::fidelity::Commanded;
 use telemetry::origin::Origin;
 
 /// `frhc run`.
@@ -80,11 +81,12 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let (writers, latest) = (&mut writers, latest);
         let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        let commanded = Commanded::new(&config.controller);
         let recording = thread::Builder::new()
             .name("frhc-recorder".to_owned())
             .stack_size(disk_writers::STACK)
             .spawn_scoped(threads, move || {
-                recorder_thread::run(entries, writers, &latest, &names, &lost)
+                recorder_thread::run(entries, writers, &latest, &names, commanded, &lost)
             })
             .context("cannot start the recorder thread")
             .or_fail(Kind::Bus)?;

@@ -117,6 +117,12 @@ impl OperatorSettings {
         startle: Some(15.0),
         shake: Shake { amplitude: 0.5e-3, band: [8.0, 12.0] },
     };
+
+    /// Returns how far the script must lead the hand past its place, in m, for it to press with `force` N.
+    pub fn deflection(&self, force: f64) -> f64 {
+        let stiffened = 1.0 + self.stiffening * (force / self.hand.max_force).min(1.0);
+        force / (self.hand.stiffness * stiffened) + self.yielding * force / self.hand.stiffness
+    }
 }
 
 impl Default for OperatorSettings {

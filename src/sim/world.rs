@@ -71,6 +71,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     now: Instant,
     /// Time since which no drive demands torque.
     zero_torque_since: Option<Instant>,
+    /// Torques of a push from outside.
+    tau_push: Joints,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
@@ -95,6 +97,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             start: ScenarioStart::default(),
             now: Instant::ZERO,
             zero_torque_since: Some(Instant::ZERO),
+            tau_push: Joints::zeros(),
         };
         world.show();
         world
@@ -145,6 +148,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
         &self.plant
     }
 
+    /// Sets the torques in N·m (N) of a push from outside on the joints, beside motors and hand.
+    pub fn set_push(&mut self, tau: &Joints) {
+        self.tau_push = *tau;
+    }
+
     /// Returns the oldest notice of a fault's begin or end, once.
     pub fn notice(&mut self) -> Option<Notice> {
         self.faults.notice()
@@ -179,7 +187,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let grasp = self.operator.step(dt, &x_0_script, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
-            let tau = self.motors.step(h);
+            let tau = self.motors.step(h) + self.tau_push;
             self.plant.step(h, &tau, hand);
             self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
         }

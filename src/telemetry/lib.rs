@@ -11,6 +11,7 @@ mod chart;
 pub mod contact;
 pub mod digits;
 pub mod fault_record;
+pub mod fidelity;
 pub mod losses;
 pub mod origin;
 pub mod session;

@@ -57,6 +57,8 @@ pub struct Budget {
     pub passivity: [f64; 6],
     /// Soft stops.
     pub soft_stops: [f64; 6],
+    /// Friction compensation.
+    pub friction: [f64; 6],
     /// Scale of return to centre and damping.
     pub assist_scale: f64,
     /// Scale of reflected wrench and assist.
@@ -76,6 +78,7 @@ impl From<&Ledger> for Budget {
             damping: ledger.damping.into(),
             passivity: ledger.passivity.into(),
             soft_stops: ledger.soft_stops.into(),
+            friction: ledger.friction.into(),
             assist_scale: ledger.assist_scale,
             rest_scale: ledger.rest_scale,
             limiting_joint: ledger.limiting_joint.map(Joint::number),

@@ -6,6 +6,7 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 
 use crate::contact::Contact;
+use crate::fidelity::Report;
 use crate::losses::Losses;
 use crate::origin::Origin;
 use node::record::{Mode, Record};
@@ -48,6 +49,8 @@ pub struct Summary {
     pub contact_seconds: f64,
     /// Quality of contact.
     pub contact: Contact,
+    /// The felt wrench against K_T times the sensed one: at the hand in a simulation, as commanded on drives.
+    pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
     pub saturated_cycles: u64,
     /// RMS of commanded minus actual speed in rate mode and free motion, in m/s.
@@ -163,6 +166,9 @@ impl fmt::Display for Summary {
             self.contact.energy_j * 1e3,
             self.contact.lowest_energy_j * 1e3
         )?;
+        if let Some(fidelity) = &self.fidelity {
+            writeln!(f, "felt, {:12}{fidelity}", fidelity.judged.to_string())?;
+        }
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
         for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate()

@@ -274,7 +274,7 @@ fn promise_03_force_cap_includes_every_source_of_force() {
     let heartbeat_only = ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
     let weak = ("max_force_n = 40.0 ", "max_force_n = 1.0 ");
     let no_stops = ("push = 0.5 ", "push = 0.0 ");
-    let no_dampers = ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 1.0");
+    let no_dampers = ("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 1.0");
     let strong_assist = ("assist_fraction = 0.35", "assist_fraction = 1.0");
     let plain = changed(&[heartbeat_only, weak, no_stops, no_dampers, strong_assist]);
     Config::parse(Path::new(FILE), &plain).unwrap();
@@ -285,7 +285,7 @@ fn promise_03_force_cap_includes_every_source_of_force() {
             "return to centre and walls",
         ),
         (("push = 0.0 ", "push = 1.0 "), "soft stops"),
-        (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 60.0"), "and dampers of 68 N·s/m"),
+        (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 75.0"), "and dampers of 83 N·s/m"),
     ] {
         let refusal = refusal(&plain.replacen(change.0, change.1, 1));
         let found =
@@ -324,7 +324,9 @@ fn tank_damper_beyond_the_stable_maximum_is_refused() {
             "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
              refill_ns_per_m_per_j = 2000.0\n{more}\n[remote]\n"
         );
-        changed(&[("[remote]\n", &tank), ("[safety]\n", "[safety]\neffective_mass_kg = 3.0\n")])
+        let heavy = ("[safety]\n", "[safety]\neffective_mass_kg = 3.0\n");
+        let weak = ("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 60.0");
+        changed(&[weak, ("[remote]\n", &tank), heavy])
     };
     let config = Config::parse(Path::new(FILE), &tank("")).unwrap();
     assert!(config.findings().iter().any(|finding| finding.name == "tank, damper"));

@@ -12,6 +12,7 @@ use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
 use controller::command::{CommandLaw, Gate};
 use controller::engagement::Engagement;
+use controller::friction::{FrictionCompensation, FrictionSettings};
 use controller::gains::Gains;
 use controller::interpretation::Interpretation;
 use controller::limits::{AssistFraction, Slew};
@@ -98,6 +99,15 @@ fn everything() -> Settings {
         contact_fade: Some(ContactFade::new(5.0).unwrap()),
         engagement: Some(Engagement::new(0.05, None, plain.period).unwrap()),
         soft_stops: Some(SoftStops::new(plain.arm.ranges(), &max_torques, 0.1, 0.5).unwrap()),
+        friction: Some(
+            FrictionCompensation::new(FrictionSettings {
+                share: 0.7,
+                coulomb: max_torques * 0.01,
+                viscous: max_torques * 0.004,
+                presliding: JointVector::repeat(1e-3),
+            })
+            .unwrap(),
+        ),
         slew: Some(Slew::new(&max_torques, 0.02, plain.period).unwrap()),
         passivity: Some(
             Passivity::new(PassivitySettings {
@@ -152,6 +162,7 @@ impl Bench {
                 mode,
                 gravity_share: 1.0,
                 reflection_share: 1.0,
+                held: None,
                 restart: true,
             },
         };
@@ -371,6 +382,7 @@ proptest! {
                     mode: *mode,
                     gravity_share: *gravity,
                     reflection_share: *reflection,
+                    held: None,
                     restart: *restart,
                 };
                 let output = controller.step(&input);
@@ -521,7 +533,7 @@ proptest! {
         let output = bench.at(q.map(|q| q + by));
         let ledger = &output.ledger;
         let assist = (ledger.centring + ledger.damping) * ledger.assist_scale;
-        let rest = ledger.task + ledger.passivity + ledger.soft_stops + assist;
+        let rest = ledger.task + ledger.passivity + ledger.soft_stops + ledger.friction + assist;
         let tau = ledger.gravity + rest * (ledger.rest_scale * ledger.share);
         prop_assert!((output.tau - tau).norm() < 1e-9);
         prop_assert_eq!(ledger.limiting_joint.is_some(), ledger.rest_scale < 1.0);

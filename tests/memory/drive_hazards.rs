@@ -434,7 +434,7 @@ fn hazard_16_drives_with_heartbeat_only_need_a_lower_force_cap() {
         "{refused}"
     );
     let weak = weak.replace("max_force_n = 40.0", "max_force_n = 13.0");
-    let weak = weak.replace("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 30.0");
+    let weak = weak.replace("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 30.0");
     let weak = weak.replace("push = 0.5 ", "push = 0.1 ");
     let (mut bench, _) = bench_of(&Config::parse(Path::new(KRAFT), &weak).unwrap(), "", &[]);
     bench.bring_up().unwrap();

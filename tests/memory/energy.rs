@@ -39,8 +39,9 @@ fn press_and_release(is_one_sided: bool) -> (Vec<f64>, Vec<f64>) {
     for (x, f_env) in x.into_iter().zip(f_env) {
         let v_g = along((x - x_before) / dt);
         // A constant wrench of 1 N keeps the contact from ending: the trace has no release.
-        passivity.account(held * (x - x_before), &resisting(1.0));
-        let damper = passivity.wrench(dt, &v_g, &resisting(f_env));
+        passivity.account(held * (x - x_before), &resisting(1.0), 0.0);
+        let damping = passivity.damping(dt, &v_g, 0.0);
+        let damper = passivity.wrench(damping, &v_g, &resisting(f_env));
         held = f_env - damper.force.x;
         energies.push(passivity.energy());
         forces.push(held);
@@ -68,16 +69,17 @@ fn one_sided_contact_never_pulls() {
 #[test]
 fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
     let mut bench =
-        Bench::new(&config("config/kraft_like.toml"), scenario("contact_10s"), 1, false, ());
+        Bench::new(&config("config/kraft_like.toml"), scenario("stiff-wall"), 1, false, ());
     bench.bring_up().unwrap();
+    let calibration = config("config/kraft_like.toml").controller.calibration;
     let mut sent = Vec::new();
-    // Squared error between the exerted torque and the torque computed this cycle, last cycle and the one before.
+    // Squared error between the exerted torque and the target torque of this cycle, last cycle and the one before.
     let mut off = [0.0; 3];
     for _ in 0..6_000 {
         let record = bench.cycle();
         // The simulation integrated up to this cycle's SYNC with these torques.
         let exerted = bench.world_mut().torques();
-        sent.push(record.output.tau);
+        sent.push(calibration.torques(&record.output.targets));
         for (off, tau) in off.iter_mut().zip(sent.iter().rev()) {
             *off += (exerted - tau).norm_squared();
         }
@@ -101,8 +103,9 @@ fn six_axes_are_damped_together() {
     let f_g_task = -Wrench::from_components(numbers(&case["F"]));
     let v_g = Twist::from_components(numbers(&case["V"]));
     let mut passivity = Passivity::new(SETTINGS).unwrap();
-    passivity.account(number(&case["E"]), &f_g_task);
-    let f_g = f_g_task + passivity.wrench(number(&case["T"]), &v_g, &f_g_task);
+    passivity.account(number(&case["E"]), &f_g_task, 0.0);
+    let damping = passivity.damping(number(&case["T"]), &v_g, 0.0);
+    let f_g = f_g_task + passivity.wrench(damping, &v_g, &f_g_task);
     assert_near("F_out", &(-f_g).components(), &numbers::<6>(&case["F_out"]));
 }
 

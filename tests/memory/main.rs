@@ -12,6 +12,7 @@ mod control_law;
 mod drive_hazards;
 mod energy;
 mod faults;
+mod fidelity;
 mod golden;
 mod late_torques;
 mod link;

@@ -468,6 +468,7 @@ fn worked_example(paper: &Value, mode: Mode, interpretation: Interpretation) -> 
             mode,
             gravity_share: 1.0,
             reflection_share: 1.0,
+            held: None,
             restart,
         }));
     }
@@ -767,6 +768,7 @@ fn indexing_through_a_large_workspace() {
             mode: Mode::Pose,
             gravity_share: 1.0,
             reflection_share: 1.0,
+            held: None,
             restart: false,
         });
         if let Motion::Pose(x_b_d) = output.command {

@@ -91,7 +91,7 @@ const KEEPS: &str = "6007h is 0000h, expected 0001h";
 const HOLDS: &str = "kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)";
 const HOLDS_500: &str = "kept its power stage on for 43 ms without RPDOs (1400h:5 is 8 ms)";
 const NO_TIMER: &str = "58.6 N (max_force_n = 40, return to centre and walls 3.5, soft stops 15.1) and \
-    dampers of 68 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 2.16 m/s \
+    dampers of 83 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 2.54 m/s \
     fast, more than 0.5 m/s: at most 0.0 N in all";
 const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) for the \
     25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.24 m/s fast, more than 0.5 m/s: at \

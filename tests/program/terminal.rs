@@ -28,6 +28,7 @@ const PRINTING: &[&str] = &[
     "campaign --faults 1 --only emergency --threads 1 --json",
     "campaign --replay 1 --out FOLDER/replay",
     "campaign --soak 100 --threads 1",
+    "experiment fidelity --short --config config/jpl_like.toml",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
     "ctl status --json --socket SOCKET",

@@ -14,7 +14,7 @@ pub(crate) const KEEPS: [(&str, &str); 7] = [
     ("max_force_n = 40.0 ", "max_force_n = 2.0 "),
     ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
     ("damping_ns_per_m = [8.0, 8.0, 8.0]", "damping_ns_per_m = [4.0, 4.0, 4.0]"),
-    ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 0.5"),
+    ("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 0.5"),
     ("push = 0.5 ", "push = 0.0 "),
 ];
 

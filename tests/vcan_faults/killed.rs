@@ -13,7 +13,7 @@ use crate::rig::{Rig, Setup, millis};
 const HEARTBEAT_ONLY: [(&str, &str); 4] = [
     ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 "),
     ("max_force_n = 40.0 ", "max_force_n = 13.0 "),
-    ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 30.0"),
+    ("max_damping_ns_per_m = 75.0", "max_damping_ns_per_m = 30.0"),
     ("push = 0.5 ", "push = 0.1 "),
 ];
 

@@ -11,6 +11,7 @@
 //! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
 //! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
 //! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
+//! | s, x_s      | share, presliding distance of friction compensation |   |                              |
 
 use crate::stability::bounds::{self, Held, RateReflection};
 use crate::stability::device::Device;
@@ -103,6 +104,7 @@ impl Axis {
     pub fn findings(&self) -> Vec<Finding> {
         let loops = [
             self.damping(),
+            self.friction_compensation(),
             self.centring_plateau(),
             self.centring_slope(),
             self.pose_reflection(),
@@ -128,6 +130,17 @@ impl Axis {
         let right = self.damping_side("b", self.device.damping);
         let left = self.damping_side("K_D", law.required_damping());
         (gain > 0.0).then(|| self.passive("damping", left, right, Culprit::Damping))
+    }
+
+    /// Friction compensation helps a motion like a spring that pushes away, `s f_c/x_s`, sampled and a cycle late.
+    /// That friction itself takes the energy is not counted: it may be less than identified.
+    fn friction_compensation(&self) -> Option<Finding> {
+        let stiffness = self.device.compensated_stiffness;
+        let law = SampledLaw { delay: self.timing.torque_delay, ..self.impedance(-stiffness, 0.0) };
+        let left = self.damping_side("-s f_c/x_s, sampled", law.required_damping());
+        let right = self.damped_side();
+        (stiffness > 0.0)
+            .then(|| self.passive("friction compensation", left, right, Culprit::Friction))
     }
 
     /// The plateau must overcome friction, or the hand rests wherever it is let go.
@@ -405,6 +418,7 @@ mod tests {
             damping: 0.1,
             friction: 0.2,
             full_friction: 0.4,
+            compensated_stiffness: 0.0,
             quantum: 1e-5,
         },
         hand: Impedance { stiffness: 500.0, damping: 15.0 },

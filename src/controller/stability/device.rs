@@ -17,10 +17,12 @@ const NOTHING: f64 = 1e-9;
 pub struct JointResistance {
     /// Dry friction, in N·m.
     pub coulomb: f64,
-    /// Viscous friction, in N·m·s/rad.
+    /// Viscous friction, in N·m·s/rad, without what is compensated.
     pub viscous: f64,
     /// One encoder count, in rad.
     pub quantum: f64,
+    /// Stiffness at which friction compensation turns with the joint's motion, in N·m/rad; zero without it.
+    pub compensated_stiffness: f64,
 }
 
 /// Mass, damping and friction along or about one axis of the grip, in m and N or in rad and N·m.
@@ -35,6 +37,9 @@ pub struct Device {
     /// `Σ_j |(J⁻¹)_ji| c_j`, in N or N·m: the force along the axis that moves the grip along nothing
     /// else, whatever holds it there; the most that friction can withstand. Infinite at a singularity.
     pub full_friction: f64,
+    /// `1 / (J K_f⁻¹ Jᵀ)_ii`, in N/m or N·m/rad: the spring by which friction compensation helps a reversal along the
+    /// axis; zero without it.
+    pub compensated_stiffness: f64,
     /// `Σ_j |J_ij| δ_j`, in m or rad: the step of the position when every joint makes one.
     pub quantum: f64,
 }
@@ -71,21 +76,27 @@ impl Device {
 
     /// The quantities that follow from an axis's row of the Jacobian alone.
     fn without_mass(moved_by: &JointVector, joints: &[JointResistance; 6]) -> Self {
-        let mut mobility = 0.0;
+        let (mut mobility, mut compliance) = (0.0, 0.0);
         let mut device = Self {
             mass: 0.0,
             damping: 0.0,
             friction: f64::INFINITY,
             full_friction: 0.0,
+            compensated_stiffness: 0.0,
             quantum: 0.0,
         };
         let joints = moved_by.iter().map(|part| part.abs()).zip(joints);
         for (part, joint) in joints.filter(|(part, _)| *part > NOTHING) {
             mobility += part * part / joint.viscous;
+            compliance += part * part / joint.compensated_stiffness;
             device.friction = device.friction.min(joint.coulomb / part);
             device.quantum += part * joint.quantum;
         }
-        Self { damping: f64::recip(mobility), ..device }
+        Self {
+            damping: f64::recip(mobility),
+            compensated_stiffness: f64::recip(compliance),
+            ..device
+        }
     }
 }
 
@@ -108,7 +119,12 @@ mod tests {
         let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();
         let q = JointVector::from([0.1, 0.4, -0.3, 0.7, 0.2, -0.5]);
         let rates = arm.jacobian(&arm.posture(&q));
-        let joint = |coulomb| JointResistance { coulomb, viscous: 0.1, quantum: 1e-5 };
+        let joint = |coulomb| JointResistance {
+            coulomb,
+            viscous: 0.1,
+            quantum: 1e-5,
+            compensated_stiffness: 0.0,
+        };
         let coulomb = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6];
         let devices = Device::at_grip(&arm, &coulomb.map(joint), &q).unwrap();
         for (axis, device) in devices.into_iter().enumerate() {
@@ -131,7 +147,12 @@ mod tests {
     #[test]
     fn an_arm_without_mass_is_none() {
         let link = Link { alpha: 1.0, a: 0.1, d: 0.1, ..Link::TURNING };
-        let joint = JointResistance { coulomb: 0.1, viscous: 0.1, quantum: 1e-5 };
+        let joint = JointResistance {
+            coulomb: 0.1,
+            viscous: 0.1,
+            quantum: 1e-5,
+            compensated_stiffness: 0.0,
+        };
         let at_grip = |link| {
             let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();
             Device::at_grip(&arm, &[joint; 6], &JointVector::zeros())

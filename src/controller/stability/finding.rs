@@ -18,6 +18,8 @@ pub enum Verdict {
 pub enum Culprit {
     /// K_D.
     Damping,
+    /// Share of friction compensation.
+    Friction,
     /// K_T.
     Wrench,
     /// The plateau of the return to centre.

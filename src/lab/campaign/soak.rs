@@ -9,11 +9,13 @@ use crate::campaign::monitor::Monitor;
 use crate::campaign::play::{self, StageError};
 use crate::campaign::random::{Random, rounded};
 use crate::campaign::run::each;
+use crate::fidelity::truth::Truth;
 use config::Config;
 use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
 use node::cause::Cause;
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
+use telemetry::fidelity::{Fidelity, Judged};
 use units::numbering::Joint;
 
 /// Duration of one lap, in s.
@@ -38,6 +40,8 @@ pub struct Lap {
     pub trip: Option<(Duration, Cause)>,
     /// The first violation of an invariant.
     pub violation: Option<String>,
+    /// Fidelity at the hand.
+    pub at_hand: Fidelity,
 }
 
 impl Lap {
@@ -92,11 +96,14 @@ fn lap(
     let scenario = scenario(&mut random, config).map_err(StageError::Scenario)?;
     let mut bench = Bench::new(config, scenario, random.bits(), false, Monitor::new(config));
     play::bring_up(&mut bench)?;
-    let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None };
+    let mut truth = Truth::new(config);
+    let at_hand = Fidelity::new(Judged::Hand);
+    let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None, at_hand };
     while lap.cycles < most && lap.trip.is_none() {
         play::make_requests(&mut bench);
         let record = bench.cycle();
         play::report_mode(&mut bench, record.mode);
+        lap.at_hand.add(truth.sample(&bench, &record).as_ref());
         lap.cycles += 1;
         lap.trip = record.cause.map(|cause| (bench.elapsed(), cause));
     }

@@ -95,7 +95,7 @@ impl Operator {
         restart: bool,
     ) -> Option<Cause> {
         let is_held = self.is_held();
-        let felt = output.tau - output.ledger.gravity;
+        let felt = output.tau - output.ledger.carried();
         let [acted, acted_felt] = self.sent.acted();
         self.sent.push([output.tau, felt]);
         let previous_q = self.previous_q.replace(output.q);
@@ -140,6 +140,7 @@ mod tests {
             mode: CommandMode::Rate,
             gravity_share: 0.0,
             reflection_share: 0.0,
+            held: None,
             restart: true,
         })
     }

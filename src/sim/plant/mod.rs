@@ -62,6 +62,25 @@ pub struct Plant {
     posture: Posture,
     x_0_g: Isometry3<f64>,
     f_g_hand: Wrench,
+    /// Torques of motors, and of friction and end stops, in the last step.
+    tau: Joints,
+    tau_resisting: Joints,
+}
+
+/// Equilibrium of the joints in the last step, in N·m (N):
+/// `motors + resisting + hand = gravity + inertia`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Balance {
+    /// Torques of the motors.
+    pub motors: Joints,
+    /// Torques of friction and end stops on the joints.
+    pub resisting: Joints,
+    /// Torques of the hand on the joints.
+    pub hand: Joints,
+    /// Torques that carry the weight.
+    pub gravity: Joints,
+    /// Torques that accelerate the arm, with those of Coriolis and centrifugal forces: all that is left.
+    pub inertia: Joints,
 }
 
 /// A hand, and its desired pose of the grip.
@@ -72,7 +91,30 @@ impl Plant {
     pub fn new(arm: Arm, resistance: [Resistance; 6], q: Joints) -> Self {
         let posture = arm.posture(&q);
         let x_0_g = arm.pose(&posture);
-        Self { arm, resistance, q, qd: Joints::zeros(), posture, x_0_g, f_g_hand: Wrench::ZERO }
+        Self {
+            arm,
+            resistance,
+            q,
+            qd: Joints::zeros(),
+            posture,
+            x_0_g,
+            f_g_hand: Wrench::ZERO,
+            tau: Joints::zeros(),
+            tau_resisting: Joints::zeros(),
+        }
+    }
+
+    /// Returns the equilibrium of the last step.
+    pub fn balance(&self) -> Balance {
+        let hand = self.arm.jacobian(&self.posture).torques(&self.f_g_hand);
+        let gravity = self.arm.gravity(&self.posture);
+        let (motors, resisting) = (self.tau, self.tau_resisting);
+        Balance { motors, resisting, hand, gravity, inertia: motors + resisting + hand - gravity }
+    }
+
+    /// Returns the Jacobian of {G} in {G}.
+    pub fn jacobian(&self) -> Jacobian<6> {
+        self.arm.jacobian(&self.posture)
     }
 
     /// Returns the joint positions, in rad.
@@ -125,6 +167,7 @@ impl Plant {
         }
         let (v, impulse) = self.resist(h, &(mass + yielding), &momentum);
         let r = impulse / h + pull - yielding * v / h;
+        (self.tau, self.tau_resisting) = (*tau, impulse / h);
         let held = self.held(&v);
         let first = arm::accelerations(mass, &(tau + r - bias), &held);
         self.integrate(h, &(tau + r), first, &held);

@@ -152,6 +152,12 @@ impl Scenario {
         })
     }
 
+    /// Sets the operator model.
+    #[must_use]
+    pub fn with_operator(self, hand: OperatorSettings) -> Self {
+        Self { hand, ..self }
+    }
+
     /// Writes the scenario, so that [`parse`](Self::parse) reads the same one.
     pub fn to_toml(&self) -> String {
         // Tables of numbers, words and lists alone: every value has its form in TOML.

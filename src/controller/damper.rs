@@ -1,0 +1,123 @@
+//! Shape of the passivity controller's damper over time: it sets in and fades, instead of chattering.
+//!
+//! The exact damper of each cycle, `α = -(E + E_f) / (dt vᵀ W v)`, divides an energy of microjoules by the square of a
+//! speed that encoder steps make uneven: near E = 0 it jumps from cycle to cycle, and the hand feels it as a rattle. So
+//! the damper's strength rises within [`ATTACK`] and fades within [`FADE`], and acts on a speed smoothed over
+//! [`SMOOTHING`]. The observer counts what is really exerted, so damping that is late or too long is not lost but
+//! booked.
+
+use units::spatial::Twist;
+
+/// Time in which the damper rises from zero to its maximum, in s.
+const ATTACK: f64 = 10e-3;
+
+/// Steepest onset of its force, in N/s: a hand takes less for a pull, not for a knock.
+const ONSET: f64 = 450.0;
+
+/// Time constant with which it fades, in s.
+const FADE: f64 = 50e-3;
+
+/// Time constant of the low pass on the speed, in s.
+const SMOOTHING: f64 = 3e-3;
+
+/// The damper of the last cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Damper {
+    damping: f64,
+    v_g: Twist,
+}
+
+impl Damper {
+    /// Follows the exact damper, `wanted` of at most `most` N·s/m, of a grip that moves at `v_g`, a cycle of `dt` s later.
+    /// A port that is not engaged has nothing to damp.
+    pub(crate) fn next(&mut self, dt: f64, wanted: f64, most: f64, v_g: &Twist, is_engaged: bool) {
+        let rise = (most / ATTACK).min(ONSET / v_g.linear.norm());
+        let highest = self.damping + rise * dt;
+        let lowest = self.damping * (-dt / FADE).exp();
+        let damping = wanted.min(highest).max(lowest).min(most);
+        self.damping = if is_engaged { damping } else { 0.0 };
+        let part = dt / (dt + SMOOTHING);
+        self.v_g = self.v_g * (1.0 - part) + *v_g * part;
+    }
+
+    /// Its strength, in N·s/m.
+    pub(crate) const fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// The speed that it acts on, in {G}.
+    pub(crate) const fn v_g(&self) -> &Twist {
+        &self.v_g
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT: f64 = 1e-3;
+    const MOST: f64 = 60.0;
+
+    fn along(speed: f64) -> Twist {
+        Twist::from_components([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// Dampings of a damper that wants each of these in turn.
+    fn followed(wanted: impl IntoIterator<Item = f64>) -> Vec<f64> {
+        let mut damper = Damper::default();
+        let step = |wanted| {
+            damper.next(DT, wanted, MOST, &along(0.01), true);
+            damper.damping()
+        };
+        wanted.into_iter().map(step).collect()
+    }
+
+    #[test]
+    fn damper_sets_in_within_its_attack() {
+        let dampings = followed([f64::INFINITY; 12]);
+        assert!((dampings[0] - 6.0).abs() < 1e-9 && (dampings[9] - MOST).abs() < 1e-9);
+        assert!((dampings[11] - MOST).abs() < 1e-9, "never beyond its maximum");
+    }
+
+    #[test]
+    fn onset_on_a_fast_hand_is_no_knock() {
+        let mut damper = Damper::default();
+        let mut before = 0.0;
+        for _ in 0..100 {
+            damper.next(DT, MOST, MOST, &along(0.3), true);
+            let force = damper.damping() * 0.3;
+            assert!(force - before <= 0.45 + 1e-9, "{before} to {force} N");
+            before = force;
+        }
+        assert!((before - MOST * 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn chatter_of_the_exact_damper_is_evened_out() {
+        let dampings = followed((0..300).map(|cycle| if cycle % 3 == 0 { MOST } else { 0.0 }));
+        for pair in dampings.windows(2) {
+            assert!((pair[1] - pair[0]).abs() <= 6.0 + 1e-9);
+        }
+        let settled = &dampings[100..];
+        let (low, high) = settled
+            .iter()
+            .fold((MOST, 0.0_f64), |(low, high), damping| (low.min(*damping), high.max(*damping)));
+        assert!(high - low < 0.1 * MOST, "{low} to {high}");
+    }
+
+    #[test]
+    fn damper_ends_with_the_contact() {
+        let mut damper = Damper { damping: MOST, v_g: along(0.1) };
+        damper.next(DT, MOST, MOST, &along(0.1), false);
+        assert!(damper.damping() <= 0.0);
+    }
+
+    #[test]
+    fn uneven_speed_is_smoothed_without_a_bias() {
+        let mut damper = Damper::default();
+        for cycle in 0..200 {
+            damper.next(DT, 0.0, MOST, &along(if cycle % 2 == 0 { 0.12 } else { 0.08 }), true);
+        }
+        assert!((damper.v_g().linear.x - 0.1).abs() < 0.004, "{:?}", damper.v_g());
+    }
+}

@@ -1,0 +1,217 @@
+//! Friction compensation: a feed-forward of the joints' dry and viscous friction, with presliding memory.
+//!
+//! Not in the paper. Dry friction at rest is what the last motion left: a hand that has moved into a contact and holds
+//! still is resisted by friction that no velocity shows. Dahl's model (Dahl 1968) remembers it as a state `z` of each
+//! joint, -1 to 1, that a motion turns over a presliding distance `x_s`:
+//!
+//! ```text
+//!  dz/dq = (1 - z sgn q̇) / x_s          exactly, over a motion Δq > 0:  z := 1 - (1 - z) exp(-Δq / x_s)
+//!  τ     = s (f_c z + f_v q̇)            s: share that is compensated
+//! ```
+//!
+//! Dahl's friction is the torque -f_c z on the joint. `|z| ≤ 1`, so a joint is never pushed by more than `s f_c` beyond
+//! the viscous part. Friction of at least `s f_c` then takes all energy that the feed-forward gives, whatever the
+//! delay. A joint with less friction than that would be driven, so `s` leaves out how far the identified friction may be
+//! wrong: [`MAX_SHARE`].
+
+use thiserror::Error;
+
+use crate::JointVector;
+
+/// Part by which identified friction may exceed the real one: it changes with load, temperature and wear.
+pub const UNCERTAINTY: f64 = 0.3;
+
+/// Largest share that is compensated: `1 - UNCERTAINTY`.
+pub const MAX_SHARE: f64 = 0.7;
+
+/// Parameters of the compensation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionSettings {
+    /// Compensated share of the friction, 0 to [`MAX_SHARE`].
+    pub share: f64,
+    /// Identified dry friction of each joint, in N·m or N.
+    pub coulomb: JointVector,
+    /// Identified viscous friction of each joint, in N·m·s/rad or N·s/m.
+    pub viscous: JointVector,
+    /// Presliding distance of each joint, in rad or m.
+    pub presliding: JointVector,
+}
+
+/// A parameter of [`FrictionSettings`] out of range.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("{quantity} of the friction compensation must be within {low}..={high}, got {value}")]
+pub struct InvalidFriction {
+    /// Name of the parameter.
+    pub quantity: &'static str,
+    /// Smallest valid value.
+    pub low: f64,
+    /// Largest valid value.
+    pub high: f64,
+    /// The value given.
+    pub value: f64,
+}
+
+/// The compensation with the state of every joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionCompensation {
+    settings: FrictionSettings,
+    /// State of Dahl's model, -1 to 1.
+    z: JointVector,
+    q_before: Option<JointVector>,
+}
+
+impl FrictionCompensation {
+    /// Creates a compensation that knows of no motion: it begins at zero.
+    ///
+    /// # Errors
+    /// A share over its bound, negative friction, or no presliding distance.
+    pub fn new(settings: FrictionSettings) -> Result<Self, InvalidFriction> {
+        let FrictionSettings { share, coulomb, viscous, presliding } = &settings;
+        let within = |quantity, [low, high]: [f64; 2], value: f64| {
+            let error = InvalidFriction { quantity, low, high, value };
+            if (low..=high).contains(&value) { Ok(()) } else { Err(error) }
+        };
+        within("the share", [0.0, MAX_SHARE], *share)?;
+        coulomb.iter().try_for_each(|f| within("dry friction", [0.0, 1e4], *f))?;
+        viscous.iter().try_for_each(|f| within("viscous friction", [0.0, 1e4], *f))?;
+        presliding.iter().try_for_each(|x| within("the presliding distance", [1e-5, 1.0], *x))?;
+        Ok(Self { settings, z: JointVector::zeros(), q_before: None })
+    }
+
+    /// The parameters.
+    pub const fn settings(&self) -> &FrictionSettings {
+        &self.settings
+    }
+
+    /// Stiffness with which each joint would be pushed away from where it rests, if it had no friction: `s f_c / x_s`,
+    /// in N·m/rad or N/m.
+    pub fn negative_stiffness(&self) -> JointVector {
+        let FrictionSettings { share, coulomb, presliding, .. } = &self.settings;
+        coulomb.component_div(presliding) * *share
+    }
+
+    /// Takes the joints' new positions, and returns the torques that move against friction, in N·m or N.
+    ///
+    /// The state follows every motion, also over gaps; the rate since the last cycle is `qd`, in rad/s or m/s.
+    pub fn torques(&mut self, q: &JointVector, qd: &JointVector) -> JointVector {
+        let FrictionSettings { share, coulomb, viscous, presliding } = &self.settings;
+        let dq = q - self.q_before.replace(*q).unwrap_or(*q);
+        for (z, (dq, x_s)) in self.z.iter_mut().zip(dq.iter().zip(presliding.iter())) {
+            *z = turned(*z, *dq, *x_s);
+        }
+        (coulomb.component_mul(&self.z) + viscous.component_mul(qd)) * *share
+    }
+}
+
+/// Dahl's state after a motion `dq` of a joint with presliding distance `x_s`.
+fn turned(z: f64, dq: f64, x_s: f64) -> f64 {
+    // A position that is not finite leaves no memory.
+    let end = if dq.is_finite() { dq.signum() } else { return 0.0 };
+    end - (end - z) * (-dq.abs() / x_s).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const F_C: f64 = 0.06;
+    const X_S: f64 = 2e-3;
+
+    fn settings() -> FrictionSettings {
+        FrictionSettings {
+            share: 0.7,
+            coulomb: JointVector::repeat(F_C),
+            viscous: JointVector::zeros(),
+            presliding: JointVector::repeat(X_S),
+        }
+    }
+
+    fn compensation() -> FrictionCompensation {
+        FrictionCompensation::new(settings()).unwrap()
+    }
+
+    /// Torque of the first joint along a path.
+    fn along(path: impl IntoIterator<Item = f64>) -> f64 {
+        let mut compensation = compensation();
+        let step = |q| compensation.torques(&JointVector::repeat(q), &JointVector::zeros())[0];
+        path.into_iter().map(step).last().unwrap()
+    }
+
+    #[test]
+    fn motion_is_helped_and_rest_keeps_what_motion_left() {
+        let full = 0.7 * F_C;
+        assert!((along((0..100).map(|k| 1e-3 * f64::from(k))) - full).abs() < 1e-9);
+        let moved_and_held = (0..100).map(|k| 1e-3 * f64::from(k)).chain([0.099; 500]);
+        assert!((along(moved_and_held) - full).abs() < 1e-9);
+        assert!(along([0.3; 500]).abs() <= 0.0, "nothing is known of a joint that did not move");
+    }
+
+    #[test]
+    fn reversal_turns_the_torque_over_the_presliding_distance() {
+        let there = || (0..100).map(|k| 1e-3 * f64::from(k));
+        // From z = 1, halfway: 2 exp(-x/x_s) = 1.
+        let back = 0.099 - X_S * 2.0_f64.ln();
+        assert!(along(there().chain([back])).abs() < 1e-9);
+        let back = (0..10_u32).map(|k| 0.099 - 2e-3 * f64::from(k));
+        assert!((along(there().chain(back)) + 0.7 * F_C).abs() < 1e-3);
+    }
+
+    #[test]
+    fn steps_of_any_size_lead_to_the_same_state() {
+        let fine = along((0..=1_000).map(|k| 3e-6 * f64::from(k)));
+        let coarse = along([0.0, 1e-3, 3e-3]);
+        assert!((fine - coarse).abs() < 1e-12);
+    }
+
+    #[test]
+    fn invalid_parameter_is_named() {
+        let share = |share| FrictionCompensation::new(FrictionSettings { share, ..settings() });
+        assert_eq!(
+            share(0.8).unwrap_err().to_string(),
+            "the share of the friction compensation must be within 0..=0.7, got 0.8"
+        );
+        assert!(share(-0.1).is_err() && share(f64::NAN).is_err());
+        for wrong in [-0.1, f64::NAN, f64::INFINITY] {
+            let wrong = JointVector::repeat(wrong);
+            assert!(
+                FrictionCompensation::new(FrictionSettings { coulomb: wrong, ..settings() })
+                    .is_err()
+            );
+            assert!(
+                FrictionCompensation::new(FrictionSettings { viscous: wrong, ..settings() })
+                    .is_err()
+            );
+            assert!(
+                FrictionCompensation::new(FrictionSettings { presliding: wrong, ..settings() })
+                    .is_err()
+            );
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn friction_takes_all_that_is_given(steps in prop::collection::vec(-0.01..0.01_f64, 3..200)) {
+            // Torque of two cycles ago, against dry friction 30 % below the identified one.
+            let mut compensation = compensation();
+            let (mut q, mut delayed) = (0.0, [0.0; 2]);
+            for dq in steps {
+                q += dq;
+                let [last, acted] = delayed;
+                prop_assert!(acted * dq <= 0.7 * F_C * dq.abs() + 1e-15);
+                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros())[0];
+                delayed = [tau, last];
+            }
+        }
+
+        #[test]
+        fn torque_is_bounded_and_finite(q in prop::collection::vec(any::<f64>(), 1..50)) {
+            let mut compensation = compensation();
+            for q in q {
+                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros());
+                prop_assert!(tau.iter().all(|tau| tau.abs() <= 0.7 * F_C + 1e-12), "{tau}");
+            }
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The truth at the hand: the wrench between grip and hand in the simulated world, with its parts.
+//!
+//! At a SYNC the drives have held the torque of two cycles ago for one period (CiA 301, 7.2.2.5.1). What is felt then
+//! is compared with K_T times the wrench that was sensed in that cycle, and with the parts of its torque.
+
+use crate::bench::Bench;
+use bus::Tap;
+use config::Config;
+use controller::torque_delay::TorqueDelay;
+use node::record::Record;
+use telemetry::fidelity::command::AtGrip;
+use telemetry::fidelity::{Commanded, Parts, Sample};
+
+/// Samples of the truth.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    commanded: Commanded,
+    /// Commanded samples of the last two cycles.
+    delay: TorqueDelay<Option<Sample>>,
+}
+
+impl Truth {
+    /// Creates the judge of a bench of `config`.
+    pub fn new(config: &Config) -> Self {
+        Self { commanded: Commanded::new(&config.controller), delay: TorqueDelay::new(None) }
+    }
+
+    /// Returns the sample of the cycle that `bench` has just run; `None` while reflection is off or ramps.
+    pub fn sample<T: Tap>(&mut self, bench: &Bench<T>, record: &Record) -> Option<Sample> {
+        let acted = self.delay.acted();
+        self.delay.push(self.commanded.sample(record));
+        let acted = acted?;
+        let plant = bench.world().plant();
+        let at_grip = AtGrip::of(&plant.jacobian())?;
+        let balance = plant.balance();
+        Some(Sample {
+            at: record.at,
+            x_0: plant.x_0_g().translation.vector,
+            felt: *plant.f_g_hand() * -1.0,
+            parts: Parts {
+                friction: at_grip.wrench(&balance.resisting),
+                inertia: at_grip.wrench(&balance.inertia) * -1.0,
+                ..acted.parts
+            },
+            ..acted
+        })
+    }
+}

@@ -1,0 +1,270 @@
+//! Figures of one situation: root mean squares and maxima of what is felt, wanted and known.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::fidelity::sample::{Judged, Parts, Sample};
+use units::spatial::Wrench;
+
+/// Figures of all situations that occurred.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Place at which the wrench was judged.
+    pub judged: Judged,
+    /// Contact at rest.
+    pub still_contact: Option<Figures>,
+    /// Contact in motion.
+    pub moving_contact: Option<Figures>,
+    /// Motion without contact.
+    pub free_motion: Option<Figures>,
+    /// Rest without contact.
+    pub free_rest: Option<Figures>,
+}
+
+/// Figures of one situation. Forces are magnitudes of vectors, in N.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Figures {
+    /// Number of samples.
+    pub samples: u64,
+    /// RMS of K_T times the sensed force.
+    pub wanted_rms_n: f64,
+    /// RMS of the felt force.
+    pub felt_rms_n: f64,
+    /// RMS of felt minus wanted force.
+    pub error_rms_n: f64,
+    /// Maximum of felt minus wanted force.
+    pub error_max_n: f64,
+    /// RMS of felt minus wanted moment, in N·m.
+    pub error_rms_nm: f64,
+    /// RMS of felt minus wanted along each axis of {G}, in N and N·m.
+    pub error_rms_of_axes: [f64; 6],
+    /// RMS of felt minus wanted force without the commanded assist and without inertia: friction, its compensation, and
+    /// errors of the torques.
+    pub beyond_assist_rms_n: f64,
+    /// RMS of the known parts.
+    pub shares: Shares,
+}
+
+/// RMS of the force of each known part, in N.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Shares {
+    /// Friction and end stops.
+    pub friction_n: f64,
+    /// Friction compensation.
+    pub compensation_n: f64,
+    /// Return to centre.
+    pub centring_n: f64,
+    /// Damping.
+    pub damping_n: f64,
+    /// Damper of the passivity layer.
+    pub passivity_n: f64,
+    /// Inertia.
+    pub inertia_n: f64,
+}
+
+impl Report {
+    pub(super) const fn is_empty(&self) -> bool {
+        self.still_contact.is_none()
+            && self.moving_contact.is_none()
+            && self.free_motion.is_none()
+            && self.free_rest.is_none()
+    }
+}
+
+impl Figures {
+    /// RMS error as a share of the RMS wanted force.
+    pub fn relative_error(&self) -> f64 {
+        self.error_rms_n / self.wanted_rms_n
+    }
+
+    /// Maximum error as a share of the RMS wanted force.
+    pub fn relative_max(&self) -> f64 {
+        self.error_max_n / self.wanted_rms_n
+    }
+}
+
+/// One line for people.
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        if let Some(still) = &self.still_contact {
+            let beyond = still.beyond_assist_rms_n / still.wanted_rms_n;
+            let shares = [still.relative_error(), still.relative_max(), beyond];
+            let [error, max, beyond] = shares.map(|share| 100.0 * share);
+            parts.push(format!(
+                "off by {error:.1} % rms ({max:.0} % at most) of {:.1} N in still contact, \
+                 {beyond:.1} % beyond assist and inertia",
+                still.wanted_rms_n
+            ));
+        }
+        if let Some(free) = &self.free_motion {
+            parts.push(format!(
+                "drag of {:.1} N rms in free motion, {:.1} N beyond assist and inertia",
+                free.felt_rms_n, free.beyond_assist_rms_n
+            ));
+        }
+        match parts.is_empty() {
+            true => f.write_str("no still contact and no free motion"),
+            false => f.write_str(&parts.join("; ")),
+        }
+    }
+}
+
+/// Sums of one situation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Tally {
+    samples: u64,
+    count: f64,
+    wanted: f64,
+    felt: f64,
+    error: f64,
+    moment: f64,
+    beyond: f64,
+    max: f64,
+    axes: [f64; 6],
+    shares: [f64; 6],
+}
+
+impl Tally {
+    pub(super) fn add(&mut self, sample: &Sample) {
+        let Sample { wanted, felt, parts, .. } = sample;
+        let error = *felt + *wanted * -1.0;
+        let beyond = error + parts.intended() * -1.0;
+        self.samples += 1;
+        self.count += 1.0;
+        self.wanted += wanted.force.norm_squared();
+        self.felt += felt.force.norm_squared();
+        self.error += error.force.norm_squared();
+        self.moment += error.moment.norm_squared();
+        self.beyond += beyond.force.norm_squared();
+        self.max = self.max.max(error.force.norm());
+        for (sum, part) in self.axes.iter_mut().zip(error.components()) {
+            *sum += part * part;
+        }
+        for (sum, part) in self.shares.iter_mut().zip(all(parts)) {
+            *sum += part.force.norm_squared();
+        }
+    }
+
+    pub(super) fn join(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.count += other.count;
+        self.wanted += other.wanted;
+        self.felt += other.felt;
+        self.error += other.error;
+        self.moment += other.moment;
+        self.beyond += other.beyond;
+        self.max = self.max.max(other.max);
+        for (sum, other) in self.axes.iter_mut().zip(other.axes) {
+            *sum += other;
+        }
+        for (sum, other) in self.shares.iter_mut().zip(other.shares) {
+            *sum += other;
+        }
+    }
+
+    pub(super) fn figures(&self) -> Option<Figures> {
+        let rms = |sum: f64| (sum / self.count).sqrt();
+        let [friction_n, compensation_n, centring_n, damping_n, passivity_n, inertia_n] =
+            self.shares.map(rms);
+        (self.samples > 0).then(|| Figures {
+            samples: self.samples,
+            wanted_rms_n: rms(self.wanted),
+            felt_rms_n: rms(self.felt),
+            error_rms_n: rms(self.error),
+            error_max_n: self.max,
+            error_rms_nm: rms(self.moment),
+            error_rms_of_axes: self.axes.map(rms),
+            beyond_assist_rms_n: rms(self.beyond),
+            shares: Shares {
+                friction_n,
+                compensation_n,
+                centring_n,
+                damping_n,
+                passivity_n,
+                inertia_n,
+            },
+        })
+    }
+}
+
+/// Returns the parts in the order of [`Shares`].
+const fn all(parts: &Parts) -> [Wrench; 6] {
+    let Parts { friction, compensation, centring, damping, passivity, inertia } = *parts;
+    [friction, compensation, centring, damping, passivity, inertia]
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use units::time::Instant;
+
+    fn along_x(force: f64) -> Wrench {
+        Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO }
+    }
+
+    fn sample(wanted: f64, felt: f64, parts: Parts) -> Sample {
+        Sample {
+            at: Instant::ZERO,
+            x_0: Vector3::zeros(),
+            contact_force: 0.0,
+            is_saturated: false,
+            wanted: along_x(wanted),
+            felt: along_x(felt),
+            parts,
+        }
+    }
+
+    #[test]
+    fn errors_are_root_mean_squares_and_maxima() {
+        let mut tally = Tally::default();
+        tally.add(&sample(10.0, 13.0, Parts::default()));
+        tally.add(&sample(10.0, 6.0, Parts::default()));
+        let figures = tally.figures().unwrap();
+        let expected = 12.5_f64.sqrt();
+        assert!((figures.error_rms_n - expected).abs() < 1e-12);
+        assert!((figures.relative_error() - expected / 10.0).abs() < 1e-12);
+        assert!((figures.relative_max() - 0.4).abs() < 1e-12);
+        assert!((figures.error_rms_of_axes[0] - expected).abs() < 1e-12);
+        assert_eq!(figures.samples, 2);
+    }
+
+    #[test]
+    fn assist_and_inertia_are_no_drag_but_friction_is() {
+        let mut tally = Tally::default();
+        let parts = Parts {
+            friction: along_x(1.5),
+            compensation: along_x(-1.0),
+            damping: along_x(2.0),
+            centring: along_x(0.3),
+            inertia: along_x(-0.7),
+            ..Parts::default()
+        };
+        tally.add(&sample(0.0, 1.5 - 1.0 + 2.0 + 0.3 - 0.7, parts));
+        let figures = tally.figures().unwrap();
+        assert!((figures.beyond_assist_rms_n - 0.5).abs() < 1e-12);
+        assert!((figures.shares.friction_n - 1.5).abs() < 1e-12);
+        assert!((figures.shares.inertia_n - 0.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn joined_runs_are_one_run() {
+        let samples = [(10.0, 13.0), (5.0, 4.0), (8.0, 8.5)].map(|(wanted, felt)| {
+            sample(wanted, felt, Parts { friction: along_x(0.3), ..Parts::default() })
+        });
+        let (mut all, mut first, mut rest) = (Tally::default(), Tally::default(), Tally::default());
+        samples.iter().for_each(|sample| all.add(sample));
+        first.add(&samples[0]);
+        samples[1..].iter().for_each(|sample| rest.add(sample));
+        first.join(&rest);
+        assert_eq!(first, all);
+    }
+
+    #[test]
+    fn nothing_sampled_has_no_figures() {
+        assert_eq!(Tally::default().figures(), None);
+    }
+}

@@ -1,0 +1,80 @@
+//! Fidelity: what is felt at the grip against K_T times what is sensed, by situation.
+//!
+//! In a simulation the truth at the hand is known: the wrench of the hand on the grip. On real drives it is not, and
+//! the wrench that the torques command takes its place. Each sample compares what is felt with the sensed wrench that
+//! caused it, so the delay of the drives is no error.
+//!
+//! | situation         | force on the object             | grip 0.25 s before and after |
+//! |-------------------|---------------------------------|------------------------------|
+//! | [`StillContact`]  | from 0.5 N, also before and after | within 2 mm                |
+//! | [`MovingContact`] | from 0.5 N                      | any other                    |
+//! | [`FreeMotion`]    | less                            | beyond 2 mm                  |
+//! | [`FreeRest`]      | less                            | within 2 mm                  |
+//!
+//! [`StillContact`]: Situation::StillContact
+//! [`MovingContact`]: Situation::MovingContact
+//! [`FreeMotion`]: Situation::FreeMotion
+//! [`FreeRest`]: Situation::FreeRest
+
+pub mod command;
+mod figures;
+mod sample;
+mod situation;
+
+pub use command::Commanded;
+pub use figures::{Figures, Report, Shares};
+pub use sample::{Judged, Parts, Sample};
+pub use situation::Situation;
+
+use crate::fidelity::figures::Tally;
+use crate::fidelity::situation::Classifier;
+
+/// Figures of a run so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fidelity {
+    judged: Judged,
+    classifier: Classifier,
+    tallies: [Tally; 4],
+}
+
+impl Fidelity {
+    /// No samples yet.
+    pub fn new(judged: Judged) -> Self {
+        Self { judged, classifier: Classifier::default(), tallies: Default::default() }
+    }
+
+    /// Adds a sample; `None` where nothing is reflected, which begins the next window anew.
+    pub fn add(&mut self, sample: Option<&Sample>) {
+        let Some(sample) = sample.filter(|sample| !sample.is_saturated) else {
+            self.classifier.restart();
+            return;
+        };
+        if let Some((judged, situation)) = self.classifier.next(sample) {
+            situation.entry_mut(&mut self.tallies).add(&judged);
+        }
+    }
+
+    /// Adds the figures of another run.
+    pub fn join(&mut self, other: &Self) {
+        for (tally, other) in self.tallies.iter_mut().zip(&other.tallies) {
+            tally.join(other);
+        }
+    }
+
+    /// Returns the figures of a situation; `None` without a sample.
+    pub fn figures(&self, situation: Situation) -> Option<Figures> {
+        situation.entry(&self.tallies).figures()
+    }
+
+    /// Returns all figures; `None` without a sample.
+    pub fn report(&self) -> Option<Report> {
+        let report = Report {
+            judged: self.judged,
+            still_contact: self.figures(Situation::StillContact),
+            moving_contact: self.figures(Situation::MovingContact),
+            free_motion: self.figures(Situation::FreeMotion),
+            free_rest: self.figures(Situation::FreeRest),
+        };
+        (!report.is_empty()).then_some(report)
+    }
+}

@@ -1,0 +1,158 @@
+//! Situations that are judged apart: contact or free, at rest or in motion.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::fidelity::sample::Sample;
+
+/// Time before and after a sample that decides on rest and motion. Together they are longer than two periods of a
+/// tremor, which is no motion.
+const WINDOW: Duration = Duration::from_millis(250);
+
+/// Maximum way of a grip at rest within the window, in m.
+const REST: f64 = 2e-3;
+
+/// Force on the object from which there is contact, in N.
+const CONTACT: f64 = 0.5;
+
+/// Situation of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Situation {
+    /// Contact, the grip at rest.
+    StillContact,
+    /// Contact, the grip in motion or the contact new.
+    MovingContact,
+    /// No contact, the grip in motion.
+    FreeMotion,
+    /// No contact, the grip at rest.
+    FreeRest,
+}
+
+impl Situation {
+    pub(super) const fn entry<T>(self, all: &[T; 4]) -> &T {
+        let [still_contact, moving_contact, free_motion, free_rest] = all;
+        match self {
+            Self::StillContact => still_contact,
+            Self::MovingContact => moving_contact,
+            Self::FreeMotion => free_motion,
+            Self::FreeRest => free_rest,
+        }
+    }
+
+    pub(super) const fn entry_mut<T>(self, all: &mut [T; 4]) -> &mut T {
+        let [still_contact, moving_contact, free_motion, free_rest] = all;
+        match self {
+            Self::StillContact => still_contact,
+            Self::MovingContact => moving_contact,
+            Self::FreeMotion => free_motion,
+            Self::FreeRest => free_rest,
+        }
+    }
+}
+
+/// Samples of the last two [`WINDOW`]s: the one between them is judged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Classifier {
+    samples: VecDeque<Sample>,
+}
+
+impl Classifier {
+    /// Forgets the samples before.
+    pub(super) fn restart(&mut self) {
+        self.samples.clear();
+    }
+
+    /// Takes the next sample; returns the one a window ago with its situation, once the windows are full.
+    pub(super) fn next(&mut self, sample: &Sample) -> Option<(Sample, Situation)> {
+        self.samples.push_back(*sample);
+        let first = self.samples.front()?.at;
+        if sample.at.since(first) < WINDOW * 2 {
+            return None;
+        }
+        let judged = *self.samples.iter().find(|judged| judged.at.since(first) >= WINDOW)?;
+        let is_still = self.samples.iter().all(|one| (one.x_0 - judged.x_0).norm() <= REST);
+        let is_contact = self.samples.iter().all(|one| one.contact_force >= CONTACT);
+        self.samples.pop_front();
+        let situation = match (judged.contact_force >= CONTACT, is_still) {
+            (true, true) if is_contact => Situation::StillContact,
+            (true, _) => Situation::MovingContact,
+            (false, true) => Situation::FreeRest,
+            (false, false) => Situation::FreeMotion,
+        };
+        Some((judged, situation))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::fidelity::sample::Parts;
+    use units::spatial::Wrench;
+    use units::time::Instant;
+
+    fn sample(ms: u64, x: f64, contact_force: f64) -> Sample {
+        Sample {
+            at: Instant::from_micros(1_000 * ms),
+            x_0: Vector3::new(x, 0.0, 0.0),
+            contact_force,
+            is_saturated: false,
+            wanted: Wrench::ZERO,
+            felt: Wrench::ZERO,
+            parts: Parts::default(),
+        }
+    }
+
+    /// Returns the situation after 0.6 s at this speed in m/s.
+    fn after(speed: f64, contact_force: f64) -> Option<Situation> {
+        let mut classifier = Classifier::default();
+        let at = |ms: u64| {
+            sample(ms, 1e-3 * f64::from(u32::try_from(ms).unwrap()) * speed, contact_force)
+        };
+        (0..600).map(|ms| classifier.next(&at(ms))).last().unwrap().map(|(_, situation)| situation)
+    }
+
+    #[test]
+    fn rest_and_motion_with_and_without_contact() {
+        assert_eq!(after(0.004, 3.0), Some(Situation::StillContact));
+        assert_eq!(after(0.1, 3.0), Some(Situation::MovingContact));
+        assert_eq!(after(0.1, 0.4), Some(Situation::FreeMotion));
+        assert_eq!(after(0.004, 0.4), Some(Situation::FreeRest));
+    }
+
+    #[test]
+    fn contact_is_still_after_and_before_a_window() {
+        let mut classifier = Classifier::default();
+        let mut found = Vec::new();
+        for ms in 0..2_000_u64 {
+            let force = if (500..1_500).contains(&ms) { 5.0 } else { 0.0 };
+            found.extend(classifier.next(&sample(ms, 0.0, force)));
+        }
+        let of = |situation| {
+            let of = found.iter().filter(|(_, found)| *found == situation);
+            of.map(|(sample, _)| sample.at).collect::<Vec<_>>()
+        };
+        let still = of(Situation::StillContact);
+        assert_eq!(still.first(), Some(&Instant::from_micros(750_000)));
+        assert_eq!(still.last(), Some(&Instant::from_micros(1_249_000)));
+        assert_eq!(of(Situation::MovingContact).len(), 500);
+        assert_eq!(of(Situation::FreeRest).first(), Some(&Instant::from_micros(250_000)));
+    }
+
+    #[test]
+    fn tremor_is_no_motion() {
+        let mut classifier = Classifier::default();
+        let place = |ms: u64| 0.5e-3 * (0.06 * f64::from(u32::try_from(ms).unwrap())).sin();
+        let last = (0..600).map(|ms| classifier.next(&sample(ms, place(ms), 5.0))).last().unwrap();
+        assert_eq!(last.map(|(_, situation)| situation), Some(Situation::StillContact));
+    }
+
+    #[test]
+    fn gap_begins_a_new_window() {
+        let mut classifier = Classifier::default();
+        (0..600).for_each(|ms| _ = classifier.next(&sample(ms, 0.0, 0.0)));
+        classifier.restart();
+        assert_eq!(classifier.next(&sample(601, 0.0, 0.0)), None);
+    }
+}

@@ -11,6 +11,9 @@ use units::spatial::{Jacobian, Wrench};
 /// Time of uninterrupted reflection before a sample counts, in s: every ramp is over.
 const RAMPS: f64 = 1.0;
 
+/// Largest Frobenius norm of an inverse Jacobian that is used: far from a singularity it is about 10.
+const MAX_INVERSE: f64 = 40.0;
+
 /// Samples from records.
 #[derive(Clone, Copy, Debug)]
 pub struct Commanded {
@@ -62,9 +65,10 @@ impl Commanded {
 pub struct AtGrip(Matrix6<f64>);
 
 impl AtGrip {
-    /// From the Jacobian at {G}; `None` at a singularity.
+    /// From the Jacobian at {G}; `None` near a singularity, where torques say little about the wrench.
     pub fn of(j_g: &Jacobian<6>) -> Option<Self> {
-        j_g.matrix().transpose().try_inverse().map(Self)
+        let inverse = j_g.matrix().transpose().try_inverse()?;
+        (inverse.norm() <= MAX_INVERSE).then_some(Self(inverse))
     }
 
     /// Returns the wrench at {G} in {G} of joint torques in N·m (N).
@@ -82,6 +86,7 @@ pub fn commanded_parts(ledger: &Ledger, at_grip: &AtGrip) -> Parts {
         damping: at_grip.wrench(&(ledger.damping * assist)),
         compensation: at_grip.wrench(&(ledger.friction * rest)),
         passivity: at_grip.wrench(&(ledger.passivity * rest)),
+        soft_stops: at_grip.wrench(&(ledger.soft_stops * rest)),
         ..Parts::default()
     }
 }

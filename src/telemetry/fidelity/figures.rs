@@ -191,7 +191,7 @@ impl Tally {
 
 /// Returns the parts in the order of [`Shares`].
 const fn all(parts: &Parts) -> [Wrench; 6] {
-    let Parts { friction, compensation, centring, damping, passivity, inertia } = *parts;
+    let Parts { friction, compensation, centring, damping, passivity, inertia, .. } = *parts;
     [friction, compensation, centring, damping, passivity, inertia]
 }
 

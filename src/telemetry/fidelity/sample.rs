@@ -40,6 +40,8 @@ pub struct Parts {
     pub damping: Wrench,
     /// Damper of the passivity layer.
     pub passivity: Wrench,
+    /// Soft stops.
+    pub soft_stops: Wrench,
     /// Inertia of the arm; zero where it is not known.
     pub inertia: Wrench,
 }
@@ -47,7 +49,7 @@ pub struct Parts {
 impl Parts {
     /// The assist that is commanded on purpose, and the inertia that no torque removes.
     pub(super) fn intended(&self) -> Wrench {
-        self.centring + self.damping + self.passivity + self.inertia
+        self.centring + self.damping + self.passivity + self.soft_stops + self.inertia
     }
 }
 

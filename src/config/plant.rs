@@ -68,6 +68,8 @@ pub struct Drivetrain {
     pub current_loop: f64,
     /// c1, c3, c5 of the torque curve for negative torque, if they differ.
     pub torque_curve_reverse: Option<[f64; 3]>,
+    /// Excess of static over dry friction, in N·m or N.
+    pub stiction: f64,
     /// Width of the hysteresis of its torque, in N·m or N.
     pub hysteresis: f64,
     /// Width of the gap between motor and joint, in rad or m.

@@ -105,6 +105,8 @@ sections! {
     Simulated {
         current_loop_us: Optional<f64>,
         torque_curve_reverse: Optional<List<f64, 3>>,
+        stiction_nm: Optional<f64>,
+        stiction_n: Optional<f64>,
         hysteresis_nm: Optional<f64>,
         hysteresis_n: Optional<f64>,
         backlash_deg: Optional<f64>,

@@ -23,6 +23,7 @@ pub(super) fn read(
     of: &mut Units<'_, '_>,
 ) -> Option<Drivetrain> {
     let hysteresis = of.at_most_one(&given.hysteresis_nm, &given.hysteresis_n);
+    let stiction = of.at_most_one(&given.stiction_nm, &given.stiction_n);
     let backlash = of.at_most_one(&given.backlash_deg, &given.backlash_m);
     let problems = &mut *of.problems;
     let current_loop_us = problems.within(&given.current_loop_us.or(200.0), CURRENT_LOOP_US);
@@ -35,6 +36,7 @@ pub(super) fn read(
     }
     let most = max_torque.map_or(f64::INFINITY, |torque| torque.max(0.0));
     let hysteresis = hysteresis.and_then(|given| problems.within(&given.or(0.0), 0.0..=most));
+    let stiction = stiction.and_then(|given| problems.within(&given.or(0.0), 0.0..=most));
     let [degrees, metres] = MAX_BACKLASH;
     let widest = match of.kind {
         JointKind::Revolute => degrees,
@@ -44,6 +46,7 @@ pub(super) fn read(
     Some(Drivetrain {
         current_loop: current_loop_us? * 1e-6,
         torque_curve_reverse: reverse,
+        stiction: stiction?,
         hysteresis: hysteresis?,
         backlash: of.si(backlash?),
         thermal_time_constant: thermal_s?,

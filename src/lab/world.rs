@@ -48,6 +48,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
     let resistance = plant.joints.each_ref().map(|joint| Resistance {
         coulomb: joint.friction.coulomb,
+        stiction: joint.drivetrain.stiction,
         viscous: joint.friction.viscous,
         range: joint.link.range,
     });

@@ -436,7 +436,8 @@ mod tests {
             torque: weight[joint],
             ..FakeMotor::default()
         });
-        let resistance = [Resistance { coulomb: 0.001, viscous: 0.005, range: [-3.0, 3.0] }; 6];
+        let resistance =
+            [Resistance { coulomb: 0.001, stiction: 0.0, viscous: 0.005, range: [-3.0, 3.0] }; 6];
         let plant = Plant::new(arm, resistance, q);
         World::new(
             motors,

@@ -159,7 +159,8 @@ fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, Jo
     let q = JointVector::from(POSTURE);
     let resistance = config.joints.each_ref().map(|joint| {
         let (coulomb, viscous) = (joint.plant.friction.coulomb, joint.plant.friction.viscous);
-        let mut resistance = Resistance { coulomb, viscous, range: joint.plant.link.range };
+        let mut resistance =
+            Resistance { coulomb, stiction: 0.0, viscous, range: joint.plant.link.range };
         change(&mut resistance);
         resistance
     });

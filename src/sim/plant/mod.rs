@@ -219,7 +219,7 @@ impl Plant {
                 let own = inertia[(joint, joint)];
                 let others = inertia.column(joint).dot(&v) - own * v[joint];
                 let (before, left) = (v[joint], momentum[joint] - others);
-                v[joint] = resistance.velocity(h, self.q[joint], own, left);
+                v[joint] = resistance.velocity(h, [self.q[joint], self.qd[joint]], own, left);
                 impulse[joint] = own * v[joint] - left;
                 change = change.max((v[joint] - before).abs());
             }
@@ -262,6 +262,7 @@ mod tests {
     fn plant(share: f64) -> Plant {
         let joint = |(coulomb, range): (f64, [f64; 2])| Resistance {
             coulomb: coulomb * share,
+            stiction: 0.0,
             viscous: 0.4 * coulomb * share,
             range,
         };
@@ -380,7 +381,7 @@ mod tests {
     /// Simulates ten seconds of free motion under gravity; returns the maximum kinetic energy and the maximum change of
     /// the total energy, in J.
     fn falling(arm: Arm, q: [f64; 6], qd: [f64; 6]) -> (f64, f64) {
-        let free = Resistance { coulomb: 0.0, viscous: 0.0, range: [-1e9, 1e9] };
+        let free = Resistance { coulomb: 0.0, stiction: 0.0, viscous: 0.0, range: [-1e9, 1e9] };
         let mut plant = Plant::new(arm, [free; 6], Joints::from(q));
         plant.qd = Joints::from(qd);
         let start = plant.energy();

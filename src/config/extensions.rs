@@ -180,14 +180,15 @@ fn virtual_coupling(
     period: Option<Period>,
     problems: &mut Problems<'_>,
 ) -> Option<VirtualCoupling> {
-    let [k_linear, k_angular, d_linear, d_angular] = [
-        &given.stiffness_n_per_m,
-        &given.stiffness_nm_per_rad,
-        &given.damping_ns_per_m,
-        &given.damping_nms_per_rad,
-    ]
-    .map(|value| problems.none_negative(value));
-    let stiffness = Gains::new(six(k_linear?, k_angular?), "stiffness").ok()?;
-    let damping = Gains::new(six(d_linear?, d_angular?), "damping").ok()?;
-    Some(VirtualCoupling::new(stiffness, damping, period?))
+    let before = problems.count();
+    // Without a spring on each axis the object would not follow its command.
+    let [k_linear, k_angular] = [&given.stiffness_n_per_m, &given.stiffness_nm_per_rad]
+        .map(|value| problems.all_positive(value));
+    let [d_linear, d_angular] = [&given.damping_ns_per_m, &given.damping_nms_per_rad]
+        .map(|value| problems.none_negative(value));
+    let stiffness = Gains::new(six(k_linear?, k_angular?), "stiffness");
+    let damping = Gains::new(six(d_linear?, d_angular?), "damping");
+    let stiffness = problems.take_unless_noted(before, &given.stiffness_n_per_m, stiffness);
+    let damping = problems.take_unless_noted(before, &given.damping_ns_per_m, damping);
+    Some(VirtualCoupling::new(stiffness?, damping?, period?))
 }

@@ -238,7 +238,8 @@ fn convert(
     let command_mode = control::mode(raw, problems);
     let operator = operator::read(&raw.operator, problems);
     let refuses = gain_check::refuses(raw, problems);
-    let remote = remote::settings(&raw.remote, problems);
+    let coupling = controller.as_ref().and_then(|law| law.extensions.virtual_coupling.as_ref());
+    let remote = remote::settings(raw, coupling, problems);
 
     let config = Parameters {
         file: file.to_path_buf(),

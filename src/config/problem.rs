@@ -206,6 +206,19 @@ impl<'t> Problems<'t> {
         Some(numbers)
     }
 
+    /// Checks for finite numbers above zero.
+    pub(super) fn all_positive<const N: usize>(
+        &mut self,
+        value: &Value<List<f64, N>>,
+    ) -> Option<[f64; N]> {
+        let List(numbers) = value.get()?;
+        let is_wrong = |number: &&f64| !(number.is_finite() && **number > 0.0);
+        if let Some(wrong) = numbers.iter().find(is_wrong) {
+            self.add(value, format_args!("must be above zero, got {wrong}"));
+        }
+        Some(numbers)
+    }
+
     /// Checks for one of the names of `choices`.
     pub(super) fn one_of<T: Copy, const NEEDED: bool>(
         &mut self,

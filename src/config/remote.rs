@@ -6,8 +6,10 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::value::{Optional, Value};
+use controller::virtual_coupling::VirtualCoupling;
 use remote::site::{Contact, Virtual};
 use robot::accommodation::Accommodation;
+use robot::god_object::Coupling;
 use robot::object::Servo;
 use robot::payload::Payload;
 use written::List;
@@ -21,8 +23,14 @@ const MIN_RADIUS: f64 = 0.03;
 /// Maximum radius of a sphere, in m; a larger one is a wall.
 const MAX_RADIUS: f64 = 10.0;
 
-/// The virtual object and what it can touch; `None` where a problem has been noted.
-pub(super) fn settings(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Virtual> {
+/// The virtual object and what it can touch; `None` where a problem has been noted. `coupling` is that of the hand.
+pub(super) fn settings(
+    file: &raw::File,
+    coupling: Option<&VirtualCoupling>,
+    problems: &mut Problems<'_>,
+) -> Option<Virtual> {
+    let raw = &file.remote;
+    refuse_stiff_remote(file, problems);
     if let Some(other) = raw.kind.as_ref().filter(|kind| *kind != "virtual") {
         problems.add(&raw.kind, format_args!("unknown value \"{other}\"; expected \"virtual\""));
     }
@@ -47,10 +55,27 @@ pub(super) fn settings(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option
         payload: payload?,
         servo: servo?,
         accommodation: accommodation?,
+        // Its numbers were checked with the hand's.
+        coupling: coupling.and_then(|made| {
+            Coupling::new(*made.stiffness().values(), *made.damping().values()).ok()
+        }),
         wall: given(wall)?,
         block: given(block)?,
         sphere: given(sphere)?,
     })
+}
+
+/// Notes a virtual coupling to a commanded side that surfaces cannot stop: the coupling would hide the contact, since
+/// it shows how far the object stays behind its command.
+fn refuse_stiff_remote(file: &raw::File, problems: &mut Problems<'_>) {
+    let kind = file.remote.kind.as_ref().filter(|kind| *kind != "virtual");
+    if let (Some(kind), Some(section)) = (kind, &file.controller.virtual_coupling) {
+        let reason = format_args!(
+            "needs an object that surfaces stop, and remote.kind = \"{kind}\" follows its command into them: \
+             contact would not be felt; remove the section, or set remote.kind = \"virtual\""
+        );
+        problems.add(section, reason);
+    }
 }
 
 /// Turns a section that was noted into `None`, and keeps one that is absent.

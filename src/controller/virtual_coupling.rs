@@ -1,6 +1,9 @@
 //! Virtual coupling in pose mode: the hand is tied to the object by a spring and a damper, and feels
 //! those instead of the sensor.
 //!
+//! The object must be one that surfaces stop, drawn by the same coupling: `robot::god_object`. Then the coupling is what
+//! they carry. A stiffly servoed object goes into them, and the coupling shows its lag only.
+//!
 //! Whatever the object meets, however it is servoed, the hand meets no stiffness but this one: it can be
 //! chosen for the device (Colgate: `K T / 2 + |B| < b`), which the wall at the other end cannot.
 

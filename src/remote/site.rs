@@ -7,9 +7,10 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use crate::scene::{Block, Scene, Sphere, Surface, Wall};
 use crate::{Remote, Sensed};
 use robot::accommodation::Accommodation;
+use robot::god_object::{Coupling, GodObject};
 use robot::object::{Object, Servo};
 use robot::payload::Payload;
-use units::spatial::{Motion, Wrench};
+use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 
 /// Gravity in the object's base, in m/s².
@@ -28,6 +29,8 @@ pub struct Virtual {
     pub servo: Servo,
     /// Force accommodation in rate mode.
     pub accommodation: Accommodation,
+    /// Virtual coupling that draws the object in pose mode, so that surfaces stop it; without one its servo does.
+    pub coupling: Option<Coupling>,
     /// Wall: point, normal, surface.
     pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
     /// Box: centre, half the edge lengths, surface.
@@ -62,6 +65,7 @@ pub enum Link {
 #[derive(Clone, Debug)]
 pub struct VirtualSite {
     object: Object,
+    drawn: Option<GodObject>,
     scene: Scene,
     before: Option<Instant>,
     max_step: f64,
@@ -85,6 +89,7 @@ impl VirtualSite {
         let scene = scene(remote);
         Self {
             object,
+            drawn: remote.coupling.map(GodObject::new),
             scene,
             before: None,
             max_step,
@@ -108,6 +113,22 @@ impl VirtualSite {
     pub const fn pose(&self) -> &Isometry3<f64> {
         self.object.pose()
     }
+
+    /// Moves the object for `dt` s, while `f_m` acts on it: in pose mode by its coupling, if there is one.
+    fn follow(&mut self, dt: f64, command: &Motion, f_m: &Wrench) {
+        let Self { object, drawn, scene, .. } = self;
+        match (drawn, command) {
+            (Some(drawn), Motion::Pose(x_b_d)) if dt > 0.0 => {
+                let contact = |x_b_m: &Isometry3<f64>, v_m: &Twist| scene.wrench(x_b_m, v_m);
+                object.advance(dt, drawn.twist(dt, x_b_d, object.pose(), contact));
+                drawn.reached(x_b_d, object.pose());
+            }
+            (drawn, command) => {
+                drawn.iter_mut().for_each(GodObject::release);
+                object.step(dt, command, f_m);
+            }
+        }
+    }
 }
 
 impl Remote for VirtualSite {
@@ -117,7 +138,7 @@ impl Remote for VirtualSite {
         let f_s = self.object.contact(&self.object.sensed(&f_m));
         // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
-        self.object.step(dt.min(self.max_step), command, &f_m);
+        self.follow(dt.min(self.max_step), command, &f_m);
         self.before = Some(now);
         let f_s = self.sensor_fault.unwrap_or(f_s);
         let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
@@ -147,5 +168,64 @@ fn scene(remote: &Virtual) -> Scene {
             radius,
             surface: surface(contact),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use units::spatial::Twist;
+
+    const STIFFNESS: f64 = 5_000.0;
+
+    /// Returns a coupled object at `x`, 0.3 m above a base with a wall at 0.55 m and a box from 0.8 m to 0.9 m.
+    fn site(x: f64, contact: Contact) -> VirtualSite {
+        let coupling = Coupling::new([STIFFNESS, STIFFNESS, STIFFNESS, 20.0, 20.0, 20.0], [0.0; 6]);
+        let remote = Virtual {
+            x_b_m: Isometry3::translation(x, 0.0, 0.3),
+            x_m_s: Isometry3::identity(),
+            payload: Payload::default(),
+            servo: Servo::new(0.01, 0.5, 2.0).unwrap(),
+            accommodation: Accommodation::default(),
+            coupling: Some(coupling.unwrap()),
+            wall: (x < 0.55).then_some((Vector3::new(0.55, 0.0, 0.0), -Vector3::x_axis(), contact)),
+            block: Some((Vector3::new(0.85, 0.0, 0.3), Vector3::new(0.05, 0.1, 0.1), contact)),
+            sphere: None,
+        };
+        VirtualSite::new(&remote, Duration::from_millis(1))
+    }
+
+    /// Follows commands, one per millisecond; returns the last sample and the stretch of the coupling.
+    fn followed(
+        site: &mut VirtualSite,
+        commands: impl Iterator<Item = Isometry3<f64>>,
+    ) -> (Sensed, Twist) {
+        let mut last = None;
+        for (cycle, x_b_d) in (1..).zip(commands) {
+            let at = Instant::ZERO + Duration::from_millis(1) * cycle;
+            let sensed = site.exchange(at, &Motion::Pose(x_b_d)).unwrap();
+            last = Some((sensed, Twist::reaching(&(x_b_d.inverse() * sensed.x_b_m), 1.0)));
+        }
+        last.unwrap()
+    }
+
+    #[test]
+    fn rough_wall_carries_the_coupling_while_the_object_slides() {
+        let rough = Contact { stiffness: 20_000.0, damping: 20.0, friction: 0.4 };
+        let slide = (0..2_000).map(|cycle| {
+            Isometry3::translation(0.54, 5e-5 * f64::from(cycle), 0.3) // 5 cm/s along the wall
+        });
+        let (Sensed { f_s, .. }, stretch) = followed(&mut site(0.5, rough), slide);
+        assert!(f_s.force.x < -20.0 && f_s.force.y < -8.0, "{f_s:?}");
+        assert!((f_s.force - stretch.linear * STIFFNESS).norm() < 0.01, "{f_s:?} {stretch:?}");
+    }
+
+    #[test]
+    fn coupled_object_stays_on_its_side_of_a_box() {
+        let stiff = Contact { stiffness: 50_000.0, damping: 20.0, friction: 0.0 };
+        let through = (0..4_000).map(|_| Isometry3::translation(0.95, 0.0, 0.3));
+        let (Sensed { x_b_m, .. }, _) = followed(&mut site(0.7, stiff), through);
+        // The command is beyond the box; a tenth of its depth is given way.
+        assert!((0.78..0.80).contains(&x_b_m.translation.x), "{x_b_m}");
     }
 }

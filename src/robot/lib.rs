@@ -15,5 +15,6 @@
 #![forbid(unsafe_code)]
 
 pub mod accommodation;
+pub mod god_object;
 pub mod object;
 pub mod payload;

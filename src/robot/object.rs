@@ -1,7 +1,8 @@
 //! The object under control at {MRF}: follows commands as a robot with servos does, with a first-order lag and speed
 //! limits.
 //!
-//! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3).
+//! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3). In pose mode surfaces stop it
+//! where a virtual coupling draws it: [`god_object`](crate::god_object).
 
 use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
@@ -137,6 +138,12 @@ impl Object {
             Motion::Rate(v_m) => self.towards(&self.accommodation.rate(v_m, f_m_contact), part),
             Motion::Pose(x_b_d) => Twist::reaching(&(self.x_b_m.inverse() * x_b_d), dt) * part,
         };
+        self.advance(dt, v_m);
+    }
+
+    /// Moves with `v_m` for `dt` s, within the speed limits of the servo and without its lag. Stops at an invalid twist,
+    /// or at one that leaves the range of positions.
+    pub fn advance(&mut self, dt: f64, v_m: Twist) {
         let limited = self.servo.limited(v_m);
         let moved = self.x_b_m * limited.over(dt);
         if limited.is_finite() && is_in_range(&moved) {

@@ -9,6 +9,7 @@ mod bus_hazards;
 mod campaign;
 mod config;
 mod control_law;
+mod coupling;
 mod drive_hazards;
 mod energy;
 mod faults;

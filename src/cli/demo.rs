@@ -90,24 +90,16 @@ fn compare(
             play(args, folder(name).as_deref(), quiet, config, scenario.clone(), seconds)?;
         refuse_interrupted(&summary).map(|()| summary)
     };
-    let comparison = Comparison {
-        wall_stiffness_n_per_m: config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness),
-        without: run(&without, "without")?,
-        with: run(config, "with")?,
-    };
+    let wall_stiffness = config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness);
+    let comparison =
+        Comparison::new(wall_stiffness, run(&without, "without")?, run(config, "with")?);
     if args.json {
         print::line(&serde_json::to_string(&comparison).or_fail(Kind::Bus)?);
     } else {
         print::line(&comparison.to_string());
     }
-    if comparison.is_bounded() {
-        Ok(())
-    } else {
-        Err(Failure::new(
-            Kind::Negative,
-            "the passivity layer did not bound the contact energy, or there was none to bound",
-        ))
-    }
+    let verdict = comparison.verdict;
+    if verdict.is_good() { Ok(()) } else { Err(Failure::new(Kind::Negative, verdict.to_string())) }
 }
 
 /// Runs the scenario once, and records it in `folder` if given.

@@ -1,4 +1,11 @@
 //! One scenario without and with the passivity layer: oscillation in contact, and its bound by the layer.
+//!
+//! The verdict is absolute: it looks at what the hand goes through, not at what the layer saves.
+//!
+//! - A loop is *active* if contact drives the hand with more than [`MAX_PASSIVE_ENERGY`]. Below, it settles by itself: the
+//!   swings of an impact that decay stay under 0.1 J (kraft_like on 20 kN/m: 85 mJ), a limit cycle gives joules.
+//! - A contact is *calm* if it drives the hand with at most [`MAX_CALM_ENERGY`], the `max_energy_j` of the shipped layers, or
+//!   if it is not active and the hand reverses at most [`MAX_CALM_REVERSALS`] times: three swings after the impact.
 
 use std::fmt;
 
@@ -10,21 +17,76 @@ use sim::scenario::Scenario;
 use telemetry::contact::Contact;
 use telemetry::summary::Summary;
 
-/// Largest share of the driving energy that a bounded oscillation may keep.
-const MAX_BOUNDED_SHARE: f64 = 0.1;
+/// Maximum energy in J with which contact drives the hand while the loop settles by itself.
+const MAX_PASSIVE_ENERGY: f64 = 0.1;
 
-/// Least driving energy of an oscillation, in J.
-const MIN_ACTIVE: f64 = 0.01;
+/// Maximum energy in J with which a calm contact drives the hand, however often it reverses.
+const MAX_CALM_ENERGY: f64 = 0.02;
+
+/// Maximum number of reversals of the hand in a calm contact.
+const MAX_CALM_REVERSALS: u32 = 6;
+
+/// Minimum time in contact of a run that says something about it, in s.
+const MIN_CONTACT: f64 = 0.5;
 
 /// Two runs of one scenario.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// The stiffness of the wall, in N/m.
     pub wall_stiffness_n_per_m: f64,
+    /// Result.
+    pub verdict: Verdict,
     /// Without the layer.
     pub without: Summary,
     /// With it.
     pub with: Summary,
+}
+
+/// Result of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// One of the runs was hardly in contact.
+    WallNotMet,
+    /// The loop settles without the layer, too.
+    NothingToBound,
+    /// The loop is active, and with the layer contact is calm.
+    Bounded,
+    /// The loop is active, and with the layer contact is not calm.
+    NotBounded,
+}
+
+impl Verdict {
+    /// Returns the verdict on the runs without and with the layer.
+    fn of(without: &Summary, with: &Summary) -> Self {
+        if !(meets_wall(without) && meets_wall(with)) {
+            return Self::WallNotMet;
+        }
+        match is_active(without) {
+            false if !is_active(with) => Self::NothingToBound,
+            true if is_calm(with) => Self::Bounded,
+            false | true => Self::NotBounded,
+        }
+    }
+
+    /// Returns whether nothing is wrong with the layer.
+    pub const fn is_good(self) -> bool {
+        matches!(self, Self::NothingToBound | Self::Bounded)
+    }
+}
+
+/// The verdict as a sentence.
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::WallNotMet => "the wall was not met",
+            Self::NothingToBound => {
+                "nothing to bound: the loop settles without the passivity layer"
+            }
+            Self::Bounded => "the uncontrolled loop is active; the passivity layer bounds it",
+            Self::NotBounded => "the passivity layer does not bound this loop",
+        })
+    }
 }
 
 /// Returns `config` with the environment of `scenario`.
@@ -45,16 +107,29 @@ pub fn without_passivity(config: &Config) -> Config {
 }
 
 impl Comparison {
-    /// Returns whether the loop without the layer drove the hand.
-    pub fn is_active(&self) -> bool {
-        driven(&self.without.contact) > MIN_ACTIVE
+    /// Compares the runs of a scenario without and with the layer, at a wall of this stiffness in N/m.
+    #[must_use]
+    pub fn new(wall_stiffness_n_per_m: f64, without: Summary, with: Summary) -> Self {
+        let verdict = Verdict::of(&without, &with);
+        Self { wall_stiffness_n_per_m, verdict, without, with }
     }
+}
 
-    /// Returns whether it did, and the layer removed at least 90 % of the energy.
-    pub fn is_bounded(&self) -> bool {
-        self.is_active()
-            && driven(&self.with.contact) <= MAX_BOUNDED_SHARE * driven(&self.without.contact)
-    }
+/// Returns whether a run was in contact long enough, or until it was stopped.
+fn meets_wall(run: &Summary) -> bool {
+    let is_stopped = run.stopped_by.is_some() && run.contact_seconds > 0.0;
+    is_stopped || run.contact_seconds >= MIN_CONTACT
+}
+
+/// Returns whether contact drove the hand as a loop does that does not settle, or until the node stopped it.
+fn is_active(run: &Summary) -> bool {
+    run.stopped_by.is_some() || driven(&run.contact) > MAX_PASSIVE_ENERGY
+}
+
+/// Returns whether contact was calm.
+fn is_calm(run: &Summary) -> bool {
+    let settles = run.contact.reversals <= MAX_CALM_REVERSALS && !is_active(run);
+    settles || (run.stopped_by.is_none() && driven(&run.contact) <= MAX_CALM_ENERGY)
 }
 
 /// Returns the energy with which contact drove the hand, in J.
@@ -88,11 +163,116 @@ impl fmt::Display for Comparison {
         for ((what, without), with) in rows.iter().zip(row(&self.without)).zip(row(&self.with)) {
             writeln!(f, "{what:42} {without:10.1} {with:10.1}")?;
         }
-        let verdict = match (self.is_active(), self.is_bounded()) {
-            (false, _) => "the loop does not oscillate without the layer either",
-            (true, false) => "the passivity layer does not bound this loop",
-            (true, true) => "the uncontrolled loop is active; the passivity layer bounds it",
+        write!(f, "{}", self.verdict)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(reversals: u32, energy_mj: f64, contact_seconds: f64) -> Summary {
+        let mut run = Summary::default();
+        run.contact.reversals = reversals;
+        run.contact.lowest_energy_j = -energy_mj * 1e-3;
+        run.contact_seconds = contact_seconds;
+        run
+    }
+
+    /// Returns the verdict on two runs of 7 s in contact, each with its reversals and energy in mJ.
+    fn verdict((off, off_mj): (u32, f64), (on, on_mj): (u32, f64)) -> Verdict {
+        Verdict::of(&run(off, off_mj, 7.0), &run(on, on_mj, 7.0))
+    }
+
+    #[test]
+    fn measured_contacts_have_their_verdicts() {
+        use Verdict::{Bounded, NotBounded, NothingToBound};
+        // Walls of 1 to 80 kN/m on kraft_like, jpl_like and kraft_like_500hz, without and with the layer.
+        for (kn_per_m, kraft, jpl, slow, expected) in [
+            (
+                1,
+                ((1, 1.0), (1, 0.1)),
+                ((1, 1.0), (1, 0.1)),
+                ((1, 2.0), (1, 0.3)),
+                [NothingToBound; 3],
+            ),
+            (
+                5,
+                ((1, 4.0), (1, 1.0)),
+                ((3, 4.0), (3, 2.0)),
+                ((1, 6.0), (1, 2.0)),
+                [NothingToBound; 3],
+            ),
+            (
+                10,
+                ((3, 10.0), (3, 4.0)),
+                ((7, 15.0), (3, 3.0)),
+                ((3, 16.0), (3, 6.0)),
+                [NothingToBound; 3],
+            ),
+            (
+                20,
+                ((11, 85.0), (2, 10.0)),
+                ((43, 1_718.0), (2, 8.0)),
+                ((35, 1_051.0), (2, 16.0)),
+                [NothingToBound, Bounded, Bounded],
+            ),
+            (
+                30,
+                ((37, 1_366.0), (4, 18.0)),
+                ((39, 1_906.0), (6, 16.0)),
+                ((32, 2_764.0), (5, 31.0)),
+                [Bounded; 3],
+            ),
+            (
+                50,
+                ((34, 2_638.0), (11, 51.0)),
+                ((36, 1_974.0), (74, 560.0)),
+                ((31, 3_696.0), (50, 497.0)),
+                [NotBounded; 3],
+            ),
+            (
+                80,
+                ((34, 3_051.0), (53, 598.0)),
+                ((36, 2_031.0), (36, 1_305.0)),
+                ((31, 4_079.0), (44, 1_055.0)),
+                [NotBounded; 3],
+            ),
+        ] {
+            for ((off, on), expected) in [kraft, jpl, slow].into_iter().zip(expected) {
+                assert_eq!(verdict(off, on), expected, "{kn_per_m} kN/m: {off:?}, {on:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn short_contact_of_either_run_is_no_verdict_on_the_layer() {
+        for (off, on) in [(0.0, 0.0), (7.0, 0.4), (0.4, 7.0)] {
+            let verdict = Verdict::of(&run(40, 2e3, off), &run(0, 0.0, on));
+            assert_eq!(verdict, Verdict::WallNotMet, "{off} s, {on} s");
+            assert!(!verdict.is_good());
+        }
+    }
+
+    #[test]
+    fn stop_in_contact_is_a_loop_that_is_not_bounded() {
+        let stopped = {
+            let mut run = run(2, 1.0, 0.2);
+            run.stopped_by = Some("drives-off".to_owned());
+            run
         };
-        f.write_str(verdict)
+        assert_eq!(Verdict::of(&stopped, &run(2, 1.0, 7.0)), Verdict::Bounded);
+        assert_eq!(Verdict::of(&run(30, 2e3, 7.0), &stopped), Verdict::NotBounded);
+    }
+
+    #[test]
+    fn layer_that_drives_a_settled_loop_does_not_bound_it() {
+        assert_eq!(verdict((1, 1.0), (20, 150.0)), Verdict::NotBounded);
+    }
+
+    #[test]
+    fn few_strong_pushes_are_not_calm() {
+        assert_eq!(verdict((30, 2e3), (2, 500.0)), Verdict::NotBounded);
+        assert_eq!(verdict((30, 2e3), (50, 19.0)), Verdict::Bounded);
     }
 }

@@ -9,7 +9,6 @@ use nalgebra::SVector;
 use crate::common::oracle;
 use config::Config;
 use lab::bench::Bench;
-use lab::comparison::{self, Comparison};
 use lab::world;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
@@ -17,7 +16,6 @@ use telemetry::summary::Summary;
 use units::drive::{Counts, PerMille};
 
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
-const STIFF_WALL: &str = include_str!("../../config/scenarios/stiff-wall.toml");
 
 fn config(name: &str) -> Config {
     let file = Path::new("config").join(name);
@@ -167,28 +165,4 @@ fn grip_and_object_start_with_equal_orientation() {
         let angle = x_0_g.rotation.angle_to(&config.remote.x_b_m.rotation);
         assert!(angle < 1e-5, "{name}: {angle} rad apart");
     }
-}
-
-#[test]
-fn passivity_layer_bounds_a_wall_too_stiff_for_the_loop() {
-    let scenario = Scenario::parse(STIFF_WALL).unwrap();
-    let config = comparison::surrounded(&config("kraft_like.toml"), &scenario);
-    let run = |config: &Config| {
-        let mut bench = Bench::new(config, scenario.clone(), 1, false, ());
-        bench.bring_up().unwrap();
-        let mut summary = Summary::default();
-        for _ in 0..9_000 {
-            summary.add(&bench.cycle());
-        }
-        summary
-    };
-    let comparison = Comparison {
-        wall_stiffness_n_per_m: scenario.wall_stiffness().unwrap(),
-        without: run(&comparison::without_passivity(&config)),
-        with: run(&config),
-    };
-    let (without, with) = (&comparison.without.contact, &comparison.with.contact);
-    assert!(without.reversals > 10 && without.lowest_energy_j < -0.5, "{comparison}");
-    assert!(with.reversals < without.reversals / 2, "{comparison}");
-    assert!(comparison.is_active() && comparison.is_bounded(), "{comparison}");
 }

@@ -25,5 +25,6 @@ mod plausibility;
 mod quirks;
 mod scenarios;
 mod sdo;
+mod stiff_wall;
 mod teleoperation;
 mod torque_curve;

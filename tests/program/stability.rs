@@ -9,6 +9,7 @@ use std::process::Command;
 use nalgebra::{Isometry3, Vector3};
 use serde_json::Value;
 
+use crate::common::cli::frhc;
 use crate::common::oracle::{self, list, number};
 use config::Config;
 use controller::JointVector;
@@ -447,4 +448,42 @@ fn check_of_refused_gains_ends_with_3() {
     let line = text.lines().position(|line| line.starts_with("damping_ns_per_m")).unwrap() + 1;
     let expected = format!("unfit.toml:{line}: controller.damping_ns_per_m: damping, x: ");
     assert!(err.contains(&expected), "{err}");
+}
+
+/// Runs `stiff-wall` with a wall of `stiffness` N/m; returns exit code, verdict in JSON and stderr.
+fn stiff_wall(name: &str, config: &Path, stiffness: &str) -> (i32, String, String) {
+    let script = include_str!("../../config/scenarios/stiff-wall.toml");
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.toml"));
+    fs::write(&file, script.replace("30_000.0", stiffness)).unwrap();
+    let [config, file] = [config, &file].map(|file| file.to_str().unwrap());
+    let ended = frhc(&["demo", "--json", "--config", config, "--scenario", file]);
+    let report: Value = serde_json::from_str(&ended.stdout).unwrap();
+    (ended.code, report["verdict"].as_str().unwrap().to_owned(), ended.stderr)
+}
+
+#[test]
+fn stiff_wall_fails_only_where_the_layer_does_not_bound() {
+    for (stiffness, code, verdict) in [
+        ("2_000.0", 0, "nothing-to-bound"),
+        ("30_000.0", 0, "bounded"),
+        ("80_000.0", 1, "not-bounded"),
+    ] {
+        let (ended, found, err) =
+            stiff_wall(&format!("wall-{stiffness}"), Path::new(FILE), stiffness);
+        assert_eq!((ended, &*found), (code, verdict), "{stiffness} N/m: {err}");
+        let is_said = err.contains("the passivity layer does not bound this loop");
+        assert_eq!(is_said, code == 1, "{err}");
+    }
+}
+
+#[test]
+fn stiff_wall_out_of_reach_is_said_to_be_not_met() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let far =
+        changed(&[("point_m = [0.55,", "point_m = [0.8,"), ("../eds", &format!("{root}/eds"))]);
+    let config = Path::new(env!("CARGO_TARGET_TMPDIR")).join("far-wall-config.toml");
+    fs::write(&config, far).unwrap();
+    let (code, verdict, err) = stiff_wall("far-wall", &config, "30_000.0");
+    assert_eq!((code, &*verdict), (1, "wall-not-met"));
+    assert!(err.contains("the wall was not met"), "{err}");
 }

@@ -1,0 +1,70 @@
+//! The scenario `stiff-wall`: every shipped arm meets its wall, and the verdict is that of the contact.
+#![cfg(test)]
+
+use crate::common::bench::{config, scenario};
+use config::Config;
+use lab::bench::Bench;
+use lab::comparison::{self, Comparison, Verdict};
+use remote::site::Virtual;
+use telemetry::summary::Summary;
+
+/// Plays the scenario to the end.
+fn played(config: &Config) -> Summary {
+    let mut bench = Bench::new(config, scenario("stiff-wall"), 1, false, ());
+    bench.bring_up().unwrap();
+    let mut summary = Summary::default();
+    while bench.elapsed().as_secs_f64() < 16.0 {
+        summary.add(&bench.cycle());
+    }
+    summary
+}
+
+/// Compares both runs at a wall of `stiffness` N/m.
+fn compared(name: &str, stiffness: f64) -> Comparison {
+    let config = config(&format!("config/{name}.toml"));
+    let mut wall = config.remote.wall.unwrap();
+    wall.2.stiffness = stiffness;
+    let config = config.clone().with_remote(Virtual { wall: Some(wall), ..config.remote.clone() });
+    let without = played(&comparison::without_passivity(&config));
+    Comparison::new(stiffness, without, played(&config))
+}
+
+#[test]
+fn every_shipped_arm_meets_its_wall() {
+    for name in ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"] {
+        let config = config(&format!("config/{name}.toml"));
+        let config = comparison::surrounded(&config, &scenario("stiff-wall"));
+        for config in [comparison::without_passivity(&config), config] {
+            let summary = played(&config);
+            assert!(summary.contact_seconds > 1.0, "{name}: {summary}");
+            assert_eq!(summary.stopped_by, None, "{name}");
+        }
+    }
+}
+
+#[test]
+fn passivity_layer_bounds_a_wall_too_stiff_for_the_loop() {
+    let comparison = compared("kraft_like", 30_000.0);
+    let (without, with) = (&comparison.without.contact, &comparison.with.contact);
+    assert!(without.reversals > 10 && without.lowest_energy_j < -0.5, "{comparison}");
+    assert!(with.reversals < without.reversals / 2, "{comparison}");
+    assert_eq!(comparison.verdict, Verdict::Bounded, "{comparison}");
+}
+
+#[test]
+fn verdict_on_soft_and_on_too_stiff_walls() {
+    for (stiffness, expected) in [(2e3, Verdict::NothingToBound), (80e3, Verdict::NotBounded)] {
+        let comparison = compared("kraft_like", stiffness);
+        assert_eq!(comparison.verdict, expected, "{comparison}");
+    }
+}
+
+#[test]
+fn wall_out_of_reach_is_not_met() {
+    let config = config("config/kraft_like.toml");
+    let mut wall = config.remote.wall.unwrap();
+    wall.0.x = 0.7;
+    let config = config.clone().with_remote(Virtual { wall: Some(wall), ..config.remote.clone() });
+    let comparison = Comparison::new(2e3, played(&config), played(&config));
+    assert_eq!(comparison.verdict, Verdict::WallNotMet, "{comparison}");
+}

@@ -17,6 +17,7 @@ use config::Config;
 use lab::bench::Bench;
 use lab::comparison::{self, Comparison};
 use lab::fidelity::truth::Truth;
+use node::cause::Cause;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
@@ -150,10 +151,15 @@ impl Play<'_> {
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let mut summary = Summary::default();
         let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
+        let mut was_too_fast = false;
         for cycle in 1..=cycles {
             let record = bench.cycle();
             summary.add(&record);
             at_hand.add(truth.sample(&bench, &record).as_ref());
+            let is_too_fast = record.cause == Some(Cause::GripOverspeed);
+            if is_too_fast && !std::mem::replace(&mut was_too_fast, is_too_fast) {
+                bar.suspend(|| print::note(&overspeed(&record, config)));
+            }
             if let Some(narrator) = &mut narrator {
                 bar.suspend(|| print_cycle(narrator, &mut bench, &record));
             }
@@ -193,6 +199,16 @@ fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, recor
         print::note(&line);
     }
     print_events(narrator, bench);
+}
+
+/// Returns the speed of the grip at a stop for it, its limit and the remedies: the hand alone may overshoot its script.
+fn overspeed(record: &Record, config: &Config) -> String {
+    let speed = record.output.moving.v_g_raw.linear.norm();
+    let limit = config.plausibility.max_grip_speed;
+    format!(
+        "the scripted hand moved the grip at {speed:.2} m/s, above safety.max_grip_speed_m_per_s = {limit}: \
+         give its moves more time, or raise damping_ns_per_m of [controller] or [hand]"
+    )
 }
 
 /// Prints events that the node has detected on the network.

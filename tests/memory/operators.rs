@@ -70,3 +70,48 @@ fn friction_of_a_rough_wall_opposes_sliding() {
     summary(CONFIG, going(sideways, ""), |f_0| smooth = smooth.max(f_0.yz().norm()));
     assert!(smooth < 0.1 * strongest, "without friction {smooth} N");
 }
+
+/// Pose mode without a wall: the hand goes forward by 14 cm, and comes back from 5.5 s on, within 0.4 s.
+const WITHDRAWAL: &str = "seconds = 7\n[[console]]\nat_s = 0.3\nrequest = \"mode pose\"\n\
+    [[console]]\nat_s = 0.4\nrequest = \"arm\"\n[[switch]]\nat_s = 2.2\ndeadman = true\n\
+    [[move]]\nat_s = 3.5\nduration_s = 1.5\nto_m = [0.14, 0.0, 0.0]\n\
+    [[move]]\nat_s = 5.5\nduration_s = 0.4\nto_m = [0.0, 0.0, 0.0]\n";
+
+const REFLECTION: &str =
+    "[[switch]]\nat_s = 2.5\nreflection = true\n[[switch]]\nat_s = 2.6\nreflection = false\n";
+
+/// Returns the peak speed of the grip in m/s, and the cause of a stop, with K_D in N·s/m and lines of the scenario.
+fn withdrawn(damping: &str, more: &str) -> (f64, Option<String>) {
+    let text = CONFIG.replacen("point_m = [0.55,", "point_m = [0.9,", 1);
+    let text = text.replacen("[8.0, 8.0, 8.0]", &format!("[{damping}, {damping}, {damping}]"), 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let script = Scenario::parse(&format!("{WITHDRAWAL}{more}")).unwrap();
+    let mut bench = Bench::new(&config, script, 1, false, ());
+    bench.bring_up().unwrap();
+    let mut fastest = 0.0_f64;
+    let mut cause = None;
+    while bench.elapsed().as_secs_f64() < 6.5 {
+        let record = bench.cycle();
+        fastest = fastest.max(record.output.moving.v_g_raw.linear.norm());
+        cause = cause.or(record.cause.map(|cause| cause.to_string()));
+    }
+    (fastest, cause)
+}
+
+#[test]
+fn fast_withdrawal_overshoots_its_script_by_the_hand_alone() {
+    // The script is a minimum-jerk motion.
+    let scripted = 1.875 * 0.14 / 0.4;
+    let (without_damping, cause) = withdrawn("0.0", REFLECTION);
+    assert!(without_damping > 1.5 * scripted, "{without_damping} m/s of {scripted} m/s");
+    assert_eq!(cause.as_deref(), Some("grip speed above its limit"));
+    // No gain acts without reflection, and the hand is as fast.
+    let (off, cause) = withdrawn("8.0", "");
+    assert!((off - without_damping).abs() < 0.02 * off, "{off} m/s and {without_damping} m/s");
+    assert_eq!(cause.as_deref(), Some("grip speed above its limit"));
+    // Damping of controller or hand keeps it below 1 m/s.
+    let damped_hand = format!("{REFLECTION}[hand]\ndamping_ns_per_m = 25.0\n");
+    for (fastest, cause) in [withdrawn("8.0", REFLECTION), withdrawn("0.0", &damped_hand)] {
+        assert!(fastest < 1.0 && cause.is_none(), "{fastest} m/s, {cause:?}");
+    }
+}

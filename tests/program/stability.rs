@@ -487,3 +487,16 @@ fn stiff_wall_out_of_reach_is_said_to_be_not_met() {
     assert_eq!((code, &*verdict), (1, "wall-not-met"));
     assert!(err.contains("the wall was not met"), "{err}");
 }
+
+#[test]
+fn stop_by_a_fast_hand_names_speed_limit_and_remedy() {
+    let script = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+        [[move]]\nat_s = 2.5\nduration_s = 0.2\nto_m = [0.14, 0.0, 0.0]\n";
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fast-hand.toml");
+    fs::write(&file, script).unwrap();
+    let ended = frhc(&["demo", "--scenario", file.to_str().unwrap()]);
+    assert_eq!(ended.code, 6, "{}", ended.stderr);
+    let said =
+        ended.stderr.lines().filter(|line| line.contains("safety.max_grip_speed_m_per_s = 1"));
+    assert_eq!(said.count(), 1, "{}", ended.stderr);
+}

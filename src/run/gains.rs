@@ -5,19 +5,61 @@ use std::cmp::Reverse;
 use config::Config;
 use controller::stability::finding::{Finding, Side, Verdict};
 
-/// Logs a warning for each inequality that does not hold.
+/// Maximum length of a line on a terminal, with its level and "gains: " in front.
+const MAX_LINE: usize = 120;
+
+/// Characters in front of a line of the log: its level and "gains: ".
+const PREFIX: usize = 13;
+
+/// Logs one short warning for all inequalities that warn, and one for all that refuse. The inequalities themselves are
+/// logged for `-v`.
 pub fn warn(config: &Config) {
-    for (verdict, line) in lines(&config.findings()) {
-        match verdict {
-            Verdict::Holds => {}
-            Verdict::Warns | Verdict::Refuses => tracing::warn!("gains: {line}"),
+    let findings = config.findings();
+    for verdict in [Verdict::Refuses, Verdict::Warns] {
+        if let Some(line) = summary(&findings, verdict) {
+            tracing::warn!("gains: {line}");
         }
     }
+    for (verdict, line) in lines(&findings) {
+        if verdict != Verdict::Holds {
+            tracing::debug!("gains: {verdict} {line}");
+        }
+    }
+}
+
+/// Returns the names of the inequalities with this verdict, each with its number of axes, in one line; as many as fit.
+fn summary(findings: &[Finding], verdict: Verdict) -> Option<String> {
+    const ROOM: usize = MAX_LINE - PREFIX;
+    let groups = groups(findings);
+    let alike = groups.iter().filter(|group| group.iter().all(|one| one.verdict == verdict));
+    let names: Vec<String> = alike.filter_map(|group| counted(group)).collect();
+    let line = |shown: usize| {
+        let listed = names.get(..shown).unwrap_or_default().join("; ");
+        let more = names.len().saturating_sub(shown);
+        let more = if more == 0 { String::new() } else { format!("; {more} more") };
+        format!("frhc check {verdict}: {listed}{more}")
+    };
+    let fits = |shown: &usize| line(*shown).chars().count() <= ROOM;
+    (1..=names.len()).rev().find(fits).map(line)
+}
+
+/// Returns the name of an inequality and the number of its axes.
+fn counted(group: &[&Finding]) -> Option<String> {
+    let axes = group.len();
+    let plural = if axes == 1 { "axis" } else { "axes" };
+    group.first().map(|first| format!("{} ({axes} {plural})", first.name))
 }
 
 /// Returns the findings as lines, the worst verdict first. An inequality with the same verdict on several axes is one
 /// line, for the axis with the least margin, which names the others.
 pub(super) fn lines(findings: &[Finding]) -> Vec<(Verdict, String)> {
+    let mut lines: Vec<_> = groups(findings).iter().filter_map(|group| line(group)).collect();
+    lines.sort_by_key(|(verdict, _)| Reverse(*verdict));
+    lines
+}
+
+/// Returns the findings in groups of one name and verdict.
+fn groups(findings: &[Finding]) -> Vec<Vec<&Finding>> {
     let mut groups: Vec<Vec<&Finding>> = Vec::new();
     for finding in findings {
         let is_alike =
@@ -27,9 +69,7 @@ pub(super) fn lines(findings: &[Finding]) -> Vec<(Verdict, String)> {
             None => groups.push(vec![finding]),
         }
     }
-    let mut lines: Vec<_> = groups.iter().filter_map(|group| line(group)).collect();
-    lines.sort_by_key(|(verdict, _)| Reverse(*verdict));
-    lines
+    groups
 }
 
 fn line(group: &[&Finding]) -> Option<(Verdict, String)> {
@@ -91,6 +131,33 @@ mod tests {
                 "damping, z: l = 1.50 N must stay below r = 2.00 N (also x)",
             ]
         );
+    }
+
+    #[test]
+    fn warning_at_start_counts_axes_in_one_line() {
+        let findings = [
+            finding("x", 3.0, Verdict::Warns),
+            finding("y", 3.0, Verdict::Warns),
+            finding("z", 1.0, Verdict::Holds),
+        ];
+        let line = summary(&findings, Verdict::Warns);
+        assert_eq!(line.as_deref(), Some("frhc check warns: damping (2 axes)"));
+        assert_eq!(summary(&findings, Verdict::Refuses), None);
+    }
+
+    #[test]
+    fn warning_at_start_never_exceeds_its_line() {
+        let names = [
+            "damping",
+            "return to centre, plateau",
+            "pose reflection, quantum",
+            "rate reflection, held",
+            "accommodation, servo",
+        ];
+        let findings = names.map(|name| Finding { name, ..finding("x", 3.0, Verdict::Warns) });
+        let line = summary(&findings, Verdict::Warns).unwrap();
+        assert!(line.ends_with("; 3 more"), "{line}");
+        assert!(line.chars().count() + PREFIX <= MAX_LINE, "{line}");
     }
 
     #[test]

@@ -500,3 +500,13 @@ fn stop_by_a_fast_hand_names_speed_limit_and_remedy() {
         ended.stderr.lines().filter(|line| line.contains("safety.max_grip_speed_m_per_s = 1"));
     assert_eq!(said.count(), 1, "{}", ended.stderr);
 }
+
+#[test]
+fn shipped_files_start_with_short_warnings() {
+    for file in SHIPPED {
+        let ended = frhc(&["demo", "--config", file, "--seconds", "1"]);
+        assert_eq!(ended.code, 0, "{file}: {}", ended.stderr);
+        assert!(ended.stderr.lines().count() <= 1, "{file}: {}", ended.stderr);
+        assert!(ended.stderr.lines().all(|line| line.chars().count() <= 120), "{}", ended.stderr);
+    }
+}

@@ -88,7 +88,7 @@ impl Damping {
     }
 }
 
-/// Fade of the assist in contact (decision 23): a factor of `1 / (1 + (|F| / F0)²)`.
+/// Fade of the return to centre in contact (decision 23): a factor of `1 / (1 + (|F| / F0)²)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactFade(f64);
 
@@ -110,7 +110,7 @@ impl ContactFade {
         }
     }
 
-    /// Returns the remaining share of the assist at task wrench `f_g_task`, 0 to 1.
+    /// Returns the remaining share of the return to centre at task wrench `f_g_task`, 0 to 1.
     pub fn share(self, f_g_task: &Wrench) -> f64 {
         let strength = f_g_task.force.norm() / self.0;
         (1.0 + strength * strength).recip()
@@ -194,7 +194,7 @@ mod tests {
         }
 
         #[test]
-        fn the_assist_fades_and_never_grows(force in 0.0..1e6_f64, half_at in 0.1..100.0_f64) {
+        fn return_to_centre_fades_and_never_grows(force in 0.0..1e6_f64, half_at in 0.1..100.0_f64) {
             let fade = ContactFade::new(half_at).unwrap();
             let share = fade.share(&Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]));
             prop_assert!((0.0..=1.0).contains(&share));

@@ -51,7 +51,8 @@ impl Orientation {
 
     /// The moment about the turned axes, in N·m, that does the same work as `conjugate` does on the
     /// three numbers, in N·m per rad of each (decision 15: a moment that had the same components
-    /// would give off energy round a closed loop). Fades to nothing where the numbers jump.
+    /// would give off energy round a closed loop). Within 10° of the jump it is bounded: it falls to nothing there,
+    /// and no longer does that work exactly.
     pub fn moment(self, conjugate: &Vector3<f64>, numbers: &Vector3<f64>) -> Vector3<f64> {
         let share = self.share(numbers);
         let exact = match self {
@@ -154,6 +155,32 @@ mod tests {
             assert!(!orientation.is_within(&orientation.numbers(&around(jump - MARGIN / 2.0))));
             assert!(orientation.is_within(&orientation.numbers(&around(jump - MARGIN * 1.1))));
         }
+    }
+
+    #[test]
+    fn moment_is_bounded_at_every_pitch() {
+        // One number at its plateau of 1, and two.
+        for (conjugate, most) in
+            [(Vector3::new(0.0, 0.0, 1.0), 5.76), (Vector3::new(1.0, 0.0, 1.0), 11.5)]
+        {
+            let moment = |degrees: f64| {
+                let numbers = Vector3::new(0.3, degrees.to_radians(), 0.2);
+                Orientation::EulerZyx.moment(&conjugate, &numbers).norm()
+            };
+            let highest =
+                (0..=9_000).map(|step| moment(f64::from(step) * 1e-2)).fold(0.0, f64::max);
+            assert!(highest <= most && highest > 0.99 * most, "{highest}");
+            assert!((moment(80.0) - highest).abs() < 1e-9, "the highest is at 80°");
+        }
+        let one = |degrees: f64| {
+            let numbers = Vector3::new(0.3, degrees.to_radians(), 0.2);
+            Orientation::EulerZyx.moment(&Vector3::z(), &numbers).norm()
+        };
+        // 1/cos β, and from 80° on less: at 88.25° as much as upright, at 90° nothing.
+        assert!((one(60.0) - 2.0).abs() < 1e-9);
+        assert!((one(88.0) - 1.146).abs() < 1e-3 && (one(88.25) - 1.0).abs() < 5e-3);
+        assert!((1..=170).all(|step| one(88.3 + 1e-2 * f64::from(step)) < 1.0));
+        assert!(one(90.0) < 1e-9);
     }
 
     #[test]

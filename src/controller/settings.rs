@@ -50,7 +50,7 @@ pub struct Extensions {
     pub velocity_filter: Filter,
     /// Walls of the channels also act in pose mode.
     pub walls_in_pose: bool,
-    /// Fade of the assist in contact.
+    /// Fade of the return to centre in contact.
     pub contact_fade: Option<ContactFade>,
     /// Ramp of reflection; without it reflection starts at once.
     pub engagement: Option<Engagement>,

@@ -114,7 +114,7 @@ impl Controller {
             task: j_g.torques(&f_g_task),                                // Eq. 7
             gravity: self.gravity(&posture, &j_g) * given.gravity_share, // 3.3
             centring: j_g.torques(&f_g_centring) * fade,
-            damping: j_g.torques(&f_g_damping) * fade,
+            damping: j_g.torques(&f_g_damping),
             passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
             soft_stops: self.soft_stops(&pressed, &q, &qd),
             // An active port needs the friction that takes energy.
@@ -236,7 +236,7 @@ impl Controller {
         }
     }
 
-    /// Remaining share of the assist in contact, 0 to 1 (decision 23).
+    /// Remaining share of the return to centre in contact, 0 to 1 (decision 23). Damping stays: contact needs it.
     fn fade(&self, f_g_task: &Wrench) -> f64 {
         self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
     }

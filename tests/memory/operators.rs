@@ -11,9 +11,12 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use config::Config;
+use controller::assist::ContactFade;
 use lab::bench::Bench;
+use node::record::Record;
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
+use units::spatial::Wrench;
 
 const FILE: &str = "config/kraft_like.toml";
 const CONFIG: &str = include_str!("../../config/kraft_like.toml");
@@ -114,4 +117,50 @@ fn fast_withdrawal_overshoots_its_script_by_the_hand_alone() {
     for (fastest, cause) in [withdrawn("8.0", REFLECTION), withdrawn("0.0", &damped_hand)] {
         assert!(fastest < 1.0 && cause.is_none(), "{fastest} m/s, {cause:?}");
     }
+}
+
+/// Returns the force of the task and of the return to centre at the grip in N, the latter as it acts.
+fn task_and_return(record: &Record) -> [f64; 2] {
+    let output = &record.output;
+    let j_g = output.j_g.matrix().transpose();
+    let f_g = j_g.lu().solve(&output.ledger.centring).unwrap();
+    [output.f_g_task.force.norm(), f_g.fixed_rows::<3>(0).norm()]
+}
+
+#[test]
+fn task_dominates_the_return_to_centre_in_rate_mode() {
+    for (name, least) in
+        [("kraft_like", 2.5), ("kraft_like_500hz", 2.5), ("jpl_like", 2.5), ("sixr_spherical", 1.2)]
+    {
+        let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
+        let scenario = Scenario::parse(CONTACT).unwrap();
+        let mut bench = Bench::new(&config, scenario, 1, false, ());
+        bench.bring_up().unwrap();
+        let mut at = |seconds: f64| loop {
+            let record = bench.cycle();
+            if bench.elapsed().as_secs_f64() > seconds {
+                return task_and_return(&record);
+            }
+        };
+        // Free motion, contact, and harder contact.
+        let [_, free] = at(3.3);
+        assert!(free > 1.9, "{name}: {free} N back to the centre");
+        for seconds in [6.4, 8.4] {
+            let [task, back] = at(seconds);
+            assert!(task > 1.5 && task > least * back, "{name}: {task} N, and {back} N back");
+        }
+    }
+}
+
+#[test]
+fn hand_feels_more_in_harder_contact() {
+    let fade = ContactFade::new(1.3).unwrap();
+    let plateau = 2.0;
+    let felt = (0..1_000).map(|step| {
+        let task = 1e-2 * f64::from(step);
+        let f_g_task = Wrench { force: Vector3::new(-task, 0.0, 0.0), ..Wrench::ZERO };
+        task + plateau * fade.share(&f_g_task)
+    });
+    let felt: Vec<f64> = felt.collect();
+    assert!(felt.windows(2).all(|pair| pair[1] > pair[0]), "{felt:?}");
 }

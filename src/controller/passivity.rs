@@ -120,7 +120,7 @@ impl Passivity {
         if self.settings.is_one_sided { one_sided(&against, f_g_task) } else { against }
     }
 
-    /// Returns whether there is contact, or the bounce of a contact that was active. A hand that lets go leaves less than [`BOUNCE`] behind.
+    /// Returns whether there is contact, or the bounce of a contact that was active. A hand that lets go leaves less than 5 mJ behind.
     pub const fn is_engaged(&self) -> bool {
         self.cycles_without_contact == 0 || self.energy < -BOUNCE
     }

@@ -1,7 +1,7 @@
 //! The reflection port, where task and hand exchange energy, and what keeps it passive there.
 //!
 //! Neither knows the task: both look only at the torques that were held and at how far the joints came.
-//! [`Booking`] says which part of those was the port's, [`TorqueDelay`] which torque acted until this sample.
+//! `Booking` says which part of those was the port's, [`TorqueDelay`] which torque acted until this sample.
 
 use crate::JointVector;
 use crate::booking::{Booking, PortTorques};

@@ -49,11 +49,11 @@ pub(crate) struct Sim {
     /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
     #[arg(short, long, value_name = "NAME|FILE", default_value = "free")]
     pub(super) scenario: String,
-    /// Seed of the operator's tremor, or of the torque curve with --calibrate.
+    /// Seed of the operator's tremor, or of what the --calibrate options measure.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
     /// Print each report of the drives' state as one JSON object per line.
-    #[arg(long, conflicts_with = "calibrate")]
+    #[arg(long, conflicts_with = "rig")]
     pub(super) json: bool,
     #[command(flatten)]
     pub(super) quirks: QuirkArgs,

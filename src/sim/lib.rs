@@ -20,6 +20,7 @@
 //! | [`world`]             | all of these as one station on the buses                    |
 //! | [`drive_view`]        | drive values beside the ground truth                        |
 //! | [`rig`]               | one joint against a load cell, for calibration              |
+//! | [`friction_rig`]      | one joint swept slowly, for its friction                    |
 //!
 //! ```
 //! use sim::scenario::Scenario;
@@ -37,6 +38,7 @@ pub mod drive;
 pub mod drive_view;
 pub mod drivetrain;
 pub mod fault;
+pub mod friction_rig;
 pub mod hand;
 pub mod motion;
 mod motors;

@@ -161,7 +161,9 @@ mod tests {
                 direction,
             })
         };
-        let samples: Vec<Sample> = sample(Direction::Up).chain(sample(Direction::Down)).collect();
+        let mut samples: Vec<Sample> =
+            sample(Direction::Up).chain(sample(Direction::Down)).collect();
+        samples[5].torque += 2.0;
         let plot = TorquePlot {
             joint: "elbow",
             provenance: "a.csv: 50 samples",
@@ -173,6 +175,8 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("class=\"up\"").count(), 2 * 25 + 1);
         assert_eq!(svg.matches("class=\"down\"").count(), 2 * 25 + 1);
+        // One in each panel, and one in the legend.
+        assert_eq!(svg.matches("class=\"ring\"").count(), 3);
         assert_eq!(svg.matches("<text").count(), svg.matches("</text>").count());
         assert!(!svg.contains("NaN") && svg.contains("negated target"));
     }

@@ -14,6 +14,7 @@ mod drive_hazards;
 mod energy;
 mod faults;
 mod fidelity;
+mod friction_sweep;
 mod golden;
 mod late_torques;
 mod link;

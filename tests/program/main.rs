@@ -5,6 +5,7 @@ mod common;
 
 mod bench_tools;
 mod calib;
+mod calib_friction;
 mod calib_table;
 mod decode;
 mod eds;

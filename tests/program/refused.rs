@@ -191,6 +191,7 @@ fn hazard_18_pipes_devices_and_folders_are_refused_as_files() {
             &["sdo", "write", "3", "1F50:1", "d", &at, "-i", NO_INTERFACE],
             &["decode", path],
             &["calib", "fit", path, "--config", KRAFT],
+            &["calib", "friction", path, "--config", KRAFT],
             &["explain", path],
         ] {
             let ended = within_ten_seconds(args);

@@ -17,7 +17,7 @@ use crate::common::cli::{Ended, folder, frhc};
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// Commands that print data without a CAN interface. `SOCKET`, `FOLDER` and `DATA` are replaced.
+/// Commands that print data without a CAN interface. `SOCKET`, `FOLDER`, `DATA` and `SWEEP` are replaced.
 const PRINTING: &[&str] = &[
     "--help",
     "--version",
@@ -42,12 +42,15 @@ const PRINTING: &[&str] = &[
     "explain faults",
     "calib fit DATA",
     "calib fit DATA --json",
+    "calib friction SWEEP --config config/kraft_like.toml",
+    "calib friction SWEEP --config config/kraft_like.toml --json",
     "calib check --config config/kraft_like.toml",
     "decode tests/golden/sdo_segmented.log",
     "decode --json tests/golden/sdo_segmented.log",
     "export dbc --config config/kraft_like.toml",
     "export dcf --config config/kraft_like.toml --out FOLDER/dcf",
     "sim --config config/kraft_like.toml --calibrate elbow",
+    "sim --config config/kraft_like.toml --calibrate-friction elbow",
 ];
 
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
@@ -84,10 +87,15 @@ fn printing(test: &str) -> Vec<Vec<String>> {
     let data = data.to_str().unwrap();
     let measured = frhc(&["sim", "--config", KRAFT, "--calibrate", "elbow", "--out", data]);
     assert_eq!(measured.code, 0, "{}", measured.stderr);
+    let sweep = folder.join("sweep.csv");
+    let sweep = sweep.to_str().unwrap();
+    let swept = frhc(&["sim", "--config", KRAFT, "--calibrate-friction", "elbow", "--out", sweep]);
+    assert_eq!(swept.code, 0, "{}", swept.stderr);
     let known = [
         ("SOCKET", socket.to_str().unwrap()),
         ("FOLDER", folder.to_str().unwrap()),
         ("DATA", data),
+        ("SWEEP", sweep),
     ];
     let replaced =
         |word: &str| known.iter().fold(word.to_owned(), |word, (from, to)| word.replace(from, to));

@@ -32,8 +32,8 @@ use units::time::Instant;
 /// Serves the bus until a stop signal; prints the state of the drives at the end and on request.
 pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
-    if let Some(joint) = &args.rig.calibrate {
-        return rig::run(&args.rig, &config, joint, args.seed);
+    if args.rig.is_chosen() {
+        return rig::run(&args.rig, &config, args.seed);
     }
     let mut scenario = scenario::load(&args.scenario)?;
     args.quirks.assign(&config, scenario.quirks_mut())?;

@@ -1,6 +1,8 @@
-//! Measured joint torques as text files, one reading per line: input of the fit of torque curves.
+//! Measured joint torques as text files, one reading per line: input of the fits of torque curves and friction.
 
 mod curve;
 mod readings;
+mod sweep;
 
 pub use crate::torque_data::curve::{Measured, TorqueData};
+pub use crate::torque_data::sweep::{SweepData, SweepReading, Swept};

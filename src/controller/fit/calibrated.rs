@@ -151,7 +151,7 @@ impl Calibrated {
             branch_up,
             branch_down,
             samples: all.len(),
-            outliers: selection.outliers(),
+            outliers: outliers(&all, &selection.is_kept, dry.friction, &curve),
             unevenness,
             curve,
         })
@@ -168,6 +168,22 @@ impl Calibrated {
         let misses: Vec<f64> = within.map(|s| s.per_mille - curve.at(s.torque)).collect();
         (!misses.is_empty()).then(|| rms(&DVector::from_vec(misses)))
     }
+}
+
+/// Returns the samples that are not kept, with their distances from where the curve has their targets.
+fn outliers(
+    samples: &[Sample],
+    is_kept: &[bool],
+    friction: f64,
+    curve: &TorqueCurve,
+) -> Vec<Outlier> {
+    let all = samples.iter().zip(is_kept).enumerate();
+    let left_out = all.filter(|(_, (_, is_kept))| !**is_kept);
+    let outliers = left_out.map(|(place, (sample, _))| {
+        let distance = dry::shifted(sample, friction).torque - curve.torque(sample.per_mille);
+        Outlier { place, distance }
+    });
+    outliers.collect()
 }
 
 /// Returns the fit without friction if its friction is below zero by noise alone.

@@ -14,14 +14,18 @@
 //! | `robust`       | readings that belong to no curve                                 |
 //! | `uneven`       | an offset of the load cell, or sides of different strength       |
 //! | [`doubt`]      | when a fitted curve is not accepted                              |
+//! | [`sweep`]      | Coulomb and viscous friction from torques at constant velocities |
+//! | [`posture`]    | gravity from held postures                                       |
 
 mod calibrated;
 pub mod doubt;
 mod dry;
 mod polynomial;
+pub mod posture;
 mod robust;
 mod sample;
 mod selection;
+pub mod sweep;
 mod uneven;
 
 pub use crate::fit::calibrated::{Calibrated, DryFriction, NotCalibrated};

@@ -32,10 +32,10 @@ pub(super) fn least_absolute(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVect
     Some(unknowns)
 }
 
-/// Returns which distances are those of a fit; at least `resolution` always is.
+/// Returns which distances are those of a fit. Numbers in steps of `resolution` have no deviation below half a step.
 pub(super) fn inliers(distances: &[f64], resolution: f64) -> Vec<bool> {
     let mad = median(distances.iter().map(|distance| distance.abs()));
-    let limit = (DEVIATIONS * mad).max(resolution);
+    let limit = DEVIATIONS * mad.max(resolution / 2.0);
     distances.iter().map(|distance| distance.abs() <= limit).collect()
 }
 
@@ -77,7 +77,7 @@ mod tests {
         let unknowns = least_absolute(&a, &b).unwrap();
         assert!((unknowns[1] - 0.5).abs() < 2e-3 && (unknowns[0] - 2.0).abs() < 0.02, "{unknowns}");
         let distances: Vec<f64> = (b - a * unknowns).iter().copied().collect();
-        let kept = inliers(&distances, 0.05);
+        let kept = inliers(&distances, 0.02);
         assert!(kept.iter().enumerate().all(|(row, is_kept)| *is_kept != row.is_multiple_of(3)));
     }
 }

@@ -8,15 +8,15 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::fit::dry::Dry;
 use crate::fit::robust::{self, chosen};
-use crate::fit::sample::{Outlier, Sample};
+use crate::fit::sample::Sample;
 use crate::fit::uneven::Sides;
 
 /// Powers of the target in the first look: a curve, its inverse, and sides that differ.
 const POWERS: i32 = 8;
 /// Comparisons of all readings with the curve of the kept ones.
 const ROUNDS: u32 = 12;
-/// Distance that the first look forgives, relative to the largest reading: so near, none draws the curve to itself.
-const FORGIVEN: f64 = 0.05;
+/// Deviation that the first look forgives, relative to the largest reading: so near, none draws the curve to itself.
+const FORGIVEN: f64 = 0.02;
 /// Resolution of a target in ‰: it is a whole number.
 const RESOLUTION: f64 = 1.0;
 /// Smallest slope that turns a distance in ‰ into one in N·m, relative to that of the whole curve.
@@ -27,16 +27,6 @@ pub(super) struct Selection {
     pub(super) dry: Dry,
     /// A flag per reading.
     pub(super) is_kept: Vec<bool>,
-    /// Distance of each reading from the curve, in N·m.
-    distances: Vec<f64>,
-}
-
-impl Selection {
-    pub(super) fn outliers(&self) -> Vec<Outlier> {
-        let readings = self.distances.iter().zip(&self.is_kept).enumerate();
-        let outliers = readings.filter(|(_, (_, is_kept))| !**is_kept);
-        outliers.map(|(place, (distance, _))| Outlier { place, distance: *distance }).collect()
-    }
 }
 
 /// Fits curve and friction to all readings but outliers; `None` if they do not determine them.
@@ -61,7 +51,7 @@ fn settle(samples: &[Sample], first: Vec<bool>) -> Option<Selection> {
         let next = robust::inliers(&distances, resolution);
         rounds += 1;
         if next == is_kept || rounds == ROUNDS {
-            return Some(Selection { dry, is_kept, distances });
+            return Some(Selection { dry, is_kept });
         }
         is_kept = next;
     }

@@ -191,3 +191,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn outlier_is_reported_with_its_distance_and_changes_nothing() {
+    let clean = sweep(40, FRICTION, || 0.0);
+    for (place, slip) in [(7, 1.5), (30, 3.0), (60, -0.5)] {
+        let mut samples = clean.clone();
+        samples[place].torque += slip;
+        let calibrated = Calibrated::fit(&samples).unwrap();
+        let [outlier] = calibrated.outliers[..] else { panic!("{:?}", calibrated.outliers) };
+        assert_eq!(outlier.place, place);
+        assert!((outlier.distance - slip).abs() < 1e-6, "{outlier:?}");
+        for (found, coefficient) in calibrated.both.coefficients.into_iter().zip(CURVE) {
+            assert!((found / coefficient - 1.0).abs() < 1e-9);
+        }
+        assert_eq!(calibrated.doubts(), []);
+    }
+}

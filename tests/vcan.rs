@@ -45,9 +45,12 @@ fn ten_seconds_of_teleoperation_miss_no_sample() {
     let text = fs::read_to_string(CONFIG).unwrap();
     let (_, passivity) = text.split_once("[controller.passivity]").unwrap();
     let (passivity, _) = passivity.split_once("\n[").unwrap();
+    let (_, friction) = text.split_once("[controller.friction]").unwrap();
+    let (friction, _) = friction.split_once("\n[").unwrap();
     let config = scratch.variant(
         CONFIG,
         &[
+            (&format!("[controller.friction]{friction}"), ""),
             (&format!("[controller.passivity]{passivity}"), ""),
             // The task and the arm's weight alone, so that the test can compute the torques itself.
             ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),

@@ -19,7 +19,7 @@ struct Cycle {
 }
 
 /// Checks every settled cycle in contact: each target torque is that of `g(q) + Jᵀ K_T F` within rounding, 0.5 ‰.
-/// Return to centre, damping and the passivity layer must be off. Returns the number of cycles compared.
+/// Return to centre, damping, friction compensation and the passivity layer must be off. Returns the number of cycles compared.
 pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Arm) -> u32 {
     let mut compared = 0;
     let mut engaged_for = 0;

@@ -3,7 +3,8 @@
 //! The verdict is absolute: it looks at what the hand goes through, not at what the layer saves.
 //!
 //! - A loop is *active* if contact drives the hand with more than `MAX_PASSIVE_ENERGY`. Below, it settles by itself: the
-//!   swings of an impact that decay stay under 0.1 J (kraft_like on 20 kN/m: 85 mJ), a limit cycle gives joules.
+//!   swings of an impact that decay stay under 0.1 J (kraft_like on 20 kN/m, without friction compensation: 85 mJ), a
+//!   limit cycle gives joules.
 //! - A contact is *calm* if it drives the hand with at most `MAX_CALM_ENERGY`, the `max_energy_j` of the shipped layers, or
 //!   if it is not active and the hand reverses at most `MAX_CALM_REVERSALS` times: three swings after the impact.
 

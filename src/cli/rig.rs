@@ -112,9 +112,8 @@ fn friction(
     let settings = FrictionRigSettings {
         actuator: world::actuator(&joint.plant.actuator),
         joint: place,
-        range: joint.plant.link.range,
+        resistance: world::resistance(&joint.plant),
         start: world::start(&plant),
-        friction: [joint.plant.friction.coulomb, joint.plant.friction.viscous],
     };
     let rig = FrictionRig::new(world::arm(&plant), settings, seed);
     let is_linear = joint.plant.link.kind == JointKind::Prismatic;

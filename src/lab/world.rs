@@ -46,14 +46,19 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     let switches = &config.switches;
     let dictionary = dictionary(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
-    let resistance = plant.joints.each_ref().map(|joint| Resistance {
+    let resistance = plant.joints.each_ref().map(resistance);
+    let moving = plant::Plant::new(arm(&plant), resistance, start(&plant));
+    World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))
+}
+
+/// Returns friction and end stops of a joint, as the simulation computes them.
+pub const fn resistance(joint: &JointPlant) -> Resistance {
+    Resistance {
         coulomb: joint.friction.coulomb,
         stiction: joint.drivetrain.stiction,
         viscous: joint.friction.viscous,
         range: joint.link.range,
-    });
-    let moving = plant::Plant::new(arm(&plant), resistance, start(&plant));
-    World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))
+    }
 }
 
 /// Returns the dictionary of a drive, whose position unit is an increment of its encoder.

@@ -4,11 +4,12 @@
 //! Not on a bus, and nothing accelerates, so the motor balances gravity and friction alone:
 //!
 //! ```text
-//!  torque = gravity(q) + s coulomb + viscous velocity      s: +1 up, -1 down; before a hold, the direction it came from
+//!  torque = gravity(q) + s dry(velocity) + viscous velocity      s: +1 up, -1 down; where held, the side it came from
 //! ```
 
 use crate::actuator::{ActuatorSettings, TorqueCurve};
 use crate::arm::{Arm, Joints};
+use crate::plant::Resistance;
 use crate::random::SplitMix;
 
 /// Part of the range in the middle of which the joint moves.
@@ -31,12 +32,10 @@ pub struct FrictionRigSettings {
     pub actuator: ActuatorSettings,
     /// Place of the joint, from 0.
     pub joint: usize,
-    /// Lowest and highest position of the joint, in rad or m.
-    pub range: [f64; 2],
+    /// Its friction, of which the seed changes the Coulomb and the viscous part, and its range.
+    pub resistance: Resistance,
     /// Positions of all joints, of which only the one moves, in rad or m.
     pub start: Joints,
-    /// Coulomb friction in N·m or N, and viscous friction in N·m·s/rad or N·s/m; the seed changes both.
-    pub friction: [f64; 2],
 }
 
 /// One reading.
@@ -58,8 +57,7 @@ pub struct FrictionRig {
     arm: Arm,
     settings: FrictionRigSettings,
     curve: TorqueCurve,
-    coulomb: f64,
-    viscous: f64,
+    resistance: Resistance,
     random: SplitMix,
 }
 
@@ -67,17 +65,24 @@ impl FrictionRig {
     /// Creates a joint of `arm` whose friction the seed makes 10 to 30 % larger or smaller than in `settings`.
     pub fn new(arm: Arm, settings: FrictionRigSettings, seed: u64) -> Self {
         let mut random = SplitMix::new(seed);
-        let [coulomb, viscous] = settings.friction.map(|configured| {
+        let configured = settings.resistance;
+        let [coulomb, viscous] = [configured.coulomb, configured.viscous].map(|configured| {
             let amount = 0.1 + 0.2 * random.unit();
             configured * if random.unit() < 0.5 { 1.0 - amount } else { 1.0 + amount }
         });
         let curve = TorqueCurve::new(&settings.actuator);
-        Self { arm, settings, curve, coulomb, viscous, random }
+        Self {
+            arm,
+            settings,
+            curve,
+            resistance: Resistance { coulomb, viscous, ..configured },
+            random,
+        }
     }
 
     /// Returns Coulomb and viscous friction: the result expected of a fit.
     pub const fn friction(&self) -> [f64; 2] {
-        [self.coulomb, self.viscous]
+        [self.resistance.coulomb, self.resistance.viscous]
     }
 
     /// Returns the standard deviation of the torque, in N·m or N.
@@ -88,7 +93,7 @@ impl FrictionRig {
     /// Sweeps at each speed up and down, then holds postures from both sides. Places where the motor is too weak are
     /// left out.
     pub fn measure(mut self) -> Vec<SlowReading> {
-        let [low, high] = self.settings.range;
+        let [low, high] = self.resistance.range;
         let fastest = PART * (high - low) / FASTEST;
         let speeds = SPEEDS.map(|part| part * fastest);
         let moving =
@@ -111,7 +116,8 @@ impl FrictionRig {
         let mut q = self.settings.start;
         *q.get_mut(self.settings.joint)? = position;
         let gravity = *self.arm.gravity(&self.arm.posture(&q)).get(self.settings.joint)?;
-        let torque = gravity + direction * (self.coulomb + self.viscous * speed);
+        let friction = self.resistance.dry(speed) + self.resistance.viscous * speed;
+        let torque = gravity + direction * friction;
         let torque = torque + self.noise() * self.random.normal();
         let is_able = torque.abs() < self.settings.actuator.max_torque;
         is_able.then(|| SlowReading {
@@ -141,7 +147,7 @@ mod tests {
     use crate::arm::{ArmSettings, LinkSettings};
 
     /// The last of six joints lifts 1 kg on an arm of 0.1 m; the others do nothing.
-    fn rig(seed: u64) -> FrictionRig {
+    fn rig(seed: u64, stiction: f64) -> FrictionRig {
         let link = LinkSettings {
             is_prismatic: false,
             alpha: 0.0,
@@ -166,9 +172,8 @@ mod tests {
                 max_torque: 6.0,
             },
             joint: 5,
-            range: [-1.0, 1.0],
+            resistance: Resistance { coulomb: 0.06, stiction, viscous: 0.024, range: [-1.0, 1.0] },
             start: Joints::zeros(),
-            friction: [0.06, 0.024],
         };
         FrictionRig::new(
             Arm::new(ArmSettings { links, x_6_g: Isometry3::identity(), gravity }),
@@ -180,7 +185,7 @@ mod tests {
     #[test]
     fn readings_balance_gravity_and_friction() {
         for seed in 0..20 {
-            let rig = rig(seed);
+            let rig = rig(seed, 0.0);
             let [coulomb, viscous] = rig.friction();
             assert!((0.09..=0.31).contains(&(coulomb / 0.06 - 1.0).abs()), "{coulomb}");
             assert!((0.09..=0.31).contains(&(viscous / 0.024 - 1.0).abs()), "{viscous}");
@@ -201,8 +206,11 @@ mod tests {
 
     #[test]
     fn held_postures_are_reached_from_both_sides() {
-        let held: Vec<SlowReading> =
-            rig(1).measure().into_iter().filter(|reading| reading.velocity.abs() <= 0.0).collect();
+        let held: Vec<SlowReading> = rig(1, 0.0)
+            .measure()
+            .into_iter()
+            .filter(|reading| reading.velocity.abs() <= 0.0)
+            .collect();
         let (up, down): (Vec<&SlowReading>, Vec<_>) = held.iter().partition(|r| r.is_rising);
         for reading in up {
             assert!(down.iter().any(|other| (other.q - reading.q).amax() < 1e-9));
@@ -210,8 +218,21 @@ mod tests {
     }
 
     #[test]
+    fn static_friction_holds_more_than_moves() {
+        let torque = |stiction: f64, velocity: f64| {
+            let rig = rig(1, stiction);
+            let found = rig.measure().into_iter().filter(|r| (r.velocity - velocity).abs() < 1e-9);
+            let first = found.into_iter().find(|reading| reading.is_rising).unwrap();
+            rig.curve.torque(f64::from(first.per_mille))
+        };
+        // A target of 1 ‰ is 0.0075 N·m.
+        assert!((torque(0.1, 0.0) - torque(0.0, 0.0) - 0.1).abs() < 0.008);
+        assert!((torque(0.1, 0.8) - torque(0.0, 0.8)).abs() < 1e-9);
+    }
+
+    #[test]
     fn seed_determines_the_readings() {
-        assert_eq!(rig(3).measure(), rig(3).measure());
-        assert_ne!(rig(3).measure(), rig(4).measure());
+        assert_eq!(rig(3, 0.0).measure(), rig(3, 0.0).measure());
+        assert_ne!(rig(3, 0.0).measure(), rig(4, 0.0).measure());
     }
 }

@@ -64,9 +64,8 @@ fn friction_of_simulated_sweeps_is_found_as_well_as_stated() {
             let settings = FrictionRigSettings {
                 actuator: world::actuator(&joint.plant.actuator),
                 joint: place,
-                range: joint.plant.link.range,
+                resistance: world::resistance(&joint.plant),
                 start: world::start(&plant),
-                friction: [joint.plant.friction.coulomb, joint.plant.friction.viscous],
             };
             for seed in 0..SEEDS {
                 let rig = FrictionRig::new(world::arm(&plant), settings, seed);

@@ -313,3 +313,36 @@ fn sweeps_hide_the_friction_and_repeat_with_the_seed() {
     assert_eq!(frhc(&both).code, 2);
     assert_eq!(frhc(&["sim", "--config", KRAFT, "--reveal"]).code, 2);
 }
+
+#[test]
+fn static_friction_at_slow_speeds_is_seen_as_falling() {
+    let path = folder("calib_friction", "stiction").join("sweep.csv");
+    let text = fs::read_to_string(KRAFT)
+        .unwrap()
+        .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));
+    let (before, joint) = text.split_once("start_deg = 0.0").unwrap();
+    let stiff = format!("{before}simulated = {{ stiction_nm = 0.2 }}\nstart_deg = 0.0{joint}");
+    let config = path.with_file_name("stiff.toml");
+    fs::write(&config, stiff).unwrap();
+    let config = config.to_str().unwrap();
+    let out = path.to_str().unwrap();
+    let sim = frhc(&["sim", "--config", config, "--calibrate-friction", "azimuth", "--out", out]);
+    assert_eq!(sim.code, 0, "{}", sim.stderr);
+    // The slowest speed is 0.098 rad/s: exp(-(0.098 / 0.05)²) of the excess is 0.004 N·m, and at rest all of it is there.
+    let ended = fit(&path, KRAFT, &[]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let at_rest = ended.stdout.split("friction at rest ").nth(1).unwrap();
+    let at_rest: f64 = at_rest.split(' ').next().unwrap().parse().unwrap();
+    assert!(at_rest > 0.22, "{at_rest}");
+    // Ten times slower, friction falls along the sweep.
+    change(&path, |_, mut fields| {
+        let v = number(&fields[1]) / 10.0;
+        let excess = if v == 0.0 { 0.0 } else { 0.2 * (-(v / 0.05_f64).powi(2)).exp() };
+        fields[1] = v.to_string();
+        fields[2] = (number(&fields[2]) + 133.0 * excess * v.signum()).round().to_string();
+        Some(fields)
+    });
+    let ended = fit(&path, KRAFT, &[]);
+    assert_eq!(ended.code, 1, "{}", ended.stdout);
+    assert!(ended.stderr.contains("falls with speed"), "{}", ended.stderr);
+}

@@ -29,7 +29,7 @@ impl Resistance {
     }
 
     /// Returns the dry friction at velocity `qd`: `f_c + f_s exp(-(qd/v_s)²)`.
-    fn dry(&self, qd: f64) -> f64 {
+    pub(crate) fn dry(&self, qd: f64) -> f64 {
         self.coulomb + self.stiction * (-(qd / STRIBECK_SPEED).powi(2)).exp()
     }
 

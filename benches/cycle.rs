@@ -54,7 +54,7 @@ fn main() {
     let steps: Option<usize> = steps.and_then(|steps| steps.parse().ok());
     let text = TEXT.replacen("[remote]\n", MORE, 1).replacen(
         "torque_rise_s",
-        "velocity_filter_s = 0.005\ncontact_fade_n = 20.0\ntorque_rise_s",
+        "velocity_filter_s = 0.005\ntorque_rise_s",
         1,
     );
     let config = Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap();

@@ -5,7 +5,9 @@ use crate::common::bench::{config, scenario};
 use config::Config;
 use lab::bench::Bench;
 use lab::comparison::{self, Comparison, Verdict};
+use lab::fidelity::truth::Truth;
 use remote::site::Virtual;
+use telemetry::fidelity::{Fidelity, Judged};
 use telemetry::summary::Summary;
 
 /// Plays the scenario to the end.
@@ -13,9 +15,13 @@ fn played(config: &Config) -> Summary {
     let mut bench = Bench::new(config, scenario("stiff-wall"), 1, false, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
+    let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
     while bench.elapsed().as_secs_f64() < 16.0 {
-        summary.add(&bench.cycle());
+        let record = bench.cycle();
+        summary.add(&record);
+        at_hand.add(truth.sample(&bench, &record).as_ref());
     }
+    summary.fidelity = at_hand.report();
     summary
 }
 

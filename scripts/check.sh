@@ -25,6 +25,7 @@ must_not_depend frhc $bench frhc-sealed-link snow -- --no-default-features
 must_not_depend frhc-sim frhc-controller frhc-robot frhc-remote
 
 scripts/prose.sh
+scripts/drive_eds.py --check
 cargo fmt --all -- --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo clippy --test vcan --test vcan_faults --locked -- -D warnings

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use canopen_rs::Value;
 use thiserror::Error;
 
+use canopen::NodeId;
 use canopen::concise::Download;
 use canopen::data_type;
-use canopen::eds::{Commissioning, Eds, value};
+use canopen::eds::{Commissioning, Eds, OutsideLimits, value};
 use canopen::object::Object;
 use canopen::plan::{NodePlan, Setting};
 use canopen::sdo::bytes;
@@ -31,17 +32,8 @@ pub enum DcfError {
         described: &'static str,
     },
     /// A value is out of range.
-    #[error("{object} must be within {low}..={high} of the EDS, got {value}")]
-    OutOfRange {
-        /// Object.
-        object: Object,
-        /// Planned value.
-        value: i128,
-        /// Low limit.
-        low: i128,
-        /// High limit.
-        high: i128,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutsideLimits),
 }
 
 /// Writes the DCF of the device at `plan.node` for a file `file_name`. Dates are those of the EDS, so that one plan
@@ -75,7 +67,7 @@ pub fn write(
     set("CANopenManager", Some(u8::from(commissioning.is_manager).to_string()));
     set("LSS_SerialNumber", commissioning.serial.map(|serial| format!("0x{serial:08X}")));
     for (object, content) in settings(eds, plan)? {
-        sheet.set_value(object, &text(eds, object, &content)?, eds.objects());
+        sheet.set_value(object, &text(eds, plan.node, object, &content)?, eds.objects());
     }
     Ok(sheet.write())
 }
@@ -108,7 +100,7 @@ fn settings(eds: &Eds, plan: &NodePlan) -> Result<BTreeMap<Object, Vec<u8>>, Dcf
 }
 
 /// Formats a value by the data type of the EDS.
-fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
+fn text(eds: &Eds, node: NodeId, object: Object, content: &[u8]) -> Result<String, DcfError> {
     let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
     let planned = content.len();
     let data_type = data_type::of(described.data_type);
@@ -116,22 +108,13 @@ fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
         data_type.ok_or(DcfError::Length { object, planned, described: "of an unknown type" })?;
     let wrong = DcfError::Length { object, planned, described: data_type.name };
     let text = value::text(content, &data_type).ok_or(wrong)?;
-    if let Some(range) = data_type.range()
-        && let Ok(number) = value::number(&text, &data_type)
-    {
-        let low = described.low.unwrap_or(*range.start());
-        let high = described.high.unwrap_or(*range.end());
-        if !(low..=high).contains(&number.value) {
-            return Err(DcfError::OutOfRange { object, value: number.value, low, high });
-        }
-    }
+    described.check_content(content, node)?;
     Ok(text)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::NodeId;
     use canopen::testing::plans::{elbow, switch_box};
 
     const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");

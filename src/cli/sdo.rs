@@ -126,7 +126,7 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
         Task::Write { value, verify, force, .. } => {
             let (data_type, text) = parse_type(value, described_type)?;
             let value = parse_value(data_type, text)?;
-            check_limits(text, &value, described)?;
+            check_limits(text, &value, described, place.node)?;
             let bytes = data_type.encode(&value);
             if bytes.len() > MAX_BYTES {
                 let reason =
@@ -211,10 +211,16 @@ fn parse_value(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
 }
 
 /// Checks the value against the limits of the EDS, if it has any.
-fn check_limits(text: &str, value: &Value, described: Option<&Described>) -> Result<(), Failure> {
+fn check_limits(
+    text: &str,
+    value: &Value,
+    described: Option<&Described>,
+    node: NodeId,
+) -> Result<(), Failure> {
     let (Value::Whole(number), Some(object)) = (value, described) else { return Ok(()) };
-    let low = object.low.map_or(i128::MIN, i128::from);
-    let high = object.high.map_or(i128::MAX, i128::from);
+    let has_limits = object.low.is_some() || object.high.is_some();
+    let Some(limits) = object.limits(node).filter(|_| has_limits) else { return Ok(()) };
+    let (low, high) = limits.into_inner();
     let name = || format!("{} ({})", object.object, object.name);
     value::within(text, *number, low, high).with_context(name).or_fail(Kind::Usage).map(|_| ())
 }

@@ -73,9 +73,9 @@ fn file_of_a_windows_editor_is_parsed() {
     assert_eq!((firmware.data_type, firmware.flags), (0xF, 3));
     assert_eq!(firmware.setting.download_file.as_deref(), Some("C:\\new\\firmware.bin"));
     let offset = object(&eds, 0x2005, 0);
-    assert_eq!((offset.low, offset.high), (Some(-0x8000_0000), Some(0x7FFF_FFFF)));
+    assert_eq!(offset.limits(node(3)), Some(-0x8000_0000..=0x7FFF_FFFF));
     let torque = object(&eds, 0x6071, 0);
-    assert_eq!((torque.low, torque.high), (Some(-1_000), Some(1_000)));
+    assert_eq!(torque.limits(node(3)), Some(-1_000..=1_000));
     let rpdo = eds.pdo(Direction::Receive, 1).unwrap();
     assert_eq!((rpdo.can_move, rpdo.can_map, rpdo.max_entries), (false, true, 2));
     assert_eq!(count(WINDOWS).0, 0, "warnings only");

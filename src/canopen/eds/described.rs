@@ -84,9 +84,9 @@ pub struct Described {
     /// Default value as a number, for integer types.
     pub number: Option<Number>,
     /// Low limit, if it is a value of the type.
-    pub low: Option<i128>,
+    pub low: Option<Number>,
     /// High limit, if it is a value of the type.
-    pub high: Option<i128>,
+    pub high: Option<Number>,
     /// Set if it can be mapped into a PDO.
     pub is_mappable: bool,
     /// `ObjFlags`: bit 0, not written when a configuration is downloaded; bit 1, not read when a device is

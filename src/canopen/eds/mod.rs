@@ -8,6 +8,7 @@ mod described;
 mod device;
 mod ini;
 mod keys;
+mod limits;
 mod lint;
 mod objects;
 mod pdo;
@@ -19,6 +20,7 @@ pub mod value;
 
 pub use described::{Access, Described, Setting};
 pub use device::{Commissioning, DeviceInfo};
+pub use limits::OutsideLimits;
 pub use lint::{Finding, Severity};
 pub use pdo::PdoAbility;
 pub(crate) use sheet::Sheet;

@@ -53,7 +53,7 @@ impl Eds {
         let described =
             (1..=64).filter(|sub| self.object(Object { sub: *sub, ..mapping }).is_some());
         let described = u8::try_from(described.count()).unwrap_or(u8::MAX);
-        let high = self.object(mapping).and_then(|count| count.high);
+        let high = self.object(mapping).and_then(|count| count.high).map(|high| high.value);
         high.and_then(|high| u8::try_from(high).ok()).map_or(described, |high| high.min(described))
     }
 }

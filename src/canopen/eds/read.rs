@@ -33,10 +33,6 @@ pub(super) fn unsigned<T: TryFrom<i128>>(section: &Section<'_>, key: &str) -> Op
 pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Described {
     let number = data_type(ini, section);
     let data_type = data_type::of(number);
-    let limit = |key| {
-        let limit = value::number(section.value(key)?.word(), data_type.as_ref()?).ok()?;
-        (!limit.plus_node_id).then_some(limit.value)
-    };
     let default = section.value("DefaultValue");
     let as_number = |entry: &Entry<'_>| value::number(entry.word(), data_type.as_ref()?).ok();
     let access = section.value("AccessType").and_then(|entry| Access::read(entry.word()));
@@ -47,8 +43,8 @@ pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Descr
         access: access.unwrap_or(Access::ReadOnly),
         default: default.map(|entry| text_of(entry, data_type)).unwrap_or_default(),
         number: default.and_then(as_number),
-        low: limit("LowLimit"),
-        high: limit("HighLimit"),
+        low: section.value("LowLimit").and_then(as_number),
+        high: section.value("HighLimit").and_then(as_number),
         is_mappable: section.value("PDOMapping").is_some_and(|entry| is_set(entry.word())),
         flags: unsigned(section, "ObjFlags").unwrap_or(0),
         setting: setting(section, data_type),

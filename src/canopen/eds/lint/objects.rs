@@ -6,7 +6,7 @@ use crate::eds::described::{Access, Described};
 use crate::eds::ini::{Entry, Section};
 use crate::eds::lint::{Lint, Spot};
 use crate::eds::title::Title;
-use crate::eds::value::{self, NoValue};
+use crate::eds::value::{self, NoValue, Number};
 use crate::eds::{compact, read};
 use crate::object::Object;
 
@@ -134,7 +134,9 @@ fn values(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described, dat
             lint.error(spot, format_args!("{}: {reason}; not used", entry.word()));
         }
     }
-    if let (Some(low), Some(high)) = (described.low, described.high)
+    // Limits with the node-id on one side alone are compared for the first one.
+    let resolved = |limit: Option<Number>| Some(limit?.resolve(NodeId::new(1).ok()?));
+    if let (Some(low), Some(high)) = (resolved(described.low), resolved(described.high))
         && low > high
     {
         let spot = Spot::key(section, "LowLimit");
@@ -175,11 +177,18 @@ fn one_value(
         Err(reason) => lint.error(spot, format_args!("{word}: {reason}")),
     }
     let Ok(number) = value::number(word, data_type) else { return };
-    let (least, most) = if number.plus_node_id { (1, 127) } else { (0, 0) };
-    if let Some(low) = described.low.filter(|low| number.value + least < *low) {
+    // All sums are linear in the node-id: what holds for the first and the last one holds for all.
+    let ends = [1, 127].into_iter().filter_map(|raw| NodeId::new(raw).ok());
+    let exceeds = |limit: Option<Number>, is_beyond: fn(i128, i128) -> bool| {
+        let limit = limit?;
+        let first =
+            ends.clone().find(|node| is_beyond(number.resolve(*node), limit.resolve(*node)));
+        first.map(|node| limit.resolve(node))
+    };
+    if let Some(low) = exceeds(described.low, |value, low| value < low) {
         lint.error(spot, format_args!("{word} is below the LowLimit, {low}"));
     }
-    if let Some(high) = described.high.filter(|high| number.value + most > *high) {
+    if let Some(high) = exceeds(described.high, |value, high| value > high) {
         lint.error(spot, format_args!("{word} is above the HighLimit, {high}"));
     }
 }

@@ -3,7 +3,6 @@
 //! [`steps`](crate::master::steps) derives the boot steps and their order from it;
 //! [`commission`](crate::master::commission) runs them.
 
-use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::{ByteString, NodeId, Value};
@@ -48,31 +47,6 @@ pub enum Revisions {
     /// The planned revision and later minor ones of the same major revision, which behave the same and may
     /// do more (CiA 301, 7.5.2.19).
     Compatible,
-}
-
-/// Required access to an object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Demand {
-    /// Writable by SDO.
-    Write,
-    /// Mappable into a TPDO.
-    Transmit,
-    /// Mappable into an RPDO.
-    Receive,
-    /// Dummy mapping in an RPDO: skips as many bits as this data type has.
-    Skip,
-}
-
-/// `cannot be …`
-impl fmt::Display for Demand {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Write => "written",
-            Self::Transmit => "mapped into a TPDO",
-            Self::Receive => "mapped into an RPDO",
-            Self::Skip => "mapped into an RPDO as a dummy",
-        })
-    }
 }
 
 /// Mutual monitoring of master and node by heartbeats.
@@ -280,26 +254,15 @@ impl NodePlan {
         self.profile == PROFILE_DRIVE
     }
 
-    /// Required access to each object, for the whole plan to succeed.
-    pub fn demands(&self) -> impl Iterator<Item = (Object, Demand)> + '_ {
-        let in_use = self.pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
-        let mapped = in_use.clone().flat_map(|(pdo, service)| {
-            let demand = match pdo.direction {
-                Direction::Receive => Demand::Receive,
-                Direction::Transmit => Demand::Transmit,
-            };
-            service.mapping.iter().map(move |mapped| {
-                (mapped.object, if mapped.object.is_dummy() { Demand::Skip } else { demand })
-            })
-        });
-        let pdos = in_use.flat_map(|(pdo, _)| pdo.writes()).map(|(object, _)| object);
+    /// Objects beside those of the PDOs that must be writable for the whole plan to succeed. What PDOs need is
+    /// [`lacks`](crate::load::lacks)'s.
+    pub fn demands(&self) -> impl Iterator<Item = Object> + '_ {
         let safety = self.safety.iter().map(|(object, _)| *object);
         let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
         let watch = self.watch_settings();
         let watch = watch.into_iter().filter(|setting| !setting.if_present);
         let watch = watch.map(|setting| setting.check.object);
-        let written = pdos.chain(safety).chain(mode).chain(watch);
-        mapped.chain(written.map(|object| (object, Demand::Write)))
+        safety.chain(mode).chain(watch)
     }
 
     /// Settings in the order of their writes: PDOs, emergencies, reactions and limits, error control. The mode
@@ -410,6 +373,6 @@ mod tests {
         assert_eq!(of(Object::PRODUCER_HEARTBEAT), Some(Value::Unsigned16(0)));
         assert_eq!(of(Object::GUARD_TIME), Some(Value::Unsigned16(10)));
         assert_eq!(of(Object::LIFE_TIME_FACTOR), Some(Value::Unsigned8(3)));
-        assert!(guarded_elbow().demands().all(|(o, _)| o != Object::PRODUCER_HEARTBEAT));
+        assert!(guarded_elbow().demands().all(|o| o != Object::PRODUCER_HEARTBEAT));
     }
 }

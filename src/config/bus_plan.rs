@@ -45,7 +45,7 @@ fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec
         let joint = joints.find(|(joint, _)| (joint.channel, joint.node) == (channel, plan.node));
         let eds = joint.map_or(&config.switches.eds, |(joint, _)| &joint.eds);
         Member {
-            abilities: Abilities::of(eds),
+            abilities: Abilities::of(eds, plan.node),
             signals: joint.map(|(_, signals)| *signals).unwrap_or_default(),
             plan,
         }

@@ -38,12 +38,19 @@ pub enum Layout {
 }
 
 impl Layout {
-    fn called(name: &str) -> Option<Self> {
-        match name {
-            "per-drive" => Some(Self::PerDrive),
-            "grouped" => Some(Self::Grouped),
-            _ => None,
+    /// All layouts.
+    pub(super) const ALL: [Self; 2] = [Self::PerDrive, Self::Grouped];
+
+    /// Name in the configuration.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PerDrive => "per-drive",
+            Self::Grouped => "grouped",
         }
+    }
+
+    fn called(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|layout| layout.name() == name)
     }
 }
 

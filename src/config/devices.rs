@@ -1,16 +1,15 @@
 //! Checks of the devices that no single section allows: node-ids taken twice, devices that are not what their EDS says
-//! or cannot do what the layout asks.
+//! or lack objects that are to be set in them. [`layouts`] checks their PDOs.
 
 use std::collections::HashSet;
 
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::value::Placed;
-use crate::{plans, raw};
-use canopen::eds::{Described, Eds};
+use crate::{layouts, plans, raw};
+use canopen::eds::Eds;
 use canopen::exchange::{self, Exchange};
-use canopen::object::Object;
-use canopen::plan::{Demand, Identity, NodePlan};
+use canopen::plan::{Identity, NodePlan};
 use units::numbering::Joint;
 
 /// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.
@@ -38,6 +37,7 @@ pub(super) fn check(
     }
     identity(&raw.switches.product_code, &config.switches.eds, &config.switches.identity, problems);
     abilities(&raw.switches.eds, &config.switches.eds, &plans::switches(config), problems);
+    layouts::check(config, raw, problems);
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }
 
@@ -54,23 +54,15 @@ fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Pro
     }
 }
 
-/// The device must have, by its EDS, every object that is to be set in it.
+/// The device must have, by its EDS, every object that is to be set in it, PDOs apart.
 fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
-    for (object, demand) in plan.demands() {
-        if eds.object(object).is_none() && demand != Demand::Skip {
-            problems.add(at, format_args!("{}: {object} is not in its EDS", plan.name));
-        } else if !is_able(eds, object, demand) {
-            problems.add(at, format_args!("{}: {object} cannot be {demand}", plan.name));
+    for object in plan.demands() {
+        match eds.object(object) {
+            None => problems.add(at, format_args!("{}: {object} is not in its EDS", plan.name)),
+            Some(described) if !described.access.is_writable() => {
+                problems.add(at, format_args!("{}: {object} cannot be written", plan.name));
+            }
+            Some(_) => {}
         }
-    }
-}
-
-fn is_able(eds: &Eds, object: Object, demand: Demand) -> bool {
-    let can = |is: fn(&Described) -> bool| eds.object(object).is_some_and(is);
-    match demand {
-        Demand::Write => can(|described| described.access.is_writable()),
-        Demand::Transmit => can(|described| described.is_mappable && described.access.is_input()),
-        Demand::Receive => can(|described| described.is_mappable && described.access.is_output()),
-        Demand::Skip => eds.dummy(object.index),
     }
 }

@@ -116,18 +116,29 @@ impl ForceCap {
     /// # Errors
     /// When the hand would exceed [`MAX_RUNAWAY_SPEED`]; with the maximum sum of forces.
     pub fn check(&self, reaction_time: Duration) -> Result<(), ForceAboveCap> {
-        let Self { forces, damping, max_speed, effective_mass: mass } = *self;
+        let Self { forces, damping, effective_mass: mass, .. } = *self;
         let seconds = reaction_time.as_secs_f64();
-        let reversed = max_speed * (damping * seconds / mass - 1.0).max(0.0);
+        let reversed = self.reversed(reaction_time);
         let speed = forces.total() * seconds / mass + reversed;
         // NaN allows nothing.
         if mass > 0.0 && speed <= MAX_RUNAWAY_SPEED {
             return Ok(());
         }
-        let left = (MAX_RUNAWAY_SPEED - reversed).max(0.0);
-        let max_force = (left * mass / seconds * 10.0).floor() / 10.0;
+        let max_force = self.max_force(reaction_time);
         let damping = (reversed > 0.0).then_some(damping);
         Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force })
+    }
+
+    /// Returns the maximum sum of forces with a time until drives stop by themselves, in N, rounded down to a tenth.
+    pub fn max_force(&self, reaction_time: Duration) -> f64 {
+        let left = (MAX_RUNAWAY_SPEED - self.reversed(reaction_time)).max(0.0);
+        (left * self.effective_mass / reaction_time.as_secs_f64() * 10.0).floor() / 10.0
+    }
+
+    /// Returns the speed that dampers which reverse the motion add, in m/s.
+    fn reversed(&self, reaction_time: Duration) -> f64 {
+        let turned = self.damping * reaction_time.as_secs_f64() / self.effective_mass;
+        self.max_speed * (turned - 1.0).max(0.0)
     }
 }
 

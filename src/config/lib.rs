@@ -28,6 +28,7 @@ mod gain_check;
 mod interpretation;
 mod joint_plant;
 mod joints;
+mod layouts;
 mod loads;
 mod lookup;
 mod names;

@@ -77,13 +77,7 @@ const WEAK: f64 = 5.0;
 
 /// Refuses forces above the maximum even if every drive stops as configured.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
-    let plans = config.node_plans();
-    let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
-    let reaction_time = if config.safety.protection.proves_drives {
-        drives.map(longest).max().unwrap_or(UNPROVEN_REACTION_TIME)
-    } else {
-        UNPROVEN_REACTION_TIME
-    };
+    let reaction_time = reaction_time(config);
     let cap = config.force_cap();
     let given = &raw.controller;
     let place = match (cap.forces.largest(), &given.soft_stops) {
@@ -93,6 +87,17 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         (ForceKind::SoftStops, None) => given.place(),
     };
     problems.take(place, cap.check(reaction_time));
+}
+
+/// Maximum time until every drive stops by itself, as configured.
+pub(super) fn reaction_time(config: &Parameters) -> Duration {
+    let plans = config.node_plans();
+    let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
+    if config.safety.protection.proves_drives {
+        drives.map(longest).max().unwrap_or(UNPROVEN_REACTION_TIME)
+    } else {
+        UNPROVEN_REACTION_TIME
+    }
 }
 
 /// Maximum time that a drive goes on without its master, by its plan: the quicker of its timers stops it.

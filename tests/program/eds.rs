@@ -277,6 +277,23 @@ fn findings_have_line_numbers() {
 }
 
 #[test]
+fn dcf_of_a_device_not_commissioned_has_no_errors() {
+    let of = |node: &str, rate: &str| {
+        let section = format!("[DeviceComissioning]\nNodeID={node}\nBaudrate={rate}\n[DummyUsage]");
+        findings("[DummyUsage]", &section)
+    };
+    let blank = of("0", "0");
+    assert_eq!(blank.len(), 2, "{blank:#?}");
+    let reason = ": 0: the device is not commissioned";
+    assert!(
+        blank.iter().all(|it| it.contains(": warning: ") && it.ends_with(reason)),
+        "{blank:#?}"
+    );
+    assert_eq!(of("3", "1000"), [""; 0]);
+    assert!(of("128", "300").iter().all(|finding| finding.contains(": error: ")));
+}
+
+#[test]
 fn sections_of_modules_and_tools_are_accepted() {
     let sections = "[SupportedModules]\nNrOfEntries=1\n[M1ModuleInfo]\n[M1SubExt1027]\n[Tool1]\n";
     let found = findings("[DummyUsage]", &format!("{sections}[Toolbox]\n[DummyUsage]"));

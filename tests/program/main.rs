@@ -11,6 +11,7 @@ mod decode;
 mod eds;
 mod ended;
 mod explain;
+mod layouts;
 mod plan;
 mod readme;
 mod refused;

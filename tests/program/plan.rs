@@ -268,7 +268,7 @@ fn drives_that_cannot_share_an_rpdo_are_named() {
     let file = changed("no-dummy", &[AT_1_KHZ], &[("Dummy0003=1", "Dummy0003=0")]);
     let ended = frhc("plan", &file, &[]);
     assert_eq!(ended.code, Some(3));
-    let reason = "torques cannot be grouped: its EDS has no dummy mapping for 0003h";
+    let reason = "torques cannot be grouped: its EDS lacks dummy mapping of 0003h";
     assert!(ended.out.contains(&format!("joint 3 (elbow): {reason}")), "{}", ended.out);
     assert!(!ended.out.contains("three torques in one RPDO"));
     let ended = frhc("plan", &file, &["--layout", "grouped"]);

@@ -1,66 +1,35 @@
-//! Changes of the layout that a drive's EDS permits.
-//!
-//! A shared RPDO needs three abilities of each drive (CiA 301, 7.4.8): a writable COB-ID, a mapping with room
-//! for the whole group, and INTEGER16 dummies for the slots of other drives, declared in `[DummyUsage]`
-//! (CiA 306).
+//! Changes of a network that a drive's EDS permits.
 
-use std::fmt;
+use canopen_rs::NodeId;
 
 use crate::eds::Eds;
-use crate::layout::{Direction, Group};
+use crate::layout::{self, Group};
+use crate::load::lacks::{self, Lack};
 use crate::object::Object;
-
-/// Reason why a drive cannot take a shared RPDO.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoGroup {
-    /// No INTEGER16 dummy.
-    Dummy,
-    /// The COB-ID is not writable.
-    CobId,
-    /// The mapping is too short.
-    Mapping,
-}
-
-/// Text of the reason.
-impl fmt::Display for NoGroup {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Dummy => {
-                write!(f, "its EDS has no dummy mapping for {}", Object::DUMMY_INTEGER16)
-            }
-            Self::CobId => write!(f, "{} cannot be written", Object::rpdo_communication(1, 1)),
-            Self::Mapping => {
-                write!(f, "{} takes fewer than {} entries", Object::rpdo_mapping(1, 0), Group::SIZE)
-            }
-        }
-    }
-}
 
 /// Changes that a device's EDS permits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Abilities {
-    /// Reasons against a shared RPDO; empty if it is possible.
-    pub no_group: Vec<NoGroup>,
+    /// Parts of the grouped layout that it lacks; empty if it can share an RPDO.
+    pub no_group: Vec<Lack>,
     /// Set if the EMCY COB-ID (1014h) is writable.
     pub moves_emergencies: bool,
 }
 
 impl Abilities {
-    /// Derives the abilities from an EDS.
-    pub fn of(eds: &Eds) -> Self {
-        let rpdo = eds.pdo(Direction::Receive, 1);
-        let mut no_group = Vec::new();
-        if !eds.dummy(Object::DUMMY_INTEGER16.index) {
-            no_group.push(NoGroup::Dummy);
-        }
-        if !rpdo.is_some_and(|rpdo| rpdo.can_move) {
-            no_group.push(NoGroup::CobId);
-        }
-        if rpdo.is_none_or(|rpdo| usize::from(rpdo.max_entries) < Group::SIZE) {
-            no_group.push(NoGroup::Mapping);
-        }
+    /// Derives the abilities of `node` from its EDS.
+    pub fn of(eds: &Eds, node: NodeId) -> Self {
+        let size = u8::try_from(Group::SIZE).unwrap_or(u8::MAX);
+        // The last slot has dummies before it, and every drive of a group the same number of entries.
+        let group = Group { cob_id: layout::rpdo1(node), size, slot: size.saturating_sub(1) };
+        let no_group = lacks::lacks(eds, &layout::grouped(node, 0, group, None));
         let emcy = eds.object(Object::EMCY_COB_ID);
         Self { no_group, moves_emergencies: emcy.is_some_and(|emcy| emcy.access.is_writable()) }
+    }
+
+    /// Returns whether it can have the PDOs of the grouped layout with an RPDO of its own, which needs no dummies.
+    pub fn can_split_states(&self) -> bool {
+        self.no_group.iter().all(|lack| matches!(lack, Lack::Dummy(_) | Lack::Entries { .. }))
     }
 }
 
@@ -72,35 +41,34 @@ mod tests {
 
     fn with(from: &str, to: &str) -> Abilities {
         assert!(DRIVE.contains(from));
-        Abilities::of(&Eds::parse(DRIVE.replace(from, to).as_bytes()).unwrap())
+        let eds = Eds::parse(DRIVE.replace(from, to).as_bytes()).unwrap();
+        Abilities::of(&eds, NodeId::new(3).unwrap())
     }
 
     #[test]
     fn shipped_drive_permits_every_change() {
         let all = Abilities { no_group: Vec::new(), moves_emergencies: true };
         assert_eq!(with("", ""), all);
+        assert!(all.can_split_states());
     }
 
     #[test]
-    fn each_missing_ability_prevents_grouping() {
-        assert_eq!(with("Dummy0003=1", "Dummy0003=0").no_group, [NoGroup::Dummy]);
-        let cob_id =
-            "ParameterName=COB-ID used by RPDO\nObjectType=0x7\nDataType=0x0007\nAccessType=";
-        let fixed = with(&format!("{cob_id}rw"), &format!("{cob_id}ro"));
-        assert_eq!(fixed.no_group, [NoGroup::CobId]);
-        assert_eq!(with("HighLimit=8", "HighLimit=2").no_group, [NoGroup::Mapping]);
+    fn drive_without_dummies_can_split_states() {
+        let abilities = with("Dummy0003=1", "Dummy0003=0");
+        assert_eq!(abilities.no_group, [Lack::Dummy(Object::DUMMY_INTEGER16)]);
+        assert!(abilities.can_split_states());
+    }
+
+    #[test]
+    fn drive_with_two_tpdos_can_do_neither() {
+        let abilities = with("[1802", "[2802");
+        assert_eq!(lacks::listed(&abilities.no_group), "TPDO3 (1802h)");
+        assert!(!abilities.can_split_states());
+    }
+
+    #[test]
+    fn emergencies_stay_where_their_cob_id_is_read_only() {
         let emcy = "ParameterName=COB-ID EMCY\nObjectType=0x7\nDataType=0x0007\nAccessType=";
         assert!(!with(&format!("{emcy}rw"), &format!("{emcy}ro")).moves_emergencies);
-    }
-
-    #[test]
-    fn missing_abilities_are_named() {
-        let all = [NoGroup::Dummy, NoGroup::CobId, NoGroup::Mapping].map(|why| why.to_string());
-        let expected = [
-            "its EDS has no dummy mapping for 0003h",
-            "1400h:1 cannot be written",
-            "1600h takes fewer than 3 entries",
-        ];
-        assert_eq!(all, expected);
     }
 }

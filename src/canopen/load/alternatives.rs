@@ -6,7 +6,7 @@ use canopen_rs::NodeId;
 
 use crate::emcy;
 use crate::layout::{self, Direction, Group, Pdo};
-use crate::load::abilities::NoGroup;
+use crate::load::lacks::Lack;
 use crate::load::network::{Bus, Member, Network};
 use crate::load::utilisation::BusLoad;
 use crate::plan::{ErrorControl, NodePlan};
@@ -57,8 +57,8 @@ impl fmt::Display for Change {
 pub struct Obstacle {
     /// Name of the drive.
     pub drive: String,
-    /// Reason.
-    pub reason: NoGroup,
+    /// Missing parts of the grouped layout, at least one.
+    pub lacks: Vec<Lack>,
 }
 
 /// Applies `changes` to `network` in order; `None` if one is impossible or has no effect.
@@ -69,7 +69,9 @@ pub fn changed(network: &Network, changes: &[Change]) -> Option<Network> {
             Change::Grouped => {
                 obstacles(&network).is_empty().then(|| on_every_bus(&network, grouped))
             }
-            Change::StatesOnChange => Some(on_every_bus(&network, states_on_change)),
+            Change::StatesOnChange => {
+                can_split_states(&network).then(|| on_every_bus(&network, states_on_change))
+            }
             Change::SecondBus => Some(split(&network)),
             Change::Period(period_us) => Some(Network { period_us: *period_us, ..network.clone() }),
             Change::SlowHeartbeats => Some(on_every_bus(&network, slow_heartbeats)),
@@ -83,12 +85,17 @@ pub fn changed(network: &Network, changes: &[Change]) -> Option<Network> {
 pub fn obstacles(network: &Network) -> Vec<Obstacle> {
     let drives =
         network.buses.iter().flat_map(|bus| &bus.members).filter(|member| member.plan.is_drive());
-    let of = |member: &Member| {
-        let name = member.plan.name.clone();
-        let reasons = member.abilities.no_group.clone();
-        reasons.into_iter().map(move |reason| Obstacle { drive: name.clone(), reason })
+    let unable = drives.filter(|member| !member.abilities.no_group.is_empty());
+    let of = |member: &Member| Obstacle {
+        drive: member.plan.name.clone(),
+        lacks: member.abilities.no_group.clone(),
     };
-    drives.flat_map(of).collect()
+    unable.map(of).collect()
+}
+
+fn can_split_states(network: &Network) -> bool {
+    let members = network.buses.iter().flat_map(|bus| &bus.members);
+    members.filter(|member| member.plan.is_drive()).all(|it| it.abilities.can_split_states())
 }
 
 fn on_every_bus(network: &Network, change: fn(&[NodePlan]) -> Vec<NodePlan>) -> Network {
@@ -209,6 +216,7 @@ fn laid_out(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::lacks;
     use crate::load::network::tests::{network, six_drives_and_switches};
     use crate::object::Object;
 
@@ -223,9 +231,9 @@ mod tests {
     #[test]
     fn unable_drive_is_named_and_prevents_grouping() {
         let mut network = overloaded();
-        network.buses[0].members[2].abilities.no_group = vec![NoGroup::Dummy];
+        network.buses[0].members[2].abilities.no_group = vec![Lack::Dummy(Object::DUMMY_INTEGER16)];
         let [obstacle] = &obstacles(&network)[..] else { panic!("one drive cannot") };
-        assert_eq!(obstacle.reason, NoGroup::Dummy);
+        assert_eq!(lacks::listed(&obstacle.lacks), "dummy mapping of 0003h");
         assert_eq!(changed(&network, &[Change::Grouped]), None);
     }
 

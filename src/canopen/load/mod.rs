@@ -12,12 +12,14 @@
 //! | [`timeline`] | schedule of a cycle, and delay from position to torque |
 //! | [`rates`] | maximum SYNC rate |
 //! | [`network`] | all of the above for all buses |
+//! | [`lacks`] | parts of a layout that a drive cannot have, by its EDS |
 //! | [`abilities`] | changes that a drive's EDS permits |
 //! | [`alternatives`] | variants of a network |
 //! | [`proposals`] | variants worth proposing, each computed like the one in use |
 
 pub mod abilities;
 pub mod alternatives;
+pub mod lacks;
 pub mod network;
 pub mod pace;
 pub mod payload;

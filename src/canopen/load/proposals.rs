@@ -85,6 +85,11 @@ fn is_shorter(this: Option<Duration>, that: Option<Duration>) -> bool {
     this.is_some_and(|this| that.is_none_or(|that| this < that))
 }
 
+/// Returns the present period if the network fits, else the shortest usual one above it at which it does.
+pub fn fitting_period(network: &Network, assumed: &Assumptions) -> Option<u32> {
+    if network.fits(assumed) { Some(network.period_us) } else { slower(network, assumed) }
+}
+
 /// Shortest usual period, above the present one, at which the network fits.
 fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
     let longer = PERIODS_US.into_iter().filter(|period_us| *period_us > network.period_us);
@@ -97,8 +102,10 @@ fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::abilities::NoGroup;
+    use crate::load::lacks::Lack;
+    use crate::load::network::Bus;
     use crate::load::network::tests::{network, six_drives_and_switches};
+    use crate::object::Object;
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)
@@ -139,10 +146,23 @@ mod tests {
     #[test]
     fn unable_drives_are_not_grouped() {
         let mut network = overloaded();
-        network.buses[0].members[2].abilities.no_group = vec![NoGroup::Dummy];
+        network.buses[0].members[2].abilities.no_group = vec![Lack::Dummy(Object::DUMMY_INTEGER16)];
         let found = of(&network);
         assert!(found.iter().any(|one| one.fits));
         assert!(found.iter().all(|one| !one.changes.contains(&Change::Grouped)));
+    }
+
+    #[test]
+    fn fitting_period_is_the_present_one_or_the_next_usual() {
+        let at = |period_us| network(six_drives_and_switches(), period_us);
+        let fitting = |network| fitting_period(&network, &Assumptions::default());
+        assert_eq!(fitting(at(1_000)), Some(2_000));
+        assert_eq!(fitting(at(2_200)), Some(2_200));
+        let crawling = Network {
+            buses: vec![Bus { bitrate: 10_000, ..at(1_000).buses[0].clone() }],
+            ..at(1_000)
+        };
+        assert_eq!(fitting(crawling), None);
     }
 
     #[test]

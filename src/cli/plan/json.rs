@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Value as Json, json};
 
-use crate::cli::plan::{Report, text};
+use crate::cli::plan::{Report, reason, text};
 use canopen::load::network::{Both, Bus, BusPlan, Planned};
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
@@ -33,7 +33,7 @@ pub(super) fn of(report: &Report<'_>) -> String {
         "proposals": report.proposals.iter().map(proposal).collect::<Vec<_>>(),
         "not_grouped_because": report.obstacles.iter().map(|obstacle| json!({
             "drive": obstacle.drive,
-            "reason": obstacle.reason.to_string(),
+            "reason": reason(obstacle),
         })).collect::<Vec<_>>(),
     })
     .to_string()

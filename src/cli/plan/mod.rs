@@ -8,6 +8,7 @@ mod text;
 use clap::{Args, ValueEnum};
 
 use canopen::load::alternatives::{self, Change, Obstacle};
+use canopen::load::lacks;
 use canopen::load::network::{Assumptions, BusPlan, Network};
 use canopen::load::proposals::{self, Proposal};
 use canopen::load::timeline::Pauses;
@@ -122,7 +123,11 @@ fn check_load(report: &Report<'_>) -> Result<(), Failure> {
 }
 
 fn obstacle(obstacle: &Obstacle) -> String {
-    format!("{}: torques cannot be grouped: {}", obstacle.drive, obstacle.reason)
+    format!("{}: torques cannot be grouped: {}", obstacle.drive, reason(obstacle))
+}
+
+fn reason(obstacle: &Obstacle) -> String {
+    format!("its EDS lacks {}", lacks::listed(&obstacle.lacks))
 }
 
 /// Parses a SYNC rate in Hz.

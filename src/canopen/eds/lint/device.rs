@@ -87,15 +87,24 @@ fn number_of_pdos<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, 
     }
 }
 
+/// Tools write 0 into the DCF of a device that is not commissioned yet.
+const UNCOMMISSIONED: &str = "0: the device is not commissioned";
+
 fn commissioning(lint: &mut Lint<'_>, section: &Section<'_>) {
     let commissioning = lint.eds.commissioning();
-    if commissioning.is_some_and(|it| it.node.is_none()) {
-        lint.error(Spot::key(section, "NodeID"), "must be within 1..=127");
+    let spot = Spot::key(section, "NodeID");
+    if read::integer(section, "NodeID") == Some(0) {
+        lint.warning(spot, UNCOMMISSIONED);
+    } else if commissioning.is_some_and(|it| it.node.is_none()) {
+        lint.error(spot, "must be within 1..=127");
     }
-    let bitrate = commissioning.and_then(|it| it.bitrate);
-    if section.value("Baudrate").is_some() && !bitrate.is_some_and(|rate| BITRATES.contains(&rate))
-    {
-        let spot = Spot::key(section, "Baudrate");
-        lint.error(spot, format_args!("must be one of {BITRATES:?}, in kbit/s"));
+    let spot = Spot::key(section, "Baudrate");
+    match commissioning.and_then(|it| it.bitrate) {
+        None if section.value("Baudrate").is_none() => {}
+        Some(0) => lint.warning(spot, UNCOMMISSIONED),
+        Some(rate) if BITRATES.contains(&rate) => {}
+        Some(_) | None => {
+            lint.error(spot, format_args!("must be one of {BITRATES:?}, in kbit/s"));
+        }
     }
 }

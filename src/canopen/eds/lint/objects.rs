@@ -119,7 +119,10 @@ fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
         return;
     };
     if data_type.bits.is_none() {
-        lint.error(spot, format_args!("a {} cannot be in a PDO", data_type.name));
+        // Devices map texts of a fixed length, which an EDS does not state.
+        let reason =
+            format_args!("a {} has no length by its type: no PDO maps it here", data_type.name);
+        lint.warning(spot, reason);
     } else if described.access == Access::Constant {
         lint.warning(spot, "a constant is mapped in a PDO");
     }

@@ -1,0 +1,177 @@
+//! Parts of a PDO layout that a device cannot have, by its EDS.
+//!
+//! A layout needs PDOs, writable communication and mapping parameters, entries enough for its objects, and objects
+//! that can be mapped (CiA 301, 7.5.2.35 to 7.5.2.38). A shared RPDO also needs a data type as a dummy for the
+//! slots of other drives (7.4.8), declared in `[DummyUsage]` (CiA 306).
+
+use std::fmt;
+
+use crate::eds::{Described, Eds};
+use crate::layout::{Direction, Pdo, Service};
+use crate::object::Object;
+
+/// Missing part of a layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lack {
+    /// Data type that may not be a dummy in RPDOs.
+    Dummy(Object),
+    /// Absent PDO, by its communication parameter.
+    Pdo {
+        /// Direction.
+        direction: Direction,
+        /// Number, from 1.
+        number: u16,
+    },
+    /// Absent or read-only parameter.
+    Writable(Object),
+    /// Mapping parameter with fewer entries.
+    Entries {
+        /// Number of mapped objects.
+        mapping: Object,
+        /// Entries of the layout.
+        needed: usize,
+    },
+    /// Object that cannot be mapped into PDOs of a direction.
+    Mapped(Object, Direction),
+}
+
+/// Names the part: `dummy mapping of 0003h`, `TPDO3 (1802h)`, `writable 1600h`.
+impl fmt::Display for Lack {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dummy(object) => write!(f, "dummy mapping of {object}"),
+            Self::Pdo { direction, number } => {
+                let Object { index, .. } = communication(*direction, *number);
+                write!(f, "{}{number} ({index:04X}h)", kind(*direction))
+            }
+            Self::Writable(object) => write!(f, "writable {object}"),
+            Self::Entries { mapping, needed } => write!(f, "{needed} entries in {mapping}"),
+            Self::Mapped(object, direction) => write!(f, "{object} in {}s", kind(*direction)),
+        }
+    }
+}
+
+/// Lists parts: `TPDO3 (1802h), writable 1600h`.
+pub fn listed(lacks: &[Lack]) -> String {
+    lacks.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
+const fn kind(direction: Direction) -> &'static str {
+    match direction {
+        Direction::Receive => "RPDO",
+        Direction::Transmit => "TPDO",
+    }
+}
+
+const fn communication(direction: Direction, number: u16) -> Object {
+    match direction {
+        Direction::Receive => Object::rpdo_communication(number, 1),
+        Direction::Transmit => Object::tpdo_communication(number, 1),
+    }
+}
+
+/// Returns every part of the PDOs in use that a device lacks by its EDS, each once.
+pub fn lacks(eds: &Eds, pdos: &[Pdo]) -> Vec<Lack> {
+    let mut found: Vec<Lack> = Vec::new();
+    let in_use = pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
+    for (pdo, service) in in_use {
+        let parts = parameters(eds, pdo, service).into_iter().chain(objects(eds, pdo, service));
+        for lack in parts {
+            if !found.contains(&lack) {
+                found.push(lack);
+            }
+        }
+    }
+    found
+}
+
+/// Missing parameters of one PDO. An absent PDO counts as one part.
+fn parameters(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
+    let Pdo { direction, number, .. } = *pdo;
+    let Some(ability) = eds.pdo(direction, number) else {
+        return vec![Lack::Pdo { direction, number }];
+    };
+    let mut missing = Vec::new();
+    let (mapping, needed) = (pdo.mapping(0), service.mapping.len());
+    if !ability.can_map {
+        missing.push(Lack::Writable(mapping));
+    } else if usize::from(ability.max_entries) < needed {
+        missing.push(Lack::Entries { mapping, needed });
+    }
+    let is_writable = |object| eds.object(object).is_some_and(|one| one.access.is_writable());
+    let written = pdo.writes().into_iter().map(|(object, _)| object);
+    let communication = written.filter(|object| object.index == pdo.communication(0).index);
+    missing.extend(communication.filter(|object| !is_writable(*object)).map(Lack::Writable));
+    missing
+}
+
+/// Objects and dummies that cannot be mapped.
+fn objects(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
+    let direction = pdo.direction;
+    let is_able = |described: &Described| {
+        described.is_mappable
+            && match direction {
+                Direction::Receive => described.access.is_output(),
+                Direction::Transmit => described.access.is_input(),
+            }
+    };
+    let lack = |object: Object| {
+        if object.is_dummy() {
+            (!eds.dummy(object.index)).then_some(Lack::Dummy(object))
+        } else {
+            (!eds.object(object).is_some_and(is_able)).then_some(Lack::Mapped(object, direction))
+        }
+    };
+    service.mapping.iter().filter_map(|mapped| lack(mapped.object)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NodeId;
+    use crate::layout::{self, Group};
+
+    const DRIVE: &str = include_str!("../../../eds/frhc_drive.eds");
+
+    fn node() -> NodeId {
+        NodeId::new(3).unwrap()
+    }
+
+    fn grouped() -> Vec<Pdo> {
+        layout::grouped(node(), 0, Group { cob_id: 0x201, size: 3, slot: 2 }, None)
+    }
+
+    fn changed(from: &str, to: &str) -> Eds {
+        assert!(DRIVE.contains(from), "{from}");
+        Eds::parse(DRIVE.replace(from, to).as_bytes()).unwrap()
+    }
+
+    #[test]
+    fn shipped_drive_lacks_nothing() {
+        let eds = Eds::parse(DRIVE.as_bytes()).unwrap();
+        assert_eq!(lacks(&eds, &grouped()), []);
+        assert_eq!(lacks(&eds, &layout::per_drive(node(), Some(5))), []);
+    }
+
+    #[test]
+    fn each_missing_part_is_named_once() {
+        let of = |from: &str, to: &str| listed(&lacks(&changed(from, to), &grouped()));
+        assert_eq!(of("Dummy0003=1", "Dummy0003=0"), "dummy mapping of 0003h");
+        assert_eq!(of("[1802", "[2802"), "TPDO3 (1802h)");
+        let cob_id =
+            "ParameterName=COB-ID used by RPDO\nObjectType=0x7\nDataType=0x0007\nAccessType=";
+        assert_eq!(
+            of(&format!("{cob_id}rw"), &format!("{cob_id}ro")),
+            "writable 1400h:1, writable 1401h:1"
+        );
+        assert_eq!(of("[1801sub3]", "[1801sub9]"), "writable 1801h:3");
+        assert_eq!(of("HighLimit=8", "HighLimit=2"), "3 entries in 1600h");
+        assert_eq!(of("[6064]", "[2064]"), "6064h in TPDOs");
+    }
+
+    #[test]
+    fn unused_pdos_need_not_exist() {
+        let eds = changed("[1803", "[2803");
+        assert_eq!(lacks(&eds, &grouped()), []);
+    }
+}

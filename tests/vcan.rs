@@ -27,6 +27,7 @@ use nix::sys::signal::Signal;
 
 use bus::candump::Line;
 use bus::{Bus, BusEvent, SendError, SocketCan};
+use canopen::drive::{State, Statusword};
 use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
 use lab::world;
@@ -513,6 +514,34 @@ fn hazard_30_stopping_signals_end_a_run_within_a_second() {
     let log = ends_in_order(candump, run, sim, &[Signal::SIGTERM, Signal::SIGINT]);
     assert!(log.contains("SIGHUP: ignored"), "{log}");
     assert!(log.contains("stopping signal=\"SIGTERM\""), "{log}");
+}
+
+#[test]
+fn hazard_30_terminated_run_leaves_no_drive_in_fault() {
+    let scratch = Scratch::new("no-fault");
+    let (mut candump, run, sim) = carried(&scratch, Stdio::piped());
+    run.terminate().succeeds();
+    // Longer than any watchdog of the drives.
+    let ended = candump.mark().nanos;
+    candump.until(|line| line.nanos > ended + 500_000_000);
+    for node in NODES {
+        let read = format!("sdo read {node} 6041 u16 -i vcan0");
+        let read = std::process::Command::new(common::program()).args(read.split(' ')).output();
+        let stdout = String::from_utf8(read.unwrap().stdout).unwrap();
+        let (_, raw) = stdout.trim().rsplit_once("0x").unwrap();
+        let statusword = Statusword(u16::from_str_radix(raw, 16).unwrap());
+        assert_eq!(statusword.state(), Some(State::SwitchOnDisabled), "node {node}: {stdout}");
+    }
+    sim.terminate().succeeds();
+    let log = candump.finish();
+    // 681h to 686h: emergencies.
+    let late: Vec<_> = log
+        .iter()
+        .filter_map(|line| Line::parse(line).ok())
+        .filter(|line| line.nanos > ended)
+        .filter(|line| line.canopen().is_some_and(|(id, _)| (0x681..=0x686).contains(&id)))
+        .collect();
+    assert!(late.is_empty(), "{late:?}");
 }
 
 #[test]

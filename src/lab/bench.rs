@@ -216,7 +216,7 @@ impl<T: Tap> Bench<T> {
     /// # Errors
     /// As [`Node::stop`].
     pub fn stop(&mut self) -> Result<(), NotConfirmed> {
-        self.node.stop()
+        self.node.stop(&mut || false)
     }
 
     /// The node.

@@ -1,19 +1,19 @@
-//! Bring-up before the first cycle, and the orderly stop after the last.
+//! Bring-up before the first cycle.
 
 use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::Node;
 use crate::cause::Cause;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
-use crate::{Node, power};
+use crate::stop::NotConfirmed;
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
 use remote::Remote;
-use units::numbering::Joint;
 use units::spatial::Motion;
 
 /// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
@@ -22,12 +22,6 @@ const LISTEN_TIME: Duration = Duration::from_millis(20);
 
 /// Maximum time between two calls of `give_up` in a boot.
 const GIVE_UP_POLL_INTERVAL: Duration = Duration::from_millis(50);
-
-/// Cycles at zero torque before the drives are switched off.
-const ZERO_TORQUE_CYCLES: u32 = 5;
-
-/// Maximum time until all statuswords confirm that the power stages are off.
-const POWER_OFF_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Reason why bring-up failed.
 #[derive(Debug, Error)]
@@ -55,16 +49,6 @@ pub enum BringUpError {
     LeftOn(NotConfirmed),
 }
 
-/// A drive that did not confirm that its power stage is off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h)")]
-pub struct NotConfirmed {
-    /// The first such joint.
-    pub joint: Joint,
-    /// Its last statusword.
-    pub statusword: u16,
-}
-
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Boots every node (identity, configuration written and read back, NMT start), enables the drives at zero torque,
     /// and runs their [proof test](crate::proof_test). Ends in `Ready`.
@@ -73,7 +57,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// When a node, a drive or the bus fails, or `give_up` returns true. The drives are then switched off.
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.start_network(give_up)?;
-        self.become_ready(give_up).map_err(|error| match (error, self.switch_off()) {
+        self.become_ready(give_up).map_err(|error| match (error, self.switch_off(&mut || false)) {
             (BringUpError::GivenUp, Err(unconfirmed)) => BringUpError::LeftOn(unconfirmed),
             // The first fault is reported: a drive that is not off follows from it.
             (error, _) => error,
@@ -229,62 +213,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }
-
-    /// Stops in order: torque ramps to zero, drives off and confirmed by their statuswords, then NMT pre-operational.
-    ///
-    /// # Errors
-    /// When a drive does not confirm in time. Disable voltage was sent to it, and its watchdogs still run.
-    pub fn stop(&mut self) -> Result<(), NotConfirmed> {
-        self.safety.disarm();
-        while self.safety.allows_torque() {
-            self.cycle();
-        }
-        for _ in 0..ZERO_TORQUE_CYCLES {
-            self.cycle();
-        }
-        self.switch_off()
-    }
-
-    /// Disables voltage, awaits confirmation by the statuswords, then sets NMT pre-operational.
-    fn switch_off(&mut self) -> Result<(), NotConfirmed> {
-        self.safety.shut_down(self.wire.now());
-        let until = self.wire.now() + POWER_OFF_TIMEOUT;
-        let mut on = self.first_powered();
-        while on.is_some() && self.wire.now() < until {
-            self.cycle();
-            on = self.first_powered();
-        }
-        self.enter_pre_operational();
-        match on {
-            None => Ok(()),
-            Some((joint, statusword)) => Err(NotConfirmed { joint, statusword }),
-        }
-    }
-
-    /// Returns whether the latest statusword of every drive reports its power stage off.
-    pub fn is_off(&self) -> bool {
-        self.first_powered().is_none()
-    }
-
-    /// Returns the first joint whose drive may still apply torque, with its statusword.
-    fn first_powered(&self) -> Option<(Joint, u16)> {
-        let mut joints = Joint::each(self.samples.latest());
-        let (joint, sample) =
-            joints.find(|(_, sample)| power::may_apply_torque(sample.statusword))?;
-        Some((joint, sample.statusword.0))
-    }
-
-    /// Sets all nodes pre-operational, so that no PDO of this master acts any more.
-    fn enter_pre_operational(&mut self) {
-        self.network.master.shut_down(&mut self.wire.out);
-        self.send_queued();
-        let flushed = self.wire.now() + self.timing.period;
-        while let Some(received) = self.wire.receive(flushed) {
-            if matches!(received.event, BusEvent::Fault(_)) {
-                self.on_received(received);
-            }
-        }
-    }
 }
 
 /// Joins errors, one per line.
@@ -368,14 +296,5 @@ mod tests {
         assert!(node.bring_up(&mut || false).is_err());
         assert_eq!(node.cause(), Some(Cause::BusOff { channel: 0 }));
         assert!(node.wire.transmission.is_shut());
-    }
-
-    #[test]
-    fn stop_before_a_boot_ends_at_once() {
-        let mut node = node();
-        let start = node.bus().now();
-        assert_eq!(node.stop(), Ok(()));
-        let elapsed = node.bus().now().since(start);
-        assert!(elapsed < POWER_OFF_TIMEOUT / 10, "{elapsed:?}");
     }
 }

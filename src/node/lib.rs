@@ -40,14 +40,16 @@ mod sdo_pacer;
 mod send;
 #[cfg(test)]
 mod silent_bus;
+mod stop;
 mod target_limiter;
 mod targets;
 mod transmission;
 mod unpowered;
 mod wire;
 
-pub use bring_up::{BringUpError, NotConfirmed};
+pub use bring_up::BringUpError;
 pub use request::{Request, RequestError};
+pub use stop::NotConfirmed;
 
 use crate::cause::Cause;
 use crate::control::Control;

@@ -58,7 +58,7 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
         Report { config: &config, plans: drives(&config), proof: node.proof_test_report().clone() };
     print::line(&if args.json { report.json().to_string() } else { report.text() });
     booted.map_err(failure)?;
-    node.stop().or_fail(Kind::Drive)
+    node.stop(&mut || false).or_fail(Kind::Drive)
 }
 
 /// Logs a warning if the proof test is disabled.

@@ -32,19 +32,22 @@ pub(super) fn run<B: Bus, R: Remote>(
     let granted = realtime::ask();
     tracing::info!(%granted, "priority");
     let stopping = || signals.is_stop_requested();
-    let Ended { is_orderly, outcome } = run_node(&mut node, &mut requests, &mut latch, &stopping);
+    let is_urgent = || signals.is_urgent();
+    let Ended { is_orderly, outcome } =
+        run_node(&mut node, &mut requests, &mut latch, &stopping, &is_urgent);
     let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
     let message = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
     message.iter().for_each(|line| tracing::warn!("{line}"));
     outcome
 }
 
-/// Boots the node and runs cycles until `stopping` returns true, then stops the drives.
+/// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
 fn run_node<B: Bus, R: Remote>(
     node: &mut Node<Traced<B, EntryProducer>, R>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
+    is_urgent: &impl Fn() -> bool,
 ) -> Ended {
     let mut give_up = || {
         requests.answer_during_boot();
@@ -71,7 +74,9 @@ fn run_node<B: Bus, R: Remote>(
     requests.close();
     let stopped_by = node.cause();
     let stop = |reason| Failure::new(Kind::Stopped, reason);
-    match (stopped_by, node.stop()) {
+    let off = node.stop(&mut || is_urgent());
+    forward_events(node);
+    match (stopped_by, off) {
         (None, confirmed) => Ended::of(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
         (Some(cause), Ok(())) => Ended::of(false, Err(stop(format!("stopped by {cause}")))),
         (Some(cause), Err(error)) => {
@@ -199,7 +204,7 @@ mod tests {
 
         /// Runs until `stopping` returns true; it is called at least once a cycle and during boots.
         fn run(&mut self, stopping: &impl Fn() -> bool) -> Ended {
-            run_node(&mut self.node, &mut self.requests, &mut self.latch, stopping)
+            run_node(&mut self.node, &mut self.requests, &mut self.latch, stopping, &|| false)
         }
 
         fn execute_requests(&mut self) {

@@ -197,6 +197,7 @@ fn log_event(event: &Event, names: &[String]) {
         Event::Booted
         | Event::Configured { .. }
         | Event::Joined { .. }
+        | Event::MonitoringEnded { .. }
         | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),
         Event::Emergency { emergency, .. } if emergency.is_reset() => {
             tracing::info!("{name}: {event}");
@@ -209,6 +210,7 @@ fn log_event(event: &Event, names: &[String]) {
         | Event::Statusword { .. }
         | Event::ReadBack { .. }
         | Event::ReadByAnother { .. }
+        | Event::MonitoringKept { .. }
         | Event::HeartbeatLost { .. }
         | Event::Rebooted { .. }
         | Event::Duplicate { .. }

@@ -57,6 +57,8 @@ struct State {
     /// Set once a stop signal must stop the drives in order instead of ending the process.
     is_orderly: AtomicBool,
     stop: AtomicBool,
+    /// Set by the second stop signal.
+    is_urgent: AtomicBool,
 }
 
 impl StopSignals {
@@ -83,6 +85,11 @@ impl StopSignals {
     pub(super) fn is_stop_requested(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
+
+    /// Returns whether a second stop signal was received: the stop waits for nothing but the drives' power.
+    pub(super) fn is_urgent(&self) -> bool {
+        self.0.is_urgent.load(Ordering::Acquire)
+    }
 }
 
 /// Reads signals until the process ends.
@@ -101,6 +108,7 @@ fn read(signals: &SignalFd, state: &State) {
             Some(signal) if !state.is_orderly.load(Ordering::Acquire) => end_at_once(signal),
             Some(_) => {
                 let is_new = !state.stop.swap(true, Ordering::AcqRel);
+                state.is_urgent.fetch_or(!is_new, Ordering::AcqRel);
                 if is_new {
                     tracing::info!(signal = name, pid, uid, "stopping");
                 } else if is_logged {

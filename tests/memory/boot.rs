@@ -16,6 +16,7 @@ use std::time::Duration;
 use crate::common::bench::{Wire, scenario, until};
 use crate::common::golden::compare;
 use bus::Bus;
+use canopen::drive::State;
 use canopen::frame::Frame;
 use canopen::master::event::Event;
 use canopen::master::steps::Configuration;
@@ -152,6 +153,24 @@ fn node_guarding_polls_and_a_lost_node_stops_the_robot() {
     bench.world_mut().switches_mut().unplug();
     until(&mut bench, |record| record.mode.is_stopped());
     assert!(events(&mut bench).contains(&Event::HeartbeatLost { node: NodeIndex(SWITCHES) }));
+}
+
+#[test]
+fn hazard_30_stop_ends_life_guarding_of_drive_and_switch_box() {
+    let guarding = "[switches.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[controller]\n";
+    let drive = "[joint.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[switches]\n";
+    let (mut bench, wire) = bench(&[("[controller]\n", guarding), ("[switches]\n", drive)]);
+    bench.bring_up().unwrap();
+    bench.run(100);
+    bench.stop().unwrap();
+    let ended = bench.now();
+    bench.fall_silent_for(Duration::from_secs(1));
+    let drives = bench.node().bus().stations().drives();
+    assert!(drives.iter().all(|drive| drive.state() == State::SwitchOnDisabled));
+    for emergency in [0x086, 0x090, 0x686, 0x690] {
+        assert_eq!(wire.since(ended, emergency), [], "{emergency:03X}h");
+    }
+    assert_eq!(wire.since(ended, 0x706), [], "neither polls nor answers");
 }
 
 #[test]

@@ -138,6 +138,61 @@ fn promise_12_unconfirmed_drive_is_named_within_a_second() {
     assert!(bench.node().bus().now().since(requested) <= STOP_LIMIT);
 }
 
+#[test]
+fn hazard_30_orderly_stop_leaves_no_drive_in_fault() {
+    for deadman in [false, true] {
+        let (mut bench, wire) = moving();
+        if deadman {
+            until(&mut bench, |record| record.mode == Mode::Engaged);
+        }
+        bench.stop().unwrap();
+        let ended = bench.now();
+        // Longer than any watchdog: the process is gone.
+        bench.fall_silent_for(Duration::from_secs(1));
+        for drive in bench.node().bus().stations().drives() {
+            assert_eq!(drive.state(), State::SwitchOnDisabled);
+        }
+        for node in 1..=6 {
+            let emergencies = wire.since(ended, 0x680 + node);
+            assert!(emergencies.is_empty(), "{emergencies:?}");
+        }
+        bench.bring_up().unwrap();
+        assert!(bench.node().proof_test_report().drives.iter().all(|it| it.heartbeat.is_some()));
+    }
+}
+
+#[test]
+fn hazard_30_unconfirmed_drive_leaves_all_watchdogs_on() {
+    let (mut bench, wire) = moving();
+    until(&mut bench, |record| record.mode == Mode::Engaged);
+    bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
+    let requested = bench.now();
+    let error = bench.stop().unwrap_err();
+    assert!(error.to_string().contains("all drives keep their watchdogs"), "{error}");
+    for node in 1..=6 {
+        let writes = wire.since(requested, 0x600 + node);
+        let consumer = writes.iter().filter(|(_, frame)| frame.data()[1..4] == [0x16, 0x10, 1]);
+        assert_eq!(consumer.count(), 0, "node {node}");
+    }
+    bench.fall_silent_for(Duration::from_secs(1));
+    for (at, drive) in bench.node().bus().stations().drives().iter().enumerate() {
+        assert!(at == 3 || drive.state() == State::Fault, "joint {}: {:?}", at + 1, drive.state());
+    }
+}
+
+#[test]
+fn hazard_30_urgent_stop_confirms_power_off_alone() {
+    let config = config(KRAFT);
+    let wire = Wire::default();
+    let mut node = node(&config, wire.clone());
+    node.bring_up(&mut || false).unwrap();
+    wire.clear();
+    node.stop(&mut || true).unwrap();
+    let written = wire.all().into_iter().map(|(_, telegram)| telegram.frame.cob_id);
+    assert!(!written.into_iter().any(|cob_id| (0x601..=0x606).contains(&cob_id)));
+    assert!(node.is_off());
+}
+
 /// Returns a node with a simulated world, outside of a bench.
 fn node<T: Tap>(config: &Config, tap: T) -> Node<Memory<sim::world::World, T>, VirtualSite> {
     let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
@@ -218,7 +273,7 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
     let refused = node.request(Request::Reset, &mut after(2)).unwrap_err();
     assert_eq!(refused.to_string(), "boot given up");
     assert!(node.mode().is_stopped(), "latched as before");
-    node.stop().unwrap();
+    node.stop(&mut || false).unwrap();
     assert!(node.bus().now().since(requested) <= STOP_LIMIT);
 }
 

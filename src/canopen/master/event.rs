@@ -18,6 +18,7 @@ use crate::master::read_back::ReadBack;
 use crate::master::steps::Configuration;
 use crate::nmt;
 use crate::object::Object;
+use crate::sdo::SdoError;
 use units::numbering::NodeIndex;
 
 /// Event of the master.
@@ -81,6 +82,20 @@ pub enum Event {
         /// Outcome.
         read: ReadBack,
     },
+    /// A node no longer monitors its master, on request.
+    MonitoringEnded {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+    },
+    /// A node keeps monitoring its master: the write that ends it failed.
+    MonitoringKept {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Object that could not be written.
+        object: Object,
+        /// Reason.
+        error: SdoError,
+    },
     /// A node sent no heartbeat within its consumer heartbeat time.
     HeartbeatLost {
         /// Index of the node in the list of plans.
@@ -143,6 +158,8 @@ impl Event {
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
             | Self::ReadBack { node, .. }
+            | Self::MonitoringEnded { node }
+            | Self::MonitoringKept { node, .. }
             | Self::ReadByAnother { node }
             | Self::Duplicate { node, .. } => Some(*node),
             Self::Booted
@@ -172,6 +189,13 @@ impl fmt::Display for Event {
                 write!(f, "6041h = {:04X}h", statusword.0)
             }
             Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
+            Self::MonitoringEnded { .. } => f.write_str("no longer monitors this master"),
+            Self::MonitoringKept { object, error, .. } => {
+                write!(
+                    f,
+                    "still monitors this master, so it will report 8130h: {object} = 0 {error}"
+                )
+            }
             Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
             Self::Rebooted { .. } => f.write_str("rebooted by itself"),
             Self::StateChanged { state, .. } => write!(f, "is {}", nmt::description(*state)),

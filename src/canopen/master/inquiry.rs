@@ -1,5 +1,5 @@
 //! SDO requests to a running node, one at a time: read its error history, read its statusword, switch its
-//! power off.
+//! power off, end its monitoring of the master.
 //!
 //! The owner of the [master](crate::master) decides which and when.
 
@@ -10,7 +10,9 @@ use canopen_rs::{NodeId, Value};
 use crate::drive::{Controlword, Statusword};
 use crate::frame::Frame;
 use crate::master::error_history::{History, HistoryReader};
+use crate::master::monitoring_off::{Ended, MonitoringOff};
 use crate::object::Object;
+use crate::plan::NodePlan;
 use crate::sdo::{Content, Outcome, Transfer, bytes};
 use units::time::Instant;
 
@@ -39,6 +41,8 @@ enum Task {
     Statusword(Transfer),
     /// Writes 6040h = 0.
     PowerOff(Transfer),
+    /// Writes 1016h:1 = 0, or 100Dh and 100Ch.
+    MonitoringOff(MonitoringOff),
 }
 
 /// Outcome of an inquiry.
@@ -48,6 +52,8 @@ pub(super) enum Answer {
     History(History),
     /// Statusword of the drive.
     Statusword(Statusword),
+    /// Outcome of the end of its monitoring.
+    Monitoring(Ended),
     /// No content: the write is confirmed, or the node did not reply.
     Nothing,
 }
@@ -72,6 +78,17 @@ impl Inquiry {
         Some(Self::new(node, Task::PowerOff(transfer)))
     }
 
+    /// Ends the node's monitoring of its master; `None` if it monitors none.
+    pub(super) fn monitoring_off(
+        plan: &NodePlan,
+        missing: &[Object],
+        now: Instant,
+        out: &mut Vec<Frame>,
+    ) -> Option<Self> {
+        let ending = MonitoringOff::start(plan, missing, now, out)?;
+        Some(Self::new(plan.node, Task::MonitoringOff(ending)))
+    }
+
     const fn new(node: NodeId, task: Task) -> Self {
         Self { node, task, is_disturbed: false, repeats: 0 }
     }
@@ -94,6 +111,7 @@ impl Inquiry {
             }
             Task::Statusword(transfer) => transfer.on_frame(now, frame, out).map(of_statusword),
             Task::PowerOff(transfer) => transfer.on_frame(now, frame, out).map(of_power_off),
+            Task::MonitoringOff(ending) => ending.on_frame(now, frame, out).map(of_monitoring),
         };
         self.conclude(now, outcome?, out)
     }
@@ -106,6 +124,7 @@ impl Inquiry {
             }
             Task::Statusword(transfer) => transfer.on_time(now, out).map(of_statusword),
             Task::PowerOff(transfer) => transfer.on_time(now, out).map(of_power_off),
+            Task::MonitoringOff(ending) => ending.on_time(now, out).map(of_monitoring),
         };
         self.conclude(now, outcome?, out)
     }
@@ -115,6 +134,7 @@ impl Inquiry {
         match &self.task {
             Task::History(reading) => reading.deadline(),
             Task::Statusword(transfer) | Task::PowerOff(transfer) => transfer.deadline(),
+            Task::MonitoringOff(ending) => ending.deadline(),
         }
     }
 
@@ -133,6 +153,8 @@ impl Inquiry {
             Task::History(_) => Some(Self::history(self.node, now, out)),
             Task::Statusword(_) => Some(Self::statusword(self.node, now, out)),
             Task::PowerOff(_) => Self::power_off(self.node, now, out),
+            // Repeats by itself.
+            Task::MonitoringOff(_) => None,
         };
         let Some(again) = again else { return Some(answer) };
         *self = Self { repeats: self.repeats + 1, ..again };
@@ -153,6 +175,10 @@ fn of_statusword(outcome: Outcome) -> Result<Answer, Answer> {
 
 fn of_power_off(outcome: Outcome) -> Result<Answer, Answer> {
     outcome.map(|_| Answer::Nothing).map_err(|_| Answer::Nothing)
+}
+
+const fn of_monitoring(ended: Ended) -> Result<Answer, Answer> {
+    Ok(Answer::Monitoring(ended))
 }
 
 /// Decodes a statusword; `None` unless it has two bytes.

@@ -15,6 +15,7 @@ pub mod duplicate;
 pub mod error_history;
 pub mod event;
 mod inquiry;
+mod monitoring_off;
 mod phase;
 pub mod read_back;
 mod sdo_traffic;
@@ -221,6 +222,27 @@ impl Master {
             let channel = slave.channel;
             out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
         }
+    }
+
+    /// Starts to end a node's monitoring of this master (1016h:1 or 100Dh and 100Ch set to zero), reported as
+    /// [`Event::MonitoringEnded`] or [`Event::MonitoringKept`]. Returns false if it is not booted or monitors nothing.
+    pub fn end_monitoring(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        let slave = self.slaves.get_mut(node.0);
+        let is_requested = slave.is_some_and(|slave| slave.end_monitoring(now, &mut self.frames));
+        if is_requested {
+            self.after(now, node, None, out);
+        }
+        is_requested
+    }
+
+    /// Indices of all nodes, those that are not booted included.
+    pub fn nodes(&self) -> impl Iterator<Item = NodeIndex> + use<> {
+        (0..self.slaves.len()).map(NodeIndex)
     }
 
     /// Starts every monitored node again: a node may have left operational by itself (1029h).

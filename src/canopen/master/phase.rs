@@ -55,6 +55,10 @@ impl Master {
             Some(Report::ReadBack(object, read)) => {
                 self.report(Event::ReadBack { node, object, read });
             }
+            Some(Report::Monitoring(Ok(()))) => self.report(Event::MonitoringEnded { node }),
+            Some(Report::Monitoring(Err((object, error)))) => {
+                self.report(Event::MonitoringKept { node, object, error });
+            }
             Some(Report::HeartbeatEvent(news)) if is_late => {
                 self.on_news_of_absent(now, node, news);
             }

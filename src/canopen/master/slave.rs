@@ -16,6 +16,7 @@ use crate::master::boot_error::{BootError, Problem};
 use crate::master::commission::{Boot, BootOutcome};
 use crate::master::error_history::History;
 use crate::master::inquiry::{Answer, Inquiry};
+use crate::master::monitoring_off::Ended;
 use crate::master::read_back::{self, ReadBack, Setting};
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::Configuration;
@@ -82,6 +83,8 @@ pub(super) enum Report {
     Statusword(Statusword),
     /// Outcome of a read-back.
     ReadBack(Object, ReadBack),
+    /// Outcome of the end of its monitoring of the master.
+    Monitoring(Ended),
 }
 
 impl Slave {
@@ -286,6 +289,18 @@ impl Slave {
         }
     }
 
+    /// Ends its monitoring of the master, and abandons any request under way. Returns false if there is nothing to end.
+    pub(super) fn end_monitoring(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
+        let Stage::Watched { inquiry, reading, .. } = &mut self.stage else { return false };
+        let ending = Inquiry::monitoring_off(&self.plan, &self.missing, now, out);
+        let is_requested = ending.is_some();
+        if is_requested {
+            *reading = None;
+            *inquiry = ending.map(Box::new);
+        }
+        is_requested
+    }
+
     /// Awaits a late node that was lost again, without a report.
     pub(super) fn await_again(&mut self, now: Instant) {
         self.stage = Stage::Awaited(now);
@@ -339,6 +354,7 @@ impl Report {
         match answer {
             Answer::History(history) => Some(Self::History(history)),
             Answer::Statusword(statusword) => Some(Self::Statusword(statusword)),
+            Answer::Monitoring(ended) => Some(Self::Monitoring(ended)),
             Answer::Nothing => None,
         }
     }

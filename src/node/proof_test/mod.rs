@@ -219,6 +219,8 @@ impl ProofTest {
             | Event::Absent { .. }
             | Event::Joined { .. }
             | Event::ErrorHistory { .. }
+            | Event::MonitoringEnded { .. }
+            | Event::MonitoringKept { .. }
             | Event::HeartbeatLost { .. }
             | Event::Rebooted { .. }
             | Event::Duplicate { .. }

@@ -35,6 +35,8 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::Joined { .. }
         | Event::ErrorHistory { .. }
         | Event::Statusword { .. }
+        | Event::MonitoringEnded { .. }
+        | Event::MonitoringKept { .. }
         | Event::ReadByAnother { .. }
         | Event::ReadBack { read: ReadBack::Unchanged | ReadBack::Unread(_), .. }
         | Event::UnknownNode { .. } => None,

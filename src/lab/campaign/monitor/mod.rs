@@ -198,7 +198,7 @@ impl Tap for Monitor {
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
         let Telegram { channel, frame } = *telegram;
         self.age.on_taken(at, telegram);
-        let taken = ((channel, &frame), self.order.are_proven(&self.sheet));
+        let taken = ((channel, &frame), self.order.are_driven(&self.sheet));
         self.rhythm.on_taken(&self.sheet, at, taken, &mut self.violations);
     }
 

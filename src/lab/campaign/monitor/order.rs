@@ -118,10 +118,11 @@ impl Order {
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
-    /// Returns whether every drive was proven to stop by itself.
-    pub(super) fn are_proven(&self, sheet: &Sheet) -> bool {
+    /// Returns whether every drive was proven to stop by itself, and one of them is started, so that targets act.
+    pub(super) fn are_driven(&self, sheet: &Sheet) -> bool {
         let mut drives = self.nodes.iter().zip(&sheet.nodes).take(6);
-        drives.all(|(known, member)| known.is_proven(member))
+        let is_started = drives.clone().any(|(known, _)| known.is_started);
+        is_started && drives.all(|(known, member)| known.is_proven(member))
     }
 
     /// Takes an emergency message: one because of a silent master proves the timer.

@@ -61,20 +61,20 @@ impl Rhythm {
         self.exemptions.push(exemption);
     }
 
-    /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle, once `is_proven` that the
-    /// drives stop by themselves: for the proof test, the node withholds its SYNCs.
+    /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle while `is_driven`: for the
+    /// proof test, and after its last cycle, the node sends heartbeats without SYNCs.
     pub(super) fn on_taken(
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        ((channel, frame), is_proven): ((Channel, &Frame), bool),
+        ((channel, frame), is_driven): ((Channel, &Frame), bool),
         violations: &mut Violations,
     ) {
         let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
             *given = Some(at);
         } else if frame.cob_id == sheet.heartbeat
-            && is_proven
+            && is_driven
             && given.is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)
         {
             violations.add(

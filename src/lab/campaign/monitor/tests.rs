@@ -403,6 +403,16 @@ fn i7_heartbeat_without_a_cycle_is_reported() {
 }
 
 #[test]
+fn i7_heartbeat_after_pre_operational_needs_no_cycle() {
+    let mut bench = Bench::running();
+    bench.cycle_of([0; 6], 0);
+    bench.sent(0, &[0x80, 0]);
+    bench.now += 12_000;
+    bench.sent(0x77F, &[5]);
+    assert_eq!(bench.violated(), []);
+}
+
+#[test]
 fn i8_download_to_an_enabled_drive_is_reported_upload_is_not() {
     let mut bench = Bench::running();
     bench.received(0x183, &[0x37, 0x02, 0, 0, 0, 0, 0, 0]);

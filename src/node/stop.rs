@@ -1,0 +1,171 @@
+//! Orderly stop: torque, power, NMT pre-operational, then the nodes' monitoring of this master.
+//!
+//! A drive that monitors the master's heartbeat enters a fault (8130h) when it ends. So the monitoring is ended first, by
+//! SDO, while heartbeat and guarding continue: only once *every* drive has confirmed that its power stage is off.
+//! Otherwise all drives keep their watchdogs, which are then the last protection.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::{Node, power};
+use bus::{Bus, BusEvent};
+use canopen::frame::Telegram;
+use canopen::master::event::Event;
+use remote::Remote;
+use units::numbering::Joint;
+
+/// Cycles at zero torque before the drives are switched off.
+const ZERO_TORQUE_CYCLES: u32 = 5;
+
+/// Maximum time until all statuswords confirm that the power stages are off.
+const POWER_OFF_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Maximum time for the end of all nodes' monitoring: two writes to each, each repeated once.
+const MONITORING_OFF_TIMEOUT: Duration = Duration::from_millis(300);
+
+/// Maximum time of one wait for a frame while monitoring is ended.
+const MAX_RECEIVE_WAIT: Duration = Duration::from_millis(1);
+
+/// A drive that did not confirm that its power stage is off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error(
+    "joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h); \
+     all drives keep their watchdogs and end in fault 8130h"
+)]
+pub struct NotConfirmed {
+    /// The first such joint.
+    pub joint: Joint,
+    /// Its last statusword.
+    pub statusword: u16,
+}
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Stops in order: torque ramps to zero, drives off and confirmed by their statuswords, NMT pre-operational, then the
+    /// end of the nodes' monitoring of this master. Its last step is skipped once `is_urgent` returns true.
+    ///
+    /// # Errors
+    /// When a drive does not confirm in time. Disable voltage was sent to it, and the watchdogs of all drives still run.
+    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), NotConfirmed> {
+        self.safety.disarm();
+        while self.safety.allows_torque() {
+            self.cycle();
+        }
+        for _ in 0..ZERO_TORQUE_CYCLES {
+            self.cycle();
+        }
+        self.switch_off(is_urgent)
+    }
+
+    /// Disables voltage, awaits confirmation by the statuswords, then sets NMT pre-operational and ends the monitoring.
+    pub(super) fn switch_off(
+        &mut self,
+        is_urgent: &mut dyn FnMut() -> bool,
+    ) -> Result<(), NotConfirmed> {
+        self.safety.shut_down(self.wire.now());
+        let until = self.wire.now() + POWER_OFF_TIMEOUT;
+        let mut on = self.first_powered();
+        while on.is_some() && self.wire.now() < until {
+            self.cycle();
+            on = self.first_powered();
+        }
+        self.enter_pre_operational();
+        match on {
+            None => {
+                self.end_monitoring(is_urgent);
+                Ok(())
+            }
+            Some((joint, statusword)) => Err(NotConfirmed { joint, statusword }),
+        }
+    }
+
+    /// Returns whether the latest statusword of every drive reports its power stage off.
+    pub fn is_off(&self) -> bool {
+        self.first_powered().is_none()
+    }
+
+    /// Returns the first joint whose drive may still apply torque, with its statusword.
+    fn first_powered(&self) -> Option<(Joint, u16)> {
+        let mut joints = Joint::each(self.samples.latest());
+        let (joint, sample) =
+            joints.find(|(_, sample)| power::may_apply_torque(sample.statusword))?;
+        Some((joint, sample.statusword.0))
+    }
+
+    /// Sets all nodes pre-operational, so that no PDO of this master acts any more.
+    pub(super) fn enter_pre_operational(&mut self) {
+        self.network.master.shut_down(&mut self.wire.out);
+        self.send_queued();
+        let flushed = self.wire.now() + self.timing.period;
+        while let Some(received) = self.wire.receive(flushed) {
+            if matches!(received.event, BusEvent::Fault(_)) {
+                self.on_received(received);
+            }
+        }
+    }
+
+    /// Ends every node's monitoring of this master, and sends heartbeat and guarding until all have confirmed or failed.
+    fn end_monitoring(&mut self, is_urgent: &mut dyn FnMut() -> bool) {
+        let now = self.wire.now();
+        let mut waiting: usize = 0;
+        for node in self.network.master.nodes() {
+            let is_requested = self.network.master.end_monitoring(now, node, &mut self.wire.out);
+            waiting += usize::from(is_requested);
+        }
+        let until = now + MONITORING_OFF_TIMEOUT;
+        while waiting > 0 && !is_urgent() && !self.wire.transmission.is_shut() {
+            let now = self.wire.now();
+            if now >= until {
+                return;
+            }
+            self.send_heartbeat(now);
+            while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
+                waiting = waiting.saturating_sub(self.note_end(event));
+            }
+            self.send_queued();
+            while let Some(telegram) = self.network.master.release() {
+                self.send(telegram);
+            }
+            let Some(received) = self.wire.receive(until.min(now + MAX_RECEIVE_WAIT)) else {
+                continue;
+            };
+            match received.event {
+                BusEvent::Frame(frame) => {
+                    let telegram = Telegram { channel: received.channel, frame };
+                    let master = &mut self.network.master;
+                    let event = master.on_frame(received.at, &telegram, &mut self.wire.out);
+                    waiting = waiting.saturating_sub(event.map_or(0, |event| self.note_end(event)));
+                }
+                BusEvent::Fault(_) => self.on_received(received),
+            }
+        }
+    }
+
+    /// Logs a node that keeps its monitoring. Returns the number of nodes whose end of monitoring this event reports.
+    /// Other events, such as the reports of pre-operational, no longer matter.
+    fn note_end(&mut self, event: Event) -> usize {
+        let is_kept = matches!(event, Event::MonitoringKept { .. });
+        let is_ended = is_kept || matches!(event, Event::MonitoringEnded { .. });
+        if is_kept {
+            self.network.note(event);
+        }
+        usize::from(is_ended)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::silent_bus::node;
+
+    #[test]
+    fn stop_before_a_boot_ends_at_once() {
+        let mut node = node();
+        let start = node.bus().now();
+        assert_eq!(node.stop(&mut || false), Ok(()));
+        let elapsed = node.bus().now().since(start);
+        assert!(elapsed < POWER_OFF_TIMEOUT / 10, "{elapsed:?}");
+        let mut sent = node.bus().sent.iter().map(|(_, telegram)| telegram.frame);
+        assert!(!sent.any(|frame| frame.data().starts_with(&[0x23, 0x16, 0x10])), "not booted");
+    }
+}

@@ -140,6 +140,11 @@ impl Dictionary {
         u32::from_le_bytes(bytes)
     }
 
+    /// Unsigned value of up to 32 bits; `None` if the object is absent.
+    pub fn optional(&self, object: Object) -> Option<u32> {
+        self.entry(object).map(|_| self.unsigned(object))
+    }
+
     /// Signed 16-bit value; zero if the object is absent or of another length.
     pub fn i16(&self, object: Object) -> i16 {
         let bytes = self.get(object).and_then(|value| value.try_into().ok());
@@ -183,6 +188,15 @@ impl Dictionary {
             entry.default.clone_from(&entry.value);
         }
         is_set
+    }
+
+    /// Sets value and default to the low bytes of `number`. Returns false if the object is absent or has more than four
+    /// bytes.
+    pub fn set_default_number(&mut self, object: Object, number: u32) -> bool {
+        let bytes = number.to_le_bytes();
+        let size = self.entry(object).and_then(Entry::size);
+        let Some(value) = size.and_then(|size| bytes.get(..size)) else { return false };
+        self.set_default(object, value)
     }
 
     /// Removes an object.

@@ -96,6 +96,7 @@ impl Object {
     pub const MAX_TORQUE: Self = var(0x6072);
     pub const MAX_CURRENT: Self = var(0x6073);
     pub const TORQUE_DEMAND: Self = var(0x6074);
+    pub const RATED_CURRENT: Self = var(0x6075);
     pub const RATED_TORQUE: Self = var(0x6076);
     pub const TORQUE_ACTUAL: Self = var(0x6077);
     pub const CURRENT_ACTUAL: Self = var(0x6078);
@@ -114,6 +115,8 @@ impl Object {
     pub const TORQUE_SLOPE: Self = var(0x6087);
     pub const ENCODER_INCREMENTS: Self = Self { index: 0x608F, sub: 1 };
     pub const ENCODER_REVOLUTIONS: Self = Self { index: 0x608F, sub: 2 };
+    pub const VELOCITY_INCREMENTS: Self = Self { index: 0x6090, sub: 1 };
+    pub const VELOCITY_REVOLUTIONS: Self = Self { index: 0x6090, sub: 2 };
     pub const GEAR_MOTOR_REVOLUTIONS: Self = Self { index: 0x6091, sub: 1 };
     pub const GEAR_SHAFT_REVOLUTIONS: Self = Self { index: 0x6091, sub: 2 };
     pub const FEED: Self = Self { index: 0x6092, sub: 1 };

@@ -9,6 +9,7 @@ use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::object::Object;
+use canopen::plan::Identity;
 use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
@@ -61,10 +62,17 @@ pub const fn resistance(joint: &JointPlant) -> Resistance {
     }
 }
 
-/// Returns the dictionary of a drive, whose position unit is an increment of its encoder.
+/// Returns the dictionary of a drive. Where its EDS leaves the identity blank, it has the configured one.
 fn drive_dictionary(joint: &JointParameters) -> Dictionary {
     let mut dictionary = dictionary(&joint.eds, joint.channel, joint.node);
-    dictionary.set_default(Object::FEED, &joint.plant.actuator.counts_per_rev.to_le_bytes());
+    let Identity { vendor, product, revision } = joint.identity;
+    for (object, value) in
+        [(Object::VENDOR_ID, vendor), (Object::PRODUCT_CODE, product), (Object::REVISION, revision)]
+    {
+        if dictionary.unsigned(object) == 0 {
+            dictionary.set_default(object, &value.to_le_bytes());
+        }
+    }
     dictionary
 }
 

@@ -23,7 +23,7 @@ pub struct DriveView {
     pub mode: i8,
     /// Torque demand (6074h), in N·m.
     pub demand_torque: f64,
-    /// Torque actual value (6077h of 6076h), in N·m.
+    /// Torque actual value (6077h), in N·m.
     pub actual_torque: f64,
     /// Position actual value (6064h), in counts.
     pub position_counts: i32,
@@ -57,8 +57,7 @@ impl DriveView {
     /// Reads the values of `drive`.
     pub fn of(drive: &Drive) -> Self {
         let dictionary = drive.dictionary();
-        let rated = f64::from(dictionary.unsigned(Object::RATED_TORQUE)) / 1e3;
-        let newton_metres = |per_mille: f64| per_mille / 1e3 * rated;
+        let newton_metres = |per_mille: f64| per_mille / 1e3 * drive.rated_torque();
         Self {
             channel: drive.channel(),
             node: drive.node(),
@@ -66,9 +65,9 @@ impl DriveView {
             state: drive.state(),
             mode: dictionary.i8(Object::MODE_DISPLAY),
             demand_torque: newton_metres(drive.demand()),
-            actual_torque: newton_metres(f64::from(dictionary.i16(Object::TORQUE_ACTUAL))),
+            actual_torque: newton_metres(drive.feedback().per_mille.round()),
             position_counts: dictionary.unsigned(Object::POSITION_ACTUAL).cast_signed(),
-            temperature: f64::from(dictionary.i16(Object::WINDING_TEMPERATURE)) / 10.0,
+            temperature: (10.0 * drive.temperature()).round() / 10.0,
             error: drive.last_error(),
         }
     }

@@ -42,6 +42,7 @@ impl<A: Application> Access for Objects<'_, A> {
     }
 
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        self.misbehaviour.check_value(object, bytes)?;
         self.check_write(object, bytes)?;
         if self.misbehaviour.ignores(object) {
             return Ok(());

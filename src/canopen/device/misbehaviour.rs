@@ -5,7 +5,10 @@
 use std::ops::RangeInclusive;
 
 use crate::abort::AbortCode;
+use crate::device::mapping::number;
+use crate::device::parameter::{NO_REMOTE, Place};
 use crate::device::{Application, ConnectionLoss, Device};
+use crate::layout::Direction;
 use crate::object::Object;
 
 /// Deviations of a device; none by default.
@@ -15,6 +18,8 @@ pub struct Misbehaviour {
     pub ignores: Vec<Object>,
     /// Writes by SDO to these indices are aborted with this code.
     pub refuses: Vec<(RangeInclusive<u16>, AbortCode)>,
+    /// Aborts a write of a TPDO's COB-ID without bit 30 (no remote frames) with 0609 0030h.
+    pub refuses_remote_tpdos: bool,
     /// Replaces the code of every abort.
     pub only_abort_code: Option<AbortCode>,
     /// Omits the size in SDO upload responses: `42h` and `40h` instead of `4Bh` and `41h` (CiA 301,
@@ -37,6 +42,21 @@ impl Misbehaviour {
     pub(super) fn check_write(&self, object: Object) -> Result<(), AbortCode> {
         let refusal = self.refuses.iter().find(|(indices, _)| indices.contains(&object.index));
         refusal.map_or(Ok(()), |(_, code)| Err(*code))
+    }
+
+    /// Checks the value of a write to `object`.
+    ///
+    /// # Errors
+    /// Returns the abort code of a refused value.
+    pub(super) fn check_value(&self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        let is_cob_id = Place::of(object).is_some_and(|place| {
+            place.direction == Direction::Transmit && place.communication(1) == object
+        });
+        let has_bit = number(bytes) & u64::from(NO_REMOTE) != 0;
+        if self.refuses_remote_tpdos && is_cob_id && !has_bit {
+            return Err(AbortCode::VALUE_INVALID);
+        }
+        Ok(())
     }
 
     /// Replaces an abort code.

@@ -26,10 +26,10 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     encoder: Encoder,
-    /// Rated torque of the motor, in mN·m.
-    rated_torque: u32,
+    /// Rated torque of the motor, in N·m.
+    rated_torque: f64,
     /// Encoder increments per motor revolution.
-    increments: u32,
+    increments: f64,
     power: Power,
     /// Active mode of operation (6061h).
     mode: i8,
@@ -104,9 +104,7 @@ impl Application for Axis {
         if reset == Reset::Node {
             self.power = Power::default();
             self.error = 0;
-            dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
-            dictionary.set(Object::ENCODER_INCREMENTS, &self.increments.to_le_bytes());
-            self.motion = Motion::new(self.tuning, dictionary);
+            self.motion = Motion::new(self.tuning, self.increments, dictionary);
             self.show_motor(dictionary);
             status::show_monitor(&self.monitor, dictionary);
         }
@@ -151,8 +149,8 @@ impl Axis {
     pub(super) fn new(actuator: &ActuatorSettings, tuning: Tuning) -> Self {
         Self {
             encoder: Encoder::new(actuator),
-            rated_torque: actuator.rated_millis(),
-            increments: status::natural(actuator.counts_per_rev),
+            rated_torque: actuator.rated_torque,
+            increments: actuator.counts_per_rev,
             power: Power::default(),
             mode: task::NO_MODE,
             task: Task::Release,
@@ -192,6 +190,11 @@ impl Axis {
     /// Returns the feedback of motor and encoder.
     pub(super) const fn feedback(&self) -> &Feedback {
         &self.feedback
+    }
+
+    /// Returns the rated torque of the motor, in N·m.
+    pub(super) const fn rated_torque(&self) -> f64 {
+        self.rated_torque
     }
 
     /// Returns the monitored quantities.
@@ -263,7 +266,7 @@ impl Axis {
 
     fn read_parameters(&mut self, dictionary: &Dictionary) {
         self.options = Options::of(dictionary);
-        self.limits = Limits::of(dictionary);
+        self.limits = Limits::of(dictionary, self.increments);
     }
 
     /// Applies the controlword. A repeated one has no effect and costs no time.

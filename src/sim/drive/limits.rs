@@ -17,15 +17,14 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// Reads the limits from `dictionary`. An absent object is no limit.
-    pub(super) fn of(dictionary: &Dictionary) -> Self {
-        let limit = |object| match dictionary.get(object) {
-            Some(_) => f64::from(dictionary.unsigned(object)),
-            None => f64::INFINITY,
-        };
+    /// Reads the limits from `dictionary`. An absent object is no limit. The encoder has `increments` per revolution
+    /// where 608Fh is absent.
+    pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
+        let limit = |object| dictionary.optional(object).map_or(f64::INFINITY, f64::from);
         // Torque is proportional to current: both limits have the same unit.
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
-        let increments = f64::from(dictionary.unsigned(Object::ENCODER_INCREMENTS));
+        let increments =
+            dictionary.optional(Object::ENCODER_INCREMENTS).map_or(increments, f64::from);
         let revolutions = f64::from(dictionary.unsigned(Object::ENCODER_REVOLUTIONS).max(1));
         let max_rpm = limit(Object::MAX_MOTOR_SPEED);
         let max_speed = TRIP_RATIO * max_rpm / 60.0 * increments / revolutions;
@@ -58,6 +57,8 @@ mod tests {
     use canopen::NodeId;
     use canopen::eds::Eds;
 
+    const INCREMENTS: f64 = 16_384.0;
+
     fn dictionary() -> Dictionary {
         let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         Dictionary::new(&eds, NodeId::new(1).unwrap())
@@ -69,12 +70,39 @@ mod tests {
         dictionary.set(Object::MAX_MOTOR_SPEED, &3_000_u32.to_le_bytes());
         dictionary.set(Object::ENCODER_INCREMENTS, &4_096_u32.to_le_bytes());
         dictionary.set(Object::ENCODER_REVOLUTIONS, &2_u32.to_le_bytes());
-        let limits = Limits::of(&dictionary);
+        let limits = Limits::of(&dictionary, INCREMENTS);
         let nominal = 50.0 * 2_048.0;
         for (share, is_too_fast) in [(1.0, false), (1.09, false), (1.11, true)] {
             assert_eq!(limits.is_too_fast(share * nominal), is_too_fast, "{share}");
             assert_eq!(limits.is_too_fast(-share * nominal), is_too_fast, "{share}");
         }
+    }
+
+    #[test]
+    fn absent_limits_are_no_limits() {
+        let mut dictionary = dictionary();
+        for object in [
+            Object::MAX_TORQUE,
+            Object::MAX_CURRENT,
+            Object::POSITIVE_TORQUE_LIMIT,
+            Object::NEGATIVE_TORQUE_LIMIT,
+            Object::MAX_MOTOR_SPEED,
+        ] {
+            dictionary.remove(object);
+        }
+        let limits = Limits::of(&dictionary, INCREMENTS);
+        assert!((limits.clamp(-9_999.0) + 9_999.0).abs() <= 0.0);
+        assert!(!limits.is_too_fast(1e12));
+    }
+
+    #[test]
+    fn overspeed_without_608fh_uses_the_encoder() {
+        let mut dictionary = dictionary();
+        dictionary.set(Object::MAX_MOTOR_SPEED, &60_u32.to_le_bytes());
+        dictionary.remove(Object::ENCODER_INCREMENTS);
+        dictionary.remove(Object::ENCODER_REVOLUTIONS);
+        let limits = Limits::of(&dictionary, 1_000.0);
+        assert!(limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0));
     }
 
     proptest! {
@@ -92,7 +120,7 @@ mod tests {
             for (object, limit) in objects.into_iter().zip(limits) {
                 prop_assert!(dictionary.set(object, &limit.to_le_bytes()));
             }
-            let given = Limits::of(&dictionary).clamp(asked);
+            let given = Limits::of(&dictionary, INCREMENTS).clamp(asked);
             let [torque, current, positive, negative] = limits.map(f64::from);
             prop_assert!(given.abs() <= torque.min(current));
             prop_assert!(-negative <= given && given <= positive);
@@ -102,6 +130,6 @@ mod tests {
 
     #[test]
     fn nan_demand_gives_zero_torque() {
-        assert!(Limits::of(&dictionary()).clamp(f64::NAN).abs() <= 0.0);
+        assert!(Limits::of(&dictionary(), INCREMENTS).clamp(f64::NAN).abs() <= 0.0);
     }
 }

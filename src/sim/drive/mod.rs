@@ -11,6 +11,7 @@
 //! | `options`   | option codes                                                      |
 //! | `stop`      | a stop on a ramp                                                  |
 //! | `limits`    | torque and speed limits                                           |
+//! | `nameplate` | values stored at delivery                                         |
 //! | `monitor`   | temperature, voltage, speed: faults and warnings                  |
 //! | `inputs`    | digital inputs, safe torque off                                   |
 //! | `servo`     | timing of the control loops                                       |
@@ -20,6 +21,7 @@ mod axis;
 mod inputs;
 mod limits;
 mod monitor;
+mod nameplate;
 mod options;
 mod power;
 mod servo;
@@ -85,7 +87,8 @@ impl Drive {
 
     /// Creates a drive with `quirks` at power-up.
     pub fn with(settings: DriveSettings, quirks: &Quirks) -> Self {
-        let DriveSettings { channel, node, dictionary, actuator, latency, tuning } = settings;
+        let DriveSettings { channel, node, mut dictionary, actuator, latency, tuning } = settings;
+        nameplate::store(&actuator, &mut dictionary);
         let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
             QuirkEffects::of(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning);
@@ -133,6 +136,11 @@ impl Drive {
     /// Returns the torque demand, in ‰ of rated torque.
     pub const fn demand(&self) -> f64 {
         self.device.application().demand()
+    }
+
+    /// Returns the rated torque of the motor, in N·m, whatever 6076h says.
+    pub const fn rated_torque(&self) -> f64 {
+        self.device.application().rated_torque()
     }
 
     /// Returns the feedback of motor and encoder.
@@ -214,6 +222,7 @@ impl Drive {
     pub fn switch_on(&mut self, now: Instant) {
         self.is_on = true;
         self.plug();
+        self.transmit_path.power_up();
         let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
         self.device.on_frame(now, &power_up, &mut self.frames);
     }

@@ -37,10 +37,12 @@ pub(super) enum Abort {
 }
 
 impl Options {
-    /// Reads the option codes from `dictionary`. An absent object counts as 0: immediate.
+    /// Reads the option codes from `dictionary`. An absent object counts as 0: immediate; without 6007h a connection
+    /// loss is a fault.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
+        let has_abort = dictionary.entry(Object::ABORT_CONNECTION).is_some();
         Self {
-            abort_connection: dictionary.i16(Object::ABORT_CONNECTION),
+            abort_connection: if has_abort { dictionary.i16(Object::ABORT_CONNECTION) } else { 1 },
             quick_stop: dictionary.i16(Object::QUICK_STOP_OPTION),
             shutdown: dictionary.i16(Object::SHUTDOWN_OPTION),
             disable_operation: dictionary.i16(Object::DISABLE_OPERATION_OPTION),
@@ -110,6 +112,16 @@ impl Options {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use canopen::NodeId;
+    use canopen::eds::Eds;
+
+    #[test]
+    fn drive_without_option_codes_faults_and_disables_at_once() {
+        let eds = Eds::parse(include_bytes!("../../../eds/drives/schunk-lwa4p.eds")).unwrap();
+        let options = Options::of(&Dictionary::new(&eds, NodeId::new(1).unwrap()));
+        assert_eq!(options.on_connection_loss(), Abort::Fault);
+        assert_eq!((options.fault_ramp(), options.shutdown_ramp()), (None, None));
+    }
 
     #[test]
     fn accepted_codes_are_those_of_cia_402() {

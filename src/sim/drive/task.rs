@@ -75,9 +75,11 @@ pub(super) const fn is_immediate_set_point(mode: i8, object: Object) -> bool {
     }
 }
 
-/// Returns whether the drive supports a mode of operation (6502h, mode 1 at bit 0) or it is 0, no mode.
+/// Returns whether the drive supports a mode of operation (6502h, mode 1 at bit 0) or it is 0, no mode. Without 6502h it
+/// supports all.
 pub(super) fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
-    let modes = u64::from(dictionary.unsigned(Object::SUPPORTED_MODES)) << 1 | 1;
+    let modes =
+        u64::from(dictionary.optional(Object::SUPPORTED_MODES).unwrap_or(u32::MAX)) << 1 | 1;
     modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
 }
 

@@ -14,6 +14,9 @@ pub(super) fn drive() -> Dictionary {
     Dictionary::new(&eds, NodeId::new(1).unwrap())
 }
 
+/// Increments per revolution of the encoder, as 608Fh has them.
+pub(super) const INCREMENTS: f64 = 16_384.0;
+
 /// Sets an object to the low bytes of `number`.
 pub(super) fn put(dictionary: &mut Dictionary, object: Object, number: u32) {
     let size = dictionary.get(object).unwrap().len();
@@ -49,7 +52,7 @@ impl Fixture {
     pub(super) fn with(mode: i8, rotor: Rotor, set_up: impl Fn(&mut Dictionary)) -> Self {
         let mut dictionary = drive();
         set_up(&mut dictionary);
-        let motion = Motion::new(Tuning::default(), &dictionary);
+        let motion = Motion::new(Tuning::default(), INCREMENTS, &dictionary);
         let mut fixture = Self { motion, rotor, dictionary, demand: TorqueDemand::default() };
         fixture.begin(mode);
         fixture.set_controlword(ENABLED);

@@ -11,7 +11,7 @@ pub(super) struct Following(ConditionTimer);
 impl Following {
     /// Returns whether the following error has exceeded its window (6065h) for its time (6066h).
     pub(super) fn is_lost(&mut self, axis: &Axis, input: &StepInput<'_>) -> bool {
-        let window = input.dictionary.unsigned(Object::FOLLOWING_ERROR_WINDOW);
+        let window = input.dictionary.optional(Object::FOLLOWING_ERROR_WINDOW).unwrap_or(NO_WINDOW);
         let is_outside =
             window != NO_WINDOW && axis.following_error(input).abs() > f64::from(window);
         let time = input.dictionary.unsigned(Object::FOLLOWING_ERROR_TIME);

@@ -13,9 +13,10 @@ pub(super) struct TorqueLimits {
 }
 
 impl TorqueLimits {
-    /// Reads the minimum of 6072h, 6073h and, per direction, 60E0h and 60E1h. Torque is proportional to current.
+    /// Reads the minimum of 6072h, 6073h and, per direction, 60E0h and 60E1h. Torque is proportional to current. An
+    /// absent object is no limit.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
-        let limit = |object| f64::from(dictionary.unsigned(object));
+        let limit = |object| dictionary.optional(object).map_or(NO_TORQUE_LIMIT, f64::from);
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
         Self {
             low: -both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
@@ -37,6 +38,9 @@ impl TorqueLimits {
     }
 }
 
+/// Largest value of a limit, and that of an absent one, in ‰: finite, as a deceleration follows from it.
+const NO_TORQUE_LIMIT: f64 = 65_535.0;
+
 /// A value within a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Limited {
@@ -51,10 +55,11 @@ pub(super) const fn within(wanted: f64, bound: f64) -> Limited {
     Limited { value, is_limited: wanted > bound || wanted < -bound }
 }
 
-/// Returns the speed limit of 6080h and 607Fh, in increments/s.
+/// Returns the speed limit of 6080h and 607Fh, in increments/s; infinite without either.
 pub(super) fn top_speed(units: &Units, dictionary: &Dictionary) -> f64 {
-    let motor = units.motor_speed(f64::from(dictionary.unsigned(Object::MAX_MOTOR_SPEED)));
-    motor.min(units.size(dictionary, Object::MAX_PROFILE_VELOCITY))
+    let motor = dictionary.optional(Object::MAX_MOTOR_SPEED);
+    let motor = motor.map_or(f64::INFINITY, |speed| units.motor_speed(f64::from(speed)));
+    motor.min(units.limit(dictionary, Object::MAX_PROFILE_VELOCITY))
 }
 
 /// Reads 6081h, 6083h and 6084h, within [`top_speed`], 60C5h and 60C6h.
@@ -69,12 +74,12 @@ pub(super) fn profile(units: &Units, dictionary: &Dictionary) -> Profile {
 
 /// Reads an acceleration in increments/s², within 60C5h.
 pub(super) fn acceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
-    units.size(dictionary, object).min(units.size(dictionary, Object::MAX_ACCELERATION))
+    units.size(dictionary, object).min(units.limit(dictionary, Object::MAX_ACCELERATION))
 }
 
 /// Reads a deceleration in increments/s², within 60C6h.
 pub(super) fn deceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
-    units.size(dictionary, object).min(units.size(dictionary, Object::MAX_DECELERATION))
+    units.size(dictionary, object).min(units.limit(dictionary, Object::MAX_DECELERATION))
 }
 
 /// Returns a target in position units, within 607Dh. Limits in the wrong order, and the ends of the
@@ -95,7 +100,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::fixture::{drive, put};
+    use crate::motion::fixture::{INCREMENTS, drive, put};
 
     #[test]
     fn target_stays_within_configured_position_limits() {
@@ -120,10 +125,25 @@ mod tests {
     #[test]
     fn top_speed_is_the_lower_of_motor_and_profile_limit() {
         let mut dictionary = drive();
-        let units = Units::of(&dictionary);
+        let units = Units::of(&dictionary, INCREMENTS);
         assert_eq!(top_speed(&units, &dictionary), 1_600_000.0, "6000 rpm are 1,638,400");
         put(&mut dictionary, Object::MAX_MOTOR_SPEED, 60);
         assert_eq!(top_speed(&units, &dictionary), 16_384.0);
+    }
+
+    #[test]
+    fn absent_limits_are_no_limits() {
+        let mut dictionary = drive();
+        let units = Units::of(&dictionary, INCREMENTS);
+        for object in [Object::MAX_TORQUE, Object::MAX_CURRENT, Object::POSITIVE_TORQUE_LIMIT] {
+            dictionary.remove(object);
+        }
+        let limits = TorqueLimits::of(&dictionary);
+        assert_eq!(limits.clamp(9_999.0).value, 9_999.0);
+        for object in [Object::MAX_MOTOR_SPEED, Object::MAX_PROFILE_VELOCITY] {
+            dictionary.remove(object);
+        }
+        assert_eq!(top_speed(&units, &dictionary), f64::INFINITY);
     }
 
     proptest! {

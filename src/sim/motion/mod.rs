@@ -101,15 +101,15 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Creates the state without a mode.
-    pub fn new(tuning: Tuning, dictionary: &Dictionary) -> Self {
-        Self { axis: Axis::new(tuning, Units::of(dictionary)), ..Self::default() }
+    /// Creates the state without a mode. The encoder has `increments` per revolution where 608Fh is absent.
+    pub fn new(tuning: Tuning, increments: f64, dictionary: &Dictionary) -> Self {
+        Self { axis: Axis::new(tuning, Units::of(dictionary, increments)), ..Self::default() }
     }
 
     /// Updates the factor group after a write of `object`. [`begin`](Self::begin) updates it as well.
     pub fn on_written(&mut self, object: Object, dictionary: &Dictionary) {
         if Units::depend_on(object) {
-            self.axis.shaft.units = Units::of(dictionary);
+            self.axis.shaft.units.read(dictionary);
         }
     }
 
@@ -127,7 +127,7 @@ impl Motion {
 
     /// Starts a mode, after a change of 6060h or when the drive is enabled; the motor holds its position.
     pub fn begin(&mut self, mode: i8, feedback: &Feedback, dictionary: &Dictionary) {
-        self.axis.shaft.units = Units::of(dictionary);
+        self.axis.shaft.units.read(dictionary);
         let input = self.input(0.0, feedback, dictionary);
         self.axis.take_over(&input.actual);
         self.mode = Mode::begin(mode, &mut self.axis, &input);

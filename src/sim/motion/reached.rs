@@ -18,7 +18,7 @@ impl Reached {
         input: &StepInput<'_>,
         is_arrived: bool,
     ) -> bool {
-        let window = input.dictionary.unsigned(Object::POSITION_WINDOW);
+        let window = input.dictionary.optional(Object::POSITION_WINDOW).unwrap_or(NO_WINDOW);
         if window == NO_WINDOW {
             return is_arrived;
         }

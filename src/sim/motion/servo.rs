@@ -85,7 +85,7 @@ impl Servo {
 mod tests {
     use super::*;
     use crate::motion::SERVO_PERIOD;
-    use crate::motion::fixture::drive;
+    use crate::motion::fixture::{INCREMENTS, drive};
     use crate::motion::limits::top_speed;
     use crate::motion::ramp::{Profile, Trajectory};
     use crate::motion::rotor::Rotor;
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn default_speed_limit_is_that_of_these_tests() {
-        assert_eq!(top_speed(&Units::of(&drive()), &drive()), TOP);
+        assert_eq!(top_speed(&Units::of(&drive(), INCREMENTS), &drive()), TOP);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Conversion between encoder increments and the master's units (CiA 402-2, factor group).
 //!
 //! One position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution, motor revolutions per
-//! shaft revolution, feed per shaft revolution. Velocities and accelerations are per s and s². 607Eh inverts signs.
+//! shaft revolution, feed per shaft revolution. Without 6092h the feed is 608Fh: the unit is an increment before the
+//! gear. Velocities are per s, with 6090h in place of 608Fh; accelerations are per s². 607Eh inverts the signs of
+//! positions and velocities, not of torques.
 
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
@@ -9,8 +11,12 @@ use canopen::object::Object;
 /// Factors of the factor group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Units {
+    /// Increments per motor revolution of the encoder, for a drive without 608Fh.
+    encoder: f64,
     /// Increments per position unit, positive.
     scale: f64,
+    /// Increments/s per velocity unit, positive.
+    velocity_scale: f64,
     /// Increments per motor revolution, positive.
     turn: f64,
     /// Sign of positions, 1 or -1.
@@ -22,35 +28,59 @@ pub(super) struct Units {
 impl Default for Units {
     /// Returns one increment per unit.
     fn default() -> Self {
-        Self { scale: 1.0, turn: 1.0, position_sign: 1.0, velocity_sign: 1.0 }
+        Self {
+            encoder: 1.0,
+            scale: 1.0,
+            velocity_scale: 1.0,
+            turn: 1.0,
+            position_sign: 1.0,
+            velocity_sign: 1.0,
+        }
     }
 }
 
 impl Units {
-    /// Reads the factors of a drive. A ratio with a zero counts as 1.
-    pub(super) fn of(dictionary: &Dictionary) -> Self {
-        let ratio = |over, under| match (dictionary.unsigned(over), dictionary.unsigned(under)) {
-            (0, _) | (_, 0) => 1.0,
-            (over, under) => f64::from(over) / f64::from(under),
-        };
-        let turn = ratio(Object::ENCODER_INCREMENTS, Object::ENCODER_REVOLUTIONS);
-        let gear = ratio(Object::GEAR_MOTOR_REVOLUTIONS, Object::GEAR_SHAFT_REVOLUTIONS);
-        let feed = ratio(Object::FEED, Object::FEED_REVOLUTIONS);
+    /// Reads the factors of a drive, whose encoder has `increments` per revolution where 608Fh is absent.
+    pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
+        let mut units = Self { encoder: increments, ..Self::default() };
+        units.read(dictionary);
+        units
+    }
+
+    /// Reads the factors again.
+    pub(super) fn read(&mut self, dictionary: &Dictionary) {
+        let turn = ratio(dictionary, Object::ENCODER_INCREMENTS, Object::ENCODER_REVOLUTIONS)
+            .unwrap_or(self.encoder);
+        let velocity_turn =
+            ratio(dictionary, Object::VELOCITY_INCREMENTS, Object::VELOCITY_REVOLUTIONS)
+                .unwrap_or(turn);
+        let gear =
+            ratio(dictionary, Object::GEAR_MOTOR_REVOLUTIONS, Object::GEAR_SHAFT_REVOLUTIONS)
+                .unwrap_or(1.0);
+        let feed = ratio(dictionary, Object::FEED, Object::FEED_REVOLUTIONS).unwrap_or(turn);
         let polarity = dictionary.unsigned(Object::POLARITY);
         let sign = |bit: u32| if polarity & bit == 0 { 1.0 } else { -1.0 };
-        Self {
+        *self = Self {
+            encoder: self.encoder,
             scale: turn * gear / feed,
+            velocity_scale: velocity_turn * gear / feed,
             turn,
             position_sign: sign(POSITION_POLARITY),
             velocity_sign: sign(VELOCITY_POLARITY),
-        }
+        };
     }
 
     /// Returns whether the factors depend on `object`.
     pub(super) fn depend_on(object: Object) -> bool {
-        [Object::ENCODER_INCREMENTS, Object::GEAR_MOTOR_REVOLUTIONS, Object::FEED, Object::POLARITY]
-            .iter()
-            .any(|factor| factor.index == object.index)
+        [
+            Object::ENCODER_INCREMENTS,
+            Object::VELOCITY_INCREMENTS,
+            Object::GEAR_MOTOR_REVOLUTIONS,
+            Object::FEED,
+            Object::POLARITY,
+        ]
+        .iter()
+        .any(|factor| factor.index == object.index)
     }
 
     /// Converts a distance in position units to increments.
@@ -65,17 +95,22 @@ impl Units {
 
     /// Converts a velocity to increments/s.
     pub(super) fn velocity(&self, units: f64) -> f64 {
-        units * self.scale * self.velocity_sign
+        units * self.velocity_scale * self.velocity_sign
     }
 
     /// Converts increments/s to a velocity.
     pub(super) fn velocity_units(&self, increments: f64) -> f64 {
-        increments / self.scale * self.velocity_sign
+        increments / self.velocity_scale * self.velocity_sign
     }
 
     /// Reads an unsigned object (limit, window, acceleration) in increments (/s, /s²).
     pub(super) fn size(&self, dictionary: &Dictionary, object: Object) -> f64 {
         f64::from(dictionary.unsigned(object)) * self.scale
+    }
+
+    /// Reads a limit in increments (/s, /s²); infinite if absent.
+    pub(super) fn limit(&self, dictionary: &Dictionary, object: Object) -> f64 {
+        dictionary.optional(object).map_or(f64::INFINITY, |limit| f64::from(limit) * self.scale)
     }
 
     /// Returns the increments per motor revolution.
@@ -87,6 +122,14 @@ impl Units {
     pub(super) fn motor_speed(&self, turns_per_minute: f64) -> f64 {
         turns_per_minute / SECONDS_PER_MINUTE * self.turn
     }
+}
+
+/// Returns a ratio of two objects, `None` if absent; one with a zero counts as 1.
+fn ratio(dictionary: &Dictionary, over: Object, under: Object) -> Option<f64> {
+    Some(match (dictionary.optional(over)?, dictionary.optional(under).unwrap_or(1)) {
+        (0, _) | (_, 0) => 1.0,
+        (over, under) => f64::from(over) / f64::from(under),
+    })
 }
 
 /// Polarity of positions, bit 7 of 607Eh.
@@ -126,11 +169,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::fixture::{drive, put};
+    use crate::motion::fixture::{INCREMENTS, drive, put};
 
     #[test]
     fn default_unit_is_one_increment() {
-        let units = Units::of(&drive());
+        let units = Units::of(&drive(), INCREMENTS);
         assert_eq!((units.increments(12.0), units.position_units(12.0)), (12.0, 12.0));
         assert_eq!((units.velocity(-7.0), units.velocity_units(-7.0)), (-7.0, -7.0));
     }
@@ -140,9 +183,53 @@ mod tests {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         put(&mut dictionary, Object::FEED, 360_000);
-        let units = Units::of(&dictionary);
+        let units = Units::of(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(16_384.0 * 40.0), 360_000.0);
         assert_eq!(units.velocity(360_000.0), 16_384.0 * 40.0);
+    }
+
+    #[test]
+    fn gear_of_two_halves_the_position() {
+        let mut dictionary = drive();
+        put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 2);
+        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
+        dictionary.remove(Object::FEED);
+        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
+    }
+
+    #[test]
+    fn encoder_resolution_stored_wrong_scales_the_position() {
+        let mut dictionary = drive();
+        put(&mut dictionary, Object::ENCODER_INCREMENTS, 8_192);
+        let units = Units::of(&dictionary, INCREMENTS);
+        assert_eq!(units.position_units(1_000.0), 2_000.0, "6092h has 16,384 units per turn");
+    }
+
+    #[test]
+    fn velocity_encoder_resolution_scales_velocities_only() {
+        let mut dictionary = drive();
+        put(&mut dictionary, Object::VELOCITY_INCREMENTS, 32_768);
+        let units = Units::of(&dictionary, INCREMENTS);
+        assert_eq!(
+            (units.position_units(1_000.0), units.velocity_units(1_000.0)),
+            (1_000.0, 500.0)
+        );
+    }
+
+    #[test]
+    fn drive_without_factor_group_counts_increments() {
+        let mut dictionary = drive();
+        for object in [
+            Object::ENCODER_INCREMENTS,
+            Object::VELOCITY_INCREMENTS,
+            Object::GEAR_MOTOR_REVOLUTIONS,
+            Object::FEED,
+        ] {
+            dictionary.remove(object);
+        }
+        let units = Units::of(&dictionary, 4_000.0);
+        assert_eq!((units.position_units(7.0), units.velocity_units(7.0)), (7.0, 7.0));
+        assert_eq!(units.motor_speed(60.0), 4_000.0);
     }
 
     #[test]
@@ -152,7 +239,7 @@ mod tests {
         {
             let mut dictionary = drive();
             put(&mut dictionary, Object::POLARITY, polarity);
-            let units = Units::of(&dictionary);
+            let units = Units::of(&dictionary, INCREMENTS);
             assert_eq!((units.increments(1.0), units.position_units(1.0)), (position, position));
             assert_eq!((units.velocity(1.0), units.velocity_units(1.0)), (velocity, velocity));
         }
@@ -162,7 +249,7 @@ mod tests {
     fn motor_speed_ignores_the_gear() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
-        assert_eq!(Units::of(&dictionary).motor_speed(60.0), 16_384.0);
+        assert_eq!(Units::of(&dictionary, INCREMENTS).motor_speed(60.0), 16_384.0);
     }
 
     proptest! {
@@ -175,7 +262,7 @@ mod tests {
             put(&mut dictionary, Object::GEAR_SHAFT_REVOLUTIONS, shaft);
             put(&mut dictionary, Object::FEED, feed);
             put(&mut dictionary, Object::POLARITY, u32::from(polarity));
-            let units = Units::of(&dictionary);
+            let units = Units::of(&dictionary, INCREMENTS);
             let distance = f64::from(distance);
             let tolerance = 1e-12 * distance.abs();
             prop_assert!((units.position_units(units.increments(distance)) - distance).abs() <= tolerance);

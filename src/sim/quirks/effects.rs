@@ -67,6 +67,18 @@ impl QuirkEffects {
             }
             Quirk::NoSyncCounter => dictionary.remove(Object::SYNC_OVERFLOW),
             Quirk::QuietFault => frames.hides_emergencies = true,
+            Quirk::NoRtr => {
+                misbehaviour.refuses_remote_tpdos = true;
+                forbid_remote_tpdos(dictionary);
+            }
+            Quirk::LostSdoReply(number) => frames.lost_response = Some(number),
+            Quirk::PolarityReversed => {
+                dictionary.set_default(Object::POLARITY, &[POSITION_REVERSED]);
+            }
+            Quirk::SlowFirstAnswer(time) => frames.first_response_delay = time,
+            Quirk::Stored(object, value) => {
+                dictionary.set_default_number(object, value);
+            }
         }
     }
 
@@ -113,6 +125,20 @@ fn open_rpdos(dictionary: &mut Dictionary, node: NodeId) {
     }
 }
 
+/// Sets bit 30 in the COB-IDs of all TPDOs.
+fn forbid_remote_tpdos(dictionary: &mut Dictionary) {
+    for number in 1..=layout::MAX_PDOS {
+        let cob_id = Object::tpdo_communication(number, 1);
+        if let Some(raw) = dictionary.optional(cob_id) {
+            dictionary.set_default_number(cob_id, raw | NO_REMOTE);
+        }
+    }
+}
+
+/// Bit 30 of the COB-ID of a TPDO: no remote frames.
+const NO_REMOTE: u32 = 1 << 30;
+/// Polarity (607Eh) with positions reversed.
+const POSITION_REVERSED: u8 = 0x80;
 /// Shortest heartbeat period of a coarse timer.
 const COARSE_HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
 /// Period of EMCY messages in a storm.

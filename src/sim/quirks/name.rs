@@ -33,6 +33,16 @@ pub enum UnknownQuirk {
         /// Unit, with a space before it.
         unit: &'static str,
     },
+    /// The value is not an object with a number.
+    #[error(
+        "value of quirk `{name}` must be an object and a number such as 6091h:1=2 or 607Eh=0x80, got `{value}`"
+    )]
+    Stored {
+        /// Name of the quirk.
+        name: &'static str,
+        /// Value given.
+        value: String,
+    },
     /// The value is not an object.
     #[error("value of quirk `{name}` must be an object such as 6072h or 1016h:1, got `{value}`")]
     Object {
@@ -45,7 +55,7 @@ pub enum UnknownQuirk {
 
 impl Quirk {
     /// Names of all quirks.
-    pub const NAMES: [&'static str; 19] = [
+    pub const NAMES: [&'static str; 24] = [
         DEAF_TO_MASTER,
         KEEPS_TORQUE,
         HOLDS_TORQUE,
@@ -65,6 +75,11 @@ impl Quirk {
         WRONG_IDENTITY,
         NO_SYNC_COUNTER,
         QUIET_FAULT,
+        NO_RTR,
+        LOST_SDO_REPLY,
+        POLARITY_REVERSED,
+        SLOW_FIRST_ANSWER,
+        STORED,
     ];
 
     /// Returns the name, without the value.
@@ -89,6 +104,11 @@ impl Quirk {
             Self::WrongIdentity => WRONG_IDENTITY,
             Self::NoSyncCounter => NO_SYNC_COUNTER,
             Self::QuietFault => QUIET_FAULT,
+            Self::NoRtr => NO_RTR,
+            Self::LostSdoReply(_) => LOST_SDO_REPLY,
+            Self::PolarityReversed => POLARITY_REVERSED,
+            Self::SlowFirstAnswer(_) => SLOW_FIRST_ANSWER,
+            Self::Stored(..) => STORED,
         }
     }
 
@@ -114,6 +134,11 @@ impl Quirk {
             WRONG_IDENTITY => Self::WrongIdentity,
             NO_SYNC_COUNTER => Self::NoSyncCounter,
             QUIET_FAULT => Self::QuietFault,
+            NO_RTR => Self::NoRtr,
+            LOST_SDO_REPLY => Self::LostSdoReply(10),
+            POLARITY_REVERSED => Self::PolarityReversed,
+            SLOW_FIRST_ANSWER => Self::SlowFirstAnswer(Duration::from_millis(1_500)),
+            STORED => Self::Stored(Object::GEAR_MOTOR_REVOLUTIONS, 2),
             _ => return None,
         })
     }
@@ -135,6 +160,17 @@ impl Quirk {
                 let wrong = || UnknownQuirk::Object { name, value: value.to_owned() };
                 object(value).map(Self::Forgetful).ok_or_else(wrong)
             }
+            Self::LostSdoReply(_) => {
+                let reply = number(name, value, REPLY, "")?;
+                Ok(Self::LostSdoReply(reply.unsigned_abs()))
+            }
+            Self::SlowFirstAnswer(_) => {
+                number(name, value, SLOW_MS, " ms").map(millis).map(Self::SlowFirstAnswer)
+            }
+            Self::Stored(..) => {
+                let wrong = || UnknownQuirk::Stored { name, value: value.to_owned() };
+                stored(value).map(|(object, value)| Self::Stored(object, value)).ok_or_else(wrong)
+            }
             Self::DeafToMaster
             | Self::KeepsTorque
             | Self::HoldsTorque
@@ -149,7 +185,9 @@ impl Quirk {
             | Self::VagueAborts
             | Self::WrongIdentity
             | Self::NoSyncCounter
-            | Self::QuietFault => Err(UnknownQuirk::NoValue(name)),
+            | Self::QuietFault
+            | Self::NoRtr
+            | Self::PolarityReversed => Err(UnknownQuirk::NoValue(name)),
         }
     }
 }
@@ -177,7 +215,11 @@ impl fmt::Display for Quirk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())?;
         match self {
-            Self::SlowSdo(time) | Self::LateBoot(time) => write!(f, ":{}", time.as_millis()),
+            Self::SlowSdo(time) | Self::LateBoot(time) | Self::SlowFirstAnswer(time) => {
+                write!(f, ":{}", time.as_millis())
+            }
+            Self::LostSdoReply(reply) => write!(f, ":{reply}"),
+            Self::Stored(object, value) => write!(f, ":{object}={value}"),
             Self::RunningAtStart(torque) => write!(f, ":{torque}"),
             Self::Forgetful(object) => write!(f, ":{object}"),
             Self::DeafToMaster
@@ -194,7 +236,9 @@ impl fmt::Display for Quirk {
             | Self::VagueAborts
             | Self::WrongIdentity
             | Self::NoSyncCounter
-            | Self::QuietFault => Ok(()),
+            | Self::QuietFault
+            | Self::NoRtr
+            | Self::PolarityReversed => Ok(()),
         }
     }
 }
@@ -219,10 +263,25 @@ fn object(text: &str) -> Option<Object> {
     Some(Object { index, sub: sub.parse().ok()? })
 }
 
-/// Range of the response delay of `slow-sdo`, in ms.
+/// Parses an object and its value, decimal or with `0x`.
+fn stored(text: &str) -> Option<(Object, u32)> {
+    let (name, value) = text.split_once('=')?;
+    let value = match value.strip_prefix("0x") {
+        Some(digits) if digits.bytes().all(|digit| digit.is_ascii_hexdigit()) => {
+            u32::from_str_radix(digits, 16).ok()?
+        }
+        Some(_) => return None,
+        None => value.parse().ok()?,
+    };
+    Some((object(name)?, value))
+}
+
+/// Range of the response delay of `slow-sdo` and `slow-first-answer`, in ms.
 const SLOW_MS: RangeInclusive<i32> = 1..=10_000;
 /// Range of the boot delay of `late-boot`, in ms.
 const LATE_MS: RangeInclusive<i32> = 1..=60_000;
+/// Range of the number of the response that `lost-sdo-reply` loses.
+const REPLY: RangeInclusive<i32> = 1..=1_000_000;
 /// Range of the torque of `running-at-start`, in ‰ of rated torque.
 const TORQUE: RangeInclusive<i32> = -1_000..=1_000;
 
@@ -245,6 +304,11 @@ const VAGUE_ABORTS: &str = "vague-aborts";
 const WRONG_IDENTITY: &str = "wrong-identity";
 const NO_SYNC_COUNTER: &str = "no-sync-counter";
 const QUIET_FAULT: &str = "quiet-fault";
+const NO_RTR: &str = "no-rtr";
+const LOST_SDO_REPLY: &str = "lost-sdo-reply";
+const POLARITY_REVERSED: &str = "polarity-reversed";
+const SLOW_FIRST_ANSWER: &str = "slow-first-answer";
+const STORED: &str = "stored";
 
 #[cfg(test)]
 mod tests {
@@ -257,10 +321,18 @@ mod tests {
             assert_eq!(quirk.name(), name);
             assert_eq!(quirk.to_string().parse(), Ok(quirk));
         }
-        for text in ["slow-sdo:1", "late-boot:60000", "running-at-start:-250", "forgetful:1016h:1"]
-        {
+        for text in [
+            "slow-sdo:1",
+            "late-boot:60000",
+            "running-at-start:-250",
+            "forgetful:1016h:1",
+            "lost-sdo-reply:7",
+            "slow-first-answer:4000",
+            "stored:6076h=176000",
+        ] {
             assert_eq!(text.parse::<Quirk>().unwrap().to_string(), text);
         }
+        assert_eq!("stored:607Eh=0x80".parse(), Ok(Quirk::Stored(Object::POLARITY, 0x80)));
         assert_eq!("forgetful:6007h".parse(), Ok(Quirk::Forgetful(Object::ABORT_CONNECTION)));
     }
 
@@ -286,6 +358,15 @@ mod tests {
             ),
             ("forgetful:+072h", "value of quirk `forgetful` must be an object"),
             ("forgetful:1016h:256", "value of quirk `forgetful` must be an object"),
+            ("lost-sdo-reply:0", "value of quirk `lost-sdo-reply` must be within 1..=1000000, got"),
+            ("no-rtr:1", "quirk `no-rtr` takes no value"),
+            (
+                "stored:6091h:1",
+                "value of quirk `stored` must be an object and a number such as 6091h:1=2 or",
+            ),
+            ("stored:6091=2", "value of quirk `stored` must be an object and a number"),
+            ("stored:6091h:1=0x+2", "value of quirk `stored` must be an object and a number"),
+            ("stored:6091h:1=5000000000", "value of quirk `stored` must be an object and a num"),
         ] {
             let error = text.parse::<Quirk>().unwrap_err().to_string();
             assert!(error.starts_with(words), "{error}");

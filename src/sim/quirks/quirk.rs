@@ -57,6 +57,18 @@ pub enum Quirk {
     NoSyncCounter,
     /// Never sends an EMCY: only the statusword shows a fault.
     QuietFault,
+    /// Refuses a COB-ID of a TPDO without bit 30 (no remote frames): abort 0609 0030h. Reported of motor controllers
+    /// whose TPDOs have the bit by default.
+    NoRtr,
+    /// Loses one SDO upload response since power-up, the one of this number: a disturbed frame, or a gateway whose
+    /// buffer was full.
+    LostSdoReply(u32),
+    /// Has 607Eh = 80h, stored by its maker's tool: positions have the other sign, torques do not.
+    PolarityReversed,
+    /// Sends its first SDO response since power-up after this time: its file system or encoder starts first.
+    SlowFirstAnswer(Duration),
+    /// Has this value in an object since before power-up: a maker's tool stored it. Low bytes count.
+    Stored(Object, u32),
 }
 
 /// The name used in scenarios.

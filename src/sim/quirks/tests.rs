@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use crate::actuator::ActuatorSettings;
 use crate::drive::{Drive, DriveSettings};
+use crate::drivetrain::Sensed;
 use crate::motion::Tuning;
 use crate::quirks::{Quirk, QuirkEffects, Quirks};
 use canopen::dictionary::Dictionary;
@@ -132,6 +133,10 @@ fn dictionary_quirks_change_their_objects_only() {
             "wrong-identity" => vec![Object::PRODUCT_CODE],
             // COB-IDs, types and controlwords have these values by default.
             "open-rpdos" => (2..=4).map(|number| Object::rpdo_mapping(number, 2)).collect(),
+            // The COB-ID of TPDO 1 has bit 30 by no default of ours.
+            "no-rtr" => (1..=4).map(|number| Object::tpdo_communication(number, 1)).collect(),
+            "polarity-reversed" => vec![Object::POLARITY],
+            "stored" => vec![Object::GEAR_MOTOR_REVOLUTIONS],
             _ => vec![],
         };
         assert_eq!(changed, expected, "{name}");
@@ -184,6 +189,83 @@ fn frame_quirks_change_their_frames_only() {
         let is_upload = |frame: &Frame| frame.cob_id == 0x583 && frame.data()[0] >> 5 == 2;
         sent.retain(|(_, frame)| !is_upload(frame));
     });
+}
+
+#[test]
+fn no_rtr_refuses_tpdo_cob_ids_without_bit_30() {
+    let mut drive = drive(&["no-rtr"]);
+    let cob_id = |number| Object::tpdo_communication(number, 1);
+    let default = drive.dictionary().unsigned(cob_id(1));
+    assert_eq!(default & 1 << 30, 1 << 30, "{default:08X}h");
+    let raw = |raw: u32| raw.to_le_bytes();
+    let received = [
+        (ms(1), write(cob_id(1), &raw(0x8000_0183))),
+        (ms(2), write(cob_id(1), &raw(0xC000_0183))),
+        (ms(3), write(cob_id(1), &raw(0x0000_0183))),
+        (ms(4), write(cob_id(1), &raw(0x4000_0183))),
+        (ms(5), write(Object::tpdo_communication(1, 2), &[1])),
+        (ms(6), write(Object::rpdo_communication(1, 1), &raw(0x8000_0203))),
+    ];
+    let sent = sent(&mut drive, &received, ms(7));
+    let replies: Vec<_> = sent.iter().filter(is_reply).map(|(_, f)| f.data()[0]).collect();
+    assert_eq!(replies, [0x80, 0x60, 0x80, 0x60, 0x60, 0x60]);
+    let abort = sent.iter().find(is_reply).unwrap().1;
+    assert_eq!(abort.data()[4..], [0x30, 0x00, 0x09, 0x06]);
+}
+
+#[test]
+fn lost_sdo_reply_loses_one_upload_response_only() {
+    let received = [
+        (ms(1), read(Object::DEVICE_TYPE)),
+        (ms(2), write(Object::MAX_TORQUE, &[1, 0])),
+        (ms(3), read(Object::MAX_TORQUE)),
+        (ms(4), read(Object::MAX_TORQUE)),
+        (ms(5), Frame::new(0x000, [0x81, 3])),
+        (ms(6), read(Object::DEVICE_TYPE)),
+        (ms(7), read(Object::DEVICE_TYPE)),
+    ];
+    let sent = sent(&mut drive(&["lost-sdo-reply:2"]), &received, ms(8));
+    let at: Vec<_> = sent.iter().filter(is_reply).map(|(at, _)| at.as_micros() / 1_000).collect();
+    assert_eq!(at, [1, 2, 4, 6, 7], "a reset does not start the count again");
+}
+
+#[test]
+fn slow_first_answer_is_slow_once_per_power_up() {
+    let mut drive = drive(&["slow-first-answer:1000"]);
+    let request = |at| (ms(at), read(Object::DEVICE_TYPE));
+    let received = [request(10), request(500), request(1_100), request(1_200)];
+    let at = |sent: Vec<(Instant, Frame)>| -> Vec<_> {
+        sent.iter().filter(is_reply).map(|(at, _)| at.as_micros() / 1_000).collect()
+    };
+    assert_eq!(at(sent(&mut drive, &received, ms(1_300))), [1_010, 1_010, 1_100, 1_200]);
+    drive.switch_off();
+    drive.switch_on(ms(1_400));
+    assert_eq!(at(sent(&mut drive, &[request(1_500)], ms(3_000))), [2_500]);
+}
+
+#[test]
+fn stored_values_survive_resets_and_turn_the_encoder() {
+    let turned = |names: &[&str]| {
+        let mut drive = drive(names);
+        let resets = [0x82, 0x81].map(|command| Frame::new(0x000, [command, 3]));
+        let received: Vec<_> = (1..).map(ms).zip(resets).collect();
+        sent(&mut drive, &received, ms(5));
+        drive.sense(&Sensed { position: std::f64::consts::TAU, ..Sensed::default() });
+        drive.dictionary().unsigned(Object::POSITION_ACTUAL).cast_signed()
+    };
+    assert_eq!(turned(&[]), 204_800);
+    assert_eq!(turned(&["polarity-reversed"]), -204_800);
+    assert_eq!(turned(&["stored:607Eh=0x40"]), 204_800, "velocities only");
+    assert_eq!(turned(&["stored"]), 102_400);
+    assert_eq!(turned(&["stored:608Fh:1=2048"]), 409_600);
+    assert_eq!(turned(&["stored:6092h:1=8192"]), 409_600);
+}
+
+#[test]
+fn rated_torque_stored_wrong_changes_no_torque() {
+    let drive = drive(&["stored:6076h=300000"]);
+    assert_eq!(drive.dictionary().unsigned(Object::RATED_TORQUE), 300_000);
+    assert!((drive.rated_torque() - 0.3).abs() < 1e-12);
 }
 
 #[test]

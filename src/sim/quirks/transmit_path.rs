@@ -24,6 +24,10 @@ pub(crate) struct FrameQuirks {
     pub(super) response_delay: Duration,
     /// Sends SDO responses twice.
     pub(super) repeats_responses: bool,
+    /// Number of the one SDO upload response that is lost, counted from power-up.
+    pub(super) lost_response: Option<u32>,
+    /// Time from the first SDO response since power-up until it is sent; later ones wait for it.
+    pub(super) first_response_delay: Duration,
     /// Delay of the boot-up; until then the drive neither sends nor receives.
     pub(super) boot_delay: Duration,
     /// Sends no boot-up message.
@@ -43,6 +47,10 @@ pub(crate) struct TransmitPath {
     /// Delayed frames, in order of their due times.
     delayed: VecDeque<(Instant, Frame)>,
     booting_until: Option<Instant>,
+    /// SDO upload responses since power-up.
+    uploads: u32,
+    /// Time of the first SDO response; `None` before it.
+    answers_from: Option<Instant>,
     /// Time of the last heartbeat.
     last_heartbeat: Option<Instant>,
     /// Due time of the next EMCY of a storm.
@@ -81,6 +89,11 @@ impl TransmitPath {
     /// Creates an empty path.
     pub(crate) fn new(quirks: FrameQuirks) -> Self {
         Self { quirks, ..Self::default() }
+    }
+
+    /// Starts again: the drive has lost its power.
+    pub(crate) fn power_up(&mut self) {
+        *self = Self::new(self.quirks);
     }
 
     /// Returns whether the drive receives frames: its boot delay is over.
@@ -134,13 +147,26 @@ impl TransmitPath {
     }
 
     fn send_response(&mut self, now: Instant, frame: Frame, out: &mut Vec<Frame>) {
+        if self.is_lost(&frame) {
+            return;
+        }
+        let first = self.quirks.first_response_delay;
+        let answers_from = *self.answers_from.get_or_insert(now + first);
         let times = if self.quirks.repeats_responses { 2 } else { 1 };
         let responses = std::iter::repeat_n(frame, times);
-        if self.quirks.response_delay.is_zero() {
+        let due = (now + self.quirks.response_delay).max(answers_from);
+        if due <= now {
             out.extend(responses);
         } else {
-            self.delayed.extend(responses.map(|frame| (now + self.quirks.response_delay, frame)));
+            self.delayed.extend(responses.map(|frame| (due, frame)));
         }
+    }
+
+    /// Counts upload responses; returns whether this one is lost.
+    fn is_lost(&mut self, frame: &Frame) -> bool {
+        let is_upload = frame.data().first().is_some_and(|command| command >> 5 == SCS_UPLOAD);
+        self.uploads = self.uploads.saturating_add(u32::from(is_upload));
+        is_upload && self.quirks.lost_response == Some(self.uploads)
     }
 
     fn take_heartbeat_slot(&mut self, now: Instant) -> bool {
@@ -193,6 +219,8 @@ fn emcy_cob_id<A: Application>(device: &Device<A>) -> Option<u16> {
     identifier.filter(|_| raw & COB_ID_INVALID == 0)
 }
 
+/// Server command specifier of an upload response (CiA 301, 7.2.4.3.6).
+const SCS_UPLOAD: u8 = 2;
 /// Error code of device-specific errors (CiA 301, table 26).
 const DEVICE_SPECIFIC: u16 = 0xFF00;
 /// Generic error, bit 0 of the error register (1001h).

@@ -299,7 +299,11 @@ fn tools_find_read_and_renumber_a_simulated_drive() {
     let mut expected: Vec<_> = NODES.map(|node| (Some(u64::from(node)), Some(402))).collect();
     expected.push((Some(16), Some(401)));
     assert_eq!(nodes, expected);
+    let states = found["nodes"].as_array().unwrap().iter().map(|node| node["state"].as_str());
+    let asked: Vec<_> = states.map(Option::unwrap).collect();
+    assert_eq!(asked, ["pre-operational"; 7], "they send no heartbeat yet");
     assert_eq!(tool("sdo read 3 1018:4 u32"), "3 0x00000003\n");
+    assert_eq!(tool(&format!("sdo read elbow 1018:4 --config {CONFIG}")), "3 0x00000003\n");
     tool("sdo write 3 6071 i16 -100 --verify");
     assert_eq!(tool("nmt reset 3 --wait"), "node 3 booted up\n");
     let taken = ended("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 4");
@@ -311,7 +315,15 @@ fn tools_find_read_and_renumber_a_simulated_drive() {
     tool("lss configure --fastscan --probe 5 --node-id 33 --store");
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x721));
     assert_eq!(tool("sdo read 33 1008 vs"), "frhc simulated drive\n");
+    tool("sdo write 4 1017 u16 20");
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x704));
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x704));
     sim.terminate().succeeds();
+    let dead = ended("nmt start 4 --wait --timeout 300");
+    assert_eq!(dead.status.code(), Some(5));
+    let reason = "node 4: not confirmed within 300 ms: no frame received";
+    let stderr = String::from_utf8_lossy(&dead.stderr);
+    assert!(stderr.contains(reason), "{stderr}");
 }
 
 #[test]

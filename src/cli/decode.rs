@@ -21,7 +21,7 @@ use crate::cli::decode::malformed_lines::MalformedLines;
 use crate::cli::decode::transcriber::{Broken, Form, Names, Transcriber};
 use canopen_tools::decode::Decoder;
 use canopen_tools::members;
-use canopen_tools::signals::Member;
+use canopen_tools::signals::{Member, identifier};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 use run::interfaces::{self, Interfaces};
@@ -99,7 +99,9 @@ fn members(args: &Decode, decoder: &Decoder) -> Result<Option<Vec<usize>>, Failu
     let find = |name: &String| {
         let number = name.parse::<u8>().ok();
         let is_it = |member: &Member| {
-            member.name == *name || member.plan.name == *name || Some(member.node().raw()) == number
+            member.name == identifier(name)
+                || member.plan.name == *name
+                || Some(member.node().raw()) == number
         };
         let all = || decoder.members().iter().map(|member| member.name.as_str());
         decoder.members().iter().position(is_it).ok_or_else(|| {

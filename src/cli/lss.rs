@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 
-use crate::cli::live_bus::{BusArgs, ForceArg, parsers};
+use crate::cli::live_bus::{BusArgs, ForceArg, NodeArg, SelectedBus, node_arg, parsers};
 use canopen::NodeId;
 use canopen::lss::identify::Description;
 use canopen::lss::job::{Job, Selection};
@@ -73,8 +73,8 @@ enum Task {
     /// Sets the node-id of the selected slave; takes effect after a reset of communication.
     #[command(after_help = "Example:\n  frhc lss set-node-id 4 -i can0")]
     SetNodeId {
-        /// Node-id 1 to 127; none or 255 removes it.
-        #[arg(value_parser = parsers::node_or_none)]
+        /// Node-id 1 to 127, with a configuration also the name of a joint; none or 255 removes it.
+        #[arg(value_parser = node_arg::node_or_none)]
         node: Node,
     },
     /// Sets the bit rate of the selected slave; takes effect after `activate`.
@@ -121,8 +121,8 @@ enum Task {
         /// Confirm for --global that only one slave is on the bus; responses of several can look like one.
         #[arg(long)]
         yes: bool,
-        /// New node-id 1 to 127; none or 255 removes it.
-        #[arg(long, value_name = "N", value_parser = parsers::node_or_none, required_unless_present = "bit_timing")]
+        /// New node-id 1 to 127, with a configuration also the name of a joint; none or 255 removes it.
+        #[arg(long, value_name = "N", value_parser = node_arg::node_or_none, required_unless_present = "bit_timing")]
         node_id: Option<Node>,
         /// New bit rate in kbit/s.
         #[arg(long, value_name = "KBIT", value_parser = bit_rate)]
@@ -134,7 +134,7 @@ enum Task {
 }
 
 /// A node-id, or `None` to remove it. The alias keeps clap from taking the argument for an optional one.
-type Node = Option<NodeId>;
+type Node = Option<NodeArg>;
 
 /// Choice of the slave.
 #[derive(Debug, Args)]
@@ -165,6 +165,23 @@ struct Probe {
 }
 
 impl Task {
+    /// Returns the node whose node-id is to be set.
+    const fn node(&self) -> Option<&NodeArg> {
+        match self {
+            Self::SetNodeId { node } | Self::Configure { node_id: Some(node), .. } => node.as_ref(),
+            Self::Inquire { .. }
+            | Self::Select { .. }
+            | Self::Deselect
+            | Self::SetBitTiming { .. }
+            | Self::Activate { .. }
+            | Self::Store
+            | Self::Fastscan { .. }
+            | Self::IdentifyRemote { .. }
+            | Self::IdentifyNonConfigured
+            | Self::Configure { node_id: None, .. } => None,
+        }
+    }
+
     /// Returns the time allowed for each fastscan request; zero without a fastscan.
     const fn probe(&self) -> Duration {
         let millis = match self {
@@ -229,14 +246,15 @@ enum Plan {
 
 /// Executes one task.
 pub(super) fn run(args: &Lss) -> Result<(), Failure> {
-    match plan(&args.task)? {
-        Plan::Identify(description) => execute::identify(args, description),
-        Plan::Configure(job) => execute::run_job(args, job),
+    let bus = args.bus.select_for(args.task.node())?;
+    match plan(&args.task, &bus)? {
+        Plan::Identify(description) => execute::identify(args, &bus, description),
+        Plan::Configure(job) => execute::run_job(args, &bus, job),
     }
 }
 
 /// Returns the plan of a task. `configure` requires an explicit choice: several slaves must not get the same node-id.
-fn plan(task: &Task) -> Result<Plan, Failure> {
+fn plan(task: &Task, bus: &SelectedBus) -> Result<Plan, Failure> {
     let selected = Job { release: false, ..Job::new(Selection::Selected) };
     let inquire = Job { inquire: true, ..selected };
     Ok(Plan::Configure(match task {
@@ -258,7 +276,7 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
             Job { release: false, ..Job::new(Selection::Address(address)) }
         }
         Task::Deselect => Job::new(Selection::Selected),
-        Task::SetNodeId { node } => Job { node: Some(*node), ..inquire },
+        Task::SetNodeId { node } => Job { node: Some(resolved(node, bus)?), ..inquire },
         Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..inquire },
         Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
         Task::Store => Job { store: true, ..inquire },
@@ -267,13 +285,18 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
             choice.ensure_single(*yes)?;
             Job {
                 inquire: true,
-                node: *node_id,
+                node: node_id.as_ref().map(|node| resolved(node, bus)).transpose()?,
                 bit_rate: *bit_timing,
                 store: *store,
                 ..Job::new(choice.selection())
             }
         }
     }))
+}
+
+/// Returns the new node-id; `None` to remove it.
+fn resolved(node: &Node, bus: &SelectedBus) -> Result<Option<NodeId>, Failure> {
+    node.as_ref().map(|node| bus.node(node)).transpose()
 }
 
 fn usage(message: &str) -> Failure {

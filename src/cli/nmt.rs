@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 
-use crate::cli::live_bus::{BusArgs, ForceArg, SessionError, parsers};
+use crate::cli::live_bus::{BusArgs, ForceArg, NodeArg, SessionError, node_arg, parsers};
 use canopen::nmt::{self, Order};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
+use canopen_tools::diagnostics::beats::Beat;
 use canopen_tools::diagnostics::confirm::{Confirmation, NodeResponse};
 use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
 use run::exit::{Failure, Kind};
@@ -30,7 +31,7 @@ pub(crate) struct Nmt {
     bus: BusArgs,
 }
 
-#[derive(Clone, Copy, Debug, Subcommand)]
+#[derive(Clone, Debug, Subcommand)]
 enum Task {
     /// Start remote node: enter operational.
     Start(Command),
@@ -48,11 +49,11 @@ enum Task {
 }
 
 /// An NMT command to one node or all nodes.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "Example, as for start:\n  frhc nmt start 3 --wait -i can0")]
 struct Command {
-    /// Node-id 1 to 127, decimal or as 0x10, or all.
-    #[arg(value_name = "NODE|all", value_parser = parsers::node_or_all)]
+    /// Node-id 1 to 127, decimal or as 0x10, or all; with a configuration also the name of a joint.
+    #[arg(value_name = "NODE|all", value_parser = node_arg::node_or_all)]
     node: Node,
     /// Wait for confirmation and exit with 5 if it is missing. `all` waits for the nodes of the configuration, or
     /// without one for any node.
@@ -85,46 +86,44 @@ struct Watching {
 }
 
 /// A node, or `None` for all. The alias keeps clap from taking the argument for an optional one.
-type Node = Option<NodeId>;
+type Node = Option<NodeArg>;
 
 /// Sends the command and, with `--wait`, waits for its confirmation.
 pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
-    let (command, to) = match args.task {
+    let (command, to) = match &args.task {
         Task::Start(to) => (NmtCommand::StartRemoteNode, to),
         Task::Stop(to) => (NmtCommand::StopRemoteNode, to),
         Task::Preop(to) => (NmtCommand::EnterPreOperational, to),
         Task::Reset(to) => (NmtCommand::ResetNode, to),
         Task::ResetComm(to) => (NmtCommand::ResetCommunication, to),
-        Task::Watch(watching) => return watch(&args.bus, watching),
+        Task::Watch(watching) => return watch(&args.bus, *watching),
     };
     let Command { node, wait, timeout, json, force } = to;
-    let bus = args.bus.select()?;
+    let bus = args.bus.select_for(node)?;
+    let node = node.as_ref().map(|node| bus.node(node)).transpose()?;
     let order = Order { command, node };
     let named: Vec<NodeId> = match node {
         Some(node) => vec![node],
         None => bus.plans().iter().flatten().map(|plan| plan.node).collect(),
     };
-    let mut session = bus.open_to_command(force)?;
+    let (mut session, beats) = bus.open_listening(*force)?;
     if !wait {
         return session.send([order.frame()]).map_err(|error| bus.fail(error));
     }
-    let within = Duration::from_millis(timeout);
+    let within = Duration::from_millis(*timeout);
     let confirmations = session
-        .run(|now, out| Confirmation::start(order, &named, within, now, out))
+        .run(|now, out| Confirmation::start(order, &named, within, now, out).after(beats))
         .map_err(|error| bus.fail(error))?;
     for confirmation in confirmations.iter().filter(|it| it.is_confirmed) {
-        show(json, confirmation);
+        show(*json, confirmation);
     }
-    conclude(&confirmations, timeout)
+    conclude(&confirmations, *timeout, session.now())
 }
 
 /// Returns a failure with one line for each node that has not confirmed.
-fn conclude(confirmations: &[NodeResponse], timeout: u64) -> Result<(), Failure> {
+fn conclude(confirmations: &[NodeResponse], timeout: u64, now: Instant) -> Result<(), Failure> {
     let failed = confirmations.iter().filter(|it| !it.is_confirmed).map(|it| {
-        let last = it.state.map_or_else(
-            || "no frame received; its heartbeat may be off (1017h)".to_owned(),
-            |state| format!("its state is {}", nmt::description(state)),
-        );
+        let last = last_received(it, now);
         format!("node {}: not confirmed within {timeout} ms: {last}", it.node.raw())
     });
     let failed: Vec<String> = failed.collect();
@@ -136,6 +135,24 @@ fn conclude(confirmations: &[NodeResponse], timeout: u64) -> Result<(), Failure>
         }
         (false, true) => Ok(()),
         (false, false) => Err(Failure::new(Kind::Drive, failed.join("\n"))),
+    }
+}
+
+/// Describes what was received last from a node, and when.
+fn last_received(response: &NodeResponse, now: Instant) -> String {
+    let ago = |beat: Beat| format!("{:.1} s ago", now.since(beat.at).as_secs_f64());
+    match (response.state, response.last) {
+        (_, Some(last @ Beat { interval: Some(interval), .. })) if last.is_overdue(now) => {
+            let (ago, ms) = (ago(last), interval.as_millis());
+            let state = state_name(last.state);
+            format!("its heartbeats, every {ms} ms, ended {ago}; the last was {state}")
+        }
+        (Some(state), _) => format!("its state is {}", nmt::description(state)),
+        (None, Some(last)) => {
+            let (ago, state) = (ago(last), state_name(last.state));
+            format!("no frame received since the command; its last heartbeat, {ago}, was {state}")
+        }
+        (None, None) => "no frame received; its heartbeat may be off (1017h)".to_owned(),
     }
 }
 
@@ -197,5 +214,33 @@ fn print_event(json: bool, at: Instant, news: NetworkEvent) {
         print::line(&report.to_string());
     } else {
         print::line(&format!("{seconds:.6} node {} {what}", node.raw()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words about a node that sent its last heartbeat at 1 s, seen at 3 s.
+    fn words(state: Option<NmtState>, interval_ms: Option<u64>) -> String {
+        let node = NodeId::new(3).unwrap();
+        let at = Instant::from_micros(1_000_000);
+        let interval = interval_ms.map(Duration::from_millis);
+        let last = Some(Beat { node, state: NmtState::PreOperational, at, interval });
+        let response = NodeResponse { node, state, last, is_confirmed: false };
+        let failure = conclude(&[response], 2_000, Instant::from_micros(3_000_000)).unwrap_err();
+        failure.to_string()
+    }
+
+    #[test]
+    fn node_that_died_is_told_from_one_without_heartbeat() {
+        let state = Some(NmtState::PreOperational);
+        let head = "node 3: not confirmed within 2000 ms: ";
+        let died = "its heartbeats, every 100 ms, ended 2.0 s ago; the last was pre-operational";
+        assert_eq!(words(state, Some(100)), format!("{head}{died}"));
+        assert_eq!(words(None, Some(100)), format!("{head}{died}"));
+        let once = "no frame received since the command; its last heartbeat, 2.0 s ago, was pre-operational";
+        assert_eq!(words(None, None), format!("{head}{once}"));
+        assert_eq!(words(state, Some(1_000)), format!("{head}its state is pre-operational"));
     }
 }

@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::{Args, Subcommand};
 
 use crate::cli::live_bus::objects::{self, ObjectError, Target};
-use crate::cli::live_bus::{BusArgs, ForceArg, SelectedBus, parsers};
+use crate::cli::live_bus::{BusArgs, ForceArg, NodeArg, SelectedBus, node_arg, parsers};
 use canopen::NodeId;
 use canopen::eds::{Described, Eds};
 use canopen::object::Object;
@@ -26,7 +26,7 @@ use run::results::{self, Force};
         An SDO server handles one transfer at a time: do not use this on a node while another master configures \
         it. `write` is refused while a master sends SYNC, unless --force is given: a running node detects a second \
         master and stops.\n\n\
-        Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
+        Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read elbow 1008 --config config/kraft_like.toml\n  \
         frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]
 pub(crate) struct Sdo {
@@ -82,11 +82,11 @@ enum Task {
 }
 
 /// Node and object.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Debug, Args)]
 struct Place {
-    /// Node-id 1 to 127, decimal or as 0x10.
-    #[arg(value_parser = parsers::node)]
-    node: NodeId,
+    /// Node-id 1 to 127, decimal or as 0x10; with a configuration also the name of a joint.
+    #[arg(value_parser = node_arg::node)]
+    node: NodeArg,
     /// Object as INDEX or INDEX:SUB with the index in hexadecimal: 6041, 0x1018:4 or 1A00sub1.
     #[arg(value_parser = parsers::object)]
     object: Object,
@@ -94,19 +94,20 @@ struct Place {
 
 /// Reads or writes one object. Rejects an invalid value before opening the bus.
 pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
-    let bus = args.bus.select()?;
-    let own = args.eds.as_deref().map(load).transpose()?;
-    let place = match &args.task {
-        Task::Read { place, .. } | Task::Write { place, .. } => *place,
+    let Place { node, object } = match &args.task {
+        Task::Read { place, .. } | Task::Write { place, .. } => place,
     };
-    let eds = own.as_ref().or_else(|| bus.eds(place.node));
-    let described = eds.and_then(|eds| eds.object(place.object));
+    let bus = args.bus.select_for([node])?;
+    let own = args.eds.as_deref().map(load).transpose()?;
+    let node = bus.node(node)?;
+    let eds = own.as_ref().or_else(|| bus.eds(node));
+    let described = eds.and_then(|eds| eds.object(*object));
     let described_type = described.and_then(|object| GatewayType::of_number(object.data_type));
     let timeout = Duration::from_millis(args.timeout);
     // The session queues frames that the driver does not accept, so no pause between them is needed.
     let block = Block::default().every(Duration::ZERO);
     let terms = if args.block { Terms::best(timeout, block) } else { Terms::segmented(timeout) };
-    let target = Target { node: place.node, object: place.object, terms };
+    let target = Target { node, object: *object, terms };
     match &args.task {
         Task::Read { data_type, out, force, .. } => {
             out.as_deref().map_or(Ok(()), |path| results::ensure_free(path, *force))?;
@@ -126,7 +127,7 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
         Task::Write { value, verify, force, .. } => {
             let (data_type, text) = parse_type(value, described_type)?;
             let value = parse_value(data_type, text)?;
-            check_limits(text, &value, described, place.node)?;
+            check_limits(text, &value, described, node)?;
             let bytes = data_type.encode(&value);
             if bytes.len() > MAX_BYTES {
                 let reason =

@@ -23,6 +23,7 @@ use canopen::value::gateway_type::GatewayType;
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
 use canopen_tools::diagnostics::scan::{Found, Scan};
+use canopen_tools::diagnostics::states::{Answer, States};
 use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
 use units::time::Instant;
 
@@ -117,6 +118,29 @@ fn scan_reports_states_and_nodes_without_reply() {
 }
 
 #[test]
+fn states_of_nodes_without_heartbeat_are_asked() {
+    let (mut session, wire) = session(Devices::of(&[(3, 1), (4, 2), (5, 3)]));
+    session.send([Order::to(node(4), NmtCommand::StartRemoteNode).frame()]).unwrap();
+    for (object, value) in [(Object::GUARD_TIME, &[20, 0][..]), (Object::LIFE_TIME_FACTOR, &[3])] {
+        objects::write(&mut session, at(5, object), value, true).unwrap();
+    }
+    let found = scan(&mut session);
+    assert!(found.iter().all(|found| found.answers && found.state.is_none()));
+    let nodes = [3, 4, 5].map(node);
+    let answers = session.run(|now, out| States::start(nodes, TIMEOUT, now, out)).unwrap();
+    let state = |node, state| (node, Answer::State(state));
+    let [three, four, five] = nodes;
+    let expected = [
+        state(three, NmtState::PreOperational),
+        state(four, NmtState::Operational),
+        (five, Answer::LifeGuarding),
+    ];
+    assert_eq!(answers, expected);
+    let polls = |id| wire.since(Instant::ZERO, id).iter().filter(|(_, it)| it.is_remote()).count();
+    assert_eq!([polls(0x703), polls(0x704), polls(0x705)], [1, 1, 0]);
+}
+
+#[test]
 fn written_value_is_read_back_and_verified() {
     let (mut session, _) = session(Devices::of(&[(3, 1)]));
     let torque = at(3, Object::TARGET_TORQUE);
@@ -188,7 +212,7 @@ fn watch_reports_changes_until_its_end() {
 #[test]
 fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
     let config = ["--config", "config/kraft_like_500hz.toml"];
-    let cases: [(&[&str], &str); 14] = [
+    let cases: [(&[&str], &str); 19] = [
         (&["scan"], "no bus selected"),
         (&["scan", "-i", "can7", "--nodes", "0-3"], "node-id must be"),
         (&["sdo", "read", "0", "1000", "-i", "can7"], "node-id must be"),
@@ -202,6 +226,14 @@ fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
         (&["sdo", "write", "3", "6071", "3001"], "must be within -3000..=3000"),
         (&["sdo", "write", "3", "6071", "-3001"], "6071h (Target torque)"),
         (&["nmt", "start", "128", "-i", "can7"], "node-id must be"),
+        (&["nmt", "start", "elbow", "-i", "can7"], "or the name of a joint and --config FILE"),
+        (
+            &["sdo", "write", "elbo", "6071", "3"],
+            "unknown node \"elbo\"; expected a node-id or one",
+        ),
+        (&["sdo", "write", "elbow", "6071", "3001"], "must be within -3000..=3000"),
+        (&["scan", "-i", "can7", "--nodes", "1-3,elbow"], "unknown node \"elbow\""),
+        (&["lss", "set-node-id", "elbow", "-i", "can7"], "unknown node \"elbow\""),
         (&["lss", "configure", "--node-id", "9", "-i", "can7"], "no slave selected"),
         (&["lss", "configure", "--global", "--node-id", "9", "-i", "can7"], "--yes"),
         (&["lss", "set-bit-timing", "300", "-i", "can7"], "must be 1000"),

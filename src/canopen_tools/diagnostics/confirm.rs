@@ -5,9 +5,9 @@
 
 use std::time::Duration;
 
-use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::{NmtCommand, NmtState, NodeId};
 
+use crate::diagnostics::beats::{Beat, Beats};
 use canopen::frame::Frame;
 use canopen::nmt::Order;
 use canopen::procedure::Procedure;
@@ -20,6 +20,8 @@ pub struct NodeResponse {
     pub node: NodeId,
     /// NMT state in its last heartbeat since the command; [`NmtState::Initialising`] for a boot-up.
     pub state: Option<NmtState>,
+    /// Its last heartbeat or boot-up, also from before the command.
+    pub last: Option<Beat>,
     /// Set if it has confirmed the command.
     pub is_confirmed: bool,
 }
@@ -29,6 +31,7 @@ pub struct NodeResponse {
 pub struct Confirmation {
     wanted: NmtState,
     nodes: Vec<NodeResponse>,
+    beats: Beats,
     /// Set if every node that sends is expected to confirm, instead of named ones.
     is_open: bool,
     sent: Instant,
@@ -49,16 +52,31 @@ impl Confirmation {
         Self {
             wanted: confirming(order.command),
             nodes: nodes.iter().map(|node| NodeResponse::new(*node)).collect(),
+            beats: Beats::default(),
             is_open: nodes.is_empty(),
             sent: now,
             closes: now + timeout,
         }
     }
+
+    /// Adds heartbeats received before the command.
+    #[must_use]
+    pub fn after(self, beats: Beats) -> Self {
+        Self { beats, ..self }
+    }
+
+    fn outcome(&mut self) -> Vec<NodeResponse> {
+        let mut nodes = std::mem::take(&mut self.nodes);
+        for response in &mut nodes {
+            response.last = self.beats.of(response.node);
+        }
+        nodes
+    }
 }
 
 impl NodeResponse {
     const fn new(node: NodeId) -> Self {
-        Self { node, state: None, is_confirmed: false }
+        Self { node, state: None, last: None, is_confirmed: false }
     }
 }
 
@@ -82,10 +100,7 @@ impl Procedure for Confirmation {
         frame: &Frame,
         _: &mut Vec<Frame>,
     ) -> Option<Vec<NodeResponse>> {
-        let state = frame.data().try_into().ok().and_then(|data| decode_heartbeat(data).ok())?;
-        let of = |node: NodeId| frame.cob_id == heartbeat_cob_id(node);
-        let [_, low] = frame.cob_id.to_be_bytes();
-        let speaker = NodeId::new(low & 0x7F).ok().filter(|node| of(*node))?;
+        let Beat { node: speaker, state, .. } = self.beats.on_frame(now, frame)?;
         // A heartbeat queued before the command confirms nothing.
         if now < self.sent {
             return None;
@@ -97,11 +112,11 @@ impl Procedure for Confirmation {
         response.state = Some(state);
         response.is_confirmed |= state == self.wanted;
         let is_done = !self.is_open && self.nodes.iter().all(|response| response.is_confirmed);
-        is_done.then(|| std::mem::take(&mut self.nodes))
+        is_done.then(|| self.outcome())
     }
 
     fn on_time(&mut self, now: Instant, _: &mut Vec<Frame>) -> Option<Vec<NodeResponse>> {
-        (now >= self.closes).then(|| std::mem::take(&mut self.nodes))
+        (now >= self.closes).then(|| self.outcome())
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -170,6 +185,23 @@ mod tests {
         let responses = confirmation.on_time(confirmation.closes, &mut Vec::new()).unwrap();
         assert_eq!(responses.iter().filter(|response| response.is_confirmed).count(), 1);
         assert_eq!(responses.len(), 2);
+    }
+
+    #[test]
+    fn node_that_fell_silent_has_its_last_heartbeat() {
+        let at = |ms: u64| Instant::from_micros(ms * 1_000);
+        let mut before = Beats::default();
+        for ms in [0, 20] {
+            before.on_frame(at(ms), &Frame::new(0x703, [0x7F]));
+        }
+        let mut out = Vec::new();
+        let order = Order::to_all(NmtCommand::ResetNode);
+        let confirmation = Confirmation::start(order, &[node(3)], TIMEOUT, at(30), &mut out);
+        let mut confirmation = confirmation.after(before);
+        let responses = confirmation.on_time(at(530), &mut out).unwrap();
+        let (state, last) = (responses[0].state, responses[0].last.unwrap());
+        assert_eq!((state, last.at, last.state), (None, at(20), NmtState::PreOperational));
+        assert!(last.is_overdue(at(530)));
     }
 
     #[test]

@@ -3,14 +3,18 @@
 //! | machine       | purpose                                                          |
 //! |---------------|------------------------------------------------------------------|
 //! | [`scan`]      | nodes on the bus                                                 |
+//! | [`states`]    | NMT states of nodes without a heartbeat, by node guarding        |
 //! | [`effective`] | configured PDOs of a node                                        |
 //! | [`confirm`]   | NMT command with its confirmation                                |
 //! | [`watch`]     | boot-up, change of state and loss of nodes                       |
+//! | [`beats`]     | last heartbeat of each node                                      |
 //! | [`presence`]  | detection of a running master by its SYNC                        |
 //! | [`Procedure`](canopen::procedure) | common interface                             |
 
+pub mod beats;
 pub mod confirm;
 pub mod effective;
 pub mod presence;
 pub mod scan;
+pub mod states;
 pub mod watch;

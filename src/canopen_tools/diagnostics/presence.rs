@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use crate::diagnostics::beats::Beats;
 use canopen::frame::Frame;
 use canopen::procedure::Procedure;
 use canopen::sync;
@@ -13,15 +14,21 @@ use units::time::Instant;
 pub const WINDOW: Duration = Duration::from_millis(100);
 
 /// Detection in progress.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Presence {
     until: Instant,
+    beats: Beats,
 }
 
 impl Presence {
     /// Starts to listen for a [`WINDOW`].
     pub fn start(now: Instant) -> Self {
-        Self { until: now + WINDOW }
+        Self { until: now + WINDOW, beats: Beats::default() }
+    }
+
+    /// Returns the heartbeats received meanwhile.
+    pub fn into_beats(self) -> Beats {
+        self.beats
     }
 }
 
@@ -29,7 +36,8 @@ impl Procedure for Presence {
     /// Set if a SYNC was received.
     type Outcome = bool;
 
-    fn on_frame(&mut self, _: Instant, frame: &Frame, _: &mut Vec<Frame>) -> Option<bool> {
+    fn on_frame(&mut self, now: Instant, frame: &Frame, _: &mut Vec<Frame>) -> Option<bool> {
+        self.beats.on_frame(now, frame);
         let is_sync = frame.cob_id == sync::COB_ID && !frame.is_remote();
         is_sync.then_some(true)
     }

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::live_bus::{Session, SessionError, stop_flag};
+use crate::cli::live_bus::{NodeArg, Session, SessionError, stop_flag};
 use bus::SocketCan;
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::plan::NodePlan;
+use canopen_tools::diagnostics::beats::Beats;
 use canopen_tools::diagnostics::presence::Presence;
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
@@ -45,6 +46,14 @@ pub(crate) struct SelectedBus {
 impl BusArgs {
     /// Selects the bus without opening it.
     pub(crate) fn select(&self) -> Result<SelectedBus, Failure> {
+        self.select_for([])
+    }
+
+    /// Selects the bus without opening it: without an interface that of the first named node.
+    pub(crate) fn select_for<'n>(
+        &self,
+        nodes: impl IntoIterator<Item = &'n NodeArg>,
+    ) -> Result<SelectedBus, Failure> {
         let given = self.interface.as_deref();
         let Some(file) = &self.config else {
             let interface = given.ok_or_else(|| {
@@ -53,7 +62,9 @@ impl BusArgs {
             return Ok(SelectedBus { interface: interface.to_owned(), configured: None });
         };
         let config = Config::load(file).or_fail(Kind::Configuration)?;
-        let (channel, interface) = choose(&config, given)?;
+        let mut named = nodes.into_iter().map(|node| node.find(&config));
+        let home = named.find_map(Result::transpose).transpose()?.map(|(channel, _)| channel);
+        let (channel, interface) = choose(&config, given, home)?;
         Ok(SelectedBus { interface, configured: Some((config, channel)) })
     }
 }
@@ -70,9 +81,21 @@ impl SelectedBus {
         &self,
         ForceArg { force }: ForceArg,
     ) -> Result<Session<SocketCan>, Failure> {
+        self.open_listening(ForceArg { force }).map(|(session, _)| session)
+    }
+
+    /// The same, with the heartbeats received meanwhile.
+    pub(crate) fn open_listening(
+        &self,
+        ForceArg { force }: ForceArg,
+    ) -> Result<(Session<SocketCan>, Beats), Failure> {
         let mut session = self.open()?;
-        if force || !session.run(|now, _| Presence::start(now)).map_err(|error| self.fail(error))? {
-            return Ok(session);
+        if force {
+            return Ok((session, Beats::default()));
+        }
+        let mut presence = Presence::start(session.now());
+        if !session.resume(&mut presence).map_err(|error| self.fail(error))? {
+            return Ok((session, presence.into_beats()));
         }
         let reason = format!(
             "{}: a master sends SYNC on this bus and would be disturbed; stop it first, or add --force",
@@ -89,6 +112,24 @@ impl SelectedBus {
                 Failure::new(Kind::Bus, format!("{}: {error}", self.interface))
             }
         }
+    }
+
+    /// Returns the node-id of a node on this bus.
+    pub(crate) fn node(&self, node: &NodeArg) -> Result<NodeId, Failure> {
+        let (name, (config, channel)) = match (node, &self.configured) {
+            (NodeArg::Id(id), _) => return Ok(*id),
+            (NodeArg::Name(name), Some(configured)) => (name, configured),
+            (NodeArg::Name(name), None) => {
+                let reason = format!(
+                    "unknown node \"{name}\"; expected a node-id within 1..=127, or the name of a joint and --config FILE"
+                );
+                return Err(Failure::new(Kind::Usage, reason));
+            }
+        };
+        let found = node.find(config)?.filter(|(home, _)| home == channel);
+        found.map(|(_, id)| id).ok_or_else(|| {
+            Failure::new(Kind::Usage, format!("{name} is on another bus than {}", self.interface))
+        })
     }
 
     /// Returns the configured nodes of this bus; `None` without a configuration.
@@ -109,19 +150,24 @@ impl SelectedBus {
 }
 
 /// Selects a bus of a configuration and its interface by `joints`, `joints=can0` or `can0`; `None` selects the only
-/// bus.
-fn choose(config: &Config, given: Option<&str>) -> Result<(Channel, String), Failure> {
+/// bus, or that of `home`.
+fn choose(
+    config: &Config,
+    given: Option<&str>,
+    home: Option<Channel>,
+) -> Result<(Channel, String), Failure> {
     let (name, interface) = match given.and_then(|given| given.split_once('=')) {
         Some((name, interface)) => (Some(name), Some(interface)),
         None => (given, None),
     };
     let mut buses = config.channels().into_iter().zip(&config.buses);
     let only = if config.buses.len() == 1 { buses.clone().next() } else { None };
+    let at_home = home.and_then(|home| buses.clone().find(|(channel, _)| *channel == home));
     let named = |name| {
         let is_it = |bus: &str, of: &str| bus == name || (interface.is_none() && of == name);
         buses.find(|(_, bus)| is_it(&bus.name, &bus.interface))
     };
-    let found = name.map_or(only, named);
+    let found = name.map_or(at_home.or(only), named);
     match (found, only, name) {
         (Some((channel, bus)), ..) => Ok((channel, interface.unwrap_or(&bus.interface).to_owned())),
         // An interface that is not in the configuration, for its only bus.

@@ -4,11 +4,13 @@
 //! the tests need no SocketCAN. `-i` or a configuration selects the interface.
 
 mod bus_args;
+pub(super) mod node_arg;
 pub mod objects;
 pub(super) mod parsers;
 pub mod session;
 mod stop_flag;
 
 pub(super) use bus_args::{BusArgs, ForceArg, SelectedBus};
+pub(super) use node_arg::NodeArg;
 
 pub use session::{Session, SessionError};

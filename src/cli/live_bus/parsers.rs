@@ -1,41 +1,7 @@
-//! Parsers of node-ids, objects and numbers on the command line.
+//! Parsers of objects and numbers on the command line.
 
-use canopen::NodeId;
 use canopen::object::Object;
 use canopen::value::numeral::{hexadecimal, whole};
-
-/// Parses a node-id: `3`, `0x10`, `10h`.
-pub(crate) fn node(text: &str) -> Result<NodeId, String> {
-    let raw = whole(text).and_then(|number| u8::try_from(number).ok());
-    let node = raw.and_then(|raw| NodeId::new(raw).ok());
-    node.ok_or_else(|| "node-id must be within 1..=127".to_owned())
-}
-
-/// Parses a node-id; `None` for `all`.
-pub(crate) fn node_or_all(text: &str) -> Result<Option<NodeId>, String> {
-    if text == "all" { Ok(None) } else { node(text).map(Some) }
-}
-
-/// Parses a node-id; `None` for `none` and 255.
-pub(crate) fn node_or_none(text: &str) -> Result<Option<NodeId>, String> {
-    if text == "none" || whole(text) == Some(255) { Ok(None) } else { node(text).map(Some) }
-}
-
-/// Parses node-ids such as `1-16,32`; returns them sorted without duplicates.
-pub(crate) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
-    let mut nodes = Vec::new();
-    for part in text.split(',') {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let (first, last) = (node(first)?, node(last)?);
-        if first > last {
-            return Err("the first node-id of a range must not exceed the last, as 1-16".to_owned());
-        }
-        nodes.extend((first.raw()..=last.raw()).filter_map(|raw| NodeId::new(raw).ok()));
-    }
-    nodes.sort();
-    nodes.dedup();
-    Ok(nodes)
-}
 
 /// Parses an object. The index is hexadecimal: `6041`, `0x6041`, `6041h`. The sub-index defaults to 0; it is decimal
 /// or as `0x1F` in `6041:0`, hexadecimal in the EDS notation `1A00sub1`.
@@ -105,18 +71,6 @@ mod tests {
     }
 
     #[test]
-    fn node_ids_are_1_to_127() {
-        assert_eq!(node("0x10"), node("16"));
-        for text in ["0", "128", "-1", "", "x", "all"] {
-            assert!(node(text).is_err(), "{text}");
-        }
-        assert_eq!((node_or_all("all"), node_or_none("none")), (Ok(None), Ok(None)));
-        let raw = |text| nodes(text).map(|nodes| nodes.into_iter().map(NodeId::raw).collect());
-        assert_eq!(raw("5,1-3,2"), Ok(vec![1, 2, 3, 5]));
-        assert!(nodes("3-1").is_err() && nodes("").is_err() && nodes("0-5").is_err());
-    }
-
-    #[test]
     fn seconds_are_above_zero_and_at_most_a_day() {
         assert_eq!([seconds("0.5"), seconds("86400")], [Ok(0.5), Ok(86_400.0)]);
         for text in ["-1", "0", "-0.0", "nan", "inf", "-inf", "1e300", "86400.1", "", "x"] {
@@ -130,8 +84,6 @@ mod tests {
             if let Ok(found) = object(&text) {
                 prop_assert_eq!(object(&found.to_string()), Ok(found));
             }
-            node(&text).ok();
-            nodes(&text).ok();
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::cli::live_bus::{ForceArg, Session, SessionError};
+use crate::cli::live_bus::{ForceArg, SelectedBus, Session, SessionError};
 use crate::cli::lss::{Lss, Task};
 use bus::Bus;
 use canopen::NodeId;
@@ -15,11 +15,10 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
 /// Runs a job and prints its result.
-pub(super) fn run_job(args: &Lss, job: Job) -> Result<(), Failure> {
+pub(super) fn run_job(args: &Lss, bus: &SelectedBus, job: Job) -> Result<(), Failure> {
     let reply = Duration::from_millis(args.timeout);
     let timeouts =
         Timeouts { reply, store: reply.max(Duration::from_secs(1)), probe: args.task.probe() };
-    let bus = args.bus.select()?;
     let is_harmless = matches!(args.task, Task::Deselect);
     let force = ForceArg { force: args.force.force || is_harmless };
     let mut session = bus.open_to_command(force)?;
@@ -61,9 +60,12 @@ fn ensure_free(node: NodeId, owner: Option<&Found>, selection: Selection) -> Res
 }
 
 /// Checks whether slaves in these identity ranges, or without node-id, are present.
-pub(super) fn identify(args: &Lss, description: Option<Description>) -> Result<(), Failure> {
+pub(super) fn identify(
+    args: &Lss,
+    bus: &SelectedBus,
+    description: Option<Description>,
+) -> Result<(), Failure> {
     let window = Duration::from_millis(args.timeout);
-    let bus = args.bus.select()?;
     let answers = bus
         .open()?
         .run(|now, out| match description {

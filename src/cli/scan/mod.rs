@@ -2,22 +2,26 @@
 
 mod pdos;
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use clap::Args;
 
-use crate::cli::live_bus::{BusArgs, parsers};
+use crate::cli::live_bus::{BusArgs, NodeArg, Session, SessionError, node_arg};
 use crate::cli::scan::pdos::Pdos;
+use bus::Bus;
 use canopen::plan::NodePlan;
 use canopen::{NodeId, nmt};
 use canopen_tools::diagnostics::scan::Found;
+use canopen_tools::diagnostics::states::{Answer, States};
 use run::exit::{Failure, Kind};
 use run::print;
 
 /// `frhc scan`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. An SDO server handles one transfer at a \
+    after_help = "Reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. Nodes that answer but send no heartbeat are asked \
+        for their NMT state by one remote frame each, unless they would start life guarding (100Ch, 100Dh). An SDO server handles one transfer at a \
         time: do not scan while another master configures its nodes.\n\n\
         With a configuration it also reports missing nodes (exit 5), nodes with another identity (exit 5) and \
         unexpected ones. The exit code is 1 when no node responds and none is expected.\n\n\
@@ -27,8 +31,8 @@ use run::print;
 pub(crate) struct Scan {
     #[command(flatten)]
     bus: BusArgs,
-    /// Node-ids to scan, as 1-16,32.
-    #[arg(long, value_name = "LIST", default_value = "1-127", value_parser = parsers::nodes)]
+    /// Node-ids to scan, as 1-16,32; with a configuration also names of joints.
+    #[arg(long, value_name = "LIST", default_value = "1-127", value_parser = node_arg::nodes)]
     nodes: Nodes,
     /// Time allowed for each response of a node.
     #[arg(long, value_name = "MS", default_value_t = 100,
@@ -46,7 +50,7 @@ pub(crate) struct Scan {
 }
 
 /// Alias that makes clap parse the list as one value.
-type Nodes = Vec<NodeId>;
+type Nodes = Vec<NodeArg>;
 
 /// Comparison of a node with the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,25 +69,29 @@ enum Verdict {
 
 /// Scans the bus and prints the nodes.
 pub(super) fn run(args: &Scan) -> Result<(), Failure> {
-    let bus = args.bus.select()?;
+    let bus = args.bus.select_for(&args.nodes)?;
+    let nodes = args.nodes.iter().map(|node| bus.node(node));
+    let nodes: BTreeSet<NodeId> = nodes.collect::<Result<_, _>>()?;
     let plans = bus.plans();
     let master = bus.configured.as_ref().map(|(config, _)| config.node_id);
     let mut session = bus.open()?;
     let (timeout, listen) =
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
-    let found = session
+    let listed: Vec<NodeId> = nodes.iter().copied().collect();
+    let mut found = session
         .run(|now, out| {
-            canopen_tools::diagnostics::scan::Scan::start(&args.nodes, timeout, listen, now, out)
+            canopen_tools::diagnostics::scan::Scan::start(&listed, timeout, listen, now, out)
         })
         .map_err(|error| bus.fail(error))?;
+    ask_states(&mut session, &mut found, timeout).map_err(|error| bus.fail(error))?;
     // Heartbeats also reveal nodes outside of `--nodes`.
-    let asked = found.iter().filter(|found| args.nodes.contains(&found.node));
+    let asked = found.iter().filter(|found| nodes.contains(&found.node));
     let checked: Vec<(&Found, Verdict)> =
         asked.map(|found| (found, check(found, plans.as_deref(), master))).collect();
     let missing: Vec<&NodePlan> = plans
         .iter()
         .flatten()
-        .filter(|plan| args.nodes.contains(&plan.node))
+        .filter(|plan| nodes.contains(&plan.node))
         .filter(|plan| !found.iter().any(|found| found.node == plan.node))
         .collect();
     let answering = found.iter().filter(|found| args.pdos && found.answers);
@@ -109,6 +117,30 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         print::note(&format!("node {}: {why}: node-id may be duplicate", found.node.raw()));
     }
     conclude(&checked, &missing)
+}
+
+/// Asks nodes that answer but send no heartbeat for their NMT state, by node guarding.
+fn ask_states<B: Bus>(
+    session: &mut Session<B>,
+    found: &mut [Found],
+    timeout: Duration,
+) -> Result<(), SessionError> {
+    let silent = found.iter().filter(|found| found.answers && found.state.is_none());
+    let silent: Vec<NodeId> = silent.map(|found| found.node).collect();
+    for (node, answer) in session.run(|now, out| States::start(silent, timeout, now, out))? {
+        match answer {
+            Answer::State(state) => {
+                let found = found.iter_mut().find(|found| found.node == node);
+                found.into_iter().for_each(|found| found.state = Some(state));
+            }
+            Answer::Silent => {}
+            Answer::LifeGuarding => print::note(&format!(
+                "node {}: state not asked: a poll would start its life guarding (100Ch, 100Dh)",
+                node.raw()
+            )),
+        }
+    }
+    Ok(())
 }
 
 /// Compares a node with the configuration. The master's own node-id is expected.

@@ -61,6 +61,20 @@ codes! {
     NO_DATA = 0x0800_0024, "no data available";
 }
 
+impl AbortCode {
+    /// Returns whether the node has the object, but refuses this value of it.
+    pub const fn refuses_value(self) -> bool {
+        matches!(
+            self,
+            Self::READ_ONLY
+                | Self::PARAMETER_INCOMPATIBLE
+                | Self::VALUE_INVALID
+                | Self::VALUE_TOO_HIGH
+                | Self::VALUE_TOO_LOW
+        )
+    }
+}
+
 /// The number as the standard prints it, then its text: `06090011h sub-index does not exist`
 impl fmt::Display for AbortCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -51,6 +51,8 @@ pub struct Guard {
     poll_at: Instant,
     /// Time at which the node is lost.
     due: Instant,
+    /// No polls are sent, and their answers not missed.
+    is_paused: bool,
 }
 
 impl Guard {
@@ -58,12 +60,33 @@ impl Guard {
     /// the expected toggle bit.
     pub fn new(node: NodeId, guarding: Guarding, now: Instant) -> Self {
         let due = now + guarding.life_time();
-        Self { node, guarding, health: Health::NeverSeen, toggle: None, poll_at: now, due }
+        Self {
+            node,
+            guarding,
+            health: Health::NeverSeen,
+            toggle: None,
+            poll_at: now,
+            due,
+            is_paused: false,
+        }
     }
 
     /// NMT state of the node, as far as it is known.
     pub const fn health(&self) -> Health {
         self.health
+    }
+
+    /// Stops polling, so that the node must miss it.
+    pub const fn pause(&mut self) {
+        self.is_paused = true;
+    }
+
+    /// Polls again from `now` on. The first answer may have either toggle bit.
+    pub fn resume(&mut self, now: Instant) {
+        self.is_paused = false;
+        self.toggle = None;
+        self.poll_at = now;
+        self.due = now + self.guarding.life_time();
     }
 
     /// Takes one frame.
@@ -95,6 +118,9 @@ impl Guard {
 
     /// Polls the node when due, and reports its loss once.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<HeartbeatEvent> {
+        if self.is_paused {
+            return None;
+        }
         if now >= self.poll_at {
             let on_beat = self.poll_at + self.guarding.guard_time();
             self.poll_at = if on_beat > now { on_beat } else { now + self.guarding.guard_time() };
@@ -111,6 +137,9 @@ impl Guard {
 
     /// Time of the next call of [`on_time`](Self::on_time). A lost node is still polled.
     pub fn deadline(&self) -> Option<Instant> {
+        if self.is_paused {
+            return None;
+        }
         let due = (self.health != Health::Lost).then_some(self.due);
         Some(due.map_or(self.poll_at, |due| due.min(self.poll_at)))
     }

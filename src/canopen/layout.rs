@@ -8,6 +8,7 @@ use std::ops::RangeInclusive;
 use canopen_rs::pdo::{PDO_COB_ID_INVALID, default_cob_id};
 use canopen_rs::{MappingEntry, NodeId, PdoKind, Value};
 
+use crate::master::check::COB_ID_NO_RTR;
 use crate::object::Object;
 use crate::sync::Transmission;
 
@@ -38,6 +39,8 @@ pub struct Pdo {
     pub number: u16,
     /// COB-ID.
     pub cob_id: u16,
+    /// Set if bit 30 of its COB-ID entry stays set: a TPDO that may not be requested by RTR.
+    pub has_no_rtr: bool,
     /// Configuration; `None` disables the PDO, as drives power up with some enabled.
     pub service: Option<Service>,
 }
@@ -187,11 +190,19 @@ pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
     for number in 1..=MAX_PDOS {
         for direction in [Direction::Transmit, Direction::Receive] {
             let is_planned = |pdo: &Pdo| (pdo.direction, pdo.number) == (direction, number);
-            let other = Pdo { direction, number, cob_id: 0, service: None };
+            let other = Pdo { direction, number, cob_id: 0, has_no_rtr: false, service: None };
             if exists(other.communication(1)) && !pdos.iter().any(is_planned) {
                 pdos.push(other);
             }
         }
+    }
+}
+
+/// Keeps bit 30 of the COB-IDs as the device has it, by the default of its data sheet: some accept no other.
+pub fn keep_bit_30(pdos: &mut [Pdo], default: impl Fn(Object) -> Option<u32>) {
+    for pdo in pdos {
+        pdo.has_no_rtr =
+            default(pdo.communication(1)).is_some_and(|cob_id| cob_id & COB_ID_NO_RTR != 0);
     }
 }
 
@@ -219,7 +230,9 @@ fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo
         let mut services = services.into_iter();
         for number in 1..=4_u8 {
             let Some(cob_id) = default_cob_id(kind, number, node) else { continue };
-            pdos.push(Pdo { direction, number: number.into(), cob_id, service: services.next() });
+            let service = services.next();
+            let number = number.into();
+            pdos.push(Pdo { direction, number, cob_id, has_no_rtr: false, service });
         }
     }
     pdos
@@ -245,7 +258,8 @@ impl Pdo {
     /// Writes that configure the PDO, in the order of CiA 301 (7.5.2.36): disable, clear the mapping, map, count,
     /// transmission, enable.
     pub fn writes(&self) -> Vec<(Object, Value)> {
-        let cob_id = u32::from(self.cob_id);
+        let bit_30 = if self.has_no_rtr { COB_ID_NO_RTR } else { 0 };
+        let cob_id = u32::from(self.cob_id) | bit_30;
         let mut writes =
             vec![(self.communication(1), Value::Unsigned32(PDO_COB_ID_INVALID | cob_id))];
         let Some(service) = &self.service else { return writes };

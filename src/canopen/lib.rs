@@ -43,12 +43,14 @@ pub mod listening;
 pub mod load;
 pub mod lss;
 pub mod master;
+pub mod nameplate;
 pub mod nmt;
 pub mod object;
 pub mod pdo;
 pub mod plan;
 pub mod procedure;
 pub mod sdo;
+pub mod setting;
 pub mod station;
 pub mod sync;
 #[cfg(any(test, feature = "testing"))]
@@ -57,4 +59,4 @@ pub mod time_stamp;
 pub mod value;
 pub mod watchdog;
 
-pub use canopen_rs::{ByteString, NmtCommand, NmtState, NodeId};
+pub use canopen_rs::{ByteString, NmtCommand, NmtState, NodeId, Value};

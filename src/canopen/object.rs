@@ -1,6 +1,9 @@
 //! Objects by index, sub-index and name. Index numbers appear in this file only.
 
 use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
 
 /// Entry of an object dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -18,6 +21,27 @@ impl fmt::Display for Object {
             0 => write!(f, "{:04X}h", self.index),
             sub => write!(f, "{:04X}h:{sub}", self.index),
         }
+    }
+}
+
+/// Error of a text that is no object.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("\"{0}\" is no object; write index and sub-index as 3001h:2, and 6071h for sub-index 0")]
+pub struct NoObject(String);
+
+/// Parses `1018h:1`, `6071h` and `0x6071:0`; the index is hexadecimal.
+impl FromStr for Object {
+    type Err = NoObject;
+
+    fn from_str(text: &str) -> Result<Self, NoObject> {
+        let parsed = || {
+            let (index, sub) = text.split_once(':').unwrap_or((text, "0"));
+            let digits = index.strip_suffix('h').or_else(|| index.strip_prefix("0x"))?;
+            let is_index = digits.len() == 4 && digits.bytes().all(|it| it.is_ascii_hexdigit());
+            let index = u16::from_str_radix(digits, 16).ok().filter(|_| is_index)?;
+            Some(Self { index, sub: sub.parse().ok()? })
+        };
+        parsed().ok_or_else(|| NoObject(text.to_owned()))
     }
 }
 
@@ -169,5 +193,23 @@ impl Object {
     /// TPDO mapping of TPDO `number` (1 to 512), sub-index `sub`.
     pub const fn tpdo_mapping(number: u16, sub: u8) -> Self {
         Self { index: 0x1A00 + number - 1, sub }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn object_is_parsed_as_it_is_printed() {
+        for object in [Object::VENDOR_ID, Object::TARGET_TORQUE, Object { index: 0x3001, sub: 12 }]
+        {
+            assert_eq!(object.to_string().parse(), Ok(object));
+        }
+        assert_eq!("0x6071:0".parse(), Ok(Object::TARGET_TORQUE));
+        for wrong in ["", "h", "6071", "607h", "+071h", "6071h:", "6071h:256", "6071h:-1", "16071h"]
+        {
+            assert!(wrong.parse::<Object>().is_err(), "{wrong}");
+        }
     }
 }

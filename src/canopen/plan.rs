@@ -10,8 +10,11 @@ use canopen_rs::{ByteString, NodeId, Value};
 use crate::guarding::Guarding;
 use crate::layout::{self, Direction, Pdo};
 use crate::master::check::{COB_ID_INVALID, Check};
+use crate::master::commission::{BOOT_TIMEOUT, REPLY_TIMEOUT};
 use crate::master::configuration::Stamp;
+use crate::nameplate::Nameplate;
 use crate::object::Object;
+use crate::setting::{Need, Setting, interpolation_time};
 use crate::{drive, emcy};
 
 /// Required identity of a node (1000h and 1018h).
@@ -94,6 +97,21 @@ impl ErrorControl {
     }
 }
 
+/// Time limits of a boot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timeouts {
+    /// For one SDO reply.
+    pub reply: Duration,
+    /// For the node to become ready: to power up, to boot, to change its mode.
+    pub boot: Duration,
+}
+
+impl Default for Timeouts {
+    fn default() -> Self {
+        Self { reply: REPLY_TIMEOUT, boot: BOOT_TIMEOUT }
+    }
+}
+
 /// Plan of one node: its identity, and its configuration before it is started.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
@@ -117,13 +135,17 @@ pub struct NodePlan {
     /// Set if the node stores its configuration (1010h:1) with its [stamp](Stamp), so that the next boot need
     /// not write it again.
     pub stores_configuration: bool,
+    /// Time limits of its boot.
+    pub timeouts: Timeouts,
+    /// Writes of the configuration, before those of the plan.
+    pub first_writes: Vec<(Object, Value)>,
     /// All its PDOs, those switched off included.
     pub pdos: Vec<Pdo>,
     /// Reaction to a communication error (1029h:1): 0 enters pre-operational, 1 changes nothing, 2 stops.
     /// `None` leaves it as it is; a node without 1029h passes.
     pub error_behaviour: Option<u8>,
-    /// Reactions to errors, and limits. A device that lacks one of these objects is refused by that object,
-    /// unless it is [optional](OPTIONAL).
+    /// Reactions to errors, limits, and the period of the cycle. A device that lacks one of these objects is refused by
+    /// that object, unless it is only a [means](Need).
     pub safety: Vec<(Object, Value)>,
     /// Mode of operation (6060h), confirmed by the display (6061h). Commanded at every boot, not stored.
     pub mode: Option<i8>,
@@ -131,6 +153,8 @@ pub struct NodePlan {
     pub emcy_cob_id: u16,
     /// Error control service.
     pub error_control: ErrorControl,
+    /// Sign, scale and ratings that the drive must hold; `None` compares none.
+    pub nameplate: Option<Nameplate>,
     /// Maximum motion of a drive at standstill, in counts of 6064h per 100 ms. A drive found with its power on
     /// must stand still before the boot continues. `None` skips the wait.
     pub standstill_counts: Option<u32>,
@@ -149,15 +173,6 @@ const DISABLE_DRIVE: Value = Value::Integer16(0);
 const TO_PRE_OPERATIONAL: u8 = 0;
 /// 605Dh: ramp down, stay enabled. The master does not use the halt bit.
 const SLOW_DOWN: Value = Value::Integer16(1);
-
-/// Objects that CiA 402-2 makes optional: stop option codes, and the maximum motor speed.
-pub const OPTIONAL: [Object; 5] = [
-    Object::QUICK_STOP_OPTION,
-    Object::SHUTDOWN_OPTION,
-    Object::DISABLE_OPERATION_OPTION,
-    Object::HALT_OPTION,
-    Object::MAX_MOTOR_SPEED,
-];
 
 impl NodePlan {
     /// Plans a CiA 402 drive in cyclic synchronous torque mode that stops when the master is lost, limited to
@@ -208,6 +223,8 @@ impl NodePlan {
             keep_alive: false,
             restores_defaults: false,
             stores_configuration: false,
+            timeouts: Timeouts::default(),
+            first_writes: Vec::new(),
             pdos,
             error_behaviour: Some(TO_PRE_OPERATIONAL),
             safety: Vec::new(),
@@ -217,6 +234,7 @@ impl NodePlan {
                 period_ms: watch.heartbeat_ms,
                 lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
             },
+            nameplate: None,
             standstill_counts: None,
         }
     }
@@ -228,16 +246,43 @@ impl NodePlan {
         self
     }
 
-    /// Removes optional objects that the device `lacks`.
+    /// Limits the torque by an object of the maker in place of 6072h.
     #[must_use]
-    pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
-        self.safety.retain(|(object, _)| !OPTIONAL.contains(object) || !lacks(*object));
+    pub fn limited_by(mut self, object: Object, value: Value) -> Self {
+        self.safety.retain(|(limit, _)| *limit != Object::MAX_TORQUE);
+        self.safety.push((object, value));
         self
     }
 
-    /// Sets the synchronous counter overflow value (1019h).
+    /// States the period of SYNC: communication cycle period (1006h) and interpolation time period (60C2h).
+    #[must_use]
+    pub fn every(mut self, period_us: u64) -> Self {
+        let period = u32::try_from(period_us).map(Value::Unsigned32);
+        self.safety.extend(period.ok().map(|period| (Object::CYCLE_PERIOD, period)));
+        let time = interpolation_time(period_us).map(|(count, index)| {
+            [
+                (Object::INTERPOLATION_TIME, Value::Unsigned8(count)),
+                (Object::INTERPOLATION_TIME_INDEX, Value::Integer8(index)),
+            ]
+        });
+        self.safety.extend(time.into_iter().flatten());
+        self
+    }
+
+    /// Removes means that the device `lacks`, and the heartbeat consumer: another watchdog may stop the drive.
+    #[must_use]
+    pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
+        let is_dispensable =
+            |object| object == Object::CONSUMER_HEARTBEAT || !Need::of(object).is_must();
+        self.safety.retain(|(object, _)| !(is_dispensable(*object) && lacks(*object)));
+        self
+    }
+
+    /// Sets the synchronous counter overflow value (1019h), which can be changed only while the period (1006h) is zero
+    /// (CiA 301, 7.5.2.22): the period is stated [after it](Self::every).
     #[must_use]
     pub fn counting(mut self, last: u8) -> Self {
+        self.safety.push((Object::CYCLE_PERIOD, Value::Unsigned32(0)));
         self.safety.push((Object::SYNC_OVERFLOW, Value::Unsigned8(last)));
         self
     }
@@ -257,18 +302,21 @@ impl NodePlan {
     /// Objects beside those of the PDOs that must be writable for the whole plan to succeed. What PDOs need is
     /// [`lacks`](crate::load::lacks)'s.
     pub fn demands(&self) -> impl Iterator<Item = Object> + '_ {
+        let first = self.first_writes.iter().map(|(object, _)| *object);
         let safety = self.safety.iter().map(|(object, _)| *object);
         let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
         let watch = self.watch_settings();
-        let watch = watch.into_iter().filter(|setting| !setting.if_present);
+        let watch = watch.into_iter().filter(|setting| setting.need.is_must());
         let watch = watch.map(|setting| setting.check.object);
-        safety.chain(mode).chain(watch)
+        first.chain(safety).chain(mode).chain(watch)
     }
 
-    /// Settings in the order of their writes: PDOs, emergencies, reactions and limits, error control. The mode
-    /// is a command, not a setting.
+    /// Settings in the order of their writes: those of the configuration, PDOs, emergencies, reactions and limits, error
+    /// control. The mode is a command, not a setting.
     pub fn settings(&self) -> Vec<Setting> {
-        let mut settings = Vec::new();
+        let first = self.first_writes.iter();
+        let mut settings: Vec<_> =
+            first.map(|(object, value)| Setting::must(*object, *value)).collect();
         for pdo in &self.pdos {
             for (object, value) in pdo.writes() {
                 let is_cob_id = object == pdo.communication(1);
@@ -276,24 +324,28 @@ impl NodePlan {
                 // The timer is optional here. Whether torques may be sent without it is decided before enabling.
                 let is_timer =
                     pdo.direction == Direction::Receive && object == pdo.communication(5);
-                let if_present = pdo.service.is_none() || is_timer;
-                settings.push(Setting { check: check(object, value), if_present });
+                let need = match (is_timer, &pdo.service) {
+                    (true, _) => Need::IfAccepted,
+                    (false, None) => Need::IfPresent,
+                    (false, Some(_)) => Need::Must,
+                };
+                settings.push(Setting { check: check(object, value), need });
             }
         }
         if self.emcy_cob_id != emcy::default_cob_id(self.node) {
             let valid = u32::from(self.emcy_cob_id);
             for raw in [COB_ID_INVALID | valid, valid] {
                 let check = Check::cob_id(Object::EMCY_COB_ID, Value::Unsigned32(raw));
-                settings.push(Setting { check, if_present: false });
+                settings.push(Setting { check, need: Need::Must });
             }
         }
         settings.extend(self.error_behaviour.map(|behaviour| Setting {
             check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
-            if_present: true,
+            need: Need::of(Object::ERROR_BEHAVIOUR),
         }));
         settings.extend(self.safety.iter().map(|(object, value)| Setting {
-            if_present: OPTIONAL.contains(object),
-            ..must(*object, *value)
+            check: Check::exactly(*object, *value),
+            need: Need::of(*object),
         }));
         settings.extend(self.watch_settings());
         settings
@@ -314,32 +366,18 @@ impl NodePlan {
     fn watch_settings(&self) -> Vec<Setting> {
         match self.error_control {
             ErrorControl::Heartbeat { period_ms, .. } => {
-                vec![must(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(period_ms))]
+                vec![Setting::must(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(period_ms))]
             }
             ErrorControl::Guarding(Guarding { guard_time_ms, life_time_factor }) => {
                 let none = Check::exactly(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(0));
                 vec![
-                    Setting { check: none, if_present: true },
-                    must(Object::GUARD_TIME, Value::Unsigned16(guard_time_ms)),
-                    must(Object::LIFE_TIME_FACTOR, Value::Unsigned8(life_time_factor)),
+                    Setting { check: none, need: Need::IfPresent },
+                    Setting::must(Object::GUARD_TIME, Value::Unsigned16(guard_time_ms)),
+                    Setting::must(Object::LIFE_TIME_FACTOR, Value::Unsigned8(life_time_factor)),
                 ]
             }
         }
     }
-}
-
-/// Value of one object.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
-    /// Object, value to write, and comparison at the read-back.
-    pub check: Check,
-    /// Set if a node without this object passes.
-    pub if_present: bool,
-}
-
-/// Returns a mandatory setting.
-const fn must(object: Object, value: Value) -> Setting {
-    Setting { check: Check::exactly(object, value), if_present: false }
 }
 
 #[cfg(test)]

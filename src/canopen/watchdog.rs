@@ -9,7 +9,8 @@ use canopen_rs::Value;
 use crate::layout::Direction;
 use crate::master::check::Check;
 use crate::object::Object;
-use crate::plan::NodePlan;
+use crate::plan::{ErrorControl, NodePlan};
+use crate::setting::Setting;
 
 /// Message a drive waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,6 +19,13 @@ pub enum Awaited {
     Rpdo,
     /// Heartbeat of the master (1016h, CiA 301, 7.5.2.13).
     Heartbeat,
+    /// Remote frames of node guarding (life guarding, CiA 301, 7.2.8.2.2.1).
+    Guarding,
+}
+
+impl Awaited {
+    /// All messages, in the order of the proof test.
+    pub const ALL: [Self; 3] = [Self::Rpdo, Self::Heartbeat, Self::Guarding];
 }
 
 /// `without RPDOs`
@@ -26,6 +34,7 @@ impl fmt::Display for Awaited {
         f.write_str(match self {
             Self::Rpdo => "RPDOs",
             Self::Heartbeat => "heartbeats",
+            Self::Guarding => "guarding",
         })
     }
 }
@@ -41,14 +50,32 @@ pub struct Watchdog {
     pub millis: u16,
 }
 
+/// `RPDO timer 8 ms`
+impl fmt::Display for Watchdog {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.awaited {
+            Awaited::Rpdo => "RPDO timer",
+            Awaited::Heartbeat => "heartbeat",
+            Awaited::Guarding => "guarding",
+        };
+        write!(f, "{name} {} ms", self.millis)
+    }
+}
+
 impl NodePlan {
     /// Planned timer for a message; `None` without one. A guarded node waits for no heartbeat.
     pub fn watchdog(&self, awaited: Awaited) -> Option<Watchdog> {
         let (object, millis) = match awaited {
             Awaited::Rpdo => self.rpdo_timer()?,
             Awaited::Heartbeat => self.master_watch()?,
+            Awaited::Guarding => self.life_guarding()?,
         };
         (millis > 0).then_some(Watchdog { awaited, object, millis })
+    }
+
+    /// All planned timers.
+    pub fn watchdogs(&self) -> impl Iterator<Item = Watchdog> + '_ {
+        Awaited::ALL.into_iter().filter_map(|awaited| self.watchdog(awaited))
     }
 
     /// Reactions to errors and limits, as read back in the boot.
@@ -59,8 +86,15 @@ impl NodePlan {
             let rest = [Object::ERROR_BEHAVIOUR, Object::GUARD_TIME, Object::LIFE_TIME_FACTOR];
             safety.chain(timer).chain(rest).any(|protection| protection == object)
         };
-        let settings = self.settings().into_iter().map(|setting| setting.check);
-        settings.filter(|check| is_protection(check.object)).collect()
+        let mut checks: Vec<Check> = Vec::new();
+        for Setting { check, .. } in self.settings() {
+            if is_protection(check.object) {
+                // The last value counts.
+                checks.retain(|before| before.object != check.object);
+                checks.push(check);
+            }
+        }
+        checks
     }
 
     fn rpdo_timer(&self) -> Option<(Object, u16)> {
@@ -70,6 +104,12 @@ impl NodePlan {
             Some((pdo.communication(5), millis))
         });
         timers.next()
+    }
+
+    fn life_guarding(&self) -> Option<(Object, u16)> {
+        let ErrorControl::Guarding(guarding) = self.error_control else { return None };
+        let millis = u16::try_from(guarding.life_time().as_millis()).unwrap_or(u16::MAX);
+        Some((Object::LIFE_TIME_FACTOR, millis))
     }
 
     fn master_watch(&self) -> Option<(Object, u16)> {
@@ -89,15 +129,15 @@ mod tests {
     use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 
     #[test]
-    fn guarded_drive_waits_for_rpdos_only() {
+    fn guarded_drive_waits_for_rpdos_and_guarding() {
         let timers = |plan: NodePlan| {
-            [Awaited::Rpdo, Awaited::Heartbeat]
-                .map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
+            Awaited::ALL.map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
         };
         let rpdo = Some((Object::rpdo_communication(1, 5), 5));
-        assert_eq!(timers(elbow()), [rpdo, Some((Object::CONSUMER_HEARTBEAT, 22))]);
-        assert_eq!(timers(guarded_elbow()), [rpdo, None]);
-        assert_eq!(timers(switch_box()), [None, None]);
+        let guarding = Some((Object::LIFE_TIME_FACTOR, 30));
+        assert_eq!(timers(elbow()), [rpdo, Some((Object::CONSUMER_HEARTBEAT, 22)), None]);
+        assert_eq!(timers(guarded_elbow()), [rpdo, None, guarding]);
+        assert_eq!(timers(switch_box()), [None; 3]);
     }
 
     #[test]

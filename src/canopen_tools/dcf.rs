@@ -12,8 +12,9 @@ use canopen::concise::Download;
 use canopen::data_type;
 use canopen::eds::{Commissioning, Eds, OutsideLimits, value};
 use canopen::object::Object;
-use canopen::plan::{NodePlan, Setting};
+use canopen::plan::NodePlan;
 use canopen::sdo::bytes;
+use canopen::setting::Setting;
 
 /// Error of a plan that a device cannot hold, by its EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -82,11 +83,11 @@ pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> 
     let settings = plan
         .settings()
         .into_iter()
-        .map(|Setting { check, if_present }| ((check.object, check.expected), if_present));
-    for ((object, value), if_present) in settings.chain(mode.map(|mode| (mode, false))) {
+        .map(|Setting { check, need }| ((check.object, check.expected), need.is_must()));
+    for ((object, value), is_must) in settings.chain(mode.map(|mode| (mode, true))) {
         if eds.object(object).is_some() {
             downloads.push(Download { object, content: bytes(&value) });
-        } else if !if_present {
+        } else if is_must {
             return Err(DcfError::Unknown(object));
         }
     }
@@ -193,7 +194,7 @@ mod tests {
             assert!(DRIVE.contains(from));
             written(&parse(&DRIVE.replacen(from, to, 1)), &elbow()).unwrap_err().to_string()
         };
-        assert_eq!(refusal("[605E]", "[205E]"), "605Eh is not in the EDS");
+        assert_eq!(refusal("[6072]", "[2072]"), "6072h is not in the EDS");
         let heartbeat = "Producer heartbeat time\nObjectType=0x7\nDataType=0x000";
         assert_eq!(
             refusal(&format!("{heartbeat}6"), &format!("{heartbeat}7")),

@@ -381,7 +381,7 @@ pub(crate) mod tests {
             event_timer_ms: None,
             mapping: mapping.collect(),
         };
-        Pdo { direction, number, cob_id, service: Some(service) }
+        Pdo { direction, number, cob_id, has_no_rtr: false, service: Some(service) }
     }
 
     /// Drives with shared torque RPDOs and dummies for the others' slots.

@@ -1,11 +1,18 @@
 //! `[joint.boot]`, `[switches.boot]`: identity, boot and error control of a node, where they differ from the defaults.
 
+use std::time::Duration;
+
+use crate::boot_writes;
+use crate::drive_object::Written;
 use crate::problem::Problems;
 use crate::raw;
+use crate::section::Sections;
 use crate::value::Placed;
 use canopen::ByteString;
+use canopen::eds::Eds;
 use canopen::guarding::Guarding;
-use canopen::plan::{Admission, NodePlan, Revisions};
+use canopen::object::Object;
+use canopen::plan::{Admission, NodePlan, Revisions, Timeouts};
 
 /// Boot of one node.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +25,21 @@ pub struct BootSettings {
     pub is_optional: bool,
     /// Kept running, without a reset, if it is configured already (CiA 302-2, keep alive).
     pub keep_alive: bool,
+    /// Time limits.
+    pub timeouts: Timeouts,
+    /// Writes of the configuration.
+    pub writes: Vec<Written>,
+}
+
+/// Input of the boot settings of a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Given<'a> {
+    /// `safety.drive_lost_ms`.
+    pub(super) lost_ms: Option<u16>,
+    /// Its data sheet.
+    pub(super) eds: Option<&'a Eds>,
+    /// Object that limits its torque.
+    pub(super) limit: Option<Object>,
 }
 
 impl BootSettings {
@@ -31,6 +53,8 @@ impl BootSettings {
             admission: self.admission.clone(),
             is_optional: self.is_optional,
             keep_alive: self.keep_alive,
+            timeouts: self.timeouts,
+            first_writes: self.writes.clone(),
             ..plan
         }
     }
@@ -39,10 +63,10 @@ impl BootSettings {
 /// Reads the boot settings of a drive. It is mandatory and always reset, because it exerts torque.
 pub(super) fn of_drive(
     raw: Option<&raw::Boot>,
-    lost_ms: Option<u16>,
+    given: Given<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
-    let settings = of_node(raw, lost_ms, problems);
+    let settings = of_node(raw, given, problems);
     let Some(raw) = raw else { return settings };
     if settings.is_optional {
         problems.add(&raw.optional, "an arm has all its joints");
@@ -56,7 +80,7 @@ pub(super) fn of_drive(
 /// Reads the boot settings of a node. Its life time by node guarding must not exceed `lost_ms`.
 pub(super) fn of_node(
     raw: Option<&raw::Boot>,
-    lost_ms: Option<u16>,
+    given: Given<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
     let Some(raw) = raw else { return BootSettings::default() };
@@ -71,10 +95,26 @@ pub(super) fn of_node(
     let (serial, program) = (raw.serial.get(), raw.program_id.get());
     BootSettings {
         admission: Admission { revisions, serial, software, program },
-        guarding: guarding(raw, lost_ms, problems),
+        guarding: guarding(raw, given.lost_ms, problems),
         is_optional: raw.optional.get().unwrap_or_default(),
         keep_alive: raw.keep_alive.get().unwrap_or_default(),
+        timeouts: timeouts(raw, problems),
+        writes: boot_writes::read(
+            raw.write.as_ref().map(Sections::all).unwrap_or_default(),
+            given.eds,
+            given.limit,
+            problems,
+        ),
     }
+}
+
+/// Reads the time limits of the boot.
+fn timeouts(raw: &raw::Boot, problems: &mut Problems<'_>) -> Timeouts {
+    let usual = Timeouts::default();
+    let millis = |millis: u32| Duration::from_millis(u64::from(millis));
+    let reply = problems.within(&raw.reply_ms, 10..=10_000).map_or(usual.reply, millis);
+    let boot = problems.within(&raw.boot_ms, 100..=60_000).map_or(usual.boot, millis);
+    Timeouts { reply, boot }
 }
 
 /// Reads node guarding, which needs both keys or neither.

@@ -6,9 +6,11 @@ use std::collections::HashSet;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::value::Placed;
-use crate::{layouts, plans, raw};
+use crate::{layouts, plans, raw, value_limits};
 use canopen::eds::Eds;
 use canopen::exchange::{self, Exchange};
+use canopen::nameplate::HAS_CYCLIC_TORQUE;
+use canopen::object::Object;
 use canopen::plan::{Identity, NodePlan};
 use units::numbering::Joint;
 
@@ -30,7 +32,10 @@ pub(super) fn check(
                 .add(&raw.node_id, format_args!("must be unique on its bus, got {taken} twice"));
         }
         identity(&raw.product_code, &joint.eds, &joint.identity, problems);
-        abilities(&raw.eds, &joint.eds, &plans::drive(config, number, joint), problems);
+        let plan = plans::drive(config, number, joint);
+        mode(&raw.eds, &joint.eds, &plan, problems);
+        abilities(&raw.eds, &joint.eds, &plan, problems);
+        value_limits::check(&raw.eds, &joint.eds, &plan, problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
         problems.add(&raw.switches.node_id, "must be unique on its bus");
@@ -54,15 +59,40 @@ fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Pro
     }
 }
 
+/// The drive must have the mode of cyclic synchronous torque, where its EDS states its modes (6502h).
+fn mode(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+    let modes = eds.object(Object::SUPPORTED_MODES).and_then(|modes| modes.number);
+    let modes = modes.map_or(0, |modes| modes.resolve(plan.node));
+    if modes != 0 && modes & i128::from(HAS_CYCLIC_TORQUE) == 0 {
+        let name = &plan.name;
+        let reason = format!(
+            "{name}: its drive has no cyclic synchronous torque: 6502h is {modes:08X}h, without bit 9"
+        );
+        problems.add(at, reason);
+    }
+}
+
 /// The device must have, by its EDS, every object that is to be set in it, PDOs apart.
 fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     for object in plan.demands() {
         match eds.object(object) {
-            None => problems.add(at, format_args!("{}: {object} is not in its EDS", plan.name)),
+            None => {
+                let (name, remedy) = (&plan.name, remedy(object));
+                problems.add(at, format_args!("{name}: {object} is not in its EDS{remedy}"));
+            }
             Some(described) if !described.access.is_writable() => {
                 problems.add(at, format_args!("{}: {object} cannot be written", plan.name));
             }
             Some(_) => {}
         }
+    }
+}
+
+/// Returns what to do about an object that a drive lacks.
+const fn remedy(object: Object) -> &'static str {
+    match object {
+        Object::MAX_TORQUE => "; name what limits its torque in [joint.torque_limit]",
+        Object::PRODUCER_HEARTBEAT => "; guard the node by guard_time_ms and life_time_factor",
+        _ => "",
     }
 }

@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
-use crate::boot::{self, BootSettings};
+use crate::boot::{self, BootSettings, Given};
+use crate::drive_object::{self, Written};
 use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
 use crate::units::Units;
 use crate::value::Value;
-use crate::{joint_plant, lookup, names, plausibility, raw};
+use crate::{joint_plant, lookup, nameplate, names, plausibility, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
+use canopen::nameplate::Nameplate;
 use canopen::plan::Identity;
 use controller::arm::JointKind;
 use controller::calibration::{JointCalibration, TorqueCurve};
@@ -30,6 +32,10 @@ pub struct JointParameters {
     pub boot: BootSettings,
     /// Data sheet of its drive.
     pub eds: Eds,
+    /// Sign, scale and ratings that its drive is meant to hold.
+    pub nameplate: Nameplate,
+    /// Object that limits its drive's torque in place of 6072h, with its value.
+    pub torque_limit: Option<Written>,
     /// Maximum speed before torque goes off, in rad/s or m/s.
     pub max_speed: f64,
     /// Encoder and torque curve, as the controller uses them.
@@ -67,7 +73,16 @@ fn read_one(
     let channel = lookup::channel(&joint.bus, raw, problems);
     let node = lookup::node_id(&joint.node_id, problems);
     let eds = lookup::eds(&joint.eds, file, problems);
-    let boot = boot::of_drive(joint.boot.as_ref(), raw.safety.drive_lost_ms.get(), problems);
+    let limit = joint.torque_limit.as_ref();
+    let limit =
+        limit.and_then(|it| drive_object::read(&it.object, &it.value, eds.as_ref(), problems));
+    let given = Given {
+        lost_ms: raw.safety.drive_lost_ms.get(),
+        eds: eds.as_ref(),
+        limit: limit.map(|(object, _)| object),
+    };
+    let boot = boot::of_drive(joint.boot.as_ref(), given, problems);
+    let nameplate = nameplate::read(joint, problems);
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = problems.one_of(&joint.kind.or("revolute".to_owned()), &kinds)?;
 
@@ -90,6 +105,8 @@ fn read_one(
         },
         boot,
         eds: eds?,
+        nameplate: nameplate?,
+        torque_limit: limit,
         max_speed: max_speed?,
         calibration: calibration?,
         plant: plant?,

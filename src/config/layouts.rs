@@ -7,7 +7,7 @@ use crate::buses::Layout;
 use crate::force_cap::ForceCap;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
-use crate::{plans, protection, raw};
+use crate::{plans, raw};
 use canopen::frame::Channel;
 use canopen::load::lacks::{self, Lack};
 use canopen::load::network::{Assumptions, Bus, Network};
@@ -99,7 +99,7 @@ fn figures(config: &Parameters, place: usize) -> Option<Figures> {
     let alone = Network { buses: vec![bus], ..network };
     let period_us = proposals::fitting_period(&alone, &Assumptions::default())?;
     let slowed = slowed(config, period_us);
-    let (cap, reaction_time) = (slowed.force_cap(), protection::reaction_time(&slowed));
+    let (cap, reaction_time) = (slowed.force_cap(), slowed.planned_reaction_time());
     let load = Network { period_us, ..alone }.loads().into_iter().next()?;
     Some(Figures {
         hz: 1e6 / f64::from(period_us.max(1)),

@@ -17,10 +17,12 @@
 mod arm;
 mod bodies;
 mod boot;
+mod boot_writes;
 mod bus_plan;
 mod buses;
 mod control;
 mod devices;
+mod drive_object;
 mod extensions;
 pub mod files;
 pub mod force_cap;
@@ -31,6 +33,7 @@ mod joints;
 mod layouts;
 mod loads;
 mod lookup;
+mod nameplate;
 mod names;
 mod operator;
 mod parameters;
@@ -46,12 +49,14 @@ mod section;
 pub mod shipped;
 mod simulated;
 mod start;
+mod stopping;
 mod switch_box;
 pub mod switch_inputs;
 pub mod torque_data;
 pub mod trust;
 mod units;
 mod value;
+mod value_limits;
 
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
@@ -63,7 +68,9 @@ pub use plausibility::Plausibility;
 pub use problem::{Invalid, Problem};
 pub use protection::timer_tolerance;
 pub use safety::{Protection, Safety};
+pub use stopping::Stopping;
 pub use switch_box::SwitchBox;
+pub use value_limits::Caution;
 
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -266,6 +273,7 @@ fn convert(
     };
     let exchange = devices::check(&config, raw, problems);
     start::check(&config, raw, problems);
+    stopping::check(&config, raw, problems);
     protection::check(&config, raw, problems);
     gain_check::check(&config, refuses, raw, problems);
     Some((config, exchange))

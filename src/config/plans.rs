@@ -51,17 +51,24 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
         None => layout::per_drive(joint.node, timer),
     };
     layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
+    layout::keep_bit_30(&mut pdos, |object| default(&joint.eds, object, joint.node));
     let most = joint.calibration.max_target().0.unsigned_abs();
     let watch = watch(config, place);
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
     let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
-    let plan = NodePlan { standstill_counts: Some(rest), ..plan };
+    let nameplate = Some(joint.nameplate.clone());
+    let plan = NodePlan { standstill_counts: Some(rest), nameplate, ..plan };
+    let plan = match joint.torque_limit {
+        Some((object, value)) => plan.limited_by(object, value),
+        None => plan,
+    };
     let plan = plan.no_faster_than(motor_speed(config, place, joint));
-    let plan = as_far_as_it_has(plan, joint);
     let plan = match config.sync_counter {
         Some(last) => plan.counting(last),
         None => plan,
     };
+    let plan = plan.every(config.period_us().into());
+    let plan = as_far_as_it_has(plan, joint);
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 
@@ -80,9 +87,7 @@ fn group(config: &Parameters, joint: &JointParameters) -> Option<Group> {
 /// With its emergencies behind the PDOs, where the device lets them be moved: by default they outrank
 /// every PDO, and six at once would keep the torques off the bus for most of a millisecond.
 fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
-    let can_be_moved =
-        eds.object(Object::EMCY_COB_ID).is_some_and(|described| described.access.is_writable());
-    let low = emcy::low_cob_id(plan.node).filter(|_| can_be_moved);
+    let low = emcy::low_cob_id(plan.node).filter(|_| is_writable(eds, Object::EMCY_COB_ID));
     NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
 }
 
@@ -96,6 +101,7 @@ pub(super) fn switches(config: &Parameters) -> NodePlan {
         &watch(config, config.joints.len()),
     );
     layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
+    layout::keep_bit_30(&mut plan.pdos, |object| default(eds, object, *node));
     kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
 }
 
@@ -139,14 +145,24 @@ fn motor_speed(config: &Parameters, place: usize, joint: &JointParameters) -> u3
     (fastest * joint.plant.actuator.gear_ratio.abs() / TAU * 60.0).ceil() as u32
 }
 
-/// Without what a drive of this EDS has not and need not have.
+/// Without what a drive of this EDS has not, or not for writing, and need not have.
 fn as_far_as_it_has(plan: NodePlan, joint: &JointParameters) -> NodePlan {
-    plan.lacking(|object| joint.eds.object(object).is_none())
+    plan.lacking(|object| !is_writable(&joint.eds, object))
+}
+
+fn is_writable(eds: &Eds, object: Object) -> bool {
+    eds.object(object).is_some_and(|described| described.access.is_writable())
+}
+
+/// The default of a COB-ID.
+fn default(eds: &Eds, object: Object, node: NodeId) -> Option<u32> {
+    let number = eds.object(object)?.number?;
+    u32::try_from(number.resolve(node)).ok()
 }
 
 /// Time until a drive without a fresh RPDO stops, if it has such a timer by its EDS; written as 0 where the file wants
 /// none.
 fn rpdo_timer(config: &Parameters, joint: &JointParameters) -> Option<u16> {
     let timer = Object::rpdo_communication(1, 5);
-    joint.eds.object(timer).map(|_| config.safety.rpdo_timer_ms)
+    is_writable(&joint.eds, timer).then_some(config.safety.rpdo_timer_ms)
 }

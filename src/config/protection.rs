@@ -4,12 +4,11 @@
 
 use std::time::Duration;
 
-use crate::force_cap::{ForceCap, ForceKind, Forces, UNPROVEN_REACTION_TIME};
+use crate::force_cap::{ForceCap, ForceKind, Forces};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Placed;
-use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
 use controller::Settings;
 use controller::arm::{JointKind, Link};
@@ -21,6 +20,8 @@ pub const fn timer_tolerance(awaited: Awaited) -> Duration {
         Awaited::Rpdo => Duration::from_millis(1),
         // A heartbeat may come up to a tenth of its period late without being late.
         Awaited::Heartbeat => Duration::from_millis(3),
+        // As for a heartbeat: the drive counts in steps of its own.
+        Awaited::Guarding => Duration::from_millis(3),
     }
 }
 
@@ -77,7 +78,6 @@ const WEAK: f64 = 5.0;
 
 /// Refuses forces above the maximum even if every drive stops as configured.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
-    let reaction_time = reaction_time(config);
     let cap = config.force_cap();
     let given = &raw.controller;
     let place = match (cap.forces.largest(), &given.soft_stops) {
@@ -86,25 +86,5 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         (ForceKind::SoftStops, Some(stops)) => stops.push.place(),
         (ForceKind::SoftStops, None) => given.place(),
     };
-    problems.take(place, cap.check(reaction_time));
-}
-
-/// Maximum time until every drive stops by itself, as configured.
-pub(super) fn reaction_time(config: &Parameters) -> Duration {
-    let plans = config.node_plans();
-    let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
-    if config.safety.protection.proves_drives {
-        drives.map(longest).max().unwrap_or(UNPROVEN_REACTION_TIME)
-    } else {
-        UNPROVEN_REACTION_TIME
-    }
-}
-
-/// Maximum time that a drive goes on without its master, by its plan: the quicker of its timers stops it.
-fn longest(plan: &NodePlan) -> Duration {
-    let timers = [Awaited::Rpdo, Awaited::Heartbeat].into_iter();
-    let timers = timers.filter_map(|awaited| plan.watchdog(awaited));
-    let reaction_time =
-        timers.map(|dog| Duration::from_millis(dog.millis.into()) + timer_tolerance(dog.awaited));
-    reaction_time.min().unwrap_or(UNPROVEN_REACTION_TIME)
+    problems.take(place, cap.check(config.planned_reaction_time()));
 }

@@ -40,6 +40,21 @@ sections! {
         life_time_factor: Optional<u8>,
         optional: Optional<bool>,
         keep_alive: Optional<bool>,
+        reply_ms: Optional<u32>,
+        boot_ms: Optional<u32>,
+        write: Option<Sections<BootWrite>>,
+    }
+
+    /// A write of the configuration.
+    BootWrite {
+        object: Value<String>,
+        value: Value<i64>,
+    }
+
+    /// Limit of a drive's torque in place of 6072h.
+    TorqueLimit {
+        object: Value<String>,
+        value: Value<i64>,
     }
 
     Bus {
@@ -97,6 +112,13 @@ sections! {
         max_torque_nm: Optional<f64>,
         max_force_n: Optional<f64>,
         torque_curve: Value<List<f64, 3>>,
+        rated_torque_unit: Optional<String>,
+        rated_current_a: Optional<f64>,
+        drive_polarity: Optional<u8>,
+        drive_encoder: Optional<List<u32, 2>>,
+        drive_gear: Optional<List<u32, 2>>,
+        drive_feed: Optional<List<u32, 2>>,
+        torque_limit: Option<TorqueLimit>,
         boot: Option<Boot>,
         simulated: OrEmpty<Simulated>,
     }

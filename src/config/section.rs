@@ -286,6 +286,13 @@ impl<T: Section> Entry for Sections<T> {
     }
 }
 
+/// Sections of the same name that may be absent.
+impl<T: Section> Entry for Option<Sections<T>> {
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
+        table.find(key).map(|_| Sections::read(table, key, problems))
+    }
+}
+
 /// Refuses what is no table, in the words of `serde`.
 struct Expected(&'static str);
 

@@ -74,6 +74,21 @@ const FILES: &[(&str, &[u8])] = table![
     "config/scenarios/quirks/unsized-replies.toml",
     "config/scenarios/quirks/vague-aborts.toml",
     "config/scenarios/quirks/wrong-identity.toml",
+    "eds/drives/elmo-gold.eds",
+    "eds/drives/elmo-simpliq.eds",
+    "eds/drives/eyou-euservo.eds",
+    "eds/drives/faulhaber-3150.eds",
+    "eds/drives/infranor-easy-ak.eds",
+    "eds/drives/ingenia-eve-net-c.eds",
+    "eds/drives/ingenia-eve-xcr-c.eds",
+    "eds/drives/maxon-epos2.eds",
+    "eds/drives/maxon-epos4-50-15.eds",
+    "eds/drives/maxon-epos4.eds",
+    "eds/drives/nanotec-cl4-e.eds",
+    "eds/drives/pilz-prbt.eds",
+    "eds/drives/roboteq.eds",
+    "eds/drives/schunk-lwa4p.eds",
+    "eds/drives/technosoft-ipos.eds",
     "eds/frhc_drive.eds",
     "eds/frhc_switches.eds",
 ];
@@ -113,7 +128,8 @@ mod tests {
 
     #[test]
     fn every_configuration_scenario_and_eds_is_shipped() {
-        let files = [below("config"), below("eds")].concat();
+        let mut files = [below("config"), below("eds")].concat();
+        files.retain(|name| name.ends_with(".toml") || name.ends_with(".eds"));
         let missing: Vec<_> = files.iter().filter(|name| file(Path::new(name)).is_none()).collect();
         assert!(missing.is_empty(), "{missing:?}");
         assert_eq!(files.len(), FILES.len());

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::boot::{self, BootSettings};
+use crate::boot::{self, BootSettings, Given};
 use crate::problem::Problems;
 use crate::{lookup, raw};
 use canopen::NodeId;
@@ -32,7 +32,8 @@ pub(super) fn read(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) ->
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let boot = boot::of_node(switches.boot.as_ref(), lost_ms, problems);
+    let given = Given { lost_ms, eds: eds.as_ref(), limit: None };
+    let boot = boot::of_node(switches.boot.as_ref(), given, problems);
     let identity = Identity {
         vendor: switches.vendor_id.get()?,
         product: switches.product_code.get()?,

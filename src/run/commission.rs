@@ -97,11 +97,23 @@ struct Report<'c> {
 
 impl Report<'_> {
     fn text(&self) -> String {
-        let mut lines =
-            vec![format!("{:24} {:>18} {:>18}", "ms set/measured", "RPDO timeout", "heartbeat")];
+        let mut lines = vec![format!(
+            "{:24} {:>18} {:>18} {:>18}",
+            "ms set/measured", "RPDO timeout", "heartbeat", "guarding"
+        )];
+        let cap = self.config.force_cap();
         for (drive, plan) in self.proof.drives.iter().zip(&self.plans) {
-            let [rpdo, heartbeat] = [drive.rpdo, drive.heartbeat].map(cell);
-            lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18}", drive.name));
+            let [rpdo, heartbeat, guarding] =
+                [drive.rpdo, drive.heartbeat, drive.guarding].map(cell);
+            lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18} {guarding:>18}", drive.name));
+            let stops_by: Vec<_> = drive.trips().map(|trip| trip.watchdog.to_string()).collect();
+            lines.push(match drive.reaction_time() {
+                None => "  stops by: nothing".to_owned(),
+                Some(time) => {
+                    let (timers, force) = (stops_by.join(", "), cap.max_force(time));
+                    format!("  stops by: {timers}; at most {force:.1} N at the grip")
+                }
+            });
             let held = plan.protections().into_iter().map(|check| read_back(drive, &check));
             lines.push(format!("  read back: {}", held.collect::<Vec<_>>().join(", ")));
         }
@@ -137,6 +149,7 @@ impl Report<'_> {
                 "node": drive.node.raw(),
                 "rpdo": drive.rpdo.map(timer),
                 "heartbeat": drive.heartbeat.map(timer),
+                "guarding": drive.guarding.map(timer),
                 "read_back": held.collect::<serde_json::Map<_, _>>(),
             })
         };

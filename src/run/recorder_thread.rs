@@ -205,6 +205,7 @@ fn log_event(event: &Event, names: &[String]) {
         Event::Emergency { .. }
         | Event::BootFailed(_)
         | Event::FoundEnabled { .. }
+        | Event::ValueRefused { .. }
         | Event::Absent { .. }
         | Event::ErrorHistory { .. }
         | Event::Statusword { .. }

@@ -73,9 +73,11 @@ fn drives_without_rpdo_timer_allow_less_force() {
             .all(|it| it.ends_with("500 Hz, 75 % of joints, 0 N (20 N with weaker dampers)")),
         "{layouts:#?}"
     );
-    // The configured force is too large with any layout, and said once.
-    assert_eq!((layouts.len(), others.len()), (6, 1), "{others:#?}");
-    assert!(others.iter().all(|it| it.starts_with("controller.max_force_n: ")), "{others:#?}");
+    // The configured force is too large with any layout, and said once; the timer contradicts the EDS.
+    assert_eq!((layouts.len(), others.len()), (6, 2), "{others:#?}");
+    let [force, timer] = ["controller.max_force_n: ", "safety.rpdo_timer_ms: no drive has"];
+    assert!(others.iter().any(|it| it.starts_with(force)), "{others:#?}");
+    assert!(others.iter().any(|it| it.starts_with(timer)), "{others:#?}");
 }
 
 #[test]

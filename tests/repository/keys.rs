@@ -117,7 +117,8 @@ fn read(source: &str, structs: &mut BTreeMap<String, Vec<Field>>) {
 }
 
 /// Types of keys and sections around their own type.
-const WRAPPERS: [&str; 5] = ["Value<", "Optional<", "Option<", "Sections<", "OrEmpty<"];
+const WRAPPERS: [&str; 6] =
+    ["Value<", "Optional<", "Option<Sections<", "Option<", "Sections<", "OrEmpty<"];
 
 /// Adds the keys of a struct and of those in it.
 fn walk(

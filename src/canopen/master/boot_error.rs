@@ -8,6 +8,7 @@ use thiserror::Error;
 use crate::abort::AbortCode;
 use crate::master::check::{Check, DisplayedValue};
 use crate::master::duplicate::Sign;
+use crate::nameplate::Misfit;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::{Content, SdoError};
@@ -46,6 +47,9 @@ pub enum Problem {
         /// Value found.
         found: DisplayedValue,
     },
+    /// Sign, scale or ratings stored in the drive are not those of the configuration.
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
     /// The node aborted a transfer.
     #[error("{0} refused: {1}")]
     AbortedByServer(Object, AbortCode),
@@ -93,6 +97,7 @@ impl Problem {
             | Self::NoHeartbeat
             | Self::NotStarted => true,
             Self::Differs { .. }
+            | Self::Misfit(_)
             | Self::AbortedByServer(..)
             | Self::AbortedLocally(..)
             | Self::Moving { .. }

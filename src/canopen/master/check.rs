@@ -32,8 +32,20 @@ impl Check {
     /// support of remote frames.
     pub const fn cob_id(object: Object, expected: Value) -> Self {
         let is_off = matches!(expected, Value::Unsigned32(raw) if raw & COB_ID_INVALID != 0);
-        let mask = if is_off { 1 << 31 } else { !(1 << 30) };
+        let mask = if is_off { 1 << 31 } else { NOT_NO_RTR };
         Self { object, expected, mask, or_later: false }
+    }
+
+    /// Returns the same COB-ID with bit 30 turned over, for a node that accepts no other; `None` for a check of something
+    /// else.
+    pub const fn with_other_bit_30(&self) -> Option<Self> {
+        match (self.expected, self.mask) {
+            (Value::Unsigned32(raw), 0x8000_0000 | NOT_NO_RTR) => {
+                let expected = Value::Unsigned32(raw ^ COB_ID_NO_RTR);
+                Some(Self { object: self.object, expected, mask: self.mask, or_later: false })
+            }
+            _ => None,
+        }
     }
 
     /// Accepts a revision number (1018h:3) with the same major revision (high word) and the same or a later
@@ -83,6 +95,12 @@ impl Check {
 
 /// Bit 31 of a COB-ID: the service is disabled.
 pub const COB_ID_INVALID: u32 = 1 << 31;
+
+/// Bit 30 of the COB-ID of a TPDO: no RTR is allowed (CiA 301, 7.5.2.37).
+pub const COB_ID_NO_RTR: u32 = 1 << 30;
+
+/// Mask of a COB-ID without bit 30.
+const NOT_NO_RTR: u64 = !(1 << 30);
 
 /// Value for display.
 #[derive(Clone, Debug, PartialEq, Eq)]

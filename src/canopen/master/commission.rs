@@ -13,6 +13,7 @@ use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::sdo::response_cob_id;
 use canopen_rs::{NmtCommand, NmtState, Value};
 
+use crate::abort::AbortCode;
 use crate::drive::Controlword;
 use crate::frame::Frame;
 use crate::heartbeat::is_boot_up;
@@ -20,19 +21,21 @@ use crate::master::boot_error::{BootError, Problem};
 use crate::master::duplicate::{Reply, ReplyCounter, Sign};
 use crate::master::standstill::Standstill;
 use crate::master::steps::{Action, Configuration, Next, Stage, Step};
+use crate::nameplate::Held;
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::{Transfer, bytes};
 use units::time::Instant;
 
-/// Time allowed for one SDO reply.
+/// Time allowed for one SDO reply, unless the [plan](crate::plan::Timeouts) says otherwise.
 pub const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Time allowed to store parameters (1010h) or to restore defaults (1011h).
 pub const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Period at which a node that is not ready yet is polled.
 pub const RETRY_PERIOD: Duration = Duration::from_millis(100);
-/// Time allowed for a node to become ready: to power up, to boot, to change its mode.
+/// Time allowed for a node to become ready: to power up, to boot, to change its mode. Unless the
+/// [plan](crate::plan::Timeouts) says otherwise.
 pub const BOOT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Time allowed for a drive to stand still after its power was switched off.
 pub const STANDSTILL_TIMEOUT: Duration = Duration::from_secs(5);
@@ -64,15 +67,30 @@ pub struct Boot {
     /// Set if the drive was found with its power on.
     was_enabled: bool,
     standstill: Standstill,
-    /// Optional objects that the node lacks.
+    /// Optional objects that the node lacks, or whose value it refuses.
     missing: Vec<Object>,
+    /// Those of which it refuses the value.
+    refused: Vec<(Object, AbortCode)>,
+    /// Nameplate as read in this stage.
+    held: Vec<Held>,
     /// NMT state in the last heartbeat.
     reported_state: Option<NmtState>,
     /// Another client has sent a request since the current transfer started.
     is_disturbed: bool,
     /// Repetitions of the current transfer.
     repeats: u32,
+    /// Second attempts of the current step.
+    retries: Retries,
     wait: Wait,
+}
+
+/// Second attempts of one step, one of each kind.
+#[derive(Clone, Copy, Debug, Default)]
+struct Retries {
+    /// An upload without an answer was requested again.
+    is_read_again: bool,
+    /// A refused COB-ID was written with bit 30 turned over.
+    has_other_bit_30: bool,
 }
 
 /// Resets of the node. A boot-up message before the first reply may have waited for the bus and may be
@@ -107,7 +125,7 @@ impl Boot {
     pub fn new(plan: &NodePlan) -> Self {
         Self {
             plan: plan.clone(),
-            probe_timeout: BOOT_TIMEOUT,
+            probe_timeout: plan.timeouts.boot,
             stage: Stage::Probe,
             steps: Stage::Probe.steps(plan),
             at: 0,
@@ -119,9 +137,12 @@ impl Boot {
             was_enabled: false,
             standstill: Standstill::within(plan.standstill_counts.unwrap_or(0)),
             missing: Vec::new(),
+            refused: Vec::new(),
+            held: Vec::new(),
             reported_state: None,
             is_disturbed: false,
             repeats: 0,
+            retries: Retries::default(),
             wait: Wait::Start,
         }
     }
@@ -261,6 +282,7 @@ impl Boot {
 
     fn next_step(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         self.at += 1;
+        self.retries = Retries::default();
         self.take_step(now, out)
     }
 
@@ -275,9 +297,7 @@ impl Boot {
             + match step {
                 _ if self.stage == Stage::Probe => self.probe_timeout,
                 Some(Step::Object(Action::AwaitStandstill, _)) => STANDSTILL_TIMEOUT,
-                Some(Step::Object(..) | Step::Reset(_) | Step::AwaitHeartbeat) | None => {
-                    BOOT_TIMEOUT
-                }
+                Some(_) | None => self.plan.timeouts.boot,
             };
         match step {
             None => return self.go(now, self.stage.next(&self.plan), out),
@@ -290,10 +310,20 @@ impl Boot {
                 self.resets = Resets { count: self.resets.count + 1, has_answered: false };
                 self.wait = Wait::BootUp;
             }
+            Some(Step::CompareNameplate) => {
+                let nameplate = self.plan.nameplate.as_ref();
+                let judged = nameplate.map_or(Ok(()), |nameplate| nameplate.judge(&self.held));
+                return match judged {
+                    Ok(()) => self.next_step(now, out),
+                    Err(misfit) => self.on_mismatch(now, misfit.into(), out),
+                };
+            }
+            Some(Step::Read(_)) => self.read(now, out),
             Some(Step::Object(action, _)) if !action.writes() => self.read(now, out),
             Some(Step::Object(action, check)) => {
                 let (object, value) = (check.object, bytes(&check.expected));
-                let reply = if *action == Action::Command { STORE_TIMEOUT } else { REPLY_TIMEOUT };
+                let reply = self.plan.timeouts.reply;
+                let reply = if *action == Action::Command { STORE_TIMEOUT } else { reply };
                 match Transfer::write(self.plan.node, object, value, reply, now, out) {
                     Ok(transfer) => self.wait = Wait::Write(transfer),
                     Err(error) => return self.fail(Problem::of_transfer(object, error)),
@@ -315,6 +345,8 @@ impl Boot {
                 self.stage = stage;
                 self.steps = stage.steps(&self.plan);
                 self.at = 0;
+                self.retries = Retries::default();
+                self.held.clear();
                 self.take_step(now, out)
             }
         }
@@ -336,17 +368,19 @@ impl Boot {
     /// Reads the object of the current step. A node that still answers repeated first requests gets the
     /// latency of its first reply on top.
     fn read(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Some(Step::Object(action, check)) = self.steps.get(self.at) {
-            let timeout = if *action == Action::Probe {
-                RETRY_PERIOD
-            } else if self.replies.is_behind() {
-                REPLY_TIMEOUT + self.latency
-            } else {
-                REPLY_TIMEOUT
-            };
-            let node = self.plan.node;
-            self.wait = Wait::Read(Transfer::read(node, check.object, timeout, now, out));
-        }
+        let (object, is_probe) = match self.steps.get(self.at) {
+            Some(Step::Object(action, check)) => (check.object, *action == Action::Probe),
+            Some(Step::Read(object)) => (*object, false),
+            Some(Step::AwaitHeartbeat | Step::Reset(_) | Step::CompareNameplate) | None => return,
+        };
+        let timeout = if is_probe {
+            RETRY_PERIOD
+        } else if self.replies.is_behind() {
+            self.plan.timeouts.reply + self.latency
+        } else {
+            self.plan.timeouts.reply
+        };
+        self.wait = Wait::Read(Transfer::read(self.plan.node, object, timeout, now, out));
     }
 
     fn fail(&mut self, problem: Problem) -> Option<BootOutcome> {
@@ -360,14 +394,25 @@ impl Boot {
         if self.plan.is_drive() {
             let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
             // Cannot fail: two bytes fit an expedited download.
-            Transfer::write(self.plan.node, Object::CONTROLWORD, off, REPLY_TIMEOUT, now, out).ok();
+            let reply = self.plan.timeouts.reply;
+            Transfer::write(self.plan.node, Object::CONTROLWORD, off, reply, now, out).ok();
         }
         self.fail(Problem::Duplicate(Sign::ExtraReply))
     }
 
-    /// Optional objects that the node lacks.
+    /// Optional objects that the node lacks, or whose value it refuses.
     pub fn missing(&self) -> &[Object] {
         &self.missing
+    }
+
+    /// Optional objects whose value it refuses.
+    pub fn refused(&self) -> &[(Object, AbortCode)] {
+        &self.refused
+    }
+
+    /// Nameplate as read.
+    pub fn held(&self) -> &[Held] {
+        &self.held
     }
 
     /// Returns whether the drive was found with its power on.

@@ -8,6 +8,7 @@ use std::time::Duration;
 use canopen_rs::NmtState;
 use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 
+use crate::abort::AbortCode;
 use crate::drive::Statusword;
 use crate::emcy::Emergency;
 use crate::frame::{Channel, FUNCTION_CODE, Frame};
@@ -39,6 +40,15 @@ pub enum Event {
         node: NodeIndex,
         /// Origin of the configuration.
         configuration: Configuration,
+    },
+    /// A node refuses the value of an object that is only a means; the boot has gone on without it.
+    ValueRefused {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Object.
+        object: Object,
+        /// Reason that the node gave.
+        code: AbortCode,
     },
     /// An optional node is absent. The others continue; it is booted when it appears.
     Absent {
@@ -149,6 +159,7 @@ impl Event {
         match self {
             Self::FoundEnabled { node }
             | Self::Configured { node, .. }
+            | Self::ValueRefused { node, .. }
             | Self::Absent { node, .. }
             | Self::Joined { node }
             | Self::Emergency { node, .. }
@@ -178,6 +189,9 @@ impl fmt::Display for Event {
             Self::BootFailed(error) => write!(f, "{error}"),
             Self::FoundEnabled { .. } => f.write_str("was found enabled; it is disabled now"),
             Self::Configured { configuration, .. } => write!(f, "configuration {configuration}"),
+            Self::ValueRefused { object, code, .. } => {
+                write!(f, "{object}: value refused: {code}; goes on as if it had no such object")
+            }
             Self::Absent { waited, .. } => {
                 let waited = waited.as_secs_f64();
                 write!(f, "missing, waited {waited:.1} s; optional, so the others start without it")

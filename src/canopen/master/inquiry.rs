@@ -30,6 +30,8 @@ pub(super) struct Inquiry {
     task: Task,
     is_disturbed: bool,
     repeats: u8,
+    /// Requested again after no answer.
+    is_read_again: bool,
 }
 
 /// Object that is read or written.
@@ -90,7 +92,7 @@ impl Inquiry {
     }
 
     const fn new(node: NodeId, task: Task) -> Self {
-        Self { node, task, is_disturbed: false, repeats: 0 }
+        Self { node, task, is_disturbed: false, repeats: 0, is_read_again: false }
     }
 
     /// Marks the inquiry as disturbed: another client has sent a request to the same server.
@@ -116,7 +118,7 @@ impl Inquiry {
         self.conclude(now, outcome?, out)
     }
 
-    /// Ends the wait for an overdue reply.
+    /// Ends the wait for an overdue reply. An upload is requested once more.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Answer> {
         let outcome = match &mut self.task {
             Task::History(reading) => {
@@ -126,7 +128,13 @@ impl Inquiry {
             Task::PowerOff(transfer) => transfer.on_time(now, out).map(of_power_off),
             Task::MonitoringOff(ending) => ending.on_time(now, out).map(of_monitoring),
         };
-        self.conclude(now, outcome?, out)
+        let outcome = outcome?;
+        let is_upload = matches!(self.task, Task::History(_) | Task::Statusword(_));
+        if outcome.is_err() && is_upload && !self.is_read_again {
+            *self = Self { is_read_again: true, ..self.again(now, out)? };
+            return None;
+        }
+        self.conclude(now, outcome, out)
     }
 
     /// Time of the next call of [`on_time`](Self::on_time); `None` after the answer.
@@ -149,16 +157,21 @@ impl Inquiry {
         if outcome.is_ok() || !self.is_disturbed || self.repeats >= MAX_REPEATS {
             return Some(answer);
         }
-        let again = match &self.task {
+        let Some(again) = self.again(now, out) else { return Some(answer) };
+        let Self { repeats, is_read_again, .. } = *self;
+        *self = Self { repeats: repeats + 1, is_read_again, ..again };
+        None
+    }
+
+    /// Sends the same inquiry again.
+    fn again(&self, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
+        match &self.task {
             Task::History(_) => Some(Self::history(self.node, now, out)),
             Task::Statusword(_) => Some(Self::statusword(self.node, now, out)),
             Task::PowerOff(_) => Self::power_off(self.node, now, out),
             // Repeats by itself.
             Task::MonitoringOff(_) => None,
-        };
-        let Some(again) = again else { return Some(answer) };
-        *self = Self { repeats: self.repeats + 1, ..again };
-        None
+        }
     }
 }
 

@@ -39,6 +39,7 @@ use crate::master::read_back::Setting;
 use crate::master::sdo_traffic::Foreign;
 use crate::master::slave::Slave;
 use crate::master::unknown_nodes::UnknownNodes;
+use crate::nameplate::Held;
 use crate::nmt::{self, Order};
 use crate::object::Object;
 use crate::plan::NodePlan;
@@ -178,9 +179,14 @@ impl Master {
         }
     }
 
-    /// Optional objects that the node lacks; they are not configured.
+    /// Optional objects that the node lacks, or whose value it refuses; they are not configured.
     pub fn missing_objects(&self, node: NodeIndex) -> &[Object] {
         self.slaves.get(node.0).map(|slave| slave.missing.as_slice()).unwrap_or_default()
+    }
+
+    /// Nameplate of a drive as its boot read it; empty before, and where the plan compares none.
+    pub fn nameplate(&self, node: NodeIndex) -> &[Held] {
+        self.slaves.get(node.0).map(|slave| slave.held.as_slice()).unwrap_or_default()
     }
 
     /// Sets whether an emergency triggers a read of the node's error history (1003h).
@@ -243,6 +249,18 @@ impl Master {
     /// Indices of all nodes, those that are not booted included.
     pub fn nodes(&self) -> impl Iterator<Item = NodeIndex> + use<> {
         (0..self.slaves.len()).map(NodeIndex)
+    }
+
+    /// Stops guarding the drives: they must miss their master.
+    pub fn pause_guarding(&mut self) {
+        let drives = self.slaves.iter_mut().filter(|slave| slave.plan.is_drive());
+        drives.for_each(Slave::pause_guarding);
+    }
+
+    /// Guards the drives again.
+    pub fn resume_guarding(&mut self, now: Instant) {
+        let drives = self.slaves.iter_mut().filter(|slave| slave.plan.is_drive());
+        drives.for_each(|slave| slave.resume_guarding(now));
     }
 
     /// Starts every monitored node again: a node may have left operational by itself (1029h).

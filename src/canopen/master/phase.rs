@@ -44,6 +44,10 @@ impl Master {
                 if self.slaves.get(node.0).is_some_and(|slave| slave.was_enabled) {
                     self.report(Event::FoundEnabled { node });
                 }
+                let refused = self.slaves.get_mut(node.0).map(|it| std::mem::take(&mut it.refused));
+                for (object, code) in refused.into_iter().flatten() {
+                    self.report(Event::ValueRefused { node, object, code });
+                }
                 self.report(Event::Configured { node, configuration });
             }
             Some(Report::Failed(error)) => self.report(Event::BootFailed(error)),

@@ -12,6 +12,7 @@ use canopen_rs::sdo::{request_cob_id, response_cob_id};
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::check::Check;
+use crate::nameplate::Held;
 use crate::object::Object;
 use crate::sdo::{SdoError, bytes};
 use units::time::Instant;
@@ -45,6 +46,12 @@ impl Setting {
         let [a, b, c, d, ..] = check.mask.to_le_bytes();
         let mask = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (32 - 8 * u32::from(size)));
         Some(Self { object: check.object, value: u32::from_le_bytes(four), mask, size })
+    }
+
+    /// Returns a value that a drive holds, to be found again.
+    pub const fn held(held: &Held) -> Self {
+        let Held { object, value, size } = *held;
+        Self { object, value, mask: u32::MAX, size }
     }
 
     /// Compares the value of an expedited reply; `size` is absent where the reply does not indicate it.
@@ -95,6 +102,8 @@ pub(super) struct ObjectReader {
     until: Instant,
     is_disturbed: bool,
     repeats: u8,
+    /// Requested again after no answer.
+    is_read_again: bool,
 }
 
 impl ObjectReader {
@@ -106,7 +115,8 @@ impl ObjectReader {
         out: &mut Vec<Frame>,
     ) -> Self {
         let until = now + REPLY_TIMEOUT;
-        let reading = Self { node, setting, until, is_disturbed: false, repeats: 0 };
+        let reading =
+            Self { node, setting, until, is_disturbed: false, repeats: 0, is_read_again: false };
         out.push(reading.request(UPLOAD, [0; 4]));
         reading
     }
@@ -153,12 +163,17 @@ impl ObjectReader {
         }
     }
 
-    /// Aborts a request whose reply is overdue.
+    /// Aborts a request whose reply is overdue, and repeats it once.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<ReadBack> {
         if now < self.until {
             return None;
         }
         out.push(self.request(ABORT, AbortCode::TIMED_OUT.0.to_le_bytes()));
+        if !self.is_read_again {
+            let again = Self::start(self.node, self.setting, now, out);
+            *self = Self { is_read_again: true, repeats: self.repeats, ..again };
+            return None;
+        }
         self.fail(now, SdoError::Timeout, out)
     }
 
@@ -173,7 +188,7 @@ impl ObjectReader {
             return Some(ReadBack::Unread(error));
         }
         let again = Self::start(self.node, self.setting, now, out);
-        *self = Self { repeats: self.repeats + 1, ..again };
+        *self = Self { repeats: self.repeats + 1, is_read_again: self.is_read_again, ..again };
         None
     }
 
@@ -252,9 +267,10 @@ mod tests {
         assert!(matches!(segmented, Some(ReadBack::Unread(SdoError::AbortedLocally(_)))));
         let (mut reading, mut out) = started();
         assert_eq!(reading.on_time(NOW + REPLY_TIMEOUT / 2, &mut out), None);
-        let silent = reading.on_time(NOW + REPLY_TIMEOUT, &mut out);
+        assert_eq!(reading.on_time(NOW + REPLY_TIMEOUT, &mut out), None, "asked again");
+        let silent = reading.on_time(NOW + REPLY_TIMEOUT * 2, &mut out);
         assert_eq!(silent, Some(ReadBack::Unread(SdoError::Timeout)));
-        assert_eq!(out.len(), 2, "the request and its abort");
+        assert_eq!(out.len(), 4, "two requests and their aborts");
     }
 
     #[test]

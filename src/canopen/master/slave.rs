@@ -8,6 +8,7 @@ use canopen_rs::NmtState;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
+use crate::abort::AbortCode;
 use crate::drive::Statusword;
 use crate::frame::{Channel, Frame};
 use crate::guarding::Guard;
@@ -20,6 +21,7 @@ use crate::master::monitoring_off::Ended;
 use crate::master::read_back::{self, ReadBack, Setting};
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::Configuration;
+use crate::nameplate::Held;
 use crate::object::Object;
 use crate::plan::{ErrorControl, NodePlan};
 use units::time::Instant;
@@ -37,8 +39,12 @@ pub(super) struct Slave {
     pub(super) is_late: bool,
     /// Set if its last boot found its power on.
     pub(super) was_enabled: bool,
-    /// Optional objects that its last boot found absent.
+    /// Optional objects that its last boot found absent, or whose value was refused.
     pub(super) missing: Vec<Object>,
+    /// Those of which the value was refused, until they are reported.
+    pub(super) refused: Vec<(Object, AbortCode)>,
+    /// Nameplate that its last boot read.
+    pub(super) held: Vec<Held>,
     traffic: SdoTraffic,
     /// Set if another client has read from it since its last boot.
     is_read_by_another: bool,
@@ -98,6 +104,8 @@ impl Slave {
             is_late: false,
             was_enabled: false,
             missing: Vec::new(),
+            refused: Vec::new(),
+            held: Vec::new(),
             traffic: SdoTraffic::default(),
             is_read_by_another: false,
         }
@@ -281,6 +289,20 @@ impl Slave {
         true
     }
 
+    /// Stops guarding the node, if it is guarded.
+    pub(super) const fn pause_guarding(&mut self) {
+        if let Stage::Watched { watch: Watch::Guarding(guard), .. } = &mut self.stage {
+            guard.pause();
+        }
+    }
+
+    /// Guards the node again.
+    pub(super) fn resume_guarding(&mut self, now: Instant) {
+        if let Stage::Watched { watch: Watch::Guarding(guard), .. } = &mut self.stage {
+            guard.resume(now);
+        }
+    }
+
     /// Sends "disable voltage" and abandons any request under way.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
@@ -317,6 +339,8 @@ impl Slave {
         if let Stage::Booting(boot) = &self.stage {
             self.was_enabled = boot.was_enabled();
             self.missing = boot.missing().to_vec();
+            self.refused = boot.refused().to_vec();
+            self.held = boot.held().to_vec();
         }
         match outcome {
             Ok(configuration) => {

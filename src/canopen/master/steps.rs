@@ -20,8 +20,10 @@ use canopen_rs::{NmtCommand, Value};
 
 use crate::drive::{Controlword, Statusword};
 use crate::master::check::Check;
+use crate::nameplate::Nameplate;
 use crate::object::Object;
-use crate::plan::{NodePlan, Revisions, Setting};
+use crate::plan::{NodePlan, Revisions};
+use crate::setting::{Need, Setting};
 
 /// Stage of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -127,8 +129,11 @@ impl Stage {
             }
             Self::Reset => reset(plan),
             Self::CheckStoredConfig => stamp(plan, Action::Compare).to_vec(),
-            Self::Verify => verify(plan).chain(mode(plan)).collect(),
-            Self::Download => plan.settings().into_iter().map(download).chain(mode(plan)).collect(),
+            Self::Verify => verify(plan).chain(nameplate(plan)).chain(mode(plan)).collect(),
+            Self::Download => {
+                let written = plan.settings().into_iter().map(download);
+                written.chain(nameplate(plan)).chain(mode(plan)).collect()
+            }
             Self::Store => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
                 let save = Step::Object(Action::Command, save);
@@ -147,6 +152,10 @@ pub enum Step {
     Reset(NmtCommand),
     /// Brings an object to its expected value, or checks it.
     Object(Action, Check),
+    /// Reads an object of the nameplate; an absent one passes.
+    Read(Object),
+    /// Compares all that was read with the nameplate of the plan.
+    CompareNameplate,
 }
 
 /// Access to an object in a step.
@@ -166,6 +175,8 @@ pub enum Action {
     Write,
     /// As `Write`; an absent object passes.
     WriteIfPresent,
+    /// As `WriteIfPresent`; an object that refuses the value passes, too.
+    WriteIfAccepted,
     /// Writes without read-back: the object reads as something else.
     Command,
 }
@@ -174,7 +185,7 @@ impl Action {
     /// Returns whether the action writes.
     pub const fn writes(self) -> bool {
         match self {
-            Self::Write | Self::WriteIfPresent | Self::Command => true,
+            Self::Write | Self::WriteIfPresent | Self::WriteIfAccepted | Self::Command => true,
             Self::Probe
             | Self::Compare
             | Self::CompareIfPresent
@@ -190,7 +201,8 @@ impl Action {
             | Self::Compare
             | Self::CompareIfPresent
             | Self::Write
-            | Self::WriteIfPresent => true,
+            | Self::WriteIfPresent
+            | Self::WriteIfAccepted => true,
             Self::Await | Self::AwaitStandstill | Self::Command => false,
         }
     }
@@ -198,7 +210,7 @@ impl Action {
     /// Returns whether an absent object passes.
     pub const fn is_optional(self) -> bool {
         match self {
-            Self::CompareIfPresent | Self::WriteIfPresent => true,
+            Self::CompareIfPresent | Self::WriteIfPresent | Self::WriteIfAccepted => true,
             Self::Probe
             | Self::Compare
             | Self::Await
@@ -285,8 +297,13 @@ fn stamp(plan: &NodePlan, action: Action) -> [Step; 2] {
         .map(|(object, part)| Step::Object(action, Check::exactly(object, part)))
 }
 
-fn download(Setting { check, if_present }: Setting) -> Step {
-    Step::Object(if if_present { Action::WriteIfPresent } else { Action::Write }, check)
+fn download(Setting { check, need }: Setting) -> Step {
+    let action = match need {
+        Need::Must => Action::Write,
+        Need::IfPresent => Action::WriteIfPresent,
+        Need::IfAccepted => Action::WriteIfAccepted,
+    };
+    Step::Object(action, check)
 }
 
 /// Reads every configured object once and compares its last value.
@@ -295,10 +312,17 @@ fn verify(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
     let mut last: Vec<Setting> = plan.settings();
     last.reverse();
     last.retain(|setting| seen.insert(setting.check.object));
-    last.into_iter().rev().map(|Setting { check, if_present }| {
-        let action = if if_present { Action::CompareIfPresent } else { Action::Compare };
+    last.into_iter().rev().map(|Setting { check, need }| {
+        let action = if need.is_must() { Action::Compare } else { Action::CompareIfPresent };
         Step::Object(action, check)
     })
+}
+
+/// Reads and compares the nameplate, if the plan has one.
+fn nameplate(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
+    let objects = plan.nameplate.as_ref().map(|_| Nameplate::OBJECTS);
+    let compare = objects.map(|_| Step::CompareNameplate);
+    objects.into_iter().flatten().map(Step::Read).chain(compare)
 }
 
 /// Commands the mode (6060h) and waits until the drive displays it (6061h).
@@ -330,7 +354,11 @@ mod tests {
     fn writes(steps: &[Step]) -> Vec<(usize, Object)> {
         let written = |step: &Step| match step {
             Step::Object(action, check) if action.writes() => Some(check.object),
-            Step::Object(..) | Step::Reset(_) | Step::AwaitHeartbeat => None,
+            Step::Object(..)
+            | Step::Reset(_)
+            | Step::AwaitHeartbeat
+            | Step::Read(_)
+            | Step::CompareNameplate => None,
         };
         steps.iter().enumerate().filter_map(|(at, step)| Some((at, written(step)?))).collect()
     }

@@ -30,6 +30,10 @@ pub struct Scripted {
     pub refuses: HashMap<Object, AbortCode>,
     /// Objects whose write is confirmed without effect.
     pub forgets: Vec<Object>,
+    /// Objects whose COB-ID is accepted only with bit 30.
+    pub has_no_rtr: Vec<Object>,
+    /// Uploads of these objects that are left unanswered once.
+    pub loses: Vec<Object>,
     /// Requests left unanswered before the first reply.
     pub deaf_for: u32,
     /// Set if a reset is followed by a boot-up message.
@@ -61,6 +65,8 @@ impl Scripted {
             objects,
             refuses: HashMap::new(),
             forgets: Vec::new(),
+            has_no_rtr: Vec::new(),
+            loses: Vec::new(),
             deaf_for: 0,
             boots: true,
             starts_itself: false,
@@ -110,6 +116,12 @@ impl Scripted {
             self.deaf_for -= 1;
             return None;
         }
+        let object =
+            Object { index: u16::from_le_bytes([request[1], request[2]]), sub: request[3] };
+        if let Some(lost) = self.loses.iter().position(|it| *it == object && request[0] == 0x40) {
+            self.loses.remove(lost);
+            return None;
+        }
         Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
     }
 
@@ -139,6 +151,9 @@ impl Scripted {
         }
         if let Some(code) = self.refuses.get(&object) {
             return abort(object, *code);
+        }
+        if self.has_no_rtr.contains(&object) && value[3] & 0x40 == 0 {
+            return abort(object, AbortCode::VALUE_INVALID);
         }
         self.written.push(object);
         if !self.forgets.contains(&object) {

@@ -246,7 +246,7 @@ impl Procedure for Reader {
 }
 
 const fn blank(direction: Direction, number: u16) -> Pdo {
-    Pdo { direction, number, cob_id: 0, service: None }
+    Pdo { direction, number, cob_id: 0, has_no_rtr: false, service: None }
 }
 
 const fn unknown_service() -> Service {

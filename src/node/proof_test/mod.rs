@@ -1,7 +1,7 @@
 //! Proof test (IEC 61508-4, 3.8.5) of the drives' watchdogs at each bring-up, before arming.
 //!
 //! The drives are enabled at zero torque. First SYNC and RPDOs are withheld while the heartbeat is sent, then the
-//! heartbeat while SYNC and RPDOs are sent. Each time every drive with that watchdog must switch its power stage off.
+//! heartbeat while SYNC and RPDOs are sent, then node guarding. Each time every drive with that watchdog must switch its power stage off.
 //! Its fault is then reset, and it is enabled again. The measured times bound the reflected force: [`ForceCap`].
 //!
 //! | file            | content                                               |
@@ -125,6 +125,7 @@ impl ProofTest {
             node: plan.node,
             rpdo: None,
             heartbeat: None,
+            guarding: None,
             missing: master.missing_objects(node).to_vec(),
         };
         self.report.drives = NodeIndex::each(&self.plans).map(drive).collect();
@@ -133,12 +134,19 @@ impl ProofTest {
 
     /// Returns a failure for every drive without a watchdog.
     fn without_watchdog(&self) -> Vec<ProofTestFailure> {
-        let [rpdo, heartbeat] = [Awaited::Rpdo, Awaited::Heartbeat].map(|it| self.watchdogs(it));
-        let drives = self.report.drives.iter().zip(rpdo.iter().zip(heartbeat));
+        let watchdogs = Awaited::ALL.map(|awaited| self.watchdogs(awaited));
+        let has_none =
+            |joint: &Joint| watchdogs.iter().all(|of_drives| joint.entry(of_drives).is_none());
+        let drives = Joint::ALL.into_iter().zip(&self.report.drives);
         drives
-            .filter(|(_, (rpdo, heartbeat))| rpdo.or(*heartbeat).is_none())
-            .map(|(drive, _)| drive.failure(NoTrip::NoTimer))
+            .filter(|(joint, _)| has_none(joint))
+            .map(|(_, drive)| drive.failure(NoTrip::NoTimer))
             .collect()
+    }
+
+    /// Returns whether a drive has a watchdog for this message.
+    fn has_any(&self, awaited: Awaited) -> bool {
+        self.watchdogs(awaited).iter().any(Option::is_some)
     }
 
     /// Returns the watchdog of each drive for this frame, if it is planned and the drive has its object.
@@ -175,6 +183,7 @@ impl ProofTest {
             let result = match test.awaited() {
                 Awaited::Rpdo => &mut drive.rpdo,
                 Awaited::Heartbeat => &mut drive.heartbeat,
+                Awaited::Guarding => &mut drive.guarding,
             };
             *result = outcome.and_then(Result::ok);
             failures.extend(outcome.and_then(Result::err).map(|fault| drive.failure(fault)));
@@ -216,6 +225,7 @@ impl ProofTest {
             | Event::BootFailed(_)
             | Event::FoundEnabled { .. }
             | Event::Configured { .. }
+            | Event::ValueRefused { .. }
             | Event::Absent { .. }
             | Event::Joined { .. }
             | Event::ErrorHistory { .. }

@@ -44,6 +44,8 @@ impl Recheck {
             let missing = master.missing_objects(node);
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
             let settings = held.filter_map(|check| Setting::of(&check));
+            let nameplate = master.nameplate(node).iter().filter(|held| held.may_change());
+            let settings = settings.chain(nameplate.map(Setting::held));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
         };
         let drives: Vec<_> = NodeIndex::each(plans).map(of_drive).collect();

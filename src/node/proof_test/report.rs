@@ -39,6 +39,8 @@ pub struct DriveResult {
     pub rpdo: Option<Trip>,
     /// Result without the master's heartbeat; `None` if it has no heartbeat consumer.
     pub heartbeat: Option<Trip>,
+    /// Result without node guarding; `None` if it is not guarded.
+    pub guarding: Option<Trip>,
     /// Planned objects that it does not have.
     pub missing: Vec<Object>,
 }
@@ -52,7 +54,12 @@ impl DriveResult {
     /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog tripped. RPDOs and
     /// heartbeat end together with the master, so the faster watchdog counts.
     pub fn reaction_time(&self) -> Option<Duration> {
-        self.rpdo.iter().chain(&self.heartbeat).map(Trip::reaction_time).min()
+        self.trips().map(Trip::reaction_time).min()
+    }
+
+    /// Returns the watchdogs that tripped.
+    pub fn trips(&self) -> impl Iterator<Item = &Trip> {
+        [&self.rpdo, &self.heartbeat, &self.guarding].into_iter().flatten()
     }
 }
 
@@ -108,7 +115,8 @@ impl fmt::Display for NoTrip {
                 duration.as_millis()
             ),
             Self::NoTimer => f.write_str(
-                "has neither an RPDO timer (1400h:5) nor a heartbeat consumer (1016h): nothing stops it without its master",
+                "has no RPDO timer (1400h:5), no heartbeat consumer (1016h) and is not guarded (100Ch, 100Dh): \
+                 nothing stops it without its master",
             ),
         }
     }
@@ -123,6 +131,7 @@ mod tests {
         let object = match awaited {
             Awaited::Rpdo => Object::rpdo_communication(1, 5),
             Awaited::Heartbeat => Object::CONSUMER_HEARTBEAT,
+            Awaited::Guarding => Object::LIFE_TIME_FACTOR,
         };
         let watchdog = Watchdog { awaited, object, millis };
         Some(Trip { watchdog, measured: Duration::from_micros(measured) })
@@ -130,7 +139,8 @@ mod tests {
 
     fn drive(rpdo: Option<Trip>, heartbeat: Option<Trip>) -> DriveResult {
         let node = NodeId::new(3).unwrap();
-        DriveResult { name: "joint 3 (elbow)".into(), node, rpdo, heartbeat, missing: Vec::new() }
+        let name = "joint 3 (elbow)".into();
+        DriveResult { name, node, rpdo, heartbeat, guarding: None, missing: Vec::new() }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Execution of the proof test in a bring-up: withholding of RPDOs, then of the heartbeat.
+//! Execution of the proof test in a bring-up: withholding of RPDOs, then of the heartbeat, then of node guarding.
 
 use std::time::Duration;
 
@@ -48,10 +48,22 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
-        for awaited in [Awaited::Rpdo, Awaited::Heartbeat] {
+        for awaited in Awaited::ALL {
+            if !self.proof_test.has_any(awaited) {
+                continue;
+            }
             match awaited {
                 Awaited::Rpdo => self.withhold_rpdos(give_up)?,
-                Awaited::Heartbeat => self.withhold_heartbeats(give_up)?,
+                Awaited::Heartbeat => {
+                    self.send_last_heartbeat();
+                    self.withhold_error_control(awaited, give_up)?;
+                }
+                Awaited::Guarding => {
+                    self.network.master.pause_guarding();
+                    let tested = self.withhold_error_control(awaited, give_up);
+                    self.network.master.resume_guarding(self.wire.now());
+                    tested?;
+                }
             }
             let failures = self.proof_test.end_watchdog_test();
             if let Some(cause) = self.cause() {
@@ -97,13 +109,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Tests the heartbeat consumers: withholds the heartbeat after a last one, and sends SYNC and RPDOs at zero torque.
-    fn withhold_heartbeats(
+    /// Tests the heartbeat consumers, or life guarding: withholds the heartbeat or the remote frames, and sends SYNC and
+    /// RPDOs at zero torque.
+    fn withhold_error_control(
         &mut self,
+        awaited: Awaited,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
-        self.send_last_heartbeat();
-        self.proof_test.start_watchdog_test(Awaited::Heartbeat, self.wire.now());
+        self.proof_test.start_watchdog_test(awaited, self.wire.now());
         while self.proof_test.deadline(self.wire.now()).is_some() {
             if give_up() {
                 return Err(BringUpError::GivenUp);
@@ -113,6 +126,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let sync_at = self.send_sync();
             self.gather(sync_at);
             let now = self.wire.now();
+            if awaited != Awaited::Heartbeat {
+                self.send_heartbeat(now);
+            }
             self.poll_master(now);
             self.proof_test.on_samples(now, self.samples.latest());
             if let Some(joint) = self.proof_test.next_to_read(now) {

@@ -31,6 +31,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::BootFailed(_)
         | Event::FoundEnabled { .. }
         | Event::Configured { .. }
+        | Event::ValueRefused { .. }
         | Event::Absent { .. }
         | Event::Joined { .. }
         | Event::ErrorHistory { .. }

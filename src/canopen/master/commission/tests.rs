@@ -5,7 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
-use crate::plan::Revisions;
+use crate::nameplate::{Nameplate, Rating, Ratio};
+use crate::plan::{Revisions, Timeouts};
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::{Scripted, first_boot, stamp};
 
@@ -267,7 +268,11 @@ fn confirmed_write_without_effect_is_detected() {
     let plan = elbow();
     let written = |step| match step {
         Step::Object(action, check) if action.writes() => Some(check.object),
-        Step::Object(..) | Step::Reset(_) | Step::AwaitHeartbeat => None,
+        Step::Read(_)
+        | Step::CompareNameplate
+        | Step::Object(..)
+        | Step::Reset(_)
+        | Step::AwaitHeartbeat => None,
     };
     let writes: Vec<_> = first_boot(&plan).into_iter().filter_map(written).collect();
     for object in writes {
@@ -522,4 +527,126 @@ fn replies_to_another_client_are_no_sign_of_two_nodes() {
     for _ in 0..2 {
         assert_eq!(boot.on_frame(Instant::ZERO, &other, &mut out), None);
     }
+}
+
+#[test]
+fn cob_id_gets_bit_30_where_the_node_accepts_no_other() {
+    let plan = elbow();
+    let mut device = Scripted::suiting(&plan);
+    let cob_id = Object::tpdo_communication(1, 1);
+    device.has_no_rtr.push(cob_id);
+    assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+    assert_eq!(device.objects[&cob_id], [0x83, 0x01, 0, 0x40]);
+    assert_eq!(device.objects[&Object::tpdo_communication(2, 1)][3] & 0x40, 0, "only that one");
+    device.refuses.insert(cob_id, AbortCode::VALUE_INVALID);
+    assert!(failure(&plan, &mut device).ends_with("1800h:1 refused: 06090030h value is invalid"));
+}
+
+#[test]
+fn refused_value_of_a_means_counts_as_its_absence() {
+    let plan = elbow();
+    let mut device = Scripted::suiting(&plan);
+    device.refuses.insert(Object::QUICK_STOP_OPTION, AbortCode::VALUE_INVALID);
+    let mut boot = Boot::new(&plan);
+    let mut queue = Vec::new();
+    let outcome = loop {
+        let now = boot.deadline().unwrap();
+        let mut outcome = boot.on_time(now, &mut queue);
+        while !queue.is_empty() {
+            let answer = device.answer(&queue.remove(0));
+            outcome = answer.and_then(|it| boot.on_frame(now, &it, &mut queue)).or(outcome);
+        }
+        if let Some(outcome) = outcome {
+            break outcome;
+        }
+    };
+    assert_eq!(outcome, Ok(Configuration::Downloaded));
+    assert_eq!(boot.missing(), [Object::QUICK_STOP_OPTION]);
+    assert_eq!(boot.refused(), [(Object::QUICK_STOP_OPTION, AbortCode::VALUE_INVALID)]);
+    for (object, code) in [
+        (Object::QUICK_STOP_OPTION, AbortCode::GENERAL_ERROR),
+        (Object::MAX_TORQUE, AbortCode::VALUE_INVALID),
+        (Object::CONSUMER_HEARTBEAT, AbortCode::VALUE_TOO_HIGH),
+    ] {
+        let mut device = Scripted::suiting(&plan);
+        device.refuses.insert(object, code);
+        assert!(failure(&plan, &mut device).contains(&object.to_string()), "{object} {code}");
+    }
+}
+
+#[test]
+fn upload_without_an_answer_is_repeated_once() {
+    let plan = elbow();
+    for object in [Object::VENDOR_ID, Object::MAX_TORQUE, Object::MODE_DISPLAY] {
+        let mut device = Scripted::suiting(&plan);
+        device.loses.push(object);
+        let (outcome, took, _) = boot(&plan, &mut device);
+        assert_eq!((outcome, took), (Ok(Configuration::Downloaded), REPLY_TIMEOUT), "{object}");
+        device.loses.extend([object; 2]);
+        assert_eq!(
+            failure(&plan, &mut device),
+            format!("joint 3 (elbow), node 3: {object}: no answer")
+        );
+    }
+}
+
+#[test]
+fn time_limits_are_those_of_the_plan() {
+    let plan = NodePlan {
+        timeouts: Timeouts { reply: Duration::from_millis(40), boot: Duration::from_millis(900) },
+        ..elbow()
+    };
+    let mut device = Scripted::suiting(&plan);
+    device.loses.push(Object::VENDOR_ID);
+    assert_eq!(boot(&plan, &mut device).1, Duration::from_millis(40));
+    device.deaf_for = u32::MAX;
+    assert!(failure(&plan, &mut device).ends_with("does not answer, waited 0.9 s"));
+}
+
+/// The elbow with a nameplate, and a node that holds it.
+fn rated() -> (NodePlan, Scripted) {
+    let nameplate = Nameplate {
+        polarity: 0,
+        encoder: vec![Ratio(4_096, 1)],
+        gear: Ratio::ONE,
+        feed: vec![Ratio::ONE],
+        rated_current: None,
+        rated_torque: Rating { value: 176.5, unit: "mN·m" },
+    };
+    let plan = NodePlan { nameplate: Some(nameplate), ..elbow() };
+    let mut device = Scripted::suiting(&plan);
+    device.objects.insert(Object::POLARITY, vec![0]);
+    device.objects.insert(Object::RATED_TORQUE, vec![177, 0, 0, 0]);
+    (plan, device)
+}
+
+#[test]
+fn nameplate_is_compared_after_every_configuration() {
+    let (plan, mut device) = rated();
+    assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+    device.objects.insert(Object::POLARITY, vec![0x80]);
+    let text = failure(&plan, &mut device);
+    assert!(text.contains("node 3: polarity (607Eh) is 80h, expected 00h: "), "{text}");
+    let mut stored = Scripted::holding(&plan);
+    stored.objects.insert(Object::POLARITY, vec![0x80]);
+    assert!(failure(&plan, &mut stored).contains("polarity"), "a stored configuration, too");
+}
+
+#[test]
+fn first_write_precedes_the_plan_and_may_mend_the_nameplate() {
+    let (plan, mut device) = rated();
+    device.objects.insert(Object::POLARITY, vec![0x80]);
+    let plan = NodePlan { first_writes: vec![(Object::POLARITY, Value::Unsigned8(0))], ..plan };
+    assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+    let first = device.written.iter().find(|object| **object != Object::CONTROLWORD);
+    assert_eq!(first, Some(&Object::POLARITY));
+}
+
+#[test]
+fn lost_answer_about_the_nameplate_is_asked_for_again() {
+    let (plan, mut device) = rated();
+    device.loses.push(Object::RATED_TORQUE);
+    assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+    device.loses.extend([Object::RATED_TORQUE; 2]);
+    assert!(failure(&plan, &mut device).ends_with("6076h: no answer"), "not taken for absent");
 }

@@ -9,7 +9,9 @@ use crate::master::commission::{
     Boot, BootOutcome, MAX_REPEATS, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait,
 };
 use crate::master::steps::{Action, Stage, Step};
+use crate::nameplate::Held;
 use crate::nmt::Order;
+use crate::object::Object;
 use crate::sdo::{Content, Outcome, SdoError};
 use units::time::Instant;
 
@@ -21,6 +23,9 @@ impl Boot {
         outcome: Outcome,
         out: &mut Vec<Frame>,
     ) -> Option<BootOutcome> {
+        if let Some(Step::Read(object)) = self.steps.get(self.at) {
+            return self.on_nameplate(now, *object, outcome, out);
+        }
         let Some(Step::Object(action, check)) = self.steps.get(self.at) else { return None };
         let (action, object) = (*action, check.object);
         let has_written = matches!(self.wait, Wait::Write(_));
@@ -62,6 +67,18 @@ impl Boot {
                 self.missing.push(object);
                 self.next_step(now, out)
             }
+            Err(SdoError::AbortedByServer(code))
+                if has_written && code.refuses_value() && self.turns_bit_30() =>
+            {
+                self.take_step(now, out)
+            }
+            Err(SdoError::AbortedByServer(code))
+                if action == Action::WriteIfAccepted && code.refuses_value() =>
+            {
+                self.missing.push(object);
+                self.refused.push((object, code));
+                self.next_step(now, out)
+            }
             Err(SdoError::Timeout) if action == Action::Probe && is_in_time => {
                 // A stopped node takes NMT commands only.
                 out.push(Order::to(self.plan.node, NmtCommand::EnterPreOperational).frame());
@@ -71,8 +88,58 @@ impl Boot {
             Err(SdoError::Timeout) if self.stage == Stage::Probe => {
                 self.fail(Problem::Absent { waited: self.probe_timeout })
             }
+            // An upload changes nothing, so a lost answer is asked for again.
+            Err(SdoError::Timeout) if !has_written && !self.retries.is_read_again => {
+                self.retries.is_read_again = true;
+                self.read(now, out);
+                None
+            }
             Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
             Err(error) => self.on_mismatch(now, Problem::of_transfer(object, error), out),
+        }
+    }
+
+    /// Handles the end of reading an object of the nameplate. What the drive does not have passes.
+    fn on_nameplate(
+        &mut self,
+        now: Instant,
+        object: Object,
+        outcome: Outcome,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        let is_disturbed = std::mem::take(&mut self.is_disturbed);
+        match outcome {
+            Err(_) if is_disturbed && self.repeats < MAX_REPEATS => {
+                self.repeats += 1;
+                self.read(now, out);
+                None
+            }
+            Err(SdoError::Timeout) if !self.retries.is_read_again => {
+                self.retries.is_read_again = true;
+                self.read(now, out);
+                None
+            }
+            Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
+            outcome => {
+                self.repeats = 0;
+                let held = outcome.ok().and_then(|content| Held::of(object, content.bytes()));
+                self.held.extend(held);
+                self.next_step(now, out)
+            }
+        }
+    }
+
+    /// Turns bit 30 of a COB-ID that the node has refused over, once; returns whether it did. Some accept no TPDO that may
+    /// be requested by RTR.
+    fn turns_bit_30(&mut self) -> bool {
+        let has_turned = std::mem::replace(&mut self.retries.has_other_bit_30, true);
+        let Some(Step::Object(_, check)) = self.steps.get_mut(self.at) else { return false };
+        match check.with_other_bit_30() {
+            Some(turned) if !has_turned => {
+                *check = turned;
+                true
+            }
+            Some(_) | None => false,
         }
     }
 

@@ -1,0 +1,298 @@
+//! Nameplate of a drive: sign, scale and ratings that its maker's tool has stored in it, against those of the
+//! configuration.
+//!
+//! All of them act on what a PDO carries: a stored polarity turns the sign of 6064h, a stored gear ratio scales it, and
+//! the rated torque is the unit of 6071h. They are read at every boot, where the drive has them, and compared. The master
+//! writes none of them by itself.
+//!
+//! | object       | expected                                              |
+//! |--------------|-------------------------------------------------------|
+//! | 607Eh        | polarity of the plan                                  |
+//! | 608Fh        | encoder resolution of the plan, or 1:1 for unused     |
+//! | 6091h        | gear ratio of the plan                                |
+//! | 6092h        | feed constant of the plan                             |
+//! | 6090h        | anything: only that it does not change                |
+//! | 6075h, 6076h | ratings of the plan, to within 1 % or one unit        |
+//! | 6502h        | cyclic synchronous torque                             |
+
+use std::fmt;
+
+use thiserror::Error;
+
+use crate::object::Object;
+
+/// Relative deviation of a rating that is a matter of rounding.
+const ROUNDING: f64 = 0.01;
+
+/// Supported drive modes (6502h): cyclic synchronous torque.
+pub const HAS_CYCLIC_TORQUE: u32 = 1 << 9;
+
+/// Ratio of sub-index 1 to sub-index 2.
+#[derive(Clone, Copy, Debug)]
+pub struct Ratio(pub u32, pub u32);
+
+impl Ratio {
+    /// One to one.
+    pub const ONE: Self = Self(1, 1);
+}
+
+/// Equal as numbers; a ratio to zero equals nothing.
+impl PartialEq for Ratio {
+    fn eq(&self, other: &Self) -> bool {
+        let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
+        self.1 != 0 && other.1 != 0 && cross(self.0, other.1) == cross(other.0, self.1)
+    }
+}
+
+/// `2:1`
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.0, self.1)
+    }
+}
+
+/// A rated value in the unit of its object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rating {
+    /// Value.
+    pub value: f64,
+    /// Unit: `mN·m`.
+    pub unit: &'static str,
+}
+
+/// Expected values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nameplate {
+    /// Polarity (607Eh).
+    pub polarity: u8,
+    /// Accepted encoder resolutions (608Fh), the usual one first.
+    pub encoder: Vec<Ratio>,
+    /// Gear ratio (6091h).
+    pub gear: Ratio,
+    /// Accepted feed constants (6092h), the usual one first.
+    pub feed: Vec<Ratio>,
+    /// Rated current (6075h), if the configuration has it.
+    pub rated_current: Option<Rating>,
+    /// Rated torque (6076h).
+    pub rated_torque: Rating,
+}
+
+/// Value found in a drive, of one to four bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// Object.
+    pub object: Object,
+    /// Value.
+    pub value: u32,
+    /// Number of bytes.
+    pub size: u8,
+}
+
+impl Held {
+    /// Returns the value of `bytes`, little-endian; `None` unless they are one to four.
+    pub fn of(object: Object, bytes: &[u8]) -> Option<Self> {
+        let size = u8::try_from(bytes.len()).ok().filter(|size| (1..=4).contains(size))?;
+        let value = bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
+        Some(Self { object, value, size })
+    }
+
+    /// Returns whether it may change while the drive runs.
+    pub fn may_change(&self) -> bool {
+        self.object != Object::SUPPORTED_MODES
+    }
+}
+
+/// A value that is not the configured one.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{name} ({object}) is {found}, expected {expected}: {remedy}")]
+pub struct Misfit {
+    /// Name of the quantity.
+    pub name: &'static str,
+    /// Object, by its index.
+    pub object: Object,
+    /// Value found.
+    pub found: String,
+    /// Value of the configuration.
+    pub expected: String,
+    /// Remedy.
+    pub remedy: &'static str,
+}
+
+const POLARITY: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_polarity and check the \
+    sign of gear_ratio";
+const ENCODER: &str = "correct encoder_counts_per_rev, or state the drive's value as drive_encoder";
+const GEAR: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_gear and give \
+    encoder_counts_per_rev in units of 6064h";
+const FEED: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_feed and give \
+    encoder_counts_per_rev in units of 6064h";
+const CURRENT: &str = "set it with the maker's tool, or correct rated_current_a";
+const TORQUE: &str =
+    "set it with the maker's tool, or correct rated_torque_nm or rated_torque_unit";
+const MODE: &str = "this drive has no cyclic synchronous torque mode";
+
+impl Nameplate {
+    /// Objects to read, in order.
+    pub const OBJECTS: [Object; 12] = [
+        Object::POLARITY,
+        Object::ENCODER_INCREMENTS,
+        Object::ENCODER_REVOLUTIONS,
+        Object::VELOCITY_INCREMENTS,
+        Object::VELOCITY_REVOLUTIONS,
+        Object::GEAR_MOTOR_REVOLUTIONS,
+        Object::GEAR_SHAFT_REVOLUTIONS,
+        Object::FEED,
+        Object::FEED_REVOLUTIONS,
+        Object::RATED_CURRENT,
+        Object::RATED_TORQUE,
+        Object::SUPPORTED_MODES,
+    ];
+
+    /// Compares what a drive holds; what it does not have passes.
+    ///
+    /// # Errors
+    /// The first value that differs.
+    pub fn judge(&self, held: &[Held]) -> Result<(), Misfit> {
+        let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
+        let ratio = |of: Object| {
+            Some(Ratio(value(of)?, value(Object { sub: of.sub + 1, ..of }).unwrap_or(1)))
+        };
+        let misfit = |name, object: Object, found, expected, remedy| {
+            let object = Object { sub: 0, ..object };
+            Err(Misfit { name, object, found, expected, remedy })
+        };
+        if let Some(found) = value(Object::POLARITY).filter(|found| *found != self.polarity.into())
+        {
+            let expected = format!("{:02X}h", self.polarity);
+            let found = format!("{found:02X}h");
+            return misfit("polarity", Object::POLARITY, found, expected, POLARITY);
+        }
+        let gear = [self.gear];
+        for (name, object, expected, remedy) in [
+            ("encoder resolution", Object::ENCODER_INCREMENTS, &self.encoder[..], ENCODER),
+            ("gear ratio", Object::GEAR_MOTOR_REVOLUTIONS, &gear[..], GEAR),
+            ("feed constant", Object::FEED, &self.feed[..], FEED),
+        ] {
+            if let Some(found) = ratio(object).filter(|found| !expected.contains(found)) {
+                let expected: Vec<_> = expected.iter().map(Ratio::to_string).collect();
+                return misfit(name, object, found.to_string(), expected.join(" or "), remedy);
+            }
+        }
+        for (name, object, expected, remedy) in [
+            ("rated current", Object::RATED_CURRENT, self.rated_current, CURRENT),
+            ("rated torque", Object::RATED_TORQUE, Some(self.rated_torque), TORQUE),
+        ] {
+            let Some((found, Rating { value, unit })) = value(object).zip(expected) else {
+                continue;
+            };
+            let off = (f64::from(found) - value).abs();
+            if !(off <= 1.0 || off <= ROUNDING * value) || found == 0 && value >= 0.5 {
+                let expected = format!("{} {unit}", number(value));
+                return misfit(name, object, format!("{found} {unit}"), expected, remedy);
+            }
+        }
+        match value(Object::SUPPORTED_MODES) {
+            Some(modes) if modes & HAS_CYCLIC_TORQUE == 0 => {
+                let found = format!("{modes:08X}h");
+                misfit("supported modes", Object::SUPPORTED_MODES, found, "bit 9".to_owned(), MODE)
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+}
+
+/// Returns a number with as many digits as it needs, at most three behind the point.
+fn number(value: f64) -> String {
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nameplate() -> Nameplate {
+        Nameplate {
+            polarity: 0,
+            encoder: vec![Ratio(16_384, 1), Ratio::ONE],
+            gear: Ratio::ONE,
+            feed: vec![Ratio::ONE, Ratio(16_384, 1)],
+            rated_current: None,
+            rated_torque: Rating { value: 176.5, unit: "mN·m" },
+        }
+    }
+
+    fn held(object: Object, value: u32) -> Held {
+        Held { object, value, size: 4 }
+    }
+
+    fn judged(held: &[Held]) -> String {
+        nameplate().judge(held).map_or_else(|misfit| misfit.to_string(), |()| String::new())
+    }
+
+    #[test]
+    fn drive_without_any_of_the_objects_passes() {
+        assert_eq!(judged(&[]), "");
+    }
+
+    #[test]
+    fn stored_polarity_is_refused_with_both_values() {
+        let text = judged(&[held(Object::POLARITY, 0x80)]);
+        assert!(text.starts_with("polarity (607Eh) is 80h, expected 00h: set it with"), "{text}");
+        let meant = Nameplate { polarity: 0x80, ..nameplate() };
+        assert_eq!(meant.judge(&[held(Object::POLARITY, 0x80)]), Ok(()));
+    }
+
+    #[test]
+    fn ratios_are_compared_as_numbers() {
+        let gear = |of, to| {
+            judged(&[
+                held(Object::GEAR_MOTOR_REVOLUTIONS, of),
+                held(Object::GEAR_SHAFT_REVOLUTIONS, to),
+            ])
+        };
+        assert_eq!(gear(5_308_416, 5_308_416), "");
+        assert!(gear(2, 1).starts_with("gear ratio (6091h) is 2:1, expected 1:1: "));
+        assert!(gear(1, 0).contains("is 1:0"), "and zero equals nothing");
+        let encoder = |of| {
+            judged(&[held(Object::ENCODER_INCREMENTS, of), held(Object::ENCODER_REVOLUTIONS, 1)])
+        };
+        assert_eq!((encoder(16_384), encoder(1)), (String::new(), String::new()));
+        assert!(encoder(4_096).contains("is 4096:1, expected 16384:1 or 1:1"));
+        let text = judged(&[held(Object::FEED, 3_600)]);
+        assert!(text.contains("6092h) is 3600:1, expected 1:1 or 16384:1"), "{text}");
+    }
+
+    #[test]
+    fn rated_torque_is_compared_but_for_rounding() {
+        for (found, is_right) in [(176, true), (177, true), (178, true), (180, false), (0, false)] {
+            assert_eq!(
+                judged(&[held(Object::RATED_TORQUE, found)]).is_empty(),
+                is_right,
+                "{found}"
+            );
+        }
+        let text = judged(&[held(Object::RATED_TORQUE, 176_500)]);
+        assert!(text.starts_with("rated torque (6076h) is 176500 mN·m, expected 176.5 mN·m: "));
+        let current =
+            Nameplate { rated_current: Some(Rating { value: 2_100.0, unit: "mA" }), ..nameplate() };
+        assert!(current.judge(&[held(Object::RATED_CURRENT, 21)]).is_err());
+        assert_eq!(judged(&[held(Object::RATED_CURRENT, 21)]), "", "not configured");
+    }
+
+    #[test]
+    fn drive_without_cyclic_torque_is_refused() {
+        assert_eq!(judged(&[held(Object::SUPPORTED_MODES, 0x3EF)]), "");
+        assert!(
+            judged(&[held(Object::SUPPORTED_MODES, 0x6D)]).contains("is 0000006Dh, expected bit 9")
+        );
+    }
+
+    #[test]
+    fn held_value_has_one_to_four_bytes() {
+        let of =
+            |bytes: &[u8]| Held::of(Object::POLARITY, bytes).map(|held| (held.value, held.size));
+        assert_eq!(of(&[0x80]), Some((0x80, 1)));
+        assert_eq!(of(&[1, 2, 3, 4]), Some((0x0403_0201, 4)));
+        assert_eq!((of(&[]), of(&[0; 5])), (None, None));
+    }
+}

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn node_that_died_is_told_from_one_without_heartbeat() {
+    fn node_that_died_differs_from_one_without_heartbeat() {
         let state = Some(NmtState::PreOperational);
         let head = "node 3: not confirmed within 2000 ms: ";
         let died = "its heartbeats, every 100 ms, ended 2.0 s ago; the last was pre-operational";

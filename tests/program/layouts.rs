@@ -93,9 +93,8 @@ fn fixed_mapping_fits_no_layout_and_says_what_it_needs() {
     for (name, text, other) in [("fixed", KRAFT, "per-drive"), ("fixed_slow", SLOW, "grouped")] {
         let found = problems(name, text, &[(&[2], &[FIXED])]);
         let [only] = &found[..] else { panic!("{found:#?}") };
-        let needs = format!(
-            "no layout fits: for \"{other}\" the drive would need writable 1A00h, writable 1"
-        );
+        let needs =
+            format!("no layout fits: for \"{other}\" the drive would need writable 1A00h, 1");
         assert!(only.contains(&needs), "{only}");
     }
 }

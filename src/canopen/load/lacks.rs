@@ -4,8 +4,6 @@
 //! that can be mapped (CiA 301, 7.5.2.35 to 7.5.2.38). A shared RPDO also needs a data type as a dummy for the
 //! slots of other drives (7.4.8), declared in `[DummyUsage]` (CiA 306).
 
-use std::fmt;
-
 use crate::eds::{Described, Eds};
 use crate::layout::{Direction, Pdo, Service};
 use crate::object::Object;
@@ -35,25 +33,45 @@ pub enum Lack {
     Mapped(Object, Direction),
 }
 
-/// Names the part: `dummy mapping of 0003h`, `TPDO3 (1802h)`, `writable 1600h`.
-impl fmt::Display for Lack {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Lack {
+    /// Words before and after the name, which parts of one kind share.
+    fn words(&self) -> (&'static str, String) {
         match self {
-            Self::Dummy(object) => write!(f, "dummy mapping of {object}"),
+            Self::Dummy(_) => ("dummy mapping of ", String::new()),
+            Self::Pdo { .. } => ("", String::new()),
+            Self::Writable(_) => ("writable ", String::new()),
+            Self::Entries { mapping, .. } => ("", format!(" entries in {mapping}")),
+            Self::Mapped(_, direction) => ("", format!(" in {}s", kind(*direction))),
+        }
+    }
+
+    fn name(&self) -> String {
+        match self {
+            Self::Dummy(object) | Self::Writable(object) | Self::Mapped(object, _) => {
+                object.to_string()
+            }
             Self::Pdo { direction, number } => {
                 let Object { index, .. } = communication(*direction, *number);
-                write!(f, "{}{number} ({index:04X}h)", kind(*direction))
+                format!("{}{number} ({index:04X}h)", kind(*direction))
             }
-            Self::Writable(object) => write!(f, "writable {object}"),
-            Self::Entries { mapping, needed } => write!(f, "{needed} entries in {mapping}"),
-            Self::Mapped(object, direction) => write!(f, "{object} in {}s", kind(*direction)),
+            Self::Entries { needed, .. } => needed.to_string(),
         }
     }
 }
 
-/// Lists parts: `TPDO3 (1802h), writable 1600h`.
+/// Lists parts by their kind: `TPDO3 (1802h) and writable 1600h, 1A00h and 6071h in RPDOs`.
 pub fn listed(lacks: &[Lack]) -> String {
-    lacks.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    let mut kinds: Vec<((&str, String), Vec<String>)> = Vec::new();
+    for lack in lacks {
+        match kinds.iter_mut().find(|(words, _)| *words == lack.words()) {
+            Some((_, names)) => names.push(lack.name()),
+            None => kinds.push((lack.words(), vec![lack.name()])),
+        }
+    }
+    let kinds = kinds.into_iter();
+    let parts =
+        kinds.map(|((before, after), names)| format!("{before}{}{after}", names.join(", ")));
+    parts.collect::<Vec<_>>().join(" and ")
 }
 
 const fn kind(direction: Direction) -> &'static str {
@@ -160,13 +178,15 @@ mod tests {
         assert_eq!(of("[1802", "[2802"), "TPDO3 (1802h)");
         let cob_id =
             "ParameterName=COB-ID used by RPDO\nObjectType=0x7\nDataType=0x0007\nAccessType=";
-        assert_eq!(
-            of(&format!("{cob_id}rw"), &format!("{cob_id}ro")),
-            "writable 1400h:1, writable 1401h:1"
-        );
+        assert_eq!(of(&format!("{cob_id}rw"), &format!("{cob_id}ro")), "writable 1400h:1, 1401h:1");
         assert_eq!(of("[1801sub3]", "[1801sub9]"), "writable 1801h:3");
         assert_eq!(of("HighLimit=8", "HighLimit=2"), "3 entries in 1600h");
         assert_eq!(of("[6064]", "[2064]"), "6064h in TPDOs");
+        let both = changed("Dummy0003=1", "Dummy0003=0");
+        let mut parts = lacks(&both, &grouped());
+        let mapping = |index| Object { index, sub: 0 };
+        parts.extend([0x1600, 0x1A00].map(mapping).map(Lack::Writable));
+        assert_eq!(listed(&parts), "dummy mapping of 0003h and writable 1600h, 1A00h");
     }
 
     #[test]

@@ -24,7 +24,7 @@ const TOGGLE: u8 = 0x80;
 pub enum Answer {
     /// Its NMT state.
     State(NmtState),
-    /// None in time.
+    /// No answer in time.
     Silent,
     /// Not asked: life guarding would start.
     LifeGuarding,

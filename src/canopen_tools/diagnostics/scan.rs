@@ -37,6 +37,9 @@ const OBJECTS: [Object; 8] = [
     Object::SOFTWARE_VERSION,
 ];
 
+/// Toggle bit of an answer to node guarding.
+const TOGGLE: u8 = 0x80;
+
 /// Properties of one node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
@@ -124,11 +127,11 @@ impl Found {
         }
     }
 
-    /// Takes a heartbeat or an emergency.
+    /// Takes a heartbeat, an answer to the guarding of another master, or an emergency.
     fn on_frame(&mut self, frame: &Frame) {
         if frame.cob_id == heartbeat_cob_id(self.node) {
-            let state = frame.data().try_into().ok().and_then(|data| decode_heartbeat(data).ok());
-            let Some(state) = state else { return };
+            let &[byte] = frame.data() else { return };
+            let Ok(state) = decode_heartbeat(&[byte & !TOGGLE]) else { return };
             self.boot_ups += u32::from(state == NmtState::Initialising);
             let booted = state == NmtState::Initialising;
             self.state = Some(if booted { NmtState::PreOperational } else { state });
@@ -419,6 +422,7 @@ mod tests {
             Frame::new(0x083, [0x10, 0x23, 3, 0, 0, 0, 0, 0]),
             Frame::new(0x080, []),
             Frame::new(0x706, [5, 5]),
+            Frame::new(0x707, [0x85]),
         ] {
             assert_eq!(scan.on_frame(now, &frame, &mut out), None);
         }
@@ -435,7 +439,8 @@ mod tests {
         assert_eq!(three, (3, false, Some(NmtState::PreOperational), 1));
         assert_eq!(five, (5, false, Some(NmtState::Operational), 0));
         assert_eq!(found[0].emergency.unwrap().code, 0x2310);
-        assert_eq!(found.len(), 2);
+        assert_eq!(found[2].state, Some(NmtState::Operational), "another master guards it");
+        assert_eq!(found.len(), 3);
     }
 
     #[test]

@@ -199,6 +199,13 @@ impl Dictionary {
         self.set_default(object, value)
     }
 
+    /// Removes the limits of an object.
+    pub fn remove_limits(&mut self, object: Object) {
+        if let Some(entry) = self.place(object).and_then(|place| self.entries.get_mut(place)) {
+            (entry.low, entry.high) = (None, None);
+        }
+    }
+
     /// Removes an object.
     pub fn remove(&mut self, object: Object) {
         self.entries.retain(|entry| entry.object != object);

@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::cli::args::Demo;
 use crate::cli::event_narrator::EventNarrator;
 use crate::cli::interrupt::Interrupt;
-use crate::cli::scenario;
+use crate::cli::{quirks, scenario};
 use bus::Tap;
 use canopen::frame::Telegram;
 use config::Config;
@@ -36,6 +36,7 @@ const BAR_EVERY: u64 = 500;
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     let scenario = scenario::load(&args.scenario)?;
+    quirks::check(&config, scenario.quirks())?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
     let config = comparison::surrounded(&config, &scenario);
     gains::warn(&config);

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 
 use crate::cli::args::Sim;
 use crate::cli::event_narrator::EventNarrator;
-use crate::cli::{rig, scenario};
+use crate::cli::{quirks, rig, scenario};
 use bus::{SocketCan, realtime};
 use canopen::frame::Channel;
 use config::Config;
@@ -37,6 +37,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     }
     let mut scenario = scenario::load(&args.scenario)?;
     args.quirks.assign(&config, scenario.quirks_mut())?;
+    quirks::check(&config, scenario.quirks())?;
     let is_of_node = |fault: &Fault| fault.target == Target::Link || fault.is_of_host();
     if scenario.faults().iter().any(is_of_node) {
         tracing::warn!(

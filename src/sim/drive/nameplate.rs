@@ -37,7 +37,22 @@ pub(super) fn store(actuator: &ActuatorSettings, dictionary: &mut Dictionary) {
             most.and_then(|most| u32::try_from(most).ok()).unwrap_or(i32::MAX.unsigned_abs());
         store_if_blank(dictionary, limit, most);
     }
+    accept_heartbeat_consumers(dictionary);
 }
+
+/// Removes limits of 1016h that exclude every entry with a node-id: a slip of data sheets, not of drives.
+fn accept_heartbeat_consumers(dictionary: &mut Dictionary) {
+    for sub in 1..=u8::MAX {
+        let object = Object { sub, ..Object::CONSUMER_HEARTBEAT };
+        let Some(entry) = dictionary.entry(object) else { return };
+        if entry.high.is_some_and(|high| high < LEAST_CONSUMER) {
+            dictionary.remove_limits(object);
+        }
+    }
+}
+
+/// Smallest entry of 1016h that is used: node-id 1, 1 ms.
+const LEAST_CONSUMER: i128 = 0x0001_0001;
 
 /// Limits of which zero stands for not configured.
 const LIMITS: [Object; 6] = [
@@ -127,6 +142,18 @@ mod tests {
         ] {
             assert_eq!(dictionary.unsigned(object), value, "{object}");
         }
+    }
+
+    #[test]
+    fn consumer_heartbeat_limited_by_a_slip_is_writable() {
+        let eds = include_bytes!("../../../eds/drives/elmo-gold.eds");
+        let entry = |dictionary: &Dictionary| {
+            let entry = dictionary.entry(Object::CONSUMER_HEARTBEAT).unwrap().clone();
+            entry.in_range(&0x007F_0016_u32.to_le_bytes())
+        };
+        let as_described = Dictionary::new(&Eds::parse(eds).unwrap(), NodeId::new(1).unwrap());
+        assert!(entry(&as_described).is_err());
+        assert_eq!(entry(&delivered(eds)), Ok(()));
     }
 
     #[test]

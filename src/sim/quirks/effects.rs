@@ -72,12 +72,11 @@ impl QuirkEffects {
                 forbid_remote_tpdos(dictionary);
             }
             Quirk::LostSdoReply(number) => frames.lost_response = Some(number),
-            Quirk::PolarityReversed => {
-                dictionary.set_default(Object::POLARITY, &[POSITION_REVERSED]);
-            }
             Quirk::SlowFirstAnswer(time) => frames.first_response_delay = time,
-            Quirk::Stored(object, value) => {
-                dictionary.set_default_number(object, value);
+            Quirk::PolarityReversed | Quirk::Stored(..) => {
+                if let Some((object, value)) = quirk.stores() {
+                    dictionary.set_default_number(object, value);
+                }
             }
         }
     }
@@ -137,8 +136,6 @@ fn forbid_remote_tpdos(dictionary: &mut Dictionary) {
 
 /// Bit 30 of the COB-ID of a TPDO: no remote frames.
 const NO_REMOTE: u32 = 1 << 30;
-/// Polarity (607Eh) with positions reversed.
-const POSITION_REVERSED: u8 = 0x80;
 /// Shortest heartbeat period of a coarse timer.
 const COARSE_HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
 /// Period of EMCY messages in a storm.

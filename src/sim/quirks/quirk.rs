@@ -71,6 +71,41 @@ pub enum Quirk {
     Stored(Object, u32),
 }
 
+impl Quirk {
+    /// Returns the object that must exist for the quirk to have an effect, with the value it stores there.
+    pub const fn stores(&self) -> Option<(Object, u32)> {
+        match *self {
+            Self::Stored(object, value) => Some((object, value)),
+            Self::PolarityReversed => Some((Object::POLARITY, POSITION_REVERSED)),
+            Self::DeafToMaster
+            | Self::KeepsTorque
+            | Self::HoldsTorque
+            | Self::OpenRpdos
+            | Self::NoRpdoTimer
+            | Self::SlowSdo(_)
+            | Self::UnsizedReplies
+            | Self::FixedMapping
+            | Self::Forgetful(_)
+            | Self::RunningAtStart(_)
+            | Self::LateBoot(_)
+            | Self::NoBootUp
+            | Self::HeartbeatLiar
+            | Self::EmcyStorm
+            | Self::DoubleReplies
+            | Self::VagueAborts
+            | Self::WrongIdentity
+            | Self::NoSyncCounter
+            | Self::QuietFault
+            | Self::NoRtr
+            | Self::LostSdoReply(_)
+            | Self::SlowFirstAnswer(_) => None,
+        }
+    }
+}
+
+/// Polarity (607Eh) with positions reversed.
+const POSITION_REVERSED: u32 = 0x80;
+
 /// The name used in scenarios.
 impl Serialize for Quirk {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

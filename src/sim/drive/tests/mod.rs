@@ -2,6 +2,7 @@
 
 mod anything;
 mod commands;
+mod data_sheets;
 mod faults;
 mod modes;
 mod stops;

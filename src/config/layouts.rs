@@ -20,7 +20,7 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     let joints = Joint::ALL.into_iter().zip(&config.joints);
     for ((number, joint), raw) in joints.zip(raw.joint.all()) {
         let plan = plans::drive(config, number, joint);
-        let (missing, channel) = (lacks::lacks(&joint.eds, &plan.pdos), joint.channel);
+        let (missing, channel) = (lacks::lacks(&joint.eds, joint.node, &plan.pdos), joint.channel);
         let bus = config.buses.get(usize::from(channel.0)).filter(|_| !missing.is_empty());
         let Some(bus) = bus else { continue };
         let variants = variants.entry(channel).or_insert_with(|| variants_of(config, channel));
@@ -33,7 +33,8 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         );
         problems.add(&raw.eds, reason);
     }
-    let missing = lacks::lacks(&config.switches.eds, &plans::switches(config).pdos);
+    let missing =
+        lacks::lacks(&config.switches.eds, config.switches.node, &plans::switches(config).pdos);
     if !missing.is_empty() {
         let missing = lacks::listed(&missing);
         problems.add(&raw.switches.eds, format_args!("switch box: its EDS lacks {missing}"));
@@ -85,7 +86,10 @@ fn variants_of(config: &Parameters, channel: Channel) -> Vec<Variant> {
         let joints = Joint::ALL.into_iter().zip(&config.joints);
         let here = joints.filter(|(_, joint)| joint.channel == channel);
         let missing = here.map(|(number, joint)| {
-            (number, lacks::lacks(&joint.eds, &plans::drive(&config, number, joint).pdos))
+            (
+                number,
+                lacks::lacks(&joint.eds, joint.node, &plans::drive(&config, number, joint).pdos),
+            )
         });
         Variant { layout, drives: missing.collect(), figures: figures(&config, place) }
     };

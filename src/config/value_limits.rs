@@ -6,6 +6,7 @@ use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::value::Placed;
 use canopen::eds::{Eds, OutsideLimits};
+use canopen::load::lacks;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::sdo::bytes;
@@ -45,9 +46,10 @@ fn cautions(eds: &Eds, plan: &NodePlan) -> impl Iterator<Item = Caution> {
     passing.map(|(_, outside)| Caution { name: plan.name.clone(), outside })
 }
 
-/// Refuses values without which a drive cannot boot.
+/// Refuses values without which a drive cannot boot. Those of PDOs are part of their layout.
 pub(super) fn check(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
-    for (_, outside) in outside(eds, plan).into_iter().filter(|(is_fatal, _)| *is_fatal) {
+    let fatal = outside(eds, plan).into_iter().filter(|(is_fatal, _)| *is_fatal);
+    for (_, outside) in fatal.filter(|(_, outside)| !lacks::is_parameter(outside.object)) {
         problems.add(at, format_args!("{}: {outside}", plan.name));
     }
 }

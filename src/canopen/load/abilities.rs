@@ -22,7 +22,7 @@ impl Abilities {
         let size = u8::try_from(Group::SIZE).unwrap_or(u8::MAX);
         // The last slot has dummies before it, and every drive of a group the same number of entries.
         let group = Group { cob_id: layout::rpdo1(node), size, slot: size.saturating_sub(1) };
-        let no_group = lacks::lacks(eds, &layout::grouped(node, 0, group, None));
+        let no_group = lacks::lacks(eds, node, &layout::grouped(node, 0, group, None));
         let emcy = eds.object(Object::EMCY_COB_ID);
         Self { no_group, moves_emergencies: emcy.is_some_and(|emcy| emcy.access.is_writable()) }
     }

@@ -4,9 +4,11 @@
 //! that can be mapped (CiA 301, 7.5.2.35 to 7.5.2.38). A shared RPDO also needs a data type as a dummy for the
 //! slots of other drives (7.4.8), declared in `[DummyUsage]` (CiA 306).
 
-use crate::eds::{Described, Eds};
+use crate::NodeId;
+use crate::eds::{Described, Eds, OutsideLimits};
 use crate::layout::{Direction, Pdo, Service};
 use crate::object::Object;
+use crate::sdo::bytes;
 
 /// Missing part of a layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,8 @@ pub enum Lack {
         /// Entries of the layout.
         needed: usize,
     },
+    /// Value outside the limits of its parameter.
+    Value(OutsideLimits),
     /// Object that cannot be mapped into PDOs of a direction.
     Mapped(Object, Direction),
 }
@@ -38,7 +42,7 @@ impl Lack {
     fn words(&self) -> (&'static str, String) {
         match self {
             Self::Dummy(_) => ("dummy mapping of ", String::new()),
-            Self::Pdo { .. } => ("", String::new()),
+            Self::Pdo { .. } | Self::Value(_) => ("", String::new()),
             Self::Writable(_) => ("writable ", String::new()),
             Self::Entries { mapping, .. } => ("", format!(" entries in {mapping}")),
             Self::Mapped(_, direction) => ("", format!(" in {}s", kind(*direction))),
@@ -55,6 +59,9 @@ impl Lack {
                 format!("{}{number} ({index:04X}h)", kind(*direction))
             }
             Self::Entries { needed, .. } => needed.to_string(),
+            Self::Value(OutsideLimits { object, value, low, high }) => {
+                format!("{object} = {value}, which it limits to {low}..={high}")
+            }
         }
     }
 }
@@ -74,6 +81,11 @@ pub fn listed(lacks: &[Lack]) -> String {
     parts.collect::<Vec<_>>().join(" and ")
 }
 
+/// Returns whether an object is a PDO parameter, whose values [`lacks`] checks.
+pub const fn is_parameter(object: Object) -> bool {
+    matches!(object.index, 0x1400..=0x1BFF)
+}
+
 const fn kind(direction: Direction) -> &'static str {
     match direction {
         Direction::Receive => "RPDO",
@@ -88,12 +100,13 @@ const fn communication(direction: Direction, number: u16) -> Object {
     }
 }
 
-/// Returns every part of the PDOs in use that a device lacks by its EDS, each once.
-pub fn lacks(eds: &Eds, pdos: &[Pdo]) -> Vec<Lack> {
+/// Returns every part of the PDOs in use that `node` lacks by its EDS, each once.
+pub fn lacks(eds: &Eds, node: NodeId, pdos: &[Pdo]) -> Vec<Lack> {
     let mut found: Vec<Lack> = Vec::new();
     let in_use = pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
     for (pdo, service) in in_use {
-        let parts = parameters(eds, pdo, service).into_iter().chain(objects(eds, pdo, service));
+        let parts =
+            parameters(eds, node, pdo, service).into_iter().chain(objects(eds, pdo, service));
         for lack in parts {
             if !found.contains(&lack) {
                 found.push(lack);
@@ -104,7 +117,7 @@ pub fn lacks(eds: &Eds, pdos: &[Pdo]) -> Vec<Lack> {
 }
 
 /// Missing parameters of one PDO. An absent PDO counts as one part.
-fn parameters(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
+fn parameters(eds: &Eds, node: NodeId, pdo: &Pdo, service: &Service) -> Vec<Lack> {
     let Pdo { direction, number, .. } = *pdo;
     let Some(ability) = eds.pdo(direction, number) else {
         return vec![Lack::Pdo { direction, number }];
@@ -116,10 +129,13 @@ fn parameters(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
     } else if usize::from(ability.max_entries) < needed {
         missing.push(Lack::Entries { mapping, needed });
     }
-    let is_writable = |object| eds.object(object).is_some_and(|one| one.access.is_writable());
-    let written = pdo.writes().into_iter().map(|(object, _)| object);
-    let communication = written.filter(|object| object.index == pdo.communication(0).index);
-    missing.extend(communication.filter(|object| !is_writable(*object)).map(Lack::Writable));
+    let writes = pdo.writes().into_iter();
+    let communication = writes.filter(|(object, _)| object.index == pdo.communication(0).index);
+    missing.extend(communication.filter_map(|(object, value)| {
+        let described = eds.object(object).filter(|described| described.access.is_writable());
+        let Some(described) = described else { return Some(Lack::Writable(object)) };
+        described.check_content(&bytes(&value), node).err().map(Lack::Value)
+    }));
     missing
 }
 
@@ -146,7 +162,6 @@ fn objects(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::NodeId;
     use crate::layout::{self, Group};
 
     const DRIVE: &str = include_str!("../../../eds/frhc_drive.eds");
@@ -167,13 +182,13 @@ mod tests {
     #[test]
     fn shipped_drive_lacks_nothing() {
         let eds = Eds::parse(DRIVE.as_bytes()).unwrap();
-        assert_eq!(lacks(&eds, &grouped()), []);
-        assert_eq!(lacks(&eds, &layout::per_drive(node(), Some(5))), []);
+        assert_eq!(lacks(&eds, node(), &grouped()), []);
+        assert_eq!(lacks(&eds, node(), &layout::per_drive(node(), Some(5))), []);
     }
 
     #[test]
     fn each_missing_part_is_named_once() {
-        let of = |from: &str, to: &str| listed(&lacks(&changed(from, to), &grouped()));
+        let of = |from: &str, to: &str| listed(&lacks(&changed(from, to), node(), &grouped()));
         assert_eq!(of("Dummy0003=1", "Dummy0003=0"), "dummy mapping of 0003h");
         assert_eq!(of("[1802", "[2802"), "TPDO3 (1802h)");
         let cob_id =
@@ -181,9 +196,14 @@ mod tests {
         assert_eq!(of(&format!("{cob_id}rw"), &format!("{cob_id}ro")), "writable 1400h:1, 1401h:1");
         assert_eq!(of("[1801sub3]", "[1801sub9]"), "writable 1801h:3");
         assert_eq!(of("HighLimit=8", "HighLimit=2"), "3 entries in 1600h");
+        let timer = "[1801sub5]\nParameterName=Event timer\n";
+        assert_eq!(
+            of(timer, &format!("{timer}HighLimit=40\n")),
+            "1801h:5 = 47, which it limits to 0..=40"
+        );
         assert_eq!(of("[6064]", "[2064]"), "6064h in TPDOs");
         let both = changed("Dummy0003=1", "Dummy0003=0");
-        let mut parts = lacks(&both, &grouped());
+        let mut parts = lacks(&both, node(), &grouped());
         let mapping = |index| Object { index, sub: 0 };
         parts.extend([0x1600, 0x1A00].map(mapping).map(Lack::Writable));
         assert_eq!(listed(&parts), "dummy mapping of 0003h and writable 1600h, 1A00h");
@@ -192,6 +212,6 @@ mod tests {
     #[test]
     fn unused_pdos_need_not_exist() {
         let eds = changed("[1803", "[2803");
-        assert_eq!(lacks(&eds, &grouped()), []);
+        assert_eq!(lacks(&eds, node(), &grouped()), []);
     }
 }

@@ -557,6 +557,29 @@ fn hazard_30_terminated_run_leaves_no_drive_in_fault() {
 }
 
 #[test]
+fn run_without_a_switch_box_proves_and_refuses_to_arm() {
+    let scratch = Scratch::new("no-switch-box");
+    let text = fs::read_to_string(CONFIG).unwrap();
+    let (_, section) = text.split_once("\n[switches]\n").unwrap();
+    let (section, _) = section.split_once("\n[controller]\n").unwrap();
+    let config = scratch.variant(CONFIG, &[(&format!("\n[switches]\n{section}"), "")]);
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
+    let run = scratch.frhc(&["run", "--config", &config]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));
+    let refused = scratch.ctl("--wait arm");
+    assert_ne!(refused.code, Some(0));
+    assert!(refused.stderr.contains("there is no deadman; add [switches]"), "{}", refused.stderr);
+    let ended = run.terminate();
+    ended.succeeds();
+    assert!(ended.stderr.contains("nothing can be armed"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("ready: all drives enabled"), "{}", ended.stderr);
+    sim.terminate().succeeds();
+    let log = Log::parse(&candump.finish());
+    log.ends_with_every_drive_off(NODES);
+}
+
+#[test]
 fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
     let scratch = Scratch::new("file-size");
     let mut candump = Candump::of("vcan0");

@@ -30,9 +30,9 @@ pub fn members(config: &Config) -> Vec<Member> {
             taken.insert(name.clone());
         }
         let measures = joint.map(|(place, joint)| measures(config, place, joint));
-        let eds = joint.map_or(&config.switches.eds, |(_, joint)| &joint.eds);
+        let eds = config.eds_of(channel, plan.node).cloned();
         let measures = measures.unwrap_or_default();
-        Member { name, channel, plan, measures, eds: Some(eds.clone()) }
+        Member { name, channel, plan, measures, eds }
     };
     config.node_plans().into_iter().map(member).collect()
 }

@@ -12,6 +12,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::cli::event_narrator::EventNarrator;
+use crate::cli::scenario;
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use config::Config;
@@ -81,6 +82,7 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     };
     let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();
     let configs = configs.or_fail(Kind::Configuration)?;
+    configs.iter().try_for_each(scenario::require_switch_box)?;
     match (args.soak, args.replay) {
         (Some(cycles), _) => soak(args, quiet, &configs, cycles.get()),
         (None, Some(number)) => replay(args, configs, number),

@@ -38,6 +38,9 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let scenario = scenario::load(&args.scenario)?;
     quirks::check(&config, scenario.quirks())?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
+    if scenario.needs_switch_box() {
+        scenario::require_switch_box(&config)?;
+    }
     let config = comparison::surrounded(&config, &scenario);
     gains::warn(&config);
     if scenario.compares_passivity() {

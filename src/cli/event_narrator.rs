@@ -9,10 +9,13 @@ use run::log_time;
 use sim::fault::Notice;
 use units::time::Instant;
 
+/// Index of the switch box among the nodes.
+const SWITCH_BOX: usize = 6;
+
 /// Formats those lines, with the names of the configuration.
 #[derive(Debug)]
 pub(super) struct EventNarrator {
-    /// Names of the six drives and the switch box.
+    /// Names of the six drives and of the switch box, if there is one.
     names: Vec<String>,
     mode: Mode,
     has_begun: bool,
@@ -36,7 +39,7 @@ impl EventNarrator {
         let target = notice.fault.target;
         let place = match target {
             Target::Joint(joint) => Some(joint.index()),
-            Target::SwitchBox => self.names.len().checked_sub(1),
+            Target::SwitchBox => Some(SWITCH_BOX),
             Target::Drives | Target::Bus(_) | Target::Link | Target::Host => None,
         };
         let name = place.and_then(|place| self.names.get(place));

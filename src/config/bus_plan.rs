@@ -41,16 +41,16 @@ impl Parameters {
 fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec<Member> {
     let here = config.node_plans().into_iter().filter(|(place, _)| *place == channel);
     let member = |plan: NodePlan| {
+        let eds = config.eds_of(channel, plan.node)?;
         let mut joints = config.joints.iter().zip(signals);
         let joint = joints.find(|(joint, _)| (joint.channel, joint.node) == (channel, plan.node));
-        let eds = joint.map_or(&config.switches.eds, |(joint, _)| &joint.eds);
-        Member {
+        Some(Member {
             abilities: Abilities::of(eds, plan.node),
             signals: joint.map(|(_, signals)| *signals).unwrap_or_default(),
             plan,
-        }
+        })
     };
-    here.map(|(_, plan)| member(plan)).collect()
+    here.filter_map(|(_, plan)| member(plan)).collect()
 }
 
 /// Typical values that each joint's drive sends and receives: near the start, holding the arm up.

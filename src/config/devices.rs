@@ -37,11 +37,13 @@ pub(super) fn check(
         abilities(&raw.eds, &joint.eds, &plan, problems);
         value_limits::check(&raw.eds, &joint.eds, &plan, problems);
     }
-    if !taken.insert((config.switches.channel, config.switches.node.raw())) {
-        problems.add(&raw.switches.node_id, "must be unique on its bus");
+    if let Some((switches, raw)) = config.switches.as_ref().zip(raw.switches.as_ref()) {
+        if !taken.insert((switches.channel, switches.node.raw())) {
+            problems.add(&raw.node_id, "must be unique on its bus");
+        }
+        identity(&raw.product_code, &switches.eds, &switches.identity, problems);
+        abilities(&raw.eds, &switches.eds, &plans::switches(config, switches), problems);
     }
-    identity(&raw.switches.product_code, &config.switches.eds, &config.switches.identity, problems);
-    abilities(&raw.switches.eds, &config.switches.eds, &plans::switches(config), problems);
     layouts::check(config, raw, problems);
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }

@@ -33,11 +33,13 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         );
         problems.add(&raw.eds, reason);
     }
-    let missing =
-        lacks::lacks(&config.switches.eds, config.switches.node, &plans::switches(config).pdos);
-    if !missing.is_empty() {
-        let missing = lacks::listed(&missing);
-        problems.add(&raw.switches.eds, format_args!("switch box: its EDS lacks {missing}"));
+    if let Some((switches, raw)) = config.switches.as_ref().zip(raw.switches.as_ref()) {
+        let missing =
+            lacks::lacks(&switches.eds, switches.node, &plans::switches(config, switches).pdos);
+        if !missing.is_empty() {
+            let missing = lacks::listed(&missing);
+            problems.add(&raw.eds, format_args!("switch box: its EDS lacks {missing}"));
+        }
     }
 }
 

@@ -69,7 +69,7 @@ pub use problem::{Invalid, Problem};
 pub use protection::timer_tolerance;
 pub use safety::{Protection, Safety};
 pub use stopping::Stopping;
-pub use switch_box::SwitchBox;
+pub use switch_box::{NoSwitchBox, SwitchBox};
 pub use value_limits::Caution;
 
 use std::ops::Deref;
@@ -239,7 +239,11 @@ fn convert(
     let safety = safety::read(raw, period, problems);
     let plausibility = plausibility::read(&raw.safety, problems);
     let joints = joints::read(file, raw, problems);
-    let switches = switch_box::read(file, raw, problems);
+    // Outer `None`: a problem. Inner `None`: no such section.
+    let switches = match &raw.switches {
+        None => Some(None),
+        Some(section) => switch_box::read(file, section, raw, problems).map(Some),
+    };
     let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
     let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
     let controller = control::settings(raw, &around, problems);

@@ -11,7 +11,8 @@ use crate::operator::Operator;
 use crate::plant::Plant;
 use crate::plausibility::Plausibility;
 use crate::safety::Safety;
-use crate::switch_box::SwitchBox;
+use crate::switch_box::{NoSwitchBox, SwitchBox};
+use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::{NodeId, bits};
 use controller::Settings;
@@ -48,8 +49,8 @@ pub struct Parameters {
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: [f64; 3],
-    /// The switch box.
-    pub switches: SwitchBox,
+    /// The switch box; without it nothing can be armed.
+    pub switches: Option<SwitchBox>,
     /// The controller.
     pub controller: Settings,
     /// Meaning of a displacement of the hand at the start.
@@ -70,6 +71,29 @@ impl Parameters {
         let number = called.parse::<u8>().ok().and_then(Joint::new);
         let named = self.joints.iter().find(|joint| joint.name == called);
         named.or_else(|| self.joints.get(number?.index()))
+    }
+
+    /// Returns the switch box, without which nothing can be armed.
+    ///
+    /// # Errors
+    /// When the configuration has none.
+    pub fn switch_box(&self) -> Result<&SwitchBox, NoSwitchBox> {
+        self.switches.as_ref().ok_or(NoSwitchBox)
+    }
+
+    /// The names and data sheets of all nodes, in the order of their plans.
+    pub fn data_sheets(&self) -> impl Iterator<Item = (&str, &Eds)> {
+        let joints = self.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
+        joints.chain(self.switches.iter().map(|switches| ("switch box", &switches.eds)))
+    }
+
+    /// The data sheet of a node.
+    pub fn eds_of(&self, channel: Channel, node: NodeId) -> Option<&Eds> {
+        let is_it = |one: (Channel, NodeId)| one == (channel, node);
+        let joint = self.joints.iter().find(|joint| is_it((joint.channel, joint.node)));
+        let switches =
+            self.switches.iter().find(|switches| is_it((switches.channel, switches.node)));
+        joint.map(|joint| &joint.eds).or_else(|| switches.map(|switches| &switches.eds))
     }
 
     /// The arm as it is built, for a simulation.

@@ -26,11 +26,12 @@ const AT_REST: f64 = 0.002;
 const NOISE: u32 = 2;
 
 impl Parameters {
-    /// Plans of all nodes, in the order of the joints, then the switch box.
+    /// Plans of all nodes, in the order of the joints, then the switch box, if there is one.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         let joints = Joint::ALL.into_iter().zip(&self.joints);
         let drives = joints.map(|(number, joint)| (joint.channel, drive(self, number, joint)));
-        drives.chain([(self.switches.channel, switches(self))]).collect()
+        let inputs = self.switches.iter().map(|box_| (box_.channel, switches(self, box_)));
+        drives.chain(inputs).collect()
     }
 
     /// Frames that a master must receive from each bus, in the order of the channels.
@@ -92,8 +93,8 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
 }
 
 /// The plan of the switch box.
-pub(super) fn switches(config: &Parameters) -> NodePlan {
-    let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
+pub(super) fn switches(config: &Parameters, switches: &SwitchBox) -> NodePlan {
+    let SwitchBox { node, identity, boot, eds, .. } = switches;
     let mut plan = NodePlan::switches(
         "switch box".to_owned(),
         *node,

@@ -12,7 +12,7 @@ sections! {
         arm: Arm,
         joint: Sections<Joint>,
         coupling: Option<Coupling>,
-        switches: Switches,
+        switches: Option<Switches>,
         controller: Controller,
         operator: OrEmpty<Operator>,
         remote: Remote,

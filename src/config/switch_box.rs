@@ -1,6 +1,11 @@
 //! `[switches]`: the switch box as a node of the network. What its bits mean stands in `switch_inputs`.
+//!
+//! The section is optional. Without it the network boots and the drives' watchdogs are proven, but there is no deadman,
+//! so nothing can be armed: [`NoSwitchBox`].
 
 use std::path::Path;
+
+use thiserror::Error;
 
 use crate::boot::{self, BootSettings, Given};
 use crate::problem::Problems;
@@ -25,9 +30,20 @@ pub struct SwitchBox {
     pub eds: Eds,
 }
 
-/// The switch box; `None` where a problem has been noted.
-pub(super) fn read(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<SwitchBox> {
-    let switches = &raw.switches;
+/// The configuration has no switch box, so nothing can be armed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error(
+    "nothing can be armed: there is no deadman; add [switches], a CiA 401 switch box with a deadman of two contacts"
+)]
+pub struct NoSwitchBox;
+
+/// The switch box of a section; `None` where a problem has been noted.
+pub(super) fn read(
+    file: &Path,
+    switches: &raw::Switches,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<SwitchBox> {
     let channel = lookup::channel(&switches.bus, raw, problems);
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);

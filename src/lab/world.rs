@@ -44,9 +44,10 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         Drive::with(settings, &scenario.quirks().of(number))
     });
     let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
-    let switches = &config.switches;
-    let dictionary = dictionary(&switches.eds, switches.channel, switches.node);
-    let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
+    let switches = config.switches.as_ref().map(|switches| {
+        let dictionary = dictionary(&switches.eds, switches.channel, switches.node);
+        SwitchBox::new(switches.channel, switches.node, dictionary)
+    });
     let resistance = plant.joints.each_ref().map(resistance);
     let moving = plant::Plant::new(arm(&plant), resistance, start(&plant));
     World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))

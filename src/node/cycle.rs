@@ -132,6 +132,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             cause: self.safety.cause(),
             overruns: self.timing.lateness.overruns(),
             sampled: self.samples.fresh(),
+            has_switch_box: self.operator.enable_state().is_some(),
             inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),
             f_s: input.f_s,
             x_b_m: input.x_b_m,

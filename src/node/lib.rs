@@ -110,7 +110,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             drives: Drives::new(config, rpdos),
             remote: RemoteSide::new(config, now, remote),
             control: Control::new(config),
-            operator: Operator::new(config.period),
+            operator: Operator::new(config.period, config.switches.is_some()),
             plausibility: Plausibility::new(config),
             safety: Safety::new(ramps),
         }

@@ -98,6 +98,8 @@ pub struct Record {
     pub overruns: u64,
     /// Joints whose sample arrived in time.
     pub sampled: [bool; 6],
+    /// The configuration has a switch box, without which nothing can be armed.
+    pub has_switch_box: bool,
     /// Inputs of the switch box; `None` if they are missing.
     pub inputs: Option<u8>,
     /// Wrench of the environment on the object at {S}, payload removed.

@@ -63,6 +63,13 @@ fn gravity(config: &Config) -> String {
     format!("gravity {strength:.2} m/s² along ({x:.2}, {y:.2}, {z:.2}) in the base frame{mount}")
 }
 
+/// Logs a warning if there is no switch box, so that nothing can be armed.
+pub(super) fn warn_no_switch_box(config: &Config) {
+    if let Err(reason) = config.switch_box() {
+        tracing::warn!("{reason}");
+    }
+}
+
 /// Loads and thereby validates the configuration, and prints bus load, joints and findings.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;
@@ -85,6 +92,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "eds": eds::faulty_json(&config),
             "stopping": stopping_json(&config),
             "cautions": config.cautions().iter().map(Caution::to_string).collect::<Vec<_>>(),
+            "switches": config.switches.is_some(),
         });
         print::line(&report.to_string());
         return Ok(());
@@ -124,6 +132,9 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
         print::line(&format!("value {caution}"));
     }
     eds::faulty(&config).iter().for_each(|node| print::line(&node.to_string()));
+    if let Err(reason) = config.switch_box() {
+        print::line(&format!("switches warning   {reason}"));
+    }
     for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }

@@ -19,7 +19,7 @@ use crate::provenance::Provenance;
 use crate::recorder_thread::{self, LatestStatus};
 use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
-use crate::{commission, cycle_thread, gains, log_time, print, rings, session};
+use crate::{check, commission, cycle_thread, gains, log_time, print, rings, session};
 use bus::Traced;
 use node::Node;
 use remote::site::VirtualSite;
@@ -47,6 +47,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let config = args.config.load()?;
     gains::warn(&config);
     commission::warn(&config);
+    check::warn_no_switch_box(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;

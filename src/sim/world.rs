@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Translation3};
 use crate::arm::Joints;
 use crate::drive::Drive;
 use crate::drivetrain::{Drivetrain, Sensed};
-use crate::fault::{Breakable, Devices, Faults, Notice};
+use crate::fault::{Breakable, Devices, Faults, Notice, present};
 use crate::motors::Motors;
 use crate::operator_model::OperatorModel;
 use crate::plant::{self, Plant};
@@ -23,7 +23,7 @@ use canopen::frame::{Channel, Frame, Telegram};
 use canopen::station::Station;
 use canopen::sync;
 use faults::LinkFault;
-use units::numbering::{Joint, NodeIndex};
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Maximum time between two steps of the arm.
@@ -58,7 +58,8 @@ pub trait Inputs: Breakable {
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
     motors: Motors,
-    switches: I,
+    /// The operator's switch box, if there is one.
+    switches: Option<I>,
     plant: Plant,
     operator: OperatorModel,
     faults: Faults,
@@ -80,7 +81,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
     pub fn new(
         drives: [M; 6],
         drivetrains: [Drivetrain; 6],
-        switches: I,
+        switches: Option<I>,
         plant: Plant,
         scenario: Scenario,
         seed: u64,
@@ -134,8 +135,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Returns the switch box, to inject faults.
-    pub const fn switches_mut(&mut self) -> &mut I {
-        &mut self.switches
+    pub const fn switches_mut(&mut self) -> Option<&mut I> {
+        self.switches.as_mut()
     }
 
     /// Returns the actuator torques, base first, in N·m (N).
@@ -193,7 +194,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let is_startled = self.operator.is_startled();
         let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
-        self.switches.set(self.faults.inputs(inputs));
+        let inputs = self.faults.inputs(inputs);
+        self.switches.iter_mut().for_each(|switches| switches.set(inputs));
         self.now = now;
         self.show();
     }
@@ -241,8 +243,8 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             self.advance(now);
         }
         let received = Telegram { channel, frame: *frame };
-        let devices = devices(&mut self.drives, &mut self.switches);
-        for (place, device) in NodeIndex::each(devices) {
+        let mut devices = devices(&mut self.drives, self.switches.as_mut());
+        for (place, device) in present(&mut devices) {
             self.faults.deliver(now, place, device, received, out);
         }
         self.update_demands(now);
@@ -253,12 +255,12 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             self.advance(now);
         }
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
-        let mut devices = devices(&mut self.drives, &mut self.switches);
+        let mut devices = devices(&mut self.drives, self.switches.as_mut());
         if is_due(self.faults.deadline()) {
             self.start.fix();
             self.faults.on_time(now, &mut devices, out);
         }
-        for (place, device) in NodeIndex::each(devices) {
+        for (place, device) in present(&mut devices) {
             if is_due(device.deadline()) {
                 self.faults.wake(now, place, device, out);
             }
@@ -268,15 +270,19 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
 
     fn deadline(&self) -> Option<Instant> {
         let drives = self.drives.iter().filter_map(Station::deadline);
-        let devices = drives.chain(self.switches.deadline());
+        let devices = drives.chain(self.switches.as_ref().and_then(Station::deadline));
         devices.chain(self.faults.deadline()).chain([self.now + TICK]).min()
     }
 }
 
 /// Returns all devices, in order of their indices.
-fn devices<'a, M: Motor, I: Inputs>(drives: &'a mut [M; 6], switches: &'a mut I) -> Devices<'a> {
+fn devices<'a, M: Motor, I: Inputs>(
+    drives: &'a mut [M; 6],
+    switches: Option<&'a mut I>,
+) -> Devices<'a> {
     let [a, b, c, d, e, f] = drives;
-    [a, b, c, d, e, f, switches]
+    let switches = switches.map(|switches| -> &mut dyn Breakable { switches });
+    [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), switches]
 }
 
 impl Motor for Drive {
@@ -442,7 +448,7 @@ mod tests {
         World::new(
             motors,
             [drivetrain(); 6],
-            FakeSwitches(0),
+            Some(FakeSwitches(0)),
             plant,
             Scenario::parse(script).unwrap(),
             seed,
@@ -531,11 +537,15 @@ mod tests {
         let frame = Frame::new(sync::COB_ID, []);
         world.on_frame(micros(100), Channel(1), &frame, &mut Vec::new());
         (1..1_000).for_each(|ms| world.on_time(micros(1_000 * ms), &mut Vec::new()));
-        assert_eq!(world.switches.0, 0b10, "the deadman is open");
+        assert_eq!(world.switches.as_ref().unwrap().0, 0b10, "the deadman is open");
         run(&mut world, 1_000, 1_500);
-        assert_eq!(world.switches.0, 0b10);
+        assert_eq!(world.switches.as_ref().unwrap().0, 0b10);
         run(&mut world, 1_500, 1_502);
-        assert_eq!(world.switches.0, 0b01, "half a second after the first SYNC it is closed");
+        assert_eq!(
+            world.switches.as_ref().unwrap().0,
+            0b01,
+            "half a second after the first SYNC it is closed"
+        );
     }
 
     #[test]
@@ -565,13 +575,13 @@ mod tests {
     fn startled_operator_releases_grip_and_deadman() {
         let mut world = with_preset("nervous");
         run(&mut world, 0, 700);
-        assert_eq!(world.switches.0, 0b01);
+        assert_eq!(world.switches.as_ref().unwrap().0, 0b01);
         assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
         world.drives[0].torque = 8.0;
         world.update_demands(micros(700_000));
         run(&mut world, 700, 1_100);
         assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
-        assert_eq!(world.switches.0, 0b10);
+        assert_eq!(world.switches.as_ref().unwrap().0, 0b10);
     }
 
     #[test]

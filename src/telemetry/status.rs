@@ -38,8 +38,8 @@ pub struct Status {
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
     pub p_b_m: [f64; 3],
-    /// Inputs of the switch box are up to date.
-    pub switches_online: bool,
+    /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
+    pub switches_online: Option<bool>,
 }
 
 /// Torque budget of the newest cycle, in N·m or N; joints count from 1.
@@ -106,7 +106,7 @@ impl Status {
             budget: Budget::from(&record.output.ledger),
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
-            switches_online: record.inputs.is_some(),
+            switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
         }
     }
 }

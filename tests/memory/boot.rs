@@ -94,7 +94,7 @@ fn stored_configuration_is_not_written_again() {
 #[test]
 fn missing_optional_node_is_reported_and_joins_later() {
     let (mut bench, wire) = bench(&[OPTIONAL]);
-    bench.world_mut().switches_mut().unplug();
+    bench.world_mut().switches_mut().unwrap().unplug();
     bench.bring_up().unwrap();
     let booted = events(&mut bench);
     let waited = Duration::from_secs(2);
@@ -106,7 +106,7 @@ fn missing_optional_node_is_reported_and_joins_later() {
     assert_eq!(events(&mut bench), [], "reported once");
     wire.clear();
     let now = bench.node().bus().now();
-    bench.world_mut().switches_mut().switch_on(now);
+    bench.world_mut().switches_mut().unwrap().switch_on(now);
     let record = until(&mut bench, |record| record.inputs.is_some());
     assert_eq!(record.mode, Mode::Ready, "otherwise unchanged");
     bench.run(50);
@@ -150,7 +150,7 @@ fn node_guarding_polls_and_a_lost_node_stops_the_robot() {
         assert!((49..=51).contains(&requests), "{requests}");
         assert_eq!(guard.len(), 2 * requests, "one reply each");
     }
-    bench.world_mut().switches_mut().unplug();
+    bench.world_mut().switches_mut().unwrap().unplug();
     until(&mut bench, |record| record.mode.is_stopped());
     assert!(events(&mut bench).contains(&Event::HeartbeatLost { node: NodeIndex(SWITCHES) }));
 }

@@ -19,6 +19,7 @@ mod golden;
 mod late_torques;
 mod link;
 mod lss;
+mod no_switch_box;
 mod operator;
 mod operators;
 mod oracles;

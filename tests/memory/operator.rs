@@ -112,7 +112,7 @@ fn hazard_38_silent_switch_box_counts_as_released_deadman() {
     while bench.elapsed().as_secs_f64() < 1.0 {
         bench.cycle();
     }
-    bench.world_mut().switches_mut().unplug();
+    bench.world_mut().switches_mut().unwrap().unplug();
     let last = (0..).find(|_| bench.cycle().mode != Mode::Engaged).unwrap();
     assert!(last <= 15, "after {last} cycles");
     assert_eq!(bench.node().mode(), Mode::Armed);

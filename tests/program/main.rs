@@ -12,6 +12,7 @@ mod eds;
 mod ended;
 mod explain;
 mod layouts;
+mod no_switch_box;
 mod plan;
 mod readme;
 mod refused;

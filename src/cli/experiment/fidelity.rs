@@ -10,6 +10,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::cli::experiment::{picture, report};
+use crate::cli::scenario;
 use config::Config;
 use lab::fidelity::experiment::{Participants, Row, pooled};
 use lab::fidelity::script::Hand;
@@ -108,6 +109,7 @@ fn configs(args: &Arguments) -> Result<Vec<Named>, Failure> {
     };
     let named = |file: &PathBuf| {
         let config = Config::load(file).or_fail(Kind::Configuration)?;
+        scenario::require_switch_box(&config)?;
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if config.remote.wall.is_none() {
             let reason = format!("{}: {}", file.display(), NoTrial::NoWall);

@@ -65,10 +65,9 @@ struct Node<'a> {
     eds: &'a Eds,
 }
 
-/// Returns the nodes in the order of the plans: the joints' drives, then the switch box.
+/// Returns the nodes in the order of the plans.
 fn nodes(config: &Config) -> Vec<Node<'_>> {
-    let drives = config.joints.iter().map(|joint| Node { name: &joint.name, eds: &joint.eds });
-    drives.chain([Node { name: "switch box", eds: &config.switches.eds }]).collect()
+    config.data_sheets().map(|(name, eds)| Node { name, eds }).collect()
 }
 
 fn render(

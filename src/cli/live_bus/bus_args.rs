@@ -142,10 +142,7 @@ impl SelectedBus {
     /// Returns the EDS of a node of this bus, if configured.
     pub(crate) fn eds(&self, node: NodeId) -> Option<&Eds> {
         let (config, channel) = self.configured.as_ref()?;
-        let is_it = |(of, id): (Channel, NodeId)| of == *channel && id == node;
-        let joint = config.joints.iter().find(|joint| is_it((joint.channel, joint.node)));
-        let switches = Some(&config.switches).filter(|box_| is_it((box_.channel, box_.node)));
-        joint.map(|joint| &joint.eds).or_else(|| switches.map(|switches| &switches.eds))
+        config.eds_of(*channel, node)
     }
 }
 

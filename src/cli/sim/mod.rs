@@ -44,6 +44,9 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
             "faults of host, buses and link have no effect here: they are on the node's side"
         );
     }
+    if config.switches.is_none() && scenario.needs_switch_box() {
+        tracing::warn!("no [switches]: the switches of the scenario act on nothing");
+    }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;

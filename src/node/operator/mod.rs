@@ -33,7 +33,8 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct Operator {
     period: Duration,
-    deadman: Deadman,
+    /// `None` without a switch box: nothing is ever armed or engaged.
+    deadman: Option<Deadman>,
     buttons: Buttons,
     anti_tie_down: AntiTieDown,
     uncommanded_motion: UncommandedMotion,
@@ -46,10 +47,10 @@ pub(super) struct Operator {
 
 impl Operator {
     /// Returns monitors before the first cycle, with a cycle every `period`.
-    pub(super) fn new(period: Duration) -> Self {
+    pub(super) fn new(period: Duration, has_switch_box: bool) -> Self {
         Self {
             period,
-            deadman: Deadman::silent(),
+            deadman: has_switch_box.then(Deadman::silent),
             buttons: Buttons::new(),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
@@ -61,19 +62,20 @@ impl Operator {
 
     /// Takes the switches of this cycle; `None` if those of the switch box are missing or stale.
     pub(super) fn update(&mut self, now: Instant, inputs: Option<SwitchInputs>) -> Option<Cause> {
-        self.deadman.read(now, inputs.map(|inputs| inputs.deadman()));
         self.buttons.read(now, inputs);
-        self.deadman.check_discrepancy(now)
+        let deadman = self.deadman.as_mut()?;
+        deadman.read(now, inputs.map(|inputs| inputs.deadman()));
+        deadman.check_discrepancy(now)
     }
 
-    /// Returns the state of the deadman.
-    pub(super) const fn enable_state(&self) -> EnableState {
-        self.deadman.enable_state()
+    /// Returns the state of the deadman; `None` without a switch box.
+    pub(super) fn enable_state(&self) -> Option<EnableState> {
+        self.deadman.as_ref().map(Deadman::enable_state)
     }
 
     /// Returns whether the deadman is held.
     pub(super) fn is_held(&self) -> bool {
-        self.enable_state() == EnableState::Held
+        self.enable_state() == Some(EnableState::Held)
     }
 
     /// Returns the debounced switches, input of the controller.
@@ -148,7 +150,7 @@ mod tests {
     /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
     /// its computation.
     fn cause(delay: usize, engaged: bool) -> Option<Cause> {
-        let mut operator = Operator::new(Duration::from_millis(1));
+        let mut operator = Operator::new(Duration::from_millis(1), true);
         let template = at_rest();
         let permit = Permit {
             mode: if engaged { Mode::Engaged } else { Mode::Armed },

@@ -41,6 +41,7 @@ use crate::reaction::{Initiator, Reaction};
 use crate::record::Mode;
 use crate::safety::active_causes::ActiveCauses;
 use crate::safety::ramp::Ramp;
+use config::NoSwitchBox;
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -71,6 +72,9 @@ pub enum Refusal {
     /// The inputs of the switch box are missing.
     #[error("no inputs from the switch box: check its power and cable")]
     SwitchBoxSilent,
+    /// There is no switch box.
+    #[error(transparent)]
+    NoSwitchBox(#[from] NoSwitchBox),
     /// No stop is latched.
     #[error("nothing to reset: the node is {0}")]
     NotStopped(Mode),
@@ -189,12 +193,13 @@ impl Safety {
     /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
     ///
     /// # Errors
-    /// When the mode is not `Ready`, the deadman is not known to be released, or a cause is active that would
+    /// When there is no switch box, the mode is not `Ready`, the deadman is not known to be released, or a cause is active that would
     /// stop the armed node.
-    pub fn arm(&mut self, now: Instant, enable_state: EnableState) -> Result<(), Refusal> {
+    pub fn arm(&mut self, now: Instant, enable_state: Option<EnableState>) -> Result<(), Refusal> {
         if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
             return Err(Refusal::Stopped(cause));
         }
+        let enable_state = enable_state.ok_or(NoSwitchBox)?;
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }

@@ -4,6 +4,7 @@ use super::*;
 use crate::cause::ResetReason;
 use canopen::object::Object;
 use canopen::{NmtState, error_codes};
+use config::NoSwitchBox;
 use controller::Fault;
 use units::numbering::NodeIndex;
 
@@ -21,7 +22,7 @@ fn armed() -> Safety {
     let mut safety = Safety::new(RAMPS);
     safety.on_drives_enabled(at(0));
     safety.permit(at(0), false);
-    safety.arm(at(0), EnableState::Released).unwrap();
+    safety.arm(at(0), Some(EnableState::Released)).unwrap();
     safety
 }
 
@@ -161,10 +162,10 @@ fn active_cause_refuses_arming_and_is_named() {
         let cause = sample(kind);
         safety.raise(at(LATER), cause);
         assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
-        let answer = safety.arm(at(LATER + 1), EnableState::Released);
+        let answer = safety.arm(at(LATER + 1), Some(EnableState::Released));
         assert_eq!(answer, Err(Refusal::CauseActive(cause)));
         assert_eq!(answer.unwrap_err().to_string(), format!("still active: {cause}"));
-        assert_eq!(safety.arm(at(LATER + 21), EnableState::Released), Ok(()));
+        assert_eq!(safety.arm(at(LATER + 21), Some(EnableState::Released)), Ok(()));
     }
 }
 
@@ -178,10 +179,10 @@ fn hazard_39_only_a_new_press_engages_after_any_stop() {
         assert!(answer.is_ok());
         if safety.mode() == Mode::Boot {
             safety.on_drives_enabled(at(LATER));
-            let refused = safety.arm(at(LATER), EnableState::Held);
+            let refused = safety.arm(at(LATER), Some(EnableState::Held));
             assert_eq!(refused, Err(Refusal::DeadmanClosed), "{kind:?}");
             safety.permit(at(LATER), false);
-            safety.arm(at(LATER), EnableState::Released).unwrap();
+            safety.arm(at(LATER), Some(EnableState::Released)).unwrap();
         } else {
             assert!(!safety.permit(at(LATER), true).engaged, "{kind:?}: still closed");
             safety.permit(at(LATER + 1), false);
@@ -218,7 +219,7 @@ fn torque_is_zero_before_arming() {
         assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
         assert!(!permit.engaged && !safety.allows_torque());
     }
-    assert_eq!(safety.arm(at(2), EnableState::Released), Err(Refusal::NotReady(Mode::Boot)));
+    assert_eq!(safety.arm(at(2), Some(EnableState::Released)), Err(Refusal::NotReady(Mode::Boot)));
 }
 
 #[test]
@@ -230,9 +231,10 @@ fn hazard_39_arming_needs_a_deadman_known_to_be_released() {
         (EnableState::Moving, Refusal::DeadmanNotSettled),
         (EnableState::Silent, Refusal::SwitchBoxSilent),
     ] {
-        assert_eq!(safety.arm(at(1), enable_state), Err(refusal));
+        assert_eq!(safety.arm(at(1), Some(enable_state)), Err(refusal));
     }
-    safety.arm(at(2), EnableState::Released).unwrap();
+    assert_eq!(safety.arm(at(1), None), Err(Refusal::NoSwitchBox(NoSwitchBox)));
+    safety.arm(at(2), Some(EnableState::Released)).unwrap();
     assert!(!safety.permit(at(3), false).engaged);
     assert!(safety.permit(at(4), true).engaged);
 }

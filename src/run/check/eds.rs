@@ -33,10 +33,9 @@ impl fmt::Display for FaultyEds<'_> {
 
 /// Returns the nodes of a configuration whose EDS has errors.
 pub(super) fn faulty(config: &Config) -> Vec<FaultyEds<'_>> {
-    let joints = config.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
-    let nodes = joints.chain([("switch box", &config.switches.eds)]);
-    let faulty =
-        nodes.map(|(node, eds)| FaultyEds { node, errors: number(&eds.lint(), Severity::Error) });
+    let faulty = config
+        .data_sheets()
+        .map(|(node, eds)| FaultyEds { node, errors: number(&eds.lint(), Severity::Error) });
     faulty.filter(|eds_of_node| eds_of_node.errors > 0).collect()
 }
 

@@ -27,8 +27,16 @@ use faults::{DeviceFault, Disconnection, Fault, Kind, LinkFault};
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
-/// The six drives and the switch box.
-pub type Devices<'a> = [&'a mut dyn Breakable; 7];
+/// The six drives and the switch box; `None` for a device that is not on the buses.
+pub type Devices<'a> = [Option<&'a mut dyn Breakable>; 7];
+
+/// Returns the devices on the buses, with their indices.
+pub(crate) fn present<'d, 'a>(
+    devices: &'d mut Devices<'a>,
+) -> impl Iterator<Item = (NodeIndex, &'d mut (dyn Breakable + 'a))> {
+    let all = NodeIndex::each(devices);
+    all.filter_map(|(place, device)| Some((place, &mut **device.as_mut()?)))
+}
 
 /// Start or end of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +128,7 @@ impl Faults {
             running.send_foreign(now, out);
         }
         while let Some(delayed) = self.held.take_due(now) {
-            let Some(device) = devices.get_mut(delayed.place.0) else { continue };
+            let Some(Some(device)) = devices.get_mut(delayed.place.0) else { continue };
             match delayed.direction {
                 _ if self.is_disconnected(delayed.place) => {}
                 Direction::FromDevice => out.push(delayed.telegram),
@@ -199,7 +207,7 @@ impl Faults {
     fn end(&mut self, now: Instant, over: &Running, devices: &mut Devices<'_>) {
         let fault = over.fault;
         self.notify(now, fault, true);
-        for (place, device) in NodeIndex::each(devices) {
+        for (place, device) in present(devices) {
             let is_back = over.is_disconnected(place) && !self.is_disconnected(place);
             match fault.kind {
                 Kind::Disconnection(Disconnection::Unplugged) if is_back => device.switch_on(now),
@@ -232,7 +240,7 @@ impl Faults {
 
 /// Applies a fault to the devices that it targets.
 fn apply(now: Instant, fault: Fault, what: DeviceFault, devices: &mut Devices<'_>) {
-    let targets = NodeIndex::each(devices).filter(|(place, _)| fault.target.has(*place));
+    let targets = present(devices).filter(|(place, _)| fault.target.has(*place));
     for (_, device) in targets {
         match what {
             DeviceFault::Reboot => {

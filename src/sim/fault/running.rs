@@ -1,8 +1,8 @@
 //! A fault while it lasts: the frames it applies to, and what it keeps from its start.
 
 use crate::drivetrain::Sensed;
-use crate::fault::Devices;
 use crate::fault::breakable::{Breakable, Direction};
+use crate::fault::{Devices, present};
 use crate::random::SplitMix;
 use canopen::frame::{Channel, Frame, Telegram};
 use faults::{
@@ -89,7 +89,7 @@ impl Running {
     /// Disconnects the targets; a cut wire disconnects those behind them as well.
     pub(super) fn disconnect(&mut self, how: Disconnection, devices: &mut Devices<'_>) {
         let mut ended: [Option<Channel>; 7] = [None; 7];
-        for (place, device) in NodeIndex::each(devices) {
+        for (place, device) in present(devices) {
             let is_target = self.fault.target.has(place);
             let channel = Some(device.channel());
             let is_behind = how == Disconnection::WireCut && ended.contains(&channel);
@@ -115,7 +115,7 @@ impl Running {
     /// Sends what joint `by` sends with `service` a second time, as if from the target.
     pub(super) fn imitate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
         let service_of = |place: NodeIndex| {
-            let device = devices.get(place.0)?;
+            let device = devices.get(place.0)?.as_ref()?;
             Some((device.channel(), device.cob_id(Direction::FromDevice, service)?))
         };
         let mut places = NodeIndex::each(devices).map(|(place, _)| place);

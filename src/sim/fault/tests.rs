@@ -116,7 +116,8 @@ impl Network {
             self.now = self.now.max(due);
             let mut out = Vec::new();
             let [a, b, c, d, e, f, g] = &mut self.devices;
-            let mut devices: Devices<'_> = [a, b, c, d, e, f, g];
+            let mut devices: Devices<'_> =
+                [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g)];
             self.faults.on_time(self.now, &mut devices, &mut out);
             came.extend(out.into_iter().map(|telegram| (self.now, telegram)));
         }

@@ -29,7 +29,7 @@ use crate::scenario::keys::Entry as Table;
 use crate::scenario::operator::{Actions, Console, Hold, Move, Switch};
 use crate::scenario::problem::{MIN_DURATION, Misplaced, follows, within};
 use crate::scenario::to_toml::FaultEntry;
-use faults::Fault;
+use faults::{Fault, Target};
 
 /// Maximum length of a scenario, in s.
 const MAX_LENGTH: f64 = 86_400.0;
@@ -207,6 +207,12 @@ impl Scenario {
     /// Returns the faults, in order of their start.
     pub fn faults(&self) -> &[Fault] {
         &self.faults
+    }
+
+    /// Returns whether it arms the node, or has a fault of the switch box.
+    pub fn needs_switch_box(&self) -> bool {
+        let arms = self.requests().any(|(_, request)| request == ConsoleRequest::Arm);
+        arms || self.faults().iter().any(|fault| fault.target == Target::SwitchBox)
     }
 
     fn check(script: Script) -> Result<Self, Misplaced> {

@@ -60,6 +60,19 @@ pub struct Rating {
     pub unit: &'static str,
 }
 
+impl Rating {
+    /// The nearest whole number; the largest for a value beyond.
+    #[expect(
+        clippy::as_conversions,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a float that is too large becomes the largest number, NaN becomes zero"
+    )]
+    pub const fn rounded(&self) -> u32 {
+        self.value.round() as u32
+    }
+}
+
 /// Expected values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nameplate {
@@ -75,6 +88,8 @@ pub struct Nameplate {
     pub rated_current: Option<Rating>,
     /// Rated torque (6076h).
     pub rated_torque: Rating,
+    /// Supported modes (6502h) as the configuration states them; `None` expects cyclic synchronous torque among them.
+    pub modes: Option<u32>,
 }
 
 /// Value found in a drive, of one to four bytes.
@@ -128,7 +143,8 @@ const FEED: &str = "set it with the maker's tool or [[joint.boot.write]], or sta
 const CURRENT: &str = "set it with the maker's tool, or correct rated_current_a";
 const TORQUE: &str =
     "set it with the maker's tool, or correct rated_torque_nm or rated_torque_unit";
-const MODE: &str = "this drive has no cyclic synchronous torque mode";
+const MODE: &str = "this drive lists no cyclic synchronous torque; if it has it all the same, state its value as \
+    drive_modes";
 
 impl Nameplate {
     /// Objects to read, in order.
@@ -190,13 +206,15 @@ impl Nameplate {
                 return misfit(name, object, format!("{found} {unit}"), expected, remedy);
             }
         }
-        match value(Object::SUPPORTED_MODES) {
-            Some(modes) if modes & HAS_CYCLIC_TORQUE == 0 => {
-                let found = format!("{modes:08X}h");
-                misfit("supported modes", Object::SUPPORTED_MODES, found, "bit 9".to_owned(), MODE)
-            }
-            Some(_) | None => Ok(()),
+        let Some(found) = value(Object::SUPPORTED_MODES) else { return Ok(()) };
+        let (is_right, expected) = match self.modes {
+            Some(modes) => (found == modes, format!("{modes:08X}h")),
+            None => (found & HAS_CYCLIC_TORQUE != 0, "bit 9".to_owned()),
+        };
+        if is_right {
+            return Ok(());
         }
+        misfit("supported modes", Object::SUPPORTED_MODES, format!("{found:08X}h"), expected, MODE)
     }
 }
 
@@ -218,6 +236,7 @@ mod tests {
             feed: vec![Ratio::ONE, Ratio(16_384, 1)],
             rated_current: None,
             rated_torque: Rating { value: 176.5, unit: "mN·m" },
+            modes: None,
         }
     }
 
@@ -281,6 +300,9 @@ mod tests {
 
     #[test]
     fn drive_without_cyclic_torque_is_refused() {
+        let stated = Nameplate { modes: Some(0x6D), ..nameplate() };
+        assert_eq!(stated.judge(&[held(Object::SUPPORTED_MODES, 0x6D)]), Ok(()));
+        assert!(stated.judge(&[held(Object::SUPPORTED_MODES, 0x3EF)]).is_err());
         assert_eq!(judged(&[held(Object::SUPPORTED_MODES, 0x3EF)]), "");
         assert!(
             judged(&[held(Object::SUPPORTED_MODES, 0x6D)]).contains("is 0000006Dh, expected bit 9")

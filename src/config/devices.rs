@@ -33,7 +33,9 @@ pub(super) fn check(
         }
         identity(&raw.product_code, &joint.eds, &joint.identity, problems);
         let plan = plans::drive(config, number, joint);
-        mode(&raw.eds, &joint.eds, &plan, problems);
+        if joint.nameplate.modes.is_none() {
+            mode(&raw.eds, &joint.eds, &plan, problems);
+        }
         abilities(&raw.eds, &joint.eds, &plan, problems);
         value_limits::check(&raw.eds, &joint.eds, &plan, problems);
     }
@@ -68,7 +70,7 @@ fn mode(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_
     if modes != 0 && modes & i128::from(HAS_CYCLIC_TORQUE) == 0 {
         let name = &plan.name;
         let reason = format!(
-            "{name}: its drive has no cyclic synchronous torque: 6502h is {modes:08X}h, without bit 9"
+            "{name}: its drive has no cyclic synchronous torque: 6502h is {modes:08X}h, without bit 9; if it has it, state the value as drive_modes"
         );
         problems.add(at, reason);
     }

@@ -26,6 +26,7 @@ pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Na
         gear: gear.unwrap_or(Ratio::ONE),
         feed: feed.map_or_else(|| vec![Ratio::ONE, counts], |given| vec![given]),
         rated_current: current.map(|amperes| Rating { value: amperes * 1e3, unit: "mA" }),
+        modes: joint.drive_modes.get(),
         rated_torque: Rating { value: joint.rated_torque_nm.get()? * scale, unit },
     })
 }

@@ -118,6 +118,7 @@ sections! {
         drive_encoder: Optional<List<u32, 2>>,
         drive_gear: Optional<List<u32, 2>>,
         drive_feed: Optional<List<u32, 2>>,
+        drive_modes: Optional<u32>,
         torque_limit: Option<TorqueLimit>,
         boot: Option<Boot>,
         simulated: OrEmpty<Simulated>,

@@ -8,13 +8,14 @@ use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
+use canopen::nameplate::{Nameplate, Ratio};
 use canopen::object::Object;
 use canopen::plan::Identity;
 use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
 use sim::arm::{Arm, ArmSettings, Joints, LinkSettings};
-use sim::drive::{Drive, DriveSettings};
+use sim::drive::{Delivery, Drive, DriveSettings};
 use sim::drivetrain::{Drivetrain, DrivetrainSettings};
 use sim::motion::{Load, Tuning};
 use sim::plant::{self, Resistance};
@@ -41,7 +42,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             latency: DRIVE_LATENCY,
             tuning: tuning(&joint.plant, *number.entry(&inertias)),
         };
-        Drive::with(settings, &scenario.quirks().of(number))
+        Drive::delivered(settings, &delivery(joint), &scenario.quirks().of(number))
     });
     let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = config.switches.as_ref().map(|switches| {
@@ -75,6 +76,29 @@ fn drive_dictionary(joint: &JointParameters) -> Dictionary {
         }
     }
     dictionary
+}
+
+/// Returns what the maker's tool has stored in a drive: what the configuration states of it.
+fn delivery(joint: &JointParameters) -> Delivery {
+    let Nameplate { polarity, encoder, gear, feed, rated_torque, rated_current, modes } =
+        &joint.nameplate;
+    let mut stored = vec![
+        (Object::POLARITY, u32::from(*polarity)),
+        (Object::GEAR_MOTOR_REVOLUTIONS, gear.0),
+        (Object::GEAR_SHAFT_REVOLUTIONS, gear.1),
+        (Object::RATED_TORQUE, rated_torque.rounded()),
+    ];
+    // A single accepted value is one that the configuration states.
+    if let [Ratio(increments, revolutions)] = encoder[..] {
+        stored.push((Object::ENCODER_INCREMENTS, increments));
+        stored.push((Object::ENCODER_REVOLUTIONS, revolutions));
+    }
+    if let [Ratio(feed, revolutions)] = feed[..] {
+        stored.extend([(Object::FEED, feed), (Object::FEED_REVOLUTIONS, revolutions)]);
+    }
+    stored.extend(rated_current.map(|current| (Object::RATED_CURRENT, current.rounded())));
+    stored.extend(modes.map(|modes| (Object::SUPPORTED_MODES, modes)));
+    Delivery { stored, has_unlisted_torque_mode: modes.is_some() }
 }
 
 /// Returns the dictionary of a device with a serial number of its own, for LSS.

@@ -11,6 +11,7 @@ use crate::device::parameter::consumed;
 use crate::dictionary::Dictionary;
 use crate::frame::{COB_ID_MAX, Frame};
 use crate::object::Object;
+use crate::sync;
 use units::time::Instant;
 
 /// SYNC consumer.
@@ -27,7 +28,9 @@ pub(super) struct SyncConsumer {
 impl SyncConsumer {
     /// Applies the dictionary. The window starts with the next SYNC.
     pub(super) fn configure(&mut self, dictionary: &Dictionary) {
-        let identifier = dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
+        // Some data sheets of drives with synchronous PDOs leave 1005h out.
+        let cob_id = dictionary.optional(Object::SYNC_COB_ID).unwrap_or(u32::from(sync::COB_ID));
+        let identifier = cob_id & u32::from(COB_ID_MAX);
         let window = u64::from(dictionary.unsigned(Object::SYNC_WINDOW));
         let counts = dictionary.entry(Object::SYNC_OVERFLOW);
         *self = Self {

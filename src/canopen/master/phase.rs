@@ -27,6 +27,7 @@ impl Master {
         let (channel, is_late) = (slave.channel, slave.is_late);
         let is_configured = matches!(report, Some(Report::Configured(_)));
         if is_configured && is_late && self.phase != Phase::Booting {
+            slave.resume_guarding(now);
             // The other nodes have been started without it.
             self.frames.push(Order::to(slave.plan.node, NmtCommand::StartRemoteNode).frame());
         }
@@ -115,6 +116,8 @@ impl Master {
             Phase::Booting if has_failed => self.phase = Phase::Failed,
             Phase::Booting => {
                 self.phase = Phase::Starting(now + BOOT_TIMEOUT);
+                // Guarding has waited: its frames rank below all others, and would have waited for the SDO of the boot.
+                self.slaves.iter_mut().for_each(|slave| slave.resume_guarding(now));
                 let configured = self.slaves.iter().filter(|slave| slave.is_watched());
                 out.extend(configured.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));
             }

@@ -346,6 +346,7 @@ impl Slave {
             Ok(configuration) => {
                 let watch = Watch::new(&self.plan, now);
                 self.stage = Stage::Watched { watch, inquiry: None, reading: None };
+                self.pause_guarding();
                 Some(Report::Configured(configuration))
             }
             Err(BootError { problem: Problem::Absent { waited }, .. }) if self.plan.is_optional => {

@@ -47,6 +47,8 @@ pub(super) struct Axis {
     demand: TorqueDemand,
     /// Error code (603Fh).
     error: u16,
+    /// Set if it has cyclic synchronous torque although 6502h does not list it.
+    has_unlisted_torque_mode: bool,
 }
 
 impl Application for Axis {
@@ -57,7 +59,7 @@ impl Application for Axis {
         bytes: &[u8],
     ) -> Result<(), AbortCode> {
         let is_valid = match (object, bytes) {
-            (Object::MODE_OF_OPERATION, &[mode]) => task::has_mode(dictionary, mode),
+            (Object::MODE_OF_OPERATION, &[mode]) => self.has_mode(dictionary, mode),
             _ => Options::accepts(object, bytes),
         };
         if is_valid { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }
@@ -164,7 +166,14 @@ impl Axis {
             feedback: Feedback { position: actuator.zero_counts, ..Feedback::default() },
             demand: TorqueDemand::default(),
             error: 0,
+            has_unlisted_torque_mode: false,
         }
+    }
+
+    /// Adds cyclic synchronous torque, whatever 6502h lists.
+    #[must_use]
+    pub(super) const fn with_unlisted_torque_mode(self, has_unlisted_torque_mode: bool) -> Self {
+        Self { has_unlisted_torque_mode, ..self }
     }
 
     /// Returns the state of the power drive system.
@@ -313,6 +322,12 @@ impl Axis {
         }
     }
 
+    /// Returns whether it has a mode: one of 6502h, or an unlisted one.
+    fn has_mode(&self, dictionary: &Dictionary, mode: u8) -> bool {
+        let is_unlisted = self.has_unlisted_torque_mode && task::is_cyclic_torque(mode);
+        is_unlisted || task::has_mode(dictionary, mode)
+    }
+
     fn next_task(&self) -> Task {
         self.task.next(&self.power, self.mode)
     }
@@ -322,7 +337,7 @@ impl Axis {
         let mode = dictionary.i8(Object::MODE_OF_OPERATION);
         let is_new = mode != self.mode
             && self.task.allows_mode_change()
-            && task::has_mode(dictionary, mode.cast_unsigned());
+            && self.has_mode(dictionary, mode.cast_unsigned());
         if is_new {
             self.mode = mode;
         }

@@ -44,6 +44,7 @@ use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
+use canopen::object::Object;
 use canopen::station::Station;
 use canopen::{NmtCommand, NmtState, NodeId};
 use units::time::Instant;
@@ -63,6 +64,15 @@ pub struct DriveSettings {
     pub latency: Duration,
     /// Servo tuning: inertia and friction of the load.
     pub tuning: Tuning,
+}
+
+/// State in which a drive comes to its bus, where it differs from the defaults of its data sheet and its motor.
+#[derive(Clone, Debug, Default)]
+pub struct Delivery {
+    /// Values that the maker's tool has stored.
+    pub stored: Vec<(Object, u32)>,
+    /// Set if it has cyclic synchronous torque although 6502h does not list it.
+    pub has_unlisted_torque_mode: bool,
 }
 
 /// A simulated CiA 402 drive.
@@ -87,11 +97,20 @@ impl Drive {
 
     /// Creates a drive with `quirks` at power-up.
     pub fn with(settings: DriveSettings, quirks: &Quirks) -> Self {
+        Self::delivered(settings, &Delivery::default(), quirks)
+    }
+
+    /// Creates a drive as its maker and its laboratory have delivered it, with `quirks` at power-up.
+    pub fn delivered(settings: DriveSettings, delivery: &Delivery, quirks: &Quirks) -> Self {
         let DriveSettings { channel, node, mut dictionary, actuator, latency, tuning } = settings;
         nameplate::store(&actuator, &mut dictionary);
+        for (object, value) in &delivery.stored {
+            nameplate::store_number(&mut dictionary, *object, *value);
+        }
         let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
             QuirkEffects::of(quirks, dictionary, node);
-        let axis = Axis::new(&actuator, tuning);
+        let axis = Axis::new(&actuator, tuning)
+            .with_unlisted_torque_mode(delivery.has_unlisted_torque_mode);
         let mut device =
             Device::new(node, dictionary, axis, latency).with_misbehaviour(misbehaviour);
         if let Some(torque) = torque_at_start {

@@ -83,6 +83,11 @@ pub(super) fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
     modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
 }
 
+/// Returns whether a mode is cyclic synchronous torque.
+pub(super) const fn is_cyclic_torque(mode: u8) -> bool {
+    mode.cast_signed() == CYCLIC_SYNCHRONOUS_TORQUE
+}
+
 /// 6060h: cyclic synchronous position, 607Ah at every SYNC.
 const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
 /// 6060h: cyclic synchronous velocity, 60FFh at every SYNC.

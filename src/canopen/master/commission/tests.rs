@@ -612,6 +612,7 @@ fn rated() -> (NodePlan, Scripted) {
         feed: vec![Ratio::ONE],
         rated_current: None,
         rated_torque: Rating { value: 176.5, unit: "mN·m" },
+        modes: None,
     };
     let plan = NodePlan { nameplate: Some(nameplate), ..elbow() };
     let mut device = Scripted::suiting(&plan);

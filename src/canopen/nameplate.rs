@@ -68,7 +68,7 @@ impl Rating {
         clippy::cast_sign_loss,
         reason = "a float that is too large becomes the largest number, NaN becomes zero"
     )]
-    pub const fn rounded(&self) -> u32 {
+    pub fn rounded(&self) -> u32 {
         self.value.round() as u32
     }
 }

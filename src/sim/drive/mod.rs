@@ -105,7 +105,7 @@ impl Drive {
         let DriveSettings { channel, node, mut dictionary, actuator, latency, tuning } = settings;
         nameplate::store(&actuator, &mut dictionary);
         for (object, value) in &delivery.stored {
-            nameplate::store_number(&mut dictionary, *object, *value);
+            dictionary.set_default_number(*object, *value);
         }
         let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
             QuirkEffects::of(quirks, dictionary, node);

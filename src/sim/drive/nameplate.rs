@@ -88,7 +88,7 @@ fn supported_modes(dictionary: &Dictionary) -> u32 {
 }
 
 /// Stores the low bytes of a number, within the largest of a signed object. An absent object stays absent.
-pub(super) fn store_number(dictionary: &mut Dictionary, object: Object, value: u32) {
+fn store_number(dictionary: &mut Dictionary, object: Object, value: u32) {
     let Some(size) = dictionary.entry(object).and_then(Entry::size) else {
         return;
     };

@@ -1,6 +1,7 @@
 //! Drives made from the data sheets of real ones: each has what its EDS has, and no more.
 
 use super::*;
+use canopen::device::ConnectionLoss;
 use canopen_rs::nmt::heartbeat_cob_id;
 
 fn drive_of(eds: &[u8], quirks: &[&str]) -> Drive {
@@ -133,7 +134,7 @@ fn limit_by_current_limits_the_torque() {
 #[test]
 fn torque_limit_of_the_maker_is_stored() {
     let mut line = Line::of(include_bytes!("../../../../eds/drives/maxon-epos4.eds"));
-    let output_current_limit = Object { index: 0x3001, sub: 2 };
+    let output_current_limit: Object = "3001h:2".parse().unwrap();
     assert!(line.write(output_current_limit, &1_200_u32.to_le_bytes()));
     assert_eq!(line.drive.dictionary().unsigned(output_current_limit), 1_200);
     assert!(!line.write(output_current_limit, &5_000_u32.to_le_bytes()), "above its HighLimit");
@@ -165,6 +166,37 @@ fn life_guarding_stops_drives_without_heartbeat_consumer() {
         assert_eq!(line.drive.state(), State::OperationEnabled, "within the life time");
         line.pass(Duration::from_millis(3));
         assert_eq!((line.drive.state(), line.drive.demand()), (State::Fault, 0.0));
-        assert_eq!(line.drive.last_error(), 0x8130);
+        assert_eq!(line.drive.last_error(), ConnectionLoss::Heartbeat.error_code());
     }
+}
+
+#[test]
+fn sync_is_80h_where_1005h_is_absent() {
+    let mut line = Line::of(include_bytes!("../../../../eds/drives/elmo-gold.eds"));
+    assert!(line.drive.dictionary().entry(Object::SYNC_COB_ID).is_none());
+    let cob_id = Object::tpdo_communication(1, 1);
+    assert!(line.write(cob_id, &0x8000_0183_u32.to_le_bytes()));
+    assert!(line.write(Object::tpdo_mapping(1, 0), &[1]));
+    assert!(line.write(Object::tpdo_communication(1, 2), &[1]));
+    assert!(line.write(cob_id, &0x0000_0183_u32.to_le_bytes()));
+    line.frame(&Frame::new(0x000, [1, 3]));
+    let before = line.sent.len();
+    line.frame(&Frame::new(0x080, []));
+    assert!(line.sent.iter().skip(before).any(|frame| frame.cob_id == 0x183));
+}
+
+#[test]
+fn delivered_polarity_of_80h_is_stored_whole() {
+    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
+    let settings = DriveSettings {
+        channel: BUS,
+        node: node(),
+        dictionary: Dictionary::new(&eds, node()),
+        actuator: ACTUATOR,
+        latency: Duration::ZERO,
+        tuning: Tuning::default(),
+    };
+    let delivery = Delivery { stored: vec![(Object::POLARITY, 0x80)], ..Delivery::default() };
+    let drive = Drive::delivered(settings, &delivery, &Quirks::default());
+    assert_eq!(drive.dictionary().unsigned(Object::POLARITY), 0x80);
 }

@@ -13,7 +13,6 @@ use canopen::eds::Eds;
 use canopen::layout;
 use canopen::master::Master;
 use canopen::master::event::Event;
-use canopen::object::Object;
 use canopen::pdo::DriveSample;
 use canopen::plan::{Identity, NodePlan, Watch};
 use canopen::sync::Sync;

@@ -170,28 +170,25 @@ fn drive_with_another_identity_is_never_enabled() {
     scratch.write("eds/frhc_drive.eds", &other);
     let text = fs::read_to_string(CONFIG).unwrap();
     let mine = scratch.write("config/mine.toml", &text.replace("0x0402_0010", "0x0402_0011"));
-    never_enabled(&scratch, CONFIG, &mine, "1018h:2 is 04020010h, expected 04020011h");
+    never_enabled(
+        &scratch,
+        &["--config", CONFIG],
+        &mine,
+        "1018h:2 is 04020010h, expected 04020011h",
+    );
 }
 
 #[test]
 fn drive_that_refuses_its_mapping_is_never_enabled() {
     let scratch = Scratch::new("mapping");
-    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
-    let (before, section) = eds.split_once("[1600sub0]").unwrap();
-    let (section, after) = section.split_once("\n[").unwrap();
-    // Some drives map only two objects in a PDO.
-    let narrow = section.replace("HighLimit=8", "HighLimit=2");
-    assert_ne!(section, narrow, "1600h has room for eight");
-    scratch.write("eds/frhc_drive.eds", &format!("{before}[1600sub0]{narrow}\n[{after}"));
-    let text = fs::read_to_string(CONFIG).unwrap();
-    let theirs = scratch.write("config/theirs.toml", &text);
-    never_enabled(&scratch, &theirs, CONFIG, "1600h refused: 06090031h");
+    let theirs = ["--config", CONFIG, "--quirks", "azimuth=fixed-mapping"];
+    never_enabled(&scratch, &theirs, CONFIG, "1A00h refused: 06010002h");
 }
 
 /// Fails unless `run` with another configuration than `sim` ends with exit 5 and the reason, and starts no drive.
-fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
+fn never_enabled(scratch: &Scratch, theirs: &[&str], mine: &str, reason: &str) {
     let mut candump = Candump::of("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", theirs]);
+    let sim = scratch.frhc(&[&["sim"], theirs].concat());
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let outcome = scratch.frhc(&["run", "--config", mine]).wait();
     assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);

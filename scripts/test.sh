@@ -55,6 +55,9 @@ on_vcan() {
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
 interop() { VCAN_UML_CPU=$1 scripts/interop.sh; }
+drives() {
+  VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i vcan0 -- scripts/drives_table.py --check
+}
 campaign() { target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1; }
 
 missing=
@@ -70,7 +73,8 @@ export FRHC_PROGRAM=$PWD/target/release/frhc
 last=$(($(nproc) - 1))
 if [[ -z $missing ]]; then
   timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults
-  { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0; } &
+  { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0
+    lane "drives by their data sheets on real vcan" drives 0; } &
   first=$!
 fi
 {

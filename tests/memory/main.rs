@@ -26,6 +26,7 @@ mod operators;
 mod oracles;
 mod plausibility;
 mod quirks;
+mod real_drives;
 mod scenarios;
 mod sdo;
 mod stiff_wall;

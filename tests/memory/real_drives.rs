@@ -1,0 +1,86 @@
+//! Rehearsal: the arms of config/drives, whose drives are made from the data sheets of real ones.
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use crate::common::bench::{Wire, config};
+use canopen::drive::State;
+use config::Config;
+use lab::bench::Bench;
+use node::record::Mode;
+use sim::quirks::Quirk;
+use sim::scenario::Scenario;
+use units::numbering::Joint;
+
+/// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
+const SCRIPT: &str = "seconds = 5\n\
+    [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.4\ndeadman = true\n";
+
+fn bench(config: &Config, quirks: &[&str]) -> Bench<Wire> {
+    let mut scenario = Scenario::parse(SCRIPT).unwrap();
+    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
+    scenario.quirks_mut().add(Joint::of::<3>(), quirks);
+    Bench::new(config, scenario, 1, false, Wire::default())
+}
+
+/// Every configuration, with the timers that stop its drives.
+fn files() -> Vec<(String, Config)> {
+    let entries = std::fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path());
+    let name = |path: &Path| path.to_str().unwrap().to_owned();
+    entries.map(|path| (name(&path), config(&name(&path)))).collect()
+}
+
+#[test]
+fn arm_of_each_maker_engages_and_stops_without_a_fault() {
+    let files = files();
+    assert!(files.len() >= 5, "{}", files.len());
+    for (name, config) in files {
+        let mut bench = bench(&config, &[]);
+        bench.bring_up().unwrap_or_else(|error| panic!("{name}: {error}"));
+        let engaged = (0..500).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
+        assert!(engaged.is_some(), "{name}");
+        let stops = (0..200).map(|_| bench.cycle()).find(|it| it.mode != Mode::Engaged);
+        assert!(stops.is_none(), "{name}: {:?}", stops.unwrap().cause);
+        bench.stop().unwrap_or_else(|error| panic!("{name}: {error}"));
+        for drive in bench.world_mut().drives() {
+            assert_eq!(drive.state(), State::SwitchOnDisabled, "{name}");
+        }
+    }
+}
+
+#[test]
+fn every_drive_is_proven_by_the_timers_of_its_maker() {
+    for (name, config) in files() {
+        let mut bench = bench(&config, &[]);
+        bench.bring_up().unwrap();
+        let proven = bench.node().proof_test_report().clone();
+        let planned = config.stopping();
+        for (drive, planned) in proven.drives.iter().zip(planned) {
+            let tripped: Vec<_> = drive.trips().map(|trip| trip.watchdog).collect();
+            assert_eq!(tripped, planned.watchdogs, "{name}: {}", drive.name);
+        }
+        let awaited =
+            |expected| proven.drives.iter().all(|drive| drive.guarding.is_some() == expected);
+        assert!(awaited(name.contains("ipos")), "{name}: guarding alone stops iPOS");
+    }
+}
+
+#[test]
+fn stored_values_are_found_in_drives_of_elmo() {
+    let elmo = config("config/drives/elmo_gold.toml");
+    for (quirk, object) in [
+        ("polarity-reversed", "607Eh"),
+        ("stored:6091h:1=2", "6091h"),
+        ("stored:608Fh:1=8192", "608Fh"),
+        ("stored:6076h=131000", "6076h"),
+    ] {
+        let booted = bench(&elmo, &[quirk]).bring_up();
+        let error = booted.err().map_or(String::new(), |error| error.to_string());
+        assert!(error.contains("joint 3 (elbow)") && error.contains(object), "{quirk}: {error}");
+    }
+}

@@ -86,6 +86,12 @@ impl Need {
 }
 
 impl Setting {
+    /// Returns whether the boot fails if a drive keeps to limits that exclude the value. Data sheets limit 1016h to the
+    /// time alone, forgetting the node-id above it: the boot shows what the drive does.
+    pub fn fails_beyond_limits(&self) -> bool {
+        self.need.is_must() && self.check.object != Object::CONSUMER_HEARTBEAT
+    }
+
     /// Returns a setting without which the boot fails.
     pub const fn must(object: Object, value: Value) -> Self {
         Self { check: Check::exactly(object, value), need: Need::Must }

@@ -60,7 +60,7 @@ fn outside(eds: &Eds, plan: &NodePlan) -> Vec<(bool, OutsideLimits)> {
     for setting in plan.settings() {
         let object = setting.check.object;
         let Some(described) = eds.object(object) else { continue };
-        let is_fatal = setting.need.is_must() && object != Object::CONSUMER_HEARTBEAT;
+        let is_fatal = setting.fails_beyond_limits();
         let checked = described.check_content(&bytes(&setting.check.expected), plan.node);
         if let Err(outside) = checked
             && !found.iter().any(|(_, other)| other.object == object)

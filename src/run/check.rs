@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 
 use crate::exit::{Failure, Kind, OrFail};
-use crate::{gains, print};
-use config::{Caution, Config, JointParameters, Stopping};
+use crate::{gains, print, stopping};
+use config::Config;
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
 
@@ -36,19 +36,6 @@ pub fn run(args: &Check) -> Result<(), Failure> {
         Some(file) => configuration(file, args.json),
         None => eds::run(&args.eds, args.json),
     }
-}
-
-/// Timers that stop each drive without its master, and the sum of forces that follows.
-fn stopping_json(config: &Config) -> serde_json::Value {
-    let cap = config.force_cap();
-    let one = |(joint, stopping): (&JointParameters, Stopping)| {
-        serde_json::json!({
-            "joint": joint.name,
-            "stops_by": stopping.to_string(),
-            "max_force_n": stopping.reaction_time().map(|time| cap.max_force(time)),
-        })
-    };
-    config.joints.iter().zip(config.stopping()).map(one).collect()
 }
 
 /// Describes strength and direction of gravity. A base mounted upside down is valid, but must be visible.
@@ -90,8 +77,8 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "buses": buses.collect::<Vec<_>>(),
             "gains": gains::json(&config.findings()),
             "eds": eds::faulty_json(&config),
-            "stopping": stopping_json(&config),
-            "cautions": config.cautions().iter().map(Caution::to_string).collect::<Vec<_>>(),
+            "stopping": stopping::json(&config),
+            "cautions": stopping::cautions_json(&config),
             "switches": config.switches.is_some(),
         });
         print::line(&report.to_string());
@@ -122,15 +109,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             joint.plant.actuator.max_torque
         ));
     }
-    let cap = config.force_cap();
-    for (joint, stopping) in config.joints.iter().zip(config.stopping()) {
-        let force = stopping.reaction_time().map_or(0.0, |time| cap.max_force(time));
-        let name = &joint.name;
-        print::line(&format!("stops {name:16} by {stopping}: at most {force:.1} N at the grip"));
-    }
-    for caution in config.cautions() {
-        print::line(&format!("value {caution}"));
-    }
+    stopping::lines(&config).iter().for_each(|line| print::line(line));
     eds::faulty(&config).iter().for_each(|node| print::line(&node.to_string()));
     if let Err(reason) = config.switch_box() {
         print::line(&format!("switches warning   {reason}"));

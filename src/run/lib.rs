@@ -49,3 +49,4 @@ pub mod signals;
 mod state;
 pub mod stderr;
 pub mod stop_signals;
+pub mod stopping;

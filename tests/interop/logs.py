@@ -10,6 +10,7 @@ from pathlib import Path
 
 import any_master
 import hostile
+import our_tools
 from bench import CONFIG, FRHC, ROOT, check, same
 
 LOGS = Path(os.environ.get("INTEROP_LOGS", "target/interop/logs"))
@@ -25,7 +26,8 @@ class Logs:
     def __enter__(self):
         self.temporary = tempfile.TemporaryDirectory(prefix="frhc-interop-")
         self.folder = Path(self.temporary.name)
-        strange = {test.__name__ for test in [*hostile.TESTS, *any_master.STRANGE]}
+        strange = [*hostile.TESTS, *any_master.STRANGE, *our_tools.STRANGE]
+        strange = {test.__name__ for test in strange}
         self.files = sorted(file for file in LOGS.glob("*.log") if file.stem not in strange)
         # The dissector is stateless and decodes the segments of a block as requests.
         self.without_blocks = [file for file in self.files if "block" not in file.stem]

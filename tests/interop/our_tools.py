@@ -72,6 +72,9 @@ def drive_is_given_its_node_id_by_pythons_lss_master(bench):
     same(bench.network.add_node(9, DRIVE_EDS).sdo["Device type"].raw, 0x20192, "1000h of node 9")
 
 
+# Asks nodes without a heartbeat by remote frames, which other decoders reject.
+STRANGE = [scan_finds_pythons_nodes]
+
 TESTS = [
     scan_finds_pythons_nodes,
     sdo_reads_and_writes_pythons_objects,

@@ -609,3 +609,20 @@ fn dcf_export_is_reproducible() {
     };
     assert_eq!(written(), written());
 }
+
+#[test]
+fn dcf_of_real_drives_is_written_and_slips_are_named() {
+    for (file, slip) in [
+        ("maxon_epos4", ""),
+        ("elmo_gold", "1016h:1 must be within 0..=65535"),
+        ("technosoft_ipos", ""),
+    ] {
+        let out = folder("eds", file).join("new");
+        let config = format!("config/drives/{file}.toml");
+        let outcome = frhc(&["export", "dcf", "--config", &config, "--out", out.to_str().unwrap()]);
+        assert_eq!(outcome.code, 0, "{file}: {}", outcome.stderr);
+        assert_eq!(outcome.stderr.is_empty(), slip.is_empty(), "{file}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(slip), "{file}: {}", outcome.stderr);
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 7, "{file}");
+    }
+}

@@ -15,8 +15,8 @@ use canopen_tools::dcf::{self, DcfError};
 use config::Config;
 use run::config_arg::ConfigArg;
 use run::exit::{Failure, Kind, OrFail};
-use run::print;
 use run::results::{self, Force};
+use run::{print, stopping};
 
 /// `frhc export dcf`.
 #[derive(Debug, Args)]
@@ -53,6 +53,7 @@ pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
         files.push(File { name, content });
     }
     write(&args.out, &files, args.force)?;
+    stopping::cautions(&config).iter().for_each(|line| print::note(line));
     for file in &files {
         print::line(&args.out.join(&file.name).display().to_string());
     }

@@ -12,9 +12,11 @@ use canopen::load::rates::Rates;
 use canopen::load::streams::Sender;
 use canopen::load::timeline::{LoopDelay, Stage, Step, Timeline};
 use canopen::load::utilisation::BusLoad;
+use config::Config;
+use run::stopping;
 
 /// Returns the report as one object.
-pub(super) fn of(report: &Report<'_>) -> String {
+pub(super) fn of(report: &Report<'_>, config: &Config) -> String {
     let assumed = &report.assumed;
     let network = report.network;
     let buses = report.buses.iter().zip(&network.buses);
@@ -30,6 +32,8 @@ pub(super) fn of(report: &Report<'_>) -> String {
             "error_gap_us": assumed.error_gap_us,
         },
         "buses": buses.collect::<Vec<_>>(),
+        "stopping": stopping::json(config),
+        "cautions": stopping::cautions_json(config),
         "proposals": report.proposals.iter().map(proposal).collect::<Vec<_>>(),
         "not_grouped_because": report.obstacles.iter().map(|obstacle| json!({
             "drive": obstacle.drive,

@@ -15,7 +15,7 @@ use canopen::load::timeline::Pauses;
 use config::Config;
 use run::config_arg::ConfigArg;
 use run::exit::{Failure, Kind, OrFail};
-use run::print;
+use run::{print, stopping};
 
 /// `frhc plan`.
 #[derive(Debug, Args)]
@@ -80,7 +80,12 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
         network: &network,
         assumed,
     };
-    print::line(&if args.json { json::of(&report) } else { text::of(&report) });
+    if args.json {
+        print::line(&json::of(&report, &config));
+    } else {
+        stopping::lines(&config).iter().for_each(|line| print::line(line));
+        print::line(&text::of(&report));
+    }
     if network == config.network() {
         Config::load(file).map(|_| ()).or_fail(Kind::Configuration)
     } else {

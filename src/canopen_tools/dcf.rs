@@ -70,9 +70,14 @@ pub fn write(
     for (object, content) in settings(eds, plan)? {
         let text = text(eds, object, &content)?;
         let setting = planned.iter().find(|setting| setting.check.object == object);
-        if setting.is_none_or(Setting::fails_beyond_limits) {
-            let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
-            described.check_content(&content, plan.node)?;
+        let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
+        match described.check_content(&content, plan.node) {
+            Err(outside) if setting.is_none_or(Setting::fails_beyond_limits) => {
+                return Err(outside.into());
+            }
+            // A limit that is a slip of the data sheet: other tools refuse the value.
+            Err(_) => sheet.drop_limits(object),
+            Ok(()) => {}
         }
         sheet.set_value(object, &text, eds.objects());
     }

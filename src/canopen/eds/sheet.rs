@@ -70,6 +70,20 @@ impl<'t> Sheet<'t> {
         self.set(home, "NrOfEntries", &count.to_string());
     }
 
+    /// Removes the limits of an object, which exclude a value that the device takes.
+    pub fn drop_limits(&mut self, object: Object) {
+        let Object { index, sub } = object;
+        let own = if sub == 0 { Title::Object(index) } else { Title::Sub(index, sub) };
+        for part in &mut self.sections {
+            if [own, Title::Sub(index, sub)].contains(&Title::of(&part.name)) {
+                let is_limit = |key: &str| {
+                    key.eq_ignore_ascii_case("LowLimit") || key.eq_ignore_ascii_case("HighLimit")
+                };
+                part.entries.retain(|(key, _)| !is_limit(key));
+            }
+        }
+    }
+
     /// Adds sections for both parameters of the PDO that `CompactPDO` describes at `index`.
     fn expand_compact_pdo(&mut self, index: u16, all: &[Described]) {
         let communication = index & !0x0200;

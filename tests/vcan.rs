@@ -700,3 +700,31 @@ fn only(folder: &str) -> PathBuf {
 fn seconds(seconds: f64) -> u64 {
     u64::try_from(Duration::from_secs_f64(seconds).as_nanos()).unwrap()
 }
+
+/// Quirk of the elbow's drive, and the reason for which it is refused; none if it runs.
+const REAL_DRIVES: [(&str, &str); 5] = [
+    ("no-rtr", ""),
+    ("lost-sdo-reply", ""),
+    ("polarity-reversed", "polarity (607Eh) is 80h, expected 00h"),
+    ("stored:6091h:1=2", "gear ratio (6091h) is 2:1, expected 1:1"),
+    ("stored:6076h=176500", "rated torque (6076h) is 176500 mN·m, expected 130.7 mN·m"),
+];
+
+#[test]
+fn manners_of_real_drives_are_met_or_refused_with_both_values() {
+    const SLOW: &str = "config/kraft_like_500hz.toml";
+    for (quirk, reason) in REAL_DRIVES {
+        let scratch = Scratch::new("real_drives");
+        let sim = scratch.frhc(&["sim", "--config", SLOW, "--quirks", &format!("elbow={quirk}")]);
+        let run = scratch.frhc(&["run", "--config", SLOW]);
+        if reason.is_empty() {
+            scratch.ctl("--wait arm").succeeds();
+            run.terminate().succeeds();
+        } else {
+            let outcome = run.wait();
+            assert_eq!(outcome.code, Some(5), "{quirk}: {}", outcome.stderr);
+            assert!(outcome.stderr.contains(reason), "{quirk}: {}", outcome.stderr);
+        }
+        sim.terminate().succeeds();
+    }
+}

@@ -20,6 +20,7 @@ use std::fmt;
 use thiserror::Error;
 
 use crate::object::Object;
+use crate::sdo::Content;
 
 /// Relative deviation of a rating that is a matter of rounding.
 const ROUNDING: f64 = 0.01;
@@ -104,8 +105,14 @@ pub struct Held {
 }
 
 impl Held {
-    /// Returns the value of `bytes`, little-endian; `None` unless they are one to four.
-    pub fn of(object: Object, bytes: &[u8]) -> Option<Self> {
+    /// Returns the content of an object; `None` unless it has one to four bytes. A reply of unknown size is cut to that
+    /// of the object: what follows means nothing.
+    pub fn of(object: Object, content: &Content) -> Option<Self> {
+        let size = if object == Object::POLARITY { 1 } else { 4 };
+        Self::of_bytes(object, content.exactly(size).unwrap_or(content.bytes()))
+    }
+
+    fn of_bytes(object: Object, bytes: &[u8]) -> Option<Self> {
         let size = u8::try_from(bytes.len()).ok().filter(|size| (1..=4).contains(size))?;
         let value = bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
         Some(Self { object, value, size })
@@ -311,8 +318,9 @@ mod tests {
 
     #[test]
     fn held_value_has_one_to_four_bytes() {
-        let of =
-            |bytes: &[u8]| Held::of(Object::POLARITY, bytes).map(|held| (held.value, held.size));
+        let of = |bytes: &[u8]| {
+            Held::of_bytes(Object::POLARITY, bytes).map(|held| (held.value, held.size))
+        };
         assert_eq!(of(&[0x80]), Some((0x80, 1)));
         assert_eq!(of(&[1, 2, 3, 4]), Some((0x0403_0201, 4)));
         assert_eq!((of(&[]), of(&[0; 5])), (None, None));

@@ -10,7 +10,6 @@ mod campaign;
 mod config;
 mod control_law;
 mod coupling;
-mod data_sheets;
 mod drive_hazards;
 mod energy;
 mod faults;

@@ -75,13 +75,10 @@ impl<A: Application> Objects<'_, A> {
     /// Checks a write of `bytes`, whose size matches, by the rules of CiA 301, the limits and the application.
     fn check_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         follows_rules(self.dictionary, object, bytes)?;
-        // Data sheets limit 1016h to the time alone, forgetting the node-id above it.
-        if object.index != Object::CONSUMER_HEARTBEAT.index {
-            self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
-                OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
-                OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
-            })?;
-        }
+        self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
+            OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
+            OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
+        })?;
         self.application.check_write(self.dictionary, object, bytes)
     }
 }

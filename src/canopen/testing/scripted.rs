@@ -32,6 +32,8 @@ pub struct Scripted {
     pub forgets: Vec<Object>,
     /// Objects whose COB-ID is accepted only with bit 30.
     pub has_no_rtr: Vec<Object>,
+    /// Objects whose upload is aborted with a general error.
+    pub hides: Vec<Object>,
     /// Uploads of these objects that are left unanswered once.
     pub loses: Vec<Object>,
     /// Requests left unanswered before the first reply.
@@ -66,6 +68,7 @@ impl Scripted {
             refuses: HashMap::new(),
             forgets: Vec::new(),
             has_no_rtr: Vec::new(),
+            hides: Vec::new(),
             loses: Vec::new(),
             deaf_for: 0,
             boots: true,
@@ -143,6 +146,9 @@ impl Scripted {
         let Some(holds) = self.objects.get_mut(&object) else {
             return abort(object, AbortCode::NO_OBJECT);
         };
+        if command == 0x40 && self.hides.contains(&object) {
+            return abort(object, AbortCode::GENERAL_ERROR);
+        }
         if command == 0x40 {
             let mut reply =
                 [0x43 | (4 - u8::try_from(holds.len()).unwrap()) << 2, low, high, sub, 0, 0, 0, 0];

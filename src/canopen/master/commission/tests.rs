@@ -651,3 +651,10 @@ fn lost_answer_about_the_nameplate_is_asked_for_again() {
     device.loses.extend([Object::RATED_TORQUE; 2]);
     assert!(failure(&plan, &mut device).ends_with("6076h: no answer"), "not taken for absent");
 }
+
+#[test]
+fn nameplate_that_cannot_be_read_is_not_taken_for_absent() {
+    let (plan, device) = rated();
+    let mut device = Scripted { hides: vec![Object::POLARITY], ..device };
+    assert!(failure(&plan, &mut device).contains("607Eh refused: 08000000h"));
+}

@@ -119,13 +119,17 @@ impl Boot {
                 self.read(now, out);
                 None
             }
-            Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
-            outcome => {
+            Ok(content) => {
                 self.repeats = 0;
-                let held = outcome.ok().and_then(|content| Held::of(object, content.bytes()));
-                self.held.extend(held);
+                self.held.extend(Held::of(object, &content));
                 self.next_step(now, out)
             }
+            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
+                self.repeats = 0;
+                self.next_step(now, out)
+            }
+            // Sign and scale are never assumed: an object that cannot be read is not taken for absent.
+            Err(error) => self.fail(Problem::of_transfer(object, error)),
         }
     }
 

@@ -2,6 +2,9 @@
 //!
 //! Shares nothing with the controller, which computes the same arm by another method: the dynamics are those of
 //! `dynamics`, the Jacobian is accumulated from the grip inward.
+//!
+//! The number of joints is a parameter of the types, six unless named. A chain of fewer joints is padded at its end by
+//! fixed links: no motion, no mass, and a rotor inertia of 1 that keeps the mass matrix regular.
 
 mod dynamics;
 mod rigid;
@@ -17,7 +20,7 @@ use crate::arm::rigid::Body;
 use units::spatial::{Jacobian, Twist};
 
 /// One value per joint, base first.
-pub type Joints = SVector<f64, 6>;
+pub type Joints<const N: usize = 6> = SVector<f64, N>;
 
 /// Parameters of a link and the joint before it.
 #[derive(Clone, Copy, Debug)]
@@ -43,43 +46,67 @@ pub struct LinkSettings {
 }
 
 /// A matrix over pairs of joints.
-pub type JointMatrix = SMatrix<f64, 6, 6>;
+pub type JointMatrix<const N: usize = 6> = SMatrix<f64, N, N>;
 
 /// Parameters of an arm.
 #[derive(Clone, Copy, Debug)]
-pub struct ArmSettings {
+pub struct ArmSettings<const N: usize = 6> {
     /// Links, base first.
-    pub links: [LinkSettings; 6],
+    pub links: [LinkSettings; N],
     /// Pose of the grip in the last link.
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: Vector3<f64>,
 }
 
-/// A serial chain of six joints with a grip.
+/// More links than an arm has joints.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
+#[error("an arm must have 1 to {max} joints, got {got}")]
+pub struct InvalidJointCount {
+    /// Number of links.
+    pub got: usize,
+    /// Maximum number of joints.
+    pub max: usize,
+}
+
+/// A rigid body fixed to a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load {
+    /// Mass, in kg.
+    pub mass: f64,
+    /// Centre of mass, in m.
+    pub centre_of_mass: Vector3<f64>,
+    /// Inertia about the centre of mass, in kg·m².
+    pub inertia: Matrix3<f64>,
+}
+
+/// A serial chain of up to `N` joints with a grip.
 #[derive(Clone, Copy, Debug)]
-pub struct Arm {
-    links: [Link; 6],
+pub struct Arm<const N: usize = 6> {
+    links: [Link; N],
+    /// Number of joints; links after them are fixed.
+    count: usize,
     x_6_g: IsometryMatrix3<f64>,
     gravity: Vector3<f64>,
     /// Rotor inertia in the mass matrix.
-    rotors: JointMatrix,
+    rotors: JointMatrix<N>,
 }
 
 /// Poses of all links.
 #[derive(Clone, Copy, Debug)]
-pub struct Posture {
+pub struct Posture<const N: usize = 6> {
     /// Each link in the one before.
-    steps: [IsometryMatrix3<f64>; 6],
+    steps: [IsometryMatrix3<f64>; N],
     /// Each link in {0}.
-    x_0_links: [IsometryMatrix3<f64>; 6],
+    x_0_links: [IsometryMatrix3<f64>; N],
 }
 
-impl Arm {
-    /// Creates an arm.
-    pub fn new(settings: ArmSettings) -> Self {
+impl<const N: usize> Arm<N> {
+    /// Creates an arm of `N` joints.
+    pub fn new(settings: ArmSettings<N>) -> Self {
         Self {
             links: settings.links.map(Link::new),
+            count: N,
             x_6_g: nalgebra::convert(settings.x_6_g),
             gravity: settings.gravity,
             rotors: JointMatrix::from_diagonal(&Joints::from(
@@ -88,17 +115,58 @@ impl Arm {
         }
     }
 
+    /// Creates an arm of as many joints as `links`, padded with fixed links. `x_n_g` is the grip in the last of `links`.
+    ///
+    /// # Errors
+    ///
+    /// If there are no links, or more than `N`.
+    pub fn padded(
+        links: &[LinkSettings],
+        x_n_g: Isometry3<f64>,
+        gravity: Vector3<f64>,
+    ) -> Result<Self, InvalidJointCount> {
+        if links.is_empty() || links.len() > N {
+            return Err(InvalidJointCount { got: links.len(), max: N });
+        }
+        let mut padded = [Link::FIXED; N];
+        let mut rotors = JointMatrix::<N>::identity();
+        for (joint, (place, link)) in padded.iter_mut().zip(links).enumerate() {
+            *place = Link::new(*link);
+            rotors.view_mut((joint, joint), (1, 1)).fill(link.rotor_inertia);
+        }
+        let x_6_g = nalgebra::convert(x_n_g);
+        Ok(Self { links: padded, count: links.len(), x_6_g, gravity, rotors })
+    }
+
+    /// Returns the number of joints, without fixed links.
+    pub const fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Adds a body to the last link, in which it has the pose `x_n_s`.
+    #[must_use]
+    pub fn carrying(mut self, load: &Load, x_n_s: &Isometry3<f64>) -> Self {
+        let body = Body::new(load.mass, &load.centre_of_mass, load.inertia);
+        if let Some(link) = self.links.iter_mut().take(self.count).last() {
+            link.body = link.body.plus(&body.carried_in(&nalgebra::convert(*x_n_s)));
+        }
+        self
+    }
+
     /// Maps the rotor inertia through a transmission, with `joint_inertia` from actuators to joints. Call it once.
     #[must_use]
-    pub fn driven_through(self, joint_inertia: impl FnOnce(&JointMatrix) -> JointMatrix) -> Self {
+    pub fn driven_through(
+        self,
+        joint_inertia: impl FnOnce(&JointMatrix<N>) -> JointMatrix<N>,
+    ) -> Self {
         Self { rotors: joint_inertia(&self.rotors), ..self }
     }
 
     /// Returns the link poses at joint positions `q`, in rad or m.
-    pub fn posture(&self, q: &Joints) -> Posture {
+    pub fn posture(&self, q: &Joints<N>) -> Posture<N> {
         let mut posture = Posture {
-            steps: [IsometryMatrix3::identity(); 6],
-            x_0_links: [IsometryMatrix3::identity(); 6],
+            steps: [IsometryMatrix3::identity(); N],
+            x_0_links: [IsometryMatrix3::identity(); N],
         };
         let mut x_0_i = IsometryMatrix3::identity();
         let places = posture.steps.iter_mut().zip(&mut posture.x_0_links);
@@ -111,26 +179,26 @@ impl Arm {
     }
 
     /// Returns the pose of the grip in {0}.
-    pub fn pose(&self, posture: &Posture) -> Isometry3<f64> {
-        let [.., x_0_6] = posture.x_0_links;
-        let x_0_g = x_0_6 * self.x_6_g;
+    pub fn pose(&self, posture: &Posture<N>) -> Isometry3<f64> {
+        let x_0_n = posture.x_0_links.last().copied().unwrap_or_else(IsometryMatrix3::identity);
+        let x_0_g = x_0_n * self.x_6_g;
         let rotation = UnitQuaternion::from_rotation_matrix(&x_0_g.rotation);
         Isometry3::from_parts(x_0_g.translation, rotation)
     }
 
     /// Returns the body Jacobian of the grip, in {G}.
-    pub fn jacobian(&self, posture: &Posture) -> Jacobian<6> {
-        let mut columns = [Twist::ZERO; 6];
+    pub fn jacobian(&self, posture: &Posture<N>) -> Jacobian<N> {
+        let mut columns = [Twist::ZERO; N];
         // From the grip inward: pose of the grip in link i.
         let mut x_i_g = self.x_6_g;
         for ((column, link), step) in columns.iter_mut().zip(&self.links).zip(&posture.steps).rev()
         {
             let axis = x_i_g.rotation.inverse() * Vector3::z();
             let turned = x_i_g.rotation.inverse() * Vector3::z().cross(&x_i_g.translation.vector);
-            *column = if link.is_prismatic {
-                Twist { linear: axis, angular: Vector3::zeros() }
-            } else {
-                Twist { linear: turned, angular: axis }
+            *column = match link.kind {
+                JointKind::Revolute => Twist { linear: turned, angular: axis },
+                JointKind::Prismatic => Twist { linear: axis, angular: Vector3::zeros() },
+                JointKind::Fixed => Twist::ZERO,
             };
             x_i_g = step * x_i_g;
         }
@@ -138,10 +206,19 @@ impl Arm {
     }
 }
 
+/// Motion of a joint.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum JointKind {
+    Revolute,
+    Prismatic,
+    /// Padding at the end of the chain.
+    Fixed,
+}
+
 /// Precomputed parameters of a link.
 #[derive(Clone, Copy, Debug)]
 struct Link {
-    is_prismatic: bool,
+    kind: JointKind,
     /// Sine of α.
     sin: f64,
     cos: f64,
@@ -152,10 +229,20 @@ struct Link {
 }
 
 impl Link {
+    const FIXED: Self = Self {
+        kind: JointKind::Fixed,
+        sin: 0.0,
+        cos: 1.0,
+        a: 0.0,
+        d: 0.0,
+        theta: 0.0,
+        body: Body::NONE,
+    };
+
     fn new(settings: LinkSettings) -> Self {
         let (sin, cos) = settings.alpha.sin_cos();
         Self {
-            is_prismatic: settings.is_prismatic,
+            kind: if settings.is_prismatic { JointKind::Prismatic } else { JointKind::Revolute },
             sin,
             cos,
             a: settings.a,
@@ -167,8 +254,11 @@ impl Link {
 
     /// Returns the pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
     fn step(&self, q: f64) -> IsometryMatrix3<f64> {
-        let (d, theta) =
-            if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
+        let (d, theta) = match self.kind {
+            JointKind::Revolute => (self.d, self.theta + q),
+            JointKind::Prismatic => (self.d + q, self.theta),
+            JointKind::Fixed => return IsometryMatrix3::identity(),
+        };
         let ((s, c), (sa, ca)) = (theta.sin_cos(), (self.sin, self.cos));
         let rotation = Matrix3::new(c, -s, 0.0, s * ca, c * ca, -sa, s * sa, c * sa, ca);
         let place = Translation3::new(self.a, -sa * d, ca * d);
@@ -203,8 +293,8 @@ pub(crate) mod tests {
         SMatrix::from_fn(|row, column| value[row][column].as_f64().unwrap())
     }
 
-    fn arm(model: &Value) -> Arm {
-        let links = std::array::from_fn(|place| {
+    pub(crate) fn links(model: &Value) -> [LinkSettings; 6] {
+        std::array::from_fn(|place| {
             let (row, link) = (&model["rows"][place], &model["links"][place]);
             let number = |key: &str| row[key].as_f64().unwrap();
             LinkSettings {
@@ -218,7 +308,11 @@ pub(crate) mod tests {
                 inertia: Matrix3::from_fn(|r, c| link["I"][r][c].as_f64().unwrap()),
                 rotor_inertia: link["armature"].as_f64().unwrap(),
             }
-        });
+        })
+    }
+
+    fn arm(model: &Value) -> Arm {
+        let links = links(model);
         let gravity = Vector3::from(numbers(&model["g0"]));
         Arm::new(ArmSettings { links, x_6_g: pose(&model["T_6G"]), gravity })
     }
@@ -278,5 +372,79 @@ pub(crate) mod tests {
                 assert!((needed - given).norm() < 1e-9 * (1.0 + given.norm()), "{needed}");
             }
         }
+    }
+
+    /// Returns the PUMA 560 of Corke and Armstrong-Helouvry 1994, and its model.
+    fn puma() -> (Value, Arm<9>) {
+        let text = include_str!("../../../tests/oracles/puma560_corke_mdh.json");
+        let oracle: Value = serde_json::from_str(text).unwrap();
+        let model = &oracle["model"];
+        let gravity = Vector3::from(numbers(&model["g0"]));
+        let arm = Arm::padded(&links(model), pose(&model["T_6G"]), gravity).unwrap();
+        (oracle, arm)
+    }
+
+    #[test]
+    fn padded_arm_matches_an_independent_program() {
+        let (oracle, arm) = puma();
+        assert_eq!(arm.count(), 6);
+        for config in oracle["configs"].as_array().unwrap() {
+            let padded = |key: &str| {
+                let mut padded = Joints::<9>::zeros();
+                padded.fixed_rows_mut::<6>(0).copy_from(&joints(&config[key]));
+                padded
+            };
+            let posture = arm.posture(&padded("q"));
+            let x_0_g = arm.pose(&posture).to_homogeneous();
+            assert!((x_0_g - pose(&config["T_0G"]).to_homogeneous()).norm() < 1e-9);
+            let mut j_g = SMatrix::<f64, 6, 9>::zeros();
+            j_g.fixed_columns_mut::<6>(0).copy_from(&matrix(&config["J_body_G"]));
+            assert!((arm.jacobian(&posture).matrix() - j_g).norm() < 1e-9);
+            assert!((arm.gravity(&posture) - padded("gravity")).norm() < 1e-9);
+            let bias = padded("gravity") + padded("Cqd");
+            assert!((arm.bias(&posture, &padded("qd")) - bias).norm() < 1e-9);
+            let mut mass = JointMatrix::<9>::identity();
+            mass.fixed_view_mut::<6, 6>(0, 0).copy_from(&matrix(&config["M"]));
+            assert!((arm.mass_matrix(&posture) - mass).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn number_of_links_is_checked() {
+        let (oracle, _) = puma();
+        let links = links(&oracle["model"]);
+        let arm = |links: &[LinkSettings]| {
+            Arm::<5>::padded(links, Isometry3::identity(), Vector3::zeros()).map(|arm| arm.count())
+        };
+        assert_eq!(arm(&links), Err(InvalidJointCount { got: 6, max: 5 }));
+        assert_eq!(arm(&[]), Err(InvalidJointCount { got: 0, max: 5 }));
+        assert_eq!(arm(&links[..4]), Ok(4));
+    }
+
+    #[test]
+    fn load_adds_its_weight_and_inertia_to_the_last_link() {
+        let (_, arm) = puma();
+        let load = Load {
+            mass: 2.0,
+            centre_of_mass: Vector3::new(0.01, -0.02, 0.1),
+            inertia: Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.005)),
+        };
+        let x_n_s = Isometry3::new(Vector3::new(0.0, 0.03, 0.05), Vector3::new(0.2, 0.0, 0.5));
+        let loaded = arm.carrying(&load, &x_n_s);
+        let q = Joints::<9>::from_fn(|row, _| [0.3, 0.7, -1.2, 0.4, 0.6, -0.8, 0.0, 0.0, 0.0][row]);
+        let posture = arm.posture(&q);
+        // {S} is where the grip would be; the load acts at its centre of mass.
+        let at_centre = Isometry3::translation(0.01, -0.02, 0.1);
+        let x_n_c = x_n_s * at_centre;
+        let at_load = Arm { x_6_g: nalgebra::convert(x_n_c), ..arm };
+        let j_c = at_load.jacobian(&posture);
+        let weight = at_load.pose(&posture).rotation.inverse() * (arm.gravity * load.mass);
+        let added = loaded.gravity(&posture) - arm.gravity(&posture);
+        let f_c = Wrench { force: weight, moment: Vector3::zeros() };
+        assert!((added + j_c.torques(&f_c)).norm() < 1e-12);
+        let inertia = j_c.linear.tr_mul(&j_c.linear) * load.mass
+            + j_c.angular.tr_mul(&(load.inertia * j_c.angular));
+        let added = loaded.mass_matrix(&posture) - arm.mass_matrix(&posture);
+        assert!((added - inertia).norm() < 1e-12, "{}", (added - inertia).norm());
     }
 }

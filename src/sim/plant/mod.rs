@@ -305,7 +305,7 @@ mod tests {
                 prop_assert!(after <= before * 1.001, "{} J appeared", after - before);
                 before = after;
             }
-            prop_assert_eq!(plant.qd, Joints::zeros());
+            prop_assert_eq!(plant.qd, Joints::<6>::zeros());
         }
 
         #[test]

@@ -35,6 +35,21 @@ pub struct Ratio(pub u32, pub u32);
 impl Ratio {
     /// One to one.
     pub const ONE: Self = Self(1, 1);
+
+    /// Returns the reduced product with a whole number; `None` beyond 32 bits.
+    pub fn times(self, factor: u32) -> Option<Self> {
+        let (of, to) = (u64::from(self.0) * u64::from(factor), u64::from(self.1));
+        let divisor = common_divisor(of, to).max(1);
+        Some(Self(u32::try_from(of / divisor).ok()?, u32::try_from(to / divisor).ok()?))
+    }
+}
+
+/// Returns the greatest common divisor; zero of two zeros.
+const fn common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
 }
 
 /// Equal as numbers; a ratio to zero equals nothing.
@@ -286,6 +301,14 @@ mod tests {
         assert!(encoder(4_096).contains("is 4096:1, expected 16384:1 or 1:1"));
         let text = judged(&[held(Object::FEED, 3_600)]);
         assert!(text.contains("6092h) is 3600:1, expected 1:1 or 16384:1"), "{text}");
+    }
+
+    #[test]
+    fn product_of_a_ratio_is_reduced() {
+        let times = |ratio: Ratio, factor| ratio.times(factor).map(|it| it.to_string());
+        assert_eq!(times(Ratio(5_308_416, 65_536), 16_384).as_deref(), Some("1327104:1"));
+        assert_eq!(times(Ratio(2, 3), 5).as_deref(), Some("10:3"));
+        assert_eq!(times(Ratio(u32::MAX, 1), 2), None);
     }
 
     #[test]

@@ -17,6 +17,7 @@
 pub mod bench;
 pub mod campaign;
 pub mod comparison;
+mod delivery;
 pub mod explanation;
 pub mod fidelity;
 pub mod question;

@@ -4,18 +4,18 @@ use std::time::Duration;
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::delivery::Delivered;
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
-use canopen::nameplate::{Nameplate, Ratio};
 use canopen::object::Object;
 use canopen::plan::Identity;
 use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
 use sim::arm::{Arm, ArmSettings, Joints, LinkSettings};
-use sim::drive::{Delivery, Drive, DriveSettings};
+use sim::drive::{Drive, DriveSettings};
 use sim::drivetrain::{Drivetrain, DrivetrainSettings};
 use sim::motion::{Load, Tuning};
 use sim::plant::{self, Resistance};
@@ -34,15 +34,19 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     let inertias = inertias(&plant);
     let drives = Joint::ALL.map(|number| {
         let joint = number.entry(&config.joints);
+        let dictionary = drive_dictionary(joint);
+        let Delivered { delivery, increments } = Delivered::of(joint, &dictionary);
+        let actuator =
+            ActuatorSettings { counts_per_rev: increments, ..actuator(&joint.plant.actuator) };
         let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
-            dictionary: drive_dictionary(joint),
-            actuator: actuator(&joint.plant.actuator),
+            dictionary,
+            actuator,
             latency: DRIVE_LATENCY,
-            tuning: tuning(&joint.plant, *number.entry(&inertias)),
+            tuning: tuning(&joint.plant, increments, *number.entry(&inertias)),
         };
-        Drive::delivered(settings, &delivery(joint), &scenario.quirks().of(number))
+        Drive::delivered(settings, &delivery, &scenario.quirks().of(number))
     });
     let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = config.switches.as_ref().map(|switches| {
@@ -76,29 +80,6 @@ fn drive_dictionary(joint: &JointParameters) -> Dictionary {
         }
     }
     dictionary
-}
-
-/// Returns what the maker's tool has stored in a drive: what the configuration states of it.
-fn delivery(joint: &JointParameters) -> Delivery {
-    let Nameplate { polarity, encoder, gear, feed, rated_torque, rated_current, modes } =
-        &joint.nameplate;
-    let mut stored = vec![
-        (Object::POLARITY, u32::from(*polarity)),
-        (Object::GEAR_MOTOR_REVOLUTIONS, gear.0),
-        (Object::GEAR_SHAFT_REVOLUTIONS, gear.1),
-        (Object::RATED_TORQUE, rated_torque.rounded()),
-    ];
-    // A single accepted value is one that the configuration states.
-    if let [Ratio(increments, revolutions)] = encoder[..] {
-        stored.push((Object::ENCODER_INCREMENTS, increments));
-        stored.push((Object::ENCODER_REVOLUTIONS, revolutions));
-    }
-    if let [Ratio(feed, revolutions)] = feed[..] {
-        stored.extend([(Object::FEED, feed), (Object::FEED_REVOLUTIONS, revolutions)]);
-    }
-    stored.extend(rated_current.map(|current| (Object::RATED_CURRENT, current.rounded())));
-    stored.extend(modes.map(|modes| (Object::SUPPORTED_MODES, modes)));
-    Delivery { stored, has_unlisted_torque_mode: modes.is_some() }
 }
 
 /// Returns the dictionary of a device with a serial number of its own, for LSS.
@@ -137,7 +118,7 @@ fn transmission(plant: &Plant) -> Transmission {
     Transmission::new(plant.coupling.matrix(), *plant.coupling.offset())
 }
 
-/// Returns motor, gear and encoder of a joint, as the simulation computes them.
+/// Returns motor and gear of a joint, as the simulation computes them, and an encoder whose increments are those of 6064h.
 pub fn actuator(actuator: &Actuator) -> ActuatorSettings {
     ActuatorSettings {
         counts_per_rev: f64::from(actuator.counts_per_rev),
@@ -170,13 +151,14 @@ fn inertias(plant: &Plant) -> [f64; 6] {
     (matrix.transpose() * joints * matrix).diagonal().into()
 }
 
-/// Returns the servo gains for a load; the default ones where none follow from it.
-fn tuning(joint: &JointPlant, inertia: f64) -> Tuning {
+/// Returns the servo gains for a load and an encoder with `increments` per revolution; the default ones where none
+/// follow from it.
+fn tuning(joint: &JointPlant, increments: f64, inertia: f64) -> Tuning {
     let [per_mille_per_newton_metre, ..] = joint.actuator.torque_curve;
     let load = Load {
         inertia,
         viscous: joint.friction.viscous,
-        counts_per_turn: f64::from(joint.actuator.counts_per_rev) * joint.actuator.gear_ratio,
+        counts_per_turn: increments * joint.actuator.gear_ratio,
         per_mille_per_newton_metre,
     };
     Tuning::of(&load).unwrap_or_default()

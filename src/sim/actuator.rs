@@ -9,11 +9,11 @@ use std::f64::consts::TAU;
 /// Parameters of a motor with its gear and encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct ActuatorSettings {
-    /// Encoder counts per motor revolution.
+    /// Encoder increments per motor revolution.
     pub counts_per_rev: f64,
     /// Motor revolutions per joint revolution; negative if the directions differ.
     pub gear_ratio: f64,
-    /// Encoder counts at joint position zero.
+    /// Encoder counts at joint position zero; for a drive 6064h, in its position units.
     pub zero_counts: i32,
     /// Rated torque of the motor, in N·m.
     pub rated_torque: f64,

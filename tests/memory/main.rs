@@ -24,6 +24,7 @@ mod operator;
 mod operators;
 mod oracles;
 mod plausibility;
+mod position_scale;
 mod quirks;
 mod real_drives;
 mod scenarios;

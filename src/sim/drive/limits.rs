@@ -17,17 +17,12 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// Reads the limits from `dictionary`. An absent object is no limit. The encoder has `increments` per revolution
-    /// where 608Fh is absent.
+    /// Reads the limits from `dictionary`. An absent object is no limit. The encoder has `increments` per revolution.
     pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
         let limit = |object| dictionary.optional(object).map_or(f64::INFINITY, f64::from);
         // Torque is proportional to current: both limits have the same unit.
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
-        let increments =
-            dictionary.optional(Object::ENCODER_INCREMENTS).map_or(increments, f64::from);
-        let revolutions = f64::from(dictionary.unsigned(Object::ENCODER_REVOLUTIONS).max(1));
-        let max_rpm = limit(Object::MAX_MOTOR_SPEED);
-        let max_speed = TRIP_RATIO * max_rpm / 60.0 * increments / revolutions;
+        let max_speed = TRIP_RATIO * limit(Object::MAX_MOTOR_SPEED) / 60.0 * increments;
         Self {
             positive: both.min(limit(Object::POSITIVE_TORQUE_LIMIT)),
             negative: both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
@@ -68,10 +63,8 @@ mod tests {
     fn overspeed_trips_ten_percent_above_6080h() {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &3_000_u32.to_le_bytes());
-        dictionary.set(Object::ENCODER_INCREMENTS, &4_096_u32.to_le_bytes());
-        dictionary.set(Object::ENCODER_REVOLUTIONS, &2_u32.to_le_bytes());
         let limits = Limits::of(&dictionary, INCREMENTS);
-        let nominal = 50.0 * 2_048.0;
+        let nominal = 50.0 * INCREMENTS;
         for (share, is_too_fast) in [(1.0, false), (1.09, false), (1.11, true)] {
             assert_eq!(limits.is_too_fast(share * nominal), is_too_fast, "{share}");
             assert_eq!(limits.is_too_fast(-share * nominal), is_too_fast, "{share}");
@@ -96,13 +89,17 @@ mod tests {
     }
 
     #[test]
-    fn overspeed_without_608fh_uses_the_encoder() {
+    fn overspeed_is_that_of_the_motor_whatever_608fh_holds() {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &60_u32.to_le_bytes());
+        let is_right = |dictionary: &Dictionary| {
+            let limits = Limits::of(dictionary, 1_000.0);
+            limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0)
+        };
+        dictionary.set(Object::ENCODER_INCREMENTS, &1_u32.to_le_bytes());
+        assert!(is_right(&dictionary));
         dictionary.remove(Object::ENCODER_INCREMENTS);
-        dictionary.remove(Object::ENCODER_REVOLUTIONS);
-        let limits = Limits::of(&dictionary, 1_000.0);
-        assert!(limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0));
+        assert!(is_right(&dictionary));
     }
 
     proptest! {

@@ -37,7 +37,7 @@ use crate::actuator::ActuatorSettings;
 use crate::drive::axis::Axis;
 use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
-use crate::motion::{Feedback, Tuning};
+use crate::motion::{Feedback, Tuning, encoder_counts};
 use crate::quirks::{QuirkEffects, Quirks, TransmitPath, start_running};
 use canopen::device::Device;
 use canopen::dictionary::Dictionary;
@@ -102,11 +102,15 @@ impl Drive {
 
     /// Creates a drive as its maker and its laboratory have delivered it, with `quirks` at power-up.
     pub fn delivered(settings: DriveSettings, delivery: &Delivery, quirks: &Quirks) -> Self {
-        let DriveSettings { channel, node, mut dictionary, actuator, latency, tuning } = settings;
+        let DriveSettings { channel, node, mut dictionary, mut actuator, latency, tuning } =
+            settings;
         nameplate::store(&actuator, &mut dictionary);
         for (object, value) in &delivery.stored {
             dictionary.set_default_number(*object, *value);
         }
+        // The encoder is mounted so that 6064h is right at joint position zero; quirks come later.
+        let ActuatorSettings { counts_per_rev, zero_counts, .. } = actuator;
+        actuator.zero_counts = encoder_counts(&dictionary, counts_per_rev, zero_counts);
         let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
             QuirkEffects::of(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning)

@@ -50,6 +50,12 @@ use canopen::drive::Controlword;
 use canopen::object::Object;
 use units::Units;
 
+/// Converts a position (6064h) to counts of an encoder with `increments` per revolution, by the factors of
+/// `dictionary`; wraps.
+pub(crate) fn encoder_counts(dictionary: &Dictionary, increments: f64, position: i32) -> i32 {
+    units::wrapped(Units::of(dictionary, increments).increments(f64::from(position)))
+}
+
 /// Period of the position and velocity loops, in s.
 pub const SERVO_PERIOD: f64 = 1e-3;
 
@@ -101,7 +107,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Creates the state without a mode. The encoder has `increments` per revolution where 608Fh is absent.
+    /// Creates the state without a mode. The encoder has `increments` per revolution.
     pub fn new(tuning: Tuning, increments: f64, dictionary: &Dictionary) -> Self {
         Self { axis: Axis::new(tuning, Units::of(dictionary, increments)), ..Self::default() }
     }

@@ -4,6 +4,8 @@
 //! shaft revolution, feed per shaft revolution. Without 6092h the feed is 608Fh: the unit is an increment before the
 //! gear. Velocities are per s, with 6090h in place of 608Fh; accelerations are per s². 607Eh inverts the signs of
 //! positions and velocities, not of torques.
+//!
+//! The encoder itself does not depend on 608Fh: index pulses and motor speeds are those of the motor.
 
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
@@ -11,14 +13,12 @@ use canopen::object::Object;
 /// Factors of the factor group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Units {
-    /// Increments per motor revolution of the encoder, for a drive without 608Fh.
+    /// Increments per motor revolution of the encoder, positive; 608Fh should hold it.
     encoder: f64,
     /// Increments per position unit, positive.
     scale: f64,
     /// Increments/s per velocity unit, positive.
     velocity_scale: f64,
-    /// Increments per motor revolution, positive.
-    turn: f64,
     /// Sign of positions, 1 or -1.
     position_sign: f64,
     /// Sign of velocities, 1 or -1.
@@ -32,7 +32,6 @@ impl Default for Units {
             encoder: 1.0,
             scale: 1.0,
             velocity_scale: 1.0,
-            turn: 1.0,
             position_sign: 1.0,
             velocity_sign: 1.0,
         }
@@ -40,7 +39,7 @@ impl Default for Units {
 }
 
 impl Units {
-    /// Reads the factors of a drive, whose encoder has `increments` per revolution where 608Fh is absent.
+    /// Reads the factors of a drive, whose encoder has `increments` per revolution.
     pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
         let mut units = Self { encoder: increments, ..Self::default() };
         units.read(dictionary);
@@ -64,7 +63,6 @@ impl Units {
             encoder: self.encoder,
             scale: turn * gear / feed,
             velocity_scale: velocity_turn * gear / feed,
-            turn,
             position_sign: sign(POSITION_POLARITY),
             velocity_sign: sign(VELOCITY_POLARITY),
         };
@@ -115,12 +113,12 @@ impl Units {
 
     /// Returns the increments per motor revolution.
     pub(super) const fn increments_per_revolution(&self) -> f64 {
-        self.turn
+        self.encoder
     }
 
     /// Converts a motor speed in rpm to increments/s.
     pub(super) fn motor_speed(&self, turns_per_minute: f64) -> f64 {
-        turns_per_minute / SECONDS_PER_MINUTE * self.turn
+        turns_per_minute / SECONDS_PER_MINUTE * self.encoder
     }
 }
 
@@ -203,6 +201,19 @@ mod tests {
         put(&mut dictionary, Object::ENCODER_INCREMENTS, 8_192);
         let units = Units::of(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(1_000.0), 2_000.0, "6092h has 16,384 units per turn");
+    }
+
+    #[test]
+    fn unused_factors_leave_the_motor_its_revolution() {
+        let mut dictionary = drive();
+        put(&mut dictionary, Object::ENCODER_INCREMENTS, 1);
+        put(&mut dictionary, Object::VELOCITY_INCREMENTS, 1);
+        put(&mut dictionary, Object::FEED, 1);
+        put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 2);
+        let units = Units::of(&dictionary, INCREMENTS);
+        assert_eq!((units.position_units(1_000.0), units.velocity_units(1_000.0)), (500.0, 500.0));
+        assert_eq!(units.increments_per_revolution(), INCREMENTS);
+        assert_eq!(units.motor_speed(60.0), INCREMENTS);
     }
 
     #[test]

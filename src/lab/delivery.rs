@@ -1,0 +1,85 @@
+//! Drive as its maker's tool has left it: what the configuration states of it, and an encoder that makes 6064h count as
+//! the configuration says.
+//!
+//! 6064h is `encoder · 6092h / (608Fh · 6091h)` per revolution of the motor (CiA 402-2). A stated 608Fh is that of the
+//! encoder: the drive then counts what its factors give, whatever `encoder_counts_per_rev` says. What is not stated fits
+//! the rest.
+
+use canopen::dictionary::Dictionary;
+use canopen::nameplate::{Nameplate, Ratio};
+use canopen::object::Object;
+use config::JointParameters;
+use sim::drive::Delivery;
+
+/// A drive and its encoder.
+pub(super) struct Delivered {
+    /// Values stored in the drive.
+    pub(super) delivery: Delivery,
+    /// Encoder increments per revolution of the motor.
+    pub(super) increments: f64,
+}
+
+impl Delivered {
+    /// Returns what `joint` has, with the objects of `dictionary`.
+    pub(super) fn of(joint: &JointParameters, dictionary: &Dictionary) -> Self {
+        let Nameplate { polarity, gear, rated_torque, rated_current, modes, .. } = &joint.nameplate;
+        let Factors { increments, encoder, feed } = Factors::of(joint, dictionary);
+        let mut stored = vec![
+            (Object::POLARITY, u32::from(*polarity)),
+            (Object::ENCODER_INCREMENTS, encoder.0),
+            (Object::ENCODER_REVOLUTIONS, encoder.1),
+            (Object::VELOCITY_INCREMENTS, encoder.0),
+            (Object::VELOCITY_REVOLUTIONS, encoder.1),
+            (Object::GEAR_MOTOR_REVOLUTIONS, gear.0),
+            (Object::GEAR_SHAFT_REVOLUTIONS, gear.1),
+            (Object::FEED, feed.0),
+            (Object::FEED_REVOLUTIONS, feed.1),
+            (Object::RATED_TORQUE, rated_torque.rounded()),
+        ];
+        stored.extend(rated_current.map(|current| (Object::RATED_CURRENT, current.rounded())));
+        stored.extend(modes.map(|modes| (Object::SUPPORTED_MODES, modes)));
+        let delivery = Delivery { stored, has_unlisted_torque_mode: modes.is_some() };
+        Self { delivery, increments }
+    }
+}
+
+/// Encoder, and the factors between it and 6064h that the drive holds.
+struct Factors {
+    /// Increments per revolution of the motor.
+    increments: f64,
+    /// Encoder resolution (608Fh).
+    encoder: Ratio,
+    /// Feed constant (6092h).
+    feed: Ratio,
+}
+
+impl Factors {
+    fn of(joint: &JointParameters, dictionary: &Dictionary) -> Self {
+        let has = |object| dictionary.entry(object).is_some();
+        let Nameplate { encoder, gear, feed, .. } = &joint.nameplate;
+        let gear = if has(Object::GEAR_MOTOR_REVOLUTIONS) { *gear } else { Ratio::ONE };
+        let counts = joint.plant.actuator.counts_per_rev;
+        // Position units per revolution of the shaft.
+        let shaft = gear.times(counts).unwrap_or(Ratio::ONE);
+        // A single accepted value is one that the configuration states; 1:1 is a factor that is not used.
+        let (encoder, feed) = match (&encoder[..], &feed[..]) {
+            (&[encoder], &[feed]) => (encoder, feed),
+            (&[one], _) | (_, &[one]) if one == Ratio::ONE => (one, one),
+            (&[encoder], _) => (encoder, shaft),
+            (_, &[feed]) => (shaft, feed),
+            _ => (shaft, shaft),
+        };
+        let is_scaled = has(Object::ENCODER_INCREMENTS) && has(Object::FEED);
+        let increments = if encoder == Ratio::ONE {
+            let feed = if is_scaled { value(feed) } else { 1.0 };
+            f64::from(counts) * value(gear) / feed
+        } else {
+            value(encoder)
+        };
+        Self { increments, encoder, feed }
+    }
+}
+
+fn value(Ratio(of, to): Ratio) -> f64 {
+    f64::from(of) / f64::from(to)
+}

@@ -92,6 +92,11 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("stored:6091h:1=2", Refused(GEAR), Refused(GEAR)),
     ("stored:608Fh:1=32768", Refused(ENCODER), Refused(ENCODER)),
     ("stored:6076h=176500", Refused(TORQUE), Refused(TORQUE)),
+    // It acts on velocities alone, of which the node neither reads nor writes one.
+    ("stored:6090h:1=32768", Runs, Runs),
+    ("stored:6092h:1=3600", Refused(FEED), Refused(FEED)),
+    ("stored:6075h=2100", Refused(CURRENT), Refused(CURRENT)),
+    ("stored:6502h=0x6D", Refused(MODES), Refused(MODES)),
 ];
 
 const DEAF: &str = "1016h:1 is 00000000h, expected 007F0016h";
@@ -121,10 +126,19 @@ const ENCODER: &str = "encoder resolution (608Fh) is 32768:1, expected 16384:1 o
     encoder_counts_per_rev, or state the drive's value as drive_encoder";
 const TORQUE: &str = "rated torque (6076h) is 176500 mN·m, expected 130.7 mN·m: set it with the maker's tool, or \
     correct rated_torque_nm or rated_torque_unit";
+const FEED: &str = "feed constant (6092h) is 3600:1, expected 1:1 or 16384:1: set it with the maker's tool or \
+    [[joint.boot.write]], or state it as drive_feed and give encoder_counts_per_rev in units of 6064h";
+const CURRENT: &str = "rated current (6075h) is 2100 mA, expected 4200 mA: set it with the maker's tool, or correct \
+    rated_current_a";
+const MODES: &str = "supported modes (6502h) is 0000006Dh, expected bit 9: this drive lists no cyclic synchronous \
+    torque; if it has it all the same, state its value as drive_modes";
 const OTHER: &str = "1018h:2 is FBFDFFEFh, expected 04020010h";
 
+/// The arm of `text`, whose elbow states its rated current.
 fn config(text: &str) -> Config {
-    Config::parse(Path::new("config/test.toml"), text).unwrap()
+    let elbow = "rated_torque_nm = 0.1307";
+    let text = text.replacen(elbow, &format!("{elbow}\nrated_current_a = 4.2"), 1);
+    Config::parse(Path::new("config/test.toml"), &text).unwrap()
 }
 
 fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {

@@ -1,5 +1,7 @@
 //! Each quirk has its effect and no other.
 
+mod stored;
+
 use std::time::Duration;
 
 use canopen_rs::NodeId;
@@ -241,31 +243,6 @@ fn slow_first_answer_is_slow_once_per_power_up() {
     drive.switch_off();
     drive.switch_on(ms(1_400));
     assert_eq!(at(sent(&mut drive, &[request(1_500)], ms(3_000))), [2_500]);
-}
-
-#[test]
-fn stored_values_survive_resets_and_turn_the_encoder() {
-    let turned = |names: &[&str]| {
-        let mut drive = drive(names);
-        let resets = [0x82, 0x81].map(|command| Frame::new(0x000, [command, 3]));
-        let received: Vec<_> = (1..).map(ms).zip(resets).collect();
-        sent(&mut drive, &received, ms(5));
-        drive.sense(&Sensed { position: std::f64::consts::TAU, ..Sensed::default() });
-        drive.dictionary().unsigned(Object::POSITION_ACTUAL).cast_signed()
-    };
-    assert_eq!(turned(&[]), 204_800);
-    assert_eq!(turned(&["polarity-reversed"]), -204_800);
-    assert_eq!(turned(&["stored:607Eh=0x40"]), 204_800, "velocities only");
-    assert_eq!(turned(&["stored"]), 102_400);
-    assert_eq!(turned(&["stored:608Fh:1=2048"]), 409_600);
-    assert_eq!(turned(&["stored:6092h:1=8192"]), 409_600);
-}
-
-#[test]
-fn rated_torque_stored_wrong_changes_no_torque() {
-    let drive = drive(&["stored:6076h=300000"]);
-    assert_eq!(drive.dictionary().unsigned(Object::RATED_TORQUE), 300_000);
-    assert!((drive.rated_torque() - 0.3).abs() < 1e-12);
 }
 
 #[test]

@@ -8,9 +8,11 @@
 use std::path::Path;
 
 use crate::common::bench::{Wire, config};
+use bus::Bus;
 use canopen::drive::State;
 use config::Config;
 use lab::bench::Bench;
+use lab::campaign::monitor::{Answer, Monitor};
 use node::record::Mode;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
@@ -82,5 +84,27 @@ fn stored_values_are_found_in_drives_of_elmo() {
         let booted = bench(&elmo, &[quirk]).bring_up();
         let error = booted.err().map_or(String::new(), |error| error.to_string());
         assert!(error.contains("joint 3 (elbow)") && error.contains(object), "{quirk}: {error}");
+    }
+}
+
+#[test]
+fn monitor_finds_no_violation_with_the_drives_of_each_maker() {
+    for (name, config) in files() {
+        let scenario = Scenario::parse(SCRIPT).unwrap();
+        let mut bench = Bench::new(&config, scenario, 1, false, Monitor::new(&config));
+        bench.bring_up().unwrap_or_else(|error| panic!("{name}: {error}"));
+        let mut has_pushed = false;
+        for _ in 0..400 {
+            let mode = bench.node().mode();
+            let record = bench.cycle();
+            let now = bench.node().bus().now();
+            if mode == Mode::Ready && record.mode == Mode::Armed {
+                bench.tap_mut().on_answer(now, Answer::Armed);
+            }
+            has_pushed |= record.mode == Mode::Engaged && record.targets.iter().any(|it| *it != 0);
+        }
+        assert!(has_pushed, "{name}");
+        let violations = bench.tap_mut().violations();
+        assert!(violations.is_empty(), "{name}: {violations:?}");
     }
 }

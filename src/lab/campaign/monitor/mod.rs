@@ -10,6 +10,7 @@
 //! | `grip`      | engagement by the deadman: I3                     |
 //! | `age`       | age of targets on the wire                        |
 //! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12 |
+//! | `watch`     | timers that stop a drive, as it has proven them   |
 //! | `sheet`     | the configuration, as the monitor reads it        |
 //! | `invariant` | names of the invariants, and their violations     |
 
@@ -22,6 +23,7 @@ mod sheet;
 #[cfg(test)]
 mod tests;
 mod torque;
+mod watch;
 
 pub use invariant::{Invariant, Violation};
 pub use rhythm::Exemption;

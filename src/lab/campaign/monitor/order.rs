@@ -2,13 +2,14 @@
 
 use crate::campaign::monitor::invariant::{Invariant, Violations};
 use crate::campaign::monitor::sheet::{ERROR_CONTROL, Member, SDO_REPLY, SDO_REQUEST, Sheet};
+use crate::campaign::monitor::watch::Proof;
+use canopen::NmtCommand;
 use canopen::drive::State;
 use canopen::emcy::Emergency;
 use canopen::exchange::TpdoSample;
 use canopen::frame::{Channel, Frame};
 use canopen::nmt::{self, Order as Nmt};
 use canopen::object::Object;
-use canopen::{NmtCommand, error_codes};
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
@@ -36,8 +37,7 @@ struct Known {
     is_reset: bool,
     /// Time at which it booted by itself.
     booted: Option<Instant>,
-    /// Proven to stop without RPDOs, and without heartbeats.
-    proven: [bool; 2],
+    proof: Proof,
     state: Option<State>,
     target: i16,
     controlword: u16,
@@ -45,8 +45,8 @@ struct Known {
 
 impl Known {
     /// Returns whether it was proven to stop by every timer that it has.
-    fn is_proven(&self, member: &Member) -> bool {
-        member.watched.iter().zip(self.proven).all(|(must, has)| !must || has)
+    const fn is_proven(&self, member: &Member) -> bool {
+        self.proof.covers(&member.watched)
     }
 
     /// Returns the reason for which it must not be started.
@@ -78,6 +78,8 @@ impl Order {
             violations.add(Invariant::OwnIdentifiers, at, what);
         } else if frame.cob_id == nmt::COB_ID {
             self.on_nmt(sheet, at, (channel, frame), violations);
+        } else if let Some(node) = sheet.guarded(channel, frame) {
+            self.nodes.get_mut(node.0).into_iter().for_each(|known| known.proof.on_poll(at));
         } else if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REQUEST) {
             self.on_request(sheet, at, (node, frame), violations);
         }
@@ -93,7 +95,7 @@ impl Order {
         if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(node, frame);
         } else if let Some(node) = sheet.emergency_producer(channel, frame.cob_id) {
-            self.on_emergency(node, frame);
+            self.on_emergency(sheet, at, (node, frame));
         } else if let Some(node) = sheet.node(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]
             && let Some(known) = self.nodes.get_mut(node.0)
@@ -125,17 +127,10 @@ impl Order {
         is_started && drives.all(|(known, member)| known.is_proven(member))
     }
 
-    /// Takes an emergency message: one because of a silent master proves the timer.
-    fn on_emergency(&mut self, node: NodeIndex, frame: &Frame) {
-        let Some((known, emergency)) =
-            self.nodes.get_mut(node.0).zip(Emergency::decode(frame.data()))
-        else {
-            return;
-        };
-        let codes = [error_codes::RPDO_TIMEOUT, error_codes::MASTER_LOST];
-        for (proven, _) in known.proven.iter_mut().zip(codes).filter(|(_, c)| *c == emergency.code)
-        {
-            *proven = true;
+    fn on_emergency(&mut self, sheet: &Sheet, at: Instant, (node, frame): (NodeIndex, &Frame)) {
+        let node = self.nodes.get_mut(node.0).zip(sheet.nodes.get(node.0));
+        if let Some(((known, member), emergency)) = node.zip(Emergency::decode(frame.data())) {
+            known.proof.on_emergency(&member.watched, at, emergency.code);
         }
     }
 

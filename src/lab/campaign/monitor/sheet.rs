@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
+use crate::campaign::monitor::watch::Watched;
 use crate::world;
 use canopen::exchange::TpdoMap;
 use canopen::frame::{Channel, Frame};
 use canopen::layout::{Direction, Mapped, Pdo};
 use canopen::object::Object;
 use canopen::plan::{Identity, NodePlan};
-use canopen::watchdog::Awaited;
 use canopen::{NodeId, nmt, sync, time_stamp};
 use config::{Actuator, Config};
 use sim::actuator::TorqueCurve;
@@ -49,8 +49,7 @@ pub(super) struct Member {
     pub(super) identity: Identity,
     /// COB-ID of its emergency messages.
     pub(super) emergency: u16,
-    /// Stops by itself without RPDOs, and without heartbeats.
-    pub(super) watched: [bool; 2],
+    pub(super) watched: Watched,
 }
 
 /// Bounds of one joint's target.
@@ -110,15 +109,21 @@ impl Sheet {
         Self { period: config.period, tpdos, rpdos, nodes, joints, heartbeat, own, config, arm }
     }
 
-    /// Returns whether the node may send this frame. By a remote frame it guards one of its nodes.
+    /// Returns whether the node may send this frame.
     pub(super) fn is_own(&self, channel: Channel, frame: &Frame) -> bool {
         if frame.is_remote() {
-            let guarded = |member: &Member| ERROR_CONTROL + u16::from(member.node.raw());
-            let mut nodes = self.nodes.iter();
-            return nodes
-                .any(|member| member.channel == channel && guarded(member) == frame.cob_id);
+            self.guarded(channel, frame).is_some()
+        } else {
+            self.own.contains(&(channel, frame.cob_id))
         }
-        self.own.contains(&(channel, frame.cob_id))
+    }
+
+    /// Returns the node that is guarded by this remote frame.
+    pub(super) fn guarded(&self, channel: Channel, frame: &Frame) -> Option<NodeIndex> {
+        let is_guarded =
+            |node: &NodeIndex| self.nodes.get(node.0).is_some_and(|it| it.watched.is_guarded());
+        let node = self.node(channel, frame.cob_id, ERROR_CONTROL).filter(is_guarded);
+        node.filter(|_| frame.is_remote())
     }
 
     /// Returns the RPDO with this frame's COB-ID, and its index.
@@ -164,14 +169,12 @@ const NEAR: f64 = 0.06;
 
 impl Member {
     fn of((channel, plan): &(Channel, NodePlan)) -> Self {
-        let awaited = [Awaited::Rpdo, Awaited::Heartbeat];
-        let watched = awaited.map(|awaited| plan.watchdog(awaited).is_some());
         Self {
             channel: *channel,
             node: plan.node,
             identity: plan.identity,
             emergency: plan.emcy_cob_id,
-            watched,
+            watched: Watched::of(plan),
         }
     }
 }

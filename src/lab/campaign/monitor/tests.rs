@@ -1,5 +1,7 @@
 //! The monitor reports every violated invariant, and none in a correct run.
 
+mod guarding;
+
 use std::path::Path;
 use std::time::Duration;
 

@@ -23,6 +23,7 @@ mod slave;
 mod standstill;
 pub mod steps;
 mod unknown_nodes;
+mod watch;
 
 use std::collections::VecDeque;
 

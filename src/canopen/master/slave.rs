@@ -11,8 +11,7 @@ use canopen_rs::sdo::{request_cob_id, response_cob_id};
 use crate::abort::AbortCode;
 use crate::drive::Statusword;
 use crate::frame::{Channel, Frame};
-use crate::guarding::Guard;
-use crate::heartbeat::{Consumer, Health, HeartbeatEvent};
+use crate::heartbeat::{Health, HeartbeatEvent};
 use crate::master::boot_error::{BootError, Problem};
 use crate::master::commission::{Boot, BootOutcome};
 use crate::master::error_history::History;
@@ -21,9 +20,10 @@ use crate::master::monitoring_off::Ended;
 use crate::master::read_back::{self, ReadBack, Setting};
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::Configuration;
+use crate::master::watch::Watch;
 use crate::nameplate::Held;
 use crate::object::Object;
-use crate::plan::{ErrorControl, NodePlan};
+use crate::plan::NodePlan;
 use units::time::Instant;
 
 /// Period at which an absent optional node is polled, in case its boot-up message was lost.
@@ -63,13 +63,6 @@ enum Stage {
     /// Absent and optional: polled at this time, or booted at its next heartbeat.
     Awaited(Instant),
     Failed,
-}
-
-/// Error control in use.
-#[derive(Clone, Debug)]
-enum Watch {
-    Heartbeat(Consumer),
-    Guarding(Guard),
 }
 
 /// Change of a node.
@@ -122,8 +115,7 @@ impl Slave {
     pub(super) const fn health(&self) -> Health {
         match &self.stage {
             Stage::Booting(_) | Stage::Awaited(_) => Health::NeverSeen,
-            Stage::Watched { watch: Watch::Heartbeat(consumer), .. } => consumer.health(),
-            Stage::Watched { watch: Watch::Guarding(guard), .. } => guard.health(),
+            Stage::Watched { watch, .. } => watch.health(),
             Stage::Failed => Health::Lost,
         }
     }
@@ -291,15 +283,15 @@ impl Slave {
 
     /// Stops guarding the node, if it is guarded.
     pub(super) const fn pause_guarding(&mut self) {
-        if let Stage::Watched { watch: Watch::Guarding(guard), .. } = &mut self.stage {
-            guard.pause();
+        if let Stage::Watched { watch, .. } = &mut self.stage {
+            watch.pause();
         }
     }
 
     /// Guards the node again.
     pub(super) fn resume_guarding(&mut self, now: Instant) {
-        if let Stage::Watched { watch: Watch::Guarding(guard), .. } = &mut self.stage {
-            guard.resume(now);
+        if let Stage::Watched { watch, .. } = &mut self.stage {
+            watch.resume(now);
         }
     }
 
@@ -381,42 +373,6 @@ impl Report {
             Answer::Statusword(statusword) => Some(Self::Statusword(statusword)),
             Answer::Monitoring(ended) => Some(Self::Monitoring(ended)),
             Answer::Nothing => None,
-        }
-    }
-}
-
-impl Watch {
-    fn new(plan: &NodePlan, now: Instant) -> Self {
-        match plan.error_control {
-            ErrorControl::Heartbeat { period_ms, lost_after } => {
-                let period = Duration::from_millis(u64::from(period_ms));
-                let watch = Consumer::new(plan.node, lost_after, now + lost_after);
-                Self::Heartbeat(watch.every(period))
-            }
-            ErrorControl::Guarding(guarding) => {
-                Self::Guarding(Guard::new(plan.node, guarding, now))
-            }
-        }
-    }
-
-    fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<HeartbeatEvent> {
-        match self {
-            Self::Heartbeat(consumer) => consumer.on_frame(now, frame),
-            Self::Guarding(guard) => guard.on_frame(now, frame),
-        }
-    }
-
-    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<HeartbeatEvent> {
-        match self {
-            Self::Heartbeat(consumer) => consumer.on_time(now),
-            Self::Guarding(guard) => guard.on_time(now, out),
-        }
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        match self {
-            Self::Heartbeat(consumer) => consumer.deadline(),
-            Self::Guarding(guard) => guard.deadline(),
         }
     }
 }

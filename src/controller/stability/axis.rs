@@ -13,7 +13,7 @@
 //! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
 //! | s, x_s      | share, presliding distance of friction compensation |   |                              |
 
-use crate::stability::bounds::{self, Held, RateReflection};
+use crate::stability::bounds;
 use crate::stability::device::Device;
 use crate::stability::finding::{Culprit, Digits, Finding, Side, Verdict};
 use crate::stability::passivity::{Law, SampledLaw};
@@ -92,11 +92,11 @@ pub struct Axis {
 }
 
 /// Units of an axis.
-struct Units {
-    stiffness: &'static str,
-    damping: &'static str,
-    force: &'static str,
-    rate_gain: &'static str,
+pub(super) struct Units {
+    pub(super) stiffness: &'static str,
+    pub(super) damping: &'static str,
+    pub(super) force: &'static str,
+    pub(super) rate_gain: &'static str,
 }
 
 impl Axis {
@@ -192,143 +192,6 @@ impl Axis {
         })
     }
 
-    /// In pose mode the hand feels the surface as a spring `K_T K_P k_e`, late and through the servo;
-    /// with the surface's own damper or, at the touch, without. The symbols are the worst of slow
-    /// motion, with the servo's lag as it is sampled, `T/(exp(T/τ_s) - 1)`; the value is that of any.
-    fn pose_reflection(&self) -> Option<Finding> {
-        let AxisGains { wrench, pose, .. } = self.gains;
-        let Timing { pose_delay: delay, servo_lag: lag, .. } = self.timing;
-        let scale = wrench * pose;
-        let Impedance { stiffness, damping } = self.environment;
-        let required = |damping| {
-            let law = self.impedance(scale * stiffness, damping);
-            SampledLaw { lag, delay, ..law }.required_damping()
-        };
-        let left = required(0.0).max(required(scale * damping));
-        let left = self.damping_side(&format!("K_T K_P k_e (T/2 + {delay} T + τ_s)"), left);
-        (scale * stiffness > 0.0 && self.coupling.is_none())
-            .then(|| self.passive("pose reflection", left, self.damped_side(), Culprit::Wrench))
-    }
-
-    /// Tied to the object, the hand feels the tie and not the surface: no later than any torque.
-    fn pose_coupling(&self) -> Option<Finding> {
-        let coupling = self.coupling?;
-        let scale = self.gains.wrench * self.gains.pose;
-        let delay = self.timing.torque_delay;
-        let law = self.impedance(scale * coupling.stiffness, scale * coupling.damping);
-        let required = SampledLaw { delay, ..law }.required_damping();
-        let left = self.damping_side("K_T K_P (K_vc, B_vc), sampled", required);
-        let name = "virtual coupling";
-        (scale * (coupling.stiffness + coupling.damping) > 0.0)
-            .then(|| self.passive(name, left, self.damped_side(), Culprit::Coupling))
-    }
-
-    /// The same spring must not turn an encoder step into more than friction holds.
-    fn pose_quantum(&self) -> Option<Finding> {
-        let AxisGains { wrench, pose, damping, .. } = self.gains;
-        let felt = self.coupling.unwrap_or(self.environment);
-        let stiffness = wrench * pose * felt.stiffness;
-        let Device { friction, quantum, .. } = self.device;
-        let damping = self.device.damping + damping + self.hand.damping;
-        let most = bounds::stiffest_spring(damping, self.timing.period, friction, quantum);
-        let unit = self.units().stiffness;
-        let left = Side { symbols: "K_T K_P k_e".to_owned(), value: stiffness, unit };
-        let symbols = "min(2 Σb/T, 2 f_c/Δ)".to_owned();
-        let right = Side { symbols, value: most, unit };
-        let verdict = if stiffness < most { Verdict::Holds } else { Verdict::Warns };
-        let reason = "the grip may buzz by single encoder steps in contact".to_owned();
-        (stiffness > 0.0).then(|| {
-            self.finding("pose reflection, quantum", left, right, verdict, reason, Culprit::Wrench)
-        })
-    }
-
-    /// In rate mode reflection is active at every frequency: damping must cover all of it.
-    fn rate_reflection(&self) -> Option<Finding> {
-        let RateReflection { gain, giving_way } = self.reflected();
-        let Timing { period, rate_delay: delay, servo_lag: lag, .. } = self.timing;
-        let law = SampledLaw { law: Law::Rate { gain, giving_way }, period, lag, delay };
-        let symbols = format!("K_T K_V/K_FA (1/(K_FA k_e) + T/2 + {delay} T)");
-        (gain > 0.0).then(|| {
-            let left = self.damping_side(&symbols, law.required_damping());
-            let finding =
-                self.passive("rate reflection", left, self.damped_side(), Culprit::Wrench);
-            // Never passive enough is no reason to refuse: whether it swings is the next inequality.
-            match finding.verdict {
-                Verdict::Holds | Verdict::Warns => finding,
-                Verdict::Refuses => {
-                    let reason = "not passive; whether this hand holds it stable is judged apart";
-                    Finding { verdict: Verdict::Warns, reason: reason.to_owned(), ..finding }
-                }
-            }
-        })
-    }
-
-    /// The same with the operator's hand on the grip: stable or not, by Routh.
-    fn rate_in_hand(&self) -> Option<Finding> {
-        let reflection = self.reflected();
-        let held = Held {
-            mass: self.device.mass,
-            damping: self.device.damping + self.gains.damping + self.hand.damping,
-            stiffness: self.hand.stiffness,
-        };
-        let most = reflection.largest_gain(&held);
-        let unit = self.units().rate_gain;
-        let left = Side { symbols: "K_T K_V k_e".to_owned(), value: reflection.gain, unit };
-        let symbols = "Σb/M (K_h + Σb a + M a²)".to_owned();
-        let right = Side { symbols, value: most, unit };
-        let verdict = if reflection.gain < most { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "contact in rate mode would swing in the operator's hand".to_owned();
-        let culprit =
-            if reflection.giving_way > 0.0 { Culprit::Wrench } else { Culprit::Accommodation };
-        (reflection.gain > 0.0)
-            .then(|| self.finding("rate reflection, held", left, right, verdict, reason, culprit))
-    }
-
-    /// An object that gives way too fast for its sampling swings on the surface by itself.
-    fn accommodation(&self) -> Option<Finding> {
-        let Timing { period, accommodation_delay: delay, .. } = self.timing;
-        let giving_way = self.reflected().giving_way;
-        let left = Side { symbols: "K_FA k_e T".to_owned(), value: giving_way * period, unit: "" };
-        let most = bounds::fastest_giving_way(period, delay) * period;
-        let symbols = format!("2 cos({delay} π/{})", 2 * delay + 1);
-        let right = Side { symbols, value: most, unit: "" };
-        let verdict = if left.value < right.value { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would swing on the surface, whatever the hand does".to_owned();
-        let culprit = Culprit::Accommodation;
-        (giving_way > 0.0)
-            .then(|| self.finding("accommodation", left, right, verdict, reason, culprit))
-    }
-
-    /// The same with the surface's damper, which its servo lets pass or not.
-    fn accommodation_damper(&self) -> Option<Finding> {
-        let Timing { period, accommodation_delay, servo_lag, .. } = self.timing;
-        let Impedance { stiffness, damping } = self.environment;
-        let gain = self.gains.accommodation;
-        let taken = gain * (stiffness * period / 2.0 + damping);
-        let left = Side { symbols: "K_FA (k_e T/2 + d_e)".to_owned(), value: taken, unit: "" };
-        let most = bounds::most_given_way(period, servo_lag);
-        let right = Side { symbols: "coth(T/2τ_s)".to_owned(), value: most, unit: "" };
-        let verdict = if taken < most { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would chatter on the surface, whatever the hand does".to_owned();
-        let culprit = Culprit::Accommodation;
-        (gain * damping > 0.0 && accommodation_delay == 0)
-            .then(|| self.finding("accommodation, damper", left, right, verdict, reason, culprit))
-    }
-
-    /// Nor may it overtake its servo, or it bounces before it rests.
-    fn accommodation_servo(&self) -> Option<Finding> {
-        let lag = self.timing.servo_lag;
-        let giving_way = self.reflected().giving_way;
-        let left = Side { symbols: "K_FA k_e τ_s".to_owned(), value: giving_way * lag, unit: "" };
-        let most = bounds::fastest_without_swinging(lag) * lag;
-        let right = Side { symbols: "1/4".to_owned(), value: most, unit: "" };
-        let verdict = if left.value <= right.value { Verdict::Holds } else { Verdict::Warns };
-        let reason = "the object bounces on the surface before it rests".to_owned();
-        let culprit = Culprit::Accommodation;
-        (left.value > 0.0)
-            .then(|| self.finding("accommodation, servo", left, right, verdict, reason, culprit))
-    }
-
     /// The damper that refills the tank, with K_D: stronger than this, it swings the bare grip by itself.
     fn tank_damper(&self) -> Option<Finding> {
         let Timing { period, torque_delay: delay, .. } = self.timing;
@@ -343,7 +206,13 @@ impl Axis {
     }
 
     /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must.
-    fn passive(&self, name: &'static str, left: Side, right: Side, culprit: Culprit) -> Finding {
+    pub(super) fn passive(
+        &self,
+        name: &'static str,
+        left: Side,
+        right: Side,
+        culprit: Culprit,
+    ) -> Finding {
         let hand = self.hand.damping;
         let (verdict, reason) = if left.value < right.value {
             (Verdict::Holds, "passive whatever holds the grip".to_owned())
@@ -358,7 +227,7 @@ impl Axis {
         self.finding(name, left, right, verdict, reason, culprit)
     }
 
-    fn finding(
+    pub(super) fn finding(
         &self,
         name: &'static str,
         left: Side,
@@ -370,27 +239,20 @@ impl Axis {
         Finding { name, axis: self.name, left, right, verdict, reason, culprit }
     }
 
-    const fn impedance(&self, stiffness: f64, damping: f64) -> SampledLaw {
+    pub(super) const fn impedance(&self, stiffness: f64, damping: f64) -> SampledLaw {
         SampledLaw::impedance(stiffness, damping, self.timing.period)
     }
 
-    /// Contact felt through a rate command.
-    fn reflected(&self) -> RateReflection {
-        let AxisGains { rate, wrench, accommodation, .. } = self.gains;
-        let stiffness = self.environment.stiffness;
-        RateReflection { gain: wrench * rate * stiffness, giving_way: accommodation * stiffness }
-    }
-
-    fn damping_side(&self, symbols: &str, value: f64) -> Side {
+    pub(super) fn damping_side(&self, symbols: &str, value: f64) -> Side {
         Side { symbols: symbols.to_owned(), value, unit: self.units().damping }
     }
 
     /// Damping of device and law, without a hand.
-    fn damped_side(&self) -> Side {
+    pub(super) fn damped_side(&self) -> Side {
         self.damping_side("b + K_D", self.device.damping + self.gains.damping)
     }
 
-    const fn units(&self) -> Units {
+    pub(super) const fn units(&self) -> Units {
         if self.is_rotation {
             Units {
                 stiffness: "N·m/rad",

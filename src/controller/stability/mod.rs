@@ -8,6 +8,7 @@
 //! | [`bounds`]     | closed forms: quantisation, centring, rate mode, accommodation, dampers  |
 //! | [`device`]     | mass, damping and friction at the grip                                   |
 //! | [`axis`]       | all inequalities of one axis, judged                                     |
+//! | `contact`      | those that contact closes                                                |
 //! | [`push`]       | force with which torques push a hand                                     |
 //! | [`finding`]    | an inequality in words and numbers                                       |
 //!
@@ -19,6 +20,7 @@
 
 pub mod axis;
 pub mod bounds;
+mod contact;
 pub mod device;
 pub mod finding;
 pub mod passivity;

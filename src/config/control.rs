@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use crate::extensions::{self, Made};
 use crate::joints::JointParameters;
@@ -143,10 +143,14 @@ fn reflection(
     let before = problems.count();
     let max_force = problems.positive(&given.max_force_n);
     let max_moment = problems.positive(&given.max_moment_nm);
-    // Where the sensor is no place, its own section says so.
-    let List(sensor) = raw.remote.sensor_m.get()?;
-    let [x, y, z] = sensor.map(|part| if part.is_finite() { part } else { 0.0 });
-    let x_m_s = Isometry3::translation(x, y, z);
+    // Where the sensor is no pose, its own section says so.
+    let finite =
+        |List(parts): List<f64, 3>| parts.map(|part| if part.is_finite() { part } else { 0.0 });
+    let [x, y, z] = finite(raw.remote.sensor_m.get()?);
+    let turned = finite(raw.remote.sensor_deg.or(List::default()).get()?);
+    let [about_x, about_y, about_z] = turned.map(f64::to_radians);
+    let r_m_s = UnitQuaternion::from_euler_angles(about_x, about_y, about_z);
+    let x_m_s = Isometry3::from_parts(Translation3::new(x, y, z), r_m_s);
     let made = Reflection::new(x_m_s, gain?, max_force?, max_moment?);
     problems.take_unless_noted(before, &given.max_force_n, made)
 }

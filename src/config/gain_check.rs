@@ -160,7 +160,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
                 damping: controller.damping.values()[axis],
                 deadband: deadbands[axis],
                 plateau: plateaus[axis],
-                accommodation: config.remote.accommodation.gain()[axis],
+                accommodation: config.remote.interaction.accommodation.gain()[axis],
             },
             timing,
             is_watched: controller.extensions.passivity.is_some(),

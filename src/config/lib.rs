@@ -43,7 +43,9 @@ mod plausibility;
 mod problem;
 mod protection;
 mod raw;
+mod raw_robot;
 mod remote;
+pub mod robots;
 mod safety;
 mod section;
 pub mod shipped;
@@ -251,8 +253,9 @@ fn convert(
     let operator = operator::read(&raw.operator, problems);
     let refuses = gain_check::refuses(raw, problems);
     let coupling = controller.as_ref().and_then(|law| law.extensions.virtual_coupling.as_ref());
-    let remote = remote::settings(raw, coupling, problems);
+    let remote = remote::settings(raw, file, coupling, problems);
 
+    let (remote, robot) = remote?;
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,
@@ -271,7 +274,8 @@ fn convert(
         controller: controller?,
         command_mode: command_mode?,
         operator: operator?,
-        remote: remote?,
+        remote,
+        robot,
         safety: safety?,
         plausibility: plausibility?,
     };

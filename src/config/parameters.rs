@@ -10,6 +10,7 @@ use crate::joints::JointParameters;
 use crate::operator::Operator;
 use crate::plant::Plant;
 use crate::plausibility::Plausibility;
+use crate::robots::RobotArm;
 use crate::safety::Safety;
 use crate::switch_box::{NoSwitchBox, SwitchBox};
 use canopen::eds::Eds;
@@ -59,6 +60,8 @@ pub struct Parameters {
     pub operator: Operator,
     /// The commanded side.
     pub remote: Virtual,
+    /// The arm that holds the commanded object, as its file describes it.
+    pub robot: Option<RobotArm>,
     /// Time limits of faults.
     pub safety: Safety,
     /// Bounds of plausible samples.

@@ -114,6 +114,11 @@ impl<'t> Problems<'t> {
         1 + self.ends.partition_point(|end| *end < offset)
     }
 
+    /// Adds the problems of another file that this one names.
+    pub(super) fn absorb(&mut self, other: Invalid) {
+        self.found.extend(other.0);
+    }
+
     /// Returns the value of `Ok`, or adds the error at the place.
     pub(super) fn take<T, E: fmt::Display>(
         &mut self,
@@ -253,7 +258,8 @@ impl<'t> Problems<'t> {
     /// The problems, if there are any.
     pub(super) fn finish(self) -> Result<(), Invalid> {
         let mut found = self.found;
-        found.sort_by_key(|problem| problem.line);
+        let own = self.file;
+        found.sort_by_key(|problem| (problem.file != own, problem.line));
         if found.is_empty() { Ok(()) } else { Err(Invalid(found)) }
     }
 }

@@ -249,19 +249,36 @@ sections! {
 
     Remote {
         kind: Value<String>,
-        start_m: Value<List<f64, 3>>,
+        robot: Optional<String>,
+        start_m: Optional<List<f64, 3>>,
         start_deg: Optional<List<f64, 3>>,
         sensor_m: Value<List<f64, 3>>,
+        sensor_deg: Optional<List<f64, 3>>,
+        sensor_sign: Optional<i8>,
+        sensor_bias_n: Optional<List<f64, 3>>,
+        sensor_bias_nm: Optional<List<f64, 3>>,
         mass_kg: Value<f64>,
         centre_of_mass_m: Value<List<f64, 3>>,
+        inertia_kg_m2: Optional<List<f64, 6>>,
+        remove_inertia: Optional<bool>,
+        feel_payload: Optional<bool>,
         servo_time_constant_s: Value<f64>,
         max_speed_m_per_s: Value<f64>,
         max_turn_rad_per_s: Value<f64>,
         accommodation_m_per_ns: Value<f64>,
         accommodation_rad_per_nms: Value<f64>,
+        accommodation_deadband_n: Optional<f64>,
+        accommodation_deadband_nm: Optional<f64>,
+        shared_control: Option<SharedControl>,
         wall: Option<Wall>,
         r#box: Option<Block>,
         sphere: Option<Sphere>,
+    }
+
+    SharedControl {
+        operator: Value<List<f64, 6>>,
+        auto_m_per_s: Optional<List<f64, 3>>,
+        auto_rad_per_s: Optional<List<f64, 3>>,
     }
 
     Wall {

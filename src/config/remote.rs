@@ -1,17 +1,25 @@
-//! `[remote]`: the commanded side. Today a virtual object, and what it can touch: a wall, a box, a
-//! sphere.
+//! `[remote]`: the commanded side. Today a virtual object, free or held by an arm, and what it can touch: a wall, a box,
+//! a sphere.
 
-use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use std::path::Path;
 
+use nalgebra::{Isometry3, Unit, Vector3};
+
+use crate::files;
 use crate::problem::Problems;
 use crate::raw::{self, six};
+use crate::robots::{self, RobotArm};
 use crate::value::{Optional, Value};
 use controller::virtual_coupling::VirtualCoupling;
-use remote::site::{Contact, Virtual};
+use remote::site::{Contact, GRAVITY, Virtual};
 use robot::accommodation::Accommodation;
 use robot::god_object::Coupling;
+use robot::interaction::Interaction;
 use robot::object::Servo;
 use robot::payload::Payload;
+use robot::shared_control::SharedControl;
+use robot::wrist_sensor::{Reports, WristSensor};
+use units::spatial::Wrench;
 use written::List;
 
 /// Maximum coefficient of friction; rubber on rubber is below.
@@ -23,38 +31,33 @@ const MIN_RADIUS: f64 = 0.03;
 /// Maximum radius of a sphere, in m; a larger one is a wall.
 const MAX_RADIUS: f64 = 10.0;
 
-/// The virtual object and what it can touch; `None` where a problem has been noted. `coupling` is that of the hand.
+/// The virtual object and what it can touch, and the arm that holds it; `None` where a problem has been noted. `coupling` is that of the hand.
 pub(super) fn settings(
     file: &raw::File,
+    named_in: &Path,
     coupling: Option<&VirtualCoupling>,
     problems: &mut Problems<'_>,
-) -> Option<Virtual> {
+) -> Option<(Virtual, Option<RobotArm>)> {
     let raw = &file.remote;
     refuse_stiff_remote(file, problems);
     if let Some(other) = raw.kind.as_ref().filter(|kind| *kind != "virtual") {
         problems.add(&raw.kind, format_args!("unknown value \"{other}\"; expected \"virtual\""));
     }
-    let start = problems.all_finite(&raw.start_m);
-    let turned = problems.all_finite(&raw.start_deg.or(List::default()));
-    let sensor = problems.all_finite(&raw.sensor_m);
-    let accommodation = accommodation(raw, problems);
+    let body = body(&file.remote, named_in, problems);
+    let interaction = interaction(raw, problems);
     let servo = servo(raw, problems);
-    let payload = payload(raw, problems);
     let wall = raw.wall.as_ref().map(|raw| wall(raw, problems));
     let block = raw.r#box.as_ref().map(|raw| block(raw, problems));
     let sphere = raw.sphere.as_ref().map(|raw| sphere(raw, problems));
 
     raw.kind.as_ref()?;
-    let [about_x, about_y, about_z] = turned?.map(f64::to_radians);
-    Some(Virtual {
-        x_b_m: Isometry3::from_parts(
-            Translation3::from(start?),
-            UnitQuaternion::from_euler_angles(about_x, about_y, about_z),
-        ),
-        x_m_s: Isometry3::from(Translation3::from(sensor?)),
-        payload: payload?,
+    let (x_b_m, robot) = body?;
+    let arm = robot.as_ref().map(RobotArm::following);
+    let remote = Virtual {
+        x_b_m,
+        arm,
+        interaction: interaction?,
         servo: servo?,
-        accommodation: accommodation?,
         // Its numbers were checked with the hand's.
         coupling: coupling.and_then(|made| {
             Coupling::new(*made.stiffness().values(), *made.damping().values()).ok()
@@ -62,7 +65,54 @@ pub(super) fn settings(
         wall: given(wall)?,
         block: given(block)?,
         sphere: given(sphere)?,
-    })
+    };
+    refuse_contact_at_start(&remote, raw, problems);
+    Some((remote, robot))
+}
+
+/// Notes an object that would start inside a surface: the first cycle would throw it out.
+fn refuse_contact_at_start(remote: &Virtual, raw: &raw::Remote, problems: &mut Problems<'_>) {
+    let f_m = remote.contact_at_start();
+    if f_m != Wrench::ZERO {
+        let [x, y, z] = remote.x_b_m.translation.vector.into();
+        let reason = format!(
+            "the object would start in a surface, at ({x:.3}, {y:.3}, {z:.3}) m with {:.1} N on it: \
+             start farther away, or move the surface",
+            f_m.force.norm()
+        );
+        if raw.robot.is_absent() {
+            problems.add(&raw.start_m, reason);
+        } else {
+            problems.add(&raw.robot, reason);
+        }
+    }
+}
+
+/// Start pose of {MRF}, and the arm that holds it: of a free object as given, of an arm by its joints.
+fn body(
+    raw: &raw::Remote,
+    named_in: &Path,
+    problems: &mut Problems<'_>,
+) -> Option<(Isometry3<f64>, Option<RobotArm>)> {
+    let Some(name) = raw.robot.as_ref() else {
+        if raw.start_m.is_absent() {
+            problems.add(&raw.start_m, "missing field `start_m`");
+        }
+        return robots::pose(&raw.start_m, &raw.start_deg, problems).map(|x_b_m| (x_b_m, None));
+    };
+    for given in [&raw.start_m, &raw.start_deg].into_iter().filter(|key| !key.is_absent()) {
+        let reason = "contradicts remote.robot: its joints say where it starts; remove one of both";
+        problems.add(given, reason);
+    }
+    let file = files::beside(named_in, name);
+    match RobotArm::load_by(problems.trust(), &file) {
+        Ok(arm) => Some((arm.following().pose(), Some(arm))),
+        Err(invalid) => {
+            problems.add(&raw.robot, format_args!("{} is not usable", file.display()));
+            problems.absorb(invalid);
+            None
+        }
+    }
 }
 
 /// Notes a virtual coupling to a commanded side that surfaces cannot stop: the coupling would hide the contact, since
@@ -90,13 +140,55 @@ fn accommodation(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Accom
     let before = problems.count();
     let linear = problems.not_negative(&raw.accommodation_m_per_ns);
     let angular = problems.not_negative(&raw.accommodation_rad_per_nms);
-    let (linear, angular) = (linear?, angular?);
-    // The virtual sensor has no bias, so nothing need go unnoticed.
-    let made = Accommodation::new(six([linear; 3], [angular; 3]), [0.0; 6]);
+    let force = problems.within(&raw.accommodation_deadband_n.or(0.0), 0.0..=1e3);
+    let moment = problems.within(&raw.accommodation_deadband_nm.or(0.0), 0.0..=1e3);
+    let (linear, angular, force, moment) = (linear?, angular?, force?, moment?);
+    let made = Accommodation::new(six([linear; 3], [angular; 3]), six([force; 3], [moment; 3]));
     // A gain that is refused here is too large, so it is the larger one.
     let larger =
         if linear > angular { &raw.accommodation_m_per_ns } else { &raw.accommodation_rad_per_nms };
     problems.take_unless_noted(before, larger, made)
+}
+
+/// Sensor, payload, accommodation and shared control.
+fn interaction(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Interaction> {
+    let x_m_s = robots::pose(&raw.sensor_m, &raw.sensor_deg, problems);
+    let signs = [(1, Reports::OnTool), (-1, Reports::OnArm)];
+    let sign = raw.sensor_sign.or(1);
+    let reports = signs.iter().find(|(named, _)| sign.get() == Some(*named));
+    if reports.is_none()
+        && let Some(wrong) = sign.get()
+    {
+        let reason = "must be 1, a sensor that reports the wrench on the tool, or -1, on the arm";
+        problems.add(&sign, format_args!("{reason}; got {wrong}"));
+    }
+    let force = problems.all_finite(&raw.sensor_bias_n.or(List::default()));
+    let moment = problems.all_finite(&raw.sensor_bias_nm.or(List::default()));
+    let payload = payload(raw, problems);
+    let accommodation = accommodation(raw, problems);
+    let shared = match &raw.shared_control {
+        Some(section) => shared_control(section, problems),
+        None => Some(SharedControl::default()),
+    };
+    let bias = Wrench::from_components(six(force?, moment?));
+    Some(Interaction {
+        sensor: WristSensor { x_m_s: x_m_s?, reports: reports?.1, bias },
+        payload: payload?,
+        gravity_in_b: Vector3::from(GRAVITY),
+        removes_inertia: raw.remove_inertia.or(false).get()?,
+        feels_payload: raw.feel_payload.or(false).get()?,
+        accommodation: accommodation?,
+        shared: shared?,
+    })
+}
+
+fn shared_control(raw: &raw::SharedControl, problems: &mut Problems<'_>) -> Option<SharedControl> {
+    let before = problems.count();
+    let operator = problems.all_finite(&raw.operator);
+    let linear = problems.all_finite(&raw.auto_m_per_s.or(List::default()));
+    let angular = problems.all_finite(&raw.auto_rad_per_s.or(List::default()));
+    let made = SharedControl::new(operator?, six(linear?, angular?));
+    problems.take_unless_noted(before, &raw.operator, made)
 }
 
 fn servo(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Servo> {
@@ -112,8 +204,10 @@ fn payload(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Payload> {
     let before = problems.count();
     let mass = problems.not_negative(&raw.mass_kg);
     let centre = problems.all_finite(&raw.centre_of_mass_m);
+    let inertia = problems.all_finite(&raw.inertia_kg_m2.or(List::default()));
     let made = Payload::new(mass?, centre?);
-    problems.take_unless_noted(before, &raw.mass_kg, made)
+    let made = problems.take_unless_noted(before, &raw.mass_kg, made)?;
+    problems.take_unless_noted(before, &raw.inertia_kg_m2, made.with_inertia(inertia?))
 }
 
 /// A point of it and the direction out of it.

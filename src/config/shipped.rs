@@ -20,6 +20,8 @@ const FILES: &[(&str, &[u8])] = table![
     "config/drives/maxon_epos4.toml",
     "config/drives/nanotec_cl4e.toml",
     "config/drives/technosoft_ipos.toml",
+    "config/robots/eight_r_synthetic.toml",
+    "config/robots/puma560.toml",
     "config/scenarios/contact_10s.toml",
     "config/scenarios/free.toml",
     "config/scenarios/relaxed_10s.toml",

@@ -55,7 +55,6 @@ mod intake;
 pub mod interpretation;
 mod least_squares;
 pub mod limits;
-pub mod models;
 pub mod orientation;
 mod output;
 pub mod passivity;

@@ -6,10 +6,10 @@ use nalgebra::{Isometry3, Unit, Vector3};
 
 use crate::scene::{Block, Scene, Sphere, Surface, Wall};
 use crate::{Remote, Sensed};
-use robot::accommodation::Accommodation;
+use robot::following_arm::FollowingArm;
 use robot::god_object::{Coupling, GodObject};
+use robot::interaction::Interaction;
 use robot::object::{Object, Servo};
-use robot::payload::Payload;
 use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 
@@ -21,14 +21,12 @@ pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 pub struct Virtual {
     /// Initial pose of the object in its base.
     pub x_b_m: Isometry3<f64>,
-    /// Pose of the force sensor in the frame under control.
-    pub x_m_s: Isometry3<f64>,
-    /// Payload beyond the sensor.
-    pub payload: Payload,
+    /// Arm that holds the object, at the start; `None` for a free object.
+    pub arm: Option<FollowingArm>,
+    /// Sensor, payload, force accommodation and shared control.
+    pub interaction: Interaction,
     /// Servo of the object.
     pub servo: Servo,
-    /// Force accommodation in rate mode.
-    pub accommodation: Accommodation,
     /// Virtual coupling that draws the object in pose mode, so that surfaces stop it; without one its servo does.
     pub coupling: Option<Coupling>,
     /// Wall: point, normal, surface.
@@ -37,6 +35,13 @@ pub struct Virtual {
     pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
     /// Sphere: centre, radius, surface.
     pub sphere: Option<(Vector3<f64>, f64, Contact)>,
+}
+
+impl Virtual {
+    /// Returns the wrench of the surfaces on the object at its start, at {MRF}.
+    pub fn contact_at_start(&self) -> Wrench {
+        scene(self).wrench(&self.x_b_m, &Twist::ZERO)
+    }
 }
 
 /// Stiffness, damping and friction of a surface.
@@ -79,12 +84,9 @@ pub struct VirtualSite {
 impl VirtualSite {
     /// Creates the object and scene of `remote`, at rest, with one exchange per `period`.
     pub fn new(remote: &Virtual, period: Duration) -> Self {
-        let Virtual { x_b_m, x_m_s, payload, servo, accommodation, .. } = *remote;
-        let object = Object::new(servo, x_b_m).with_accommodation(accommodation).with_payload(
-            x_m_s,
-            payload,
-            Vector3::from(GRAVITY),
-        );
+        let Virtual { x_b_m, arm, interaction, servo, .. } = *remote;
+        let free = Object::new(servo, x_b_m).with_interaction(interaction);
+        let object = arm.map_or(free, |arm| free.held_by(arm));
         let max_step = 10.0 * period.as_secs_f64();
         let scene = scene(remote);
         Self {
@@ -107,6 +109,11 @@ impl VirtualSite {
     /// Sets the wrench that a broken sensor reports; `None` repairs it.
     pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
         self.sensor_fault = reported;
+    }
+
+    /// Returns the arm that holds the object, if one does.
+    pub const fn arm(&self) -> Option<&FollowingArm> {
+        self.object.arm()
     }
 
     /// Returns the pose of the object in its base.
@@ -135,7 +142,7 @@ impl Remote for VirtualSite {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         let command = if self.link == Link::Lost { &Motion::Hold } else { command };
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
-        let f_s = self.object.contact(&self.object.sensed(&f_m));
+        let f_s = self.object.felt(&self.object.reading(&f_m));
         // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
         self.follow(dt.min(self.max_step), command, &f_m);
@@ -183,10 +190,9 @@ mod tests {
         let coupling = Coupling::new([STIFFNESS, STIFFNESS, STIFFNESS, 20.0, 20.0, 20.0], [0.0; 6]);
         let remote = Virtual {
             x_b_m: Isometry3::translation(x, 0.0, 0.3),
-            x_m_s: Isometry3::identity(),
-            payload: Payload::default(),
+            arm: None,
+            interaction: Interaction::default(),
             servo: Servo::new(0.01, 0.5, 2.0).unwrap(),
-            accommodation: Accommodation::default(),
             coupling: Some(coupling.unwrap()),
             wall: (x < 0.55).then_some((Vector3::new(0.55, 0.0, 0.0), -Vector3::x_axis(), contact)),
             block: Some((Vector3::new(0.85, 0.0, 0.3), Vector3::new(0.05, 0.1, 0.1), contact)),

@@ -15,6 +15,17 @@
 #![forbid(unsafe_code)]
 
 pub mod accommodation;
+pub mod chain;
+pub mod contact_work;
+pub mod damped_inverse;
+pub mod following_arm;
 pub mod god_object;
+pub mod interaction;
+pub mod joint_limits;
 pub mod object;
 pub mod payload;
+pub mod resolved_rate;
+pub mod shared_control;
+#[cfg(test)]
+mod testing;
+pub mod wrist_sensor;

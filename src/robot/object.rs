@@ -2,13 +2,14 @@
 //! limits.
 //!
 //! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3). In pose mode surfaces stop it
-//! where a virtual coupling draws it: [`god_object`](crate::god_object).
+//! where a virtual coupling draws it: [`god_object`](crate::god_object). The object is free, or the tool of an arm, which
+//! follows the same twists within the limits of its joints: [`following_arm`](crate::following_arm).
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use thiserror::Error;
 
-use crate::accommodation::Accommodation;
-use crate::payload::Payload;
+use crate::following_arm::FollowingArm;
+use crate::interaction::{Interaction, ToolState};
 use units::spatial::{Motion, Twist, Wrench};
 
 /// Maximum distance from the base, in m.
@@ -66,67 +67,57 @@ impl Servo {
     }
 }
 
-/// A body with a force sensor, and a payload beyond the sensor.
+/// A body with a force sensor and a payload beyond it: free, or held by an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
     servo: Servo,
-    accommodation: Accommodation,
-    payload: Payload,
-    x_m_s: Isometry3<f64>,
-    gravity_in_b: Vector3<f64>,
-    x_b_m: Isometry3<f64>,
-    v_m: Twist,
+    interaction: Interaction,
+    arm: Option<FollowingArm>,
+    tool: ToolState,
 }
 
 impl Object {
-    /// Creates an object at rest at `x_b_m`, without sensor offset, payload or accommodation.
+    /// Creates a free object at rest at `x_b_m`, without sensor offset, payload or accommodation.
     pub fn new(servo: Servo, x_b_m: Isometry3<f64>) -> Self {
-        Self {
-            servo,
-            accommodation: Accommodation::default(),
-            payload: Payload::default(),
-            x_m_s: Isometry3::identity(),
-            gravity_in_b: Vector3::zeros(),
-            x_b_m,
-            v_m: Twist::ZERO,
-        }
+        let tool = ToolState::at_rest(x_b_m);
+        Self { servo, interaction: Interaction::default(), arm: None, tool }
     }
 
-    /// Sets the force accommodation.
+    /// Sets sensor, payload, accommodation and shared control.
     #[must_use]
-    pub fn with_accommodation(self, accommodation: Accommodation) -> Self {
-        Self { accommodation, ..self }
+    pub fn with_interaction(self, interaction: Interaction) -> Self {
+        Self { interaction, ..self }
     }
 
-    /// Sets the sensor pose `x_m_s`, the payload, and gravity in the base, in m/s².
+    /// Has an arm hold the object: it is where the arm's joints put it.
     #[must_use]
-    pub fn with_payload(
-        self,
-        x_m_s: Isometry3<f64>,
-        payload: Payload,
-        gravity_in_b: Vector3<f64>,
-    ) -> Self {
-        Self { x_m_s, payload, gravity_in_b, ..self }
+    pub fn held_by(self, arm: FollowingArm) -> Self {
+        Self { tool: ToolState::at_rest(arm.pose()), arm: Some(arm), ..self }
+    }
+
+    /// Returns the arm that holds it.
+    pub const fn arm(&self) -> Option<&FollowingArm> {
+        self.arm.as_ref()
     }
 
     /// Returns the pose of {MRF} in its base.
     pub const fn pose(&self) -> &Isometry3<f64> {
-        &self.x_b_m
+        &self.tool.x_b_m
     }
 
     /// Returns the twist of {MRF}, in {MRF}.
     pub const fn twist(&self) -> &Twist {
-        &self.v_m
+        &self.tool.v_m
     }
 
-    /// Returns the sensor value while `f_m_contact` acts on the object: contact and payload.
-    pub fn sensed(&self, f_m_contact: &Wrench) -> Wrench {
-        f_m_contact.at(&self.x_m_s.inverse()) + self.weight()
+    /// Returns the sensor's reading while `f_m_contact` acts on the object: contact and payload.
+    pub fn reading(&self, f_m_contact: &Wrench) -> Wrench {
+        self.interaction.reading(&self.tool, f_m_contact)
     }
 
-    /// Subtracts the payload from a sensor value: returns the contact wrench, at {S} (decision 8).
-    pub fn contact(&self, f_s_sensed: &Wrench) -> Wrench {
-        *f_s_sensed - self.weight()
+    /// Returns what the operator shall feel of a reading, at {S}: the contact alone, unless the payload is felt.
+    pub fn felt(&self, reading: &Wrench) -> Wrench {
+        self.interaction.felt(&self.tool, reading)
     }
 
     /// Follows `command` for `dt` s while `f_m_contact` acts on it at {MRF}. Stops at an invalid command, or at one
@@ -135,33 +126,38 @@ impl Object {
         let part = self.servo.part(dt);
         let v_m = match command {
             Motion::Hold => self.towards(&Twist::ZERO, part),
-            Motion::Rate(v_m) => self.towards(&self.accommodation.rate(v_m, f_m_contact), part),
-            Motion::Pose(x_b_d) => Twist::reaching(&(self.x_b_m.inverse() * x_b_d), dt) * part,
+            Motion::Rate(v_m) => self.towards(&self.interaction.rate(v_m, f_m_contact), part),
+            Motion::Pose(x_b_d) => Twist::reaching(&(self.tool.x_b_m.inverse() * x_b_d), dt) * part,
         };
         self.advance(dt, v_m);
     }
 
-    /// Moves with `v_m` for `dt` s, within the speed limits of the servo and without its lag. Stops at an invalid twist,
-    /// or at one that leaves the range of positions.
+    /// Moves with `v_m` for `dt` s, within the speed limits of the servo and without its lag; with an arm, within the
+    /// limits of its joints. Stops at an invalid twist, or at one that leaves the range of positions.
     pub fn advance(&mut self, dt: f64, v_m: Twist) {
         let limited = self.servo.limited(v_m);
-        let moved = self.x_b_m * limited.over(dt);
-        if limited.is_finite() && is_in_range(&moved) {
-            self.v_m = limited;
-            self.x_b_m = moved;
-            self.x_b_m.rotation.renormalize();
+        let before = self.tool;
+        let moved = match &mut self.arm {
+            Some(arm) => arm.moved(dt, &limited),
+            None => before.x_b_m * limited.over(dt),
+        };
+        let v_m = match &self.arm {
+            Some(_) => Twist::reaching(&(before.x_b_m.inverse() * moved), dt),
+            None => limited,
+        };
+        if v_m.is_finite() && is_in_range(&moved) {
+            let v_dot_m = (v_m + before.v_m * -1.0) * dt.recip();
+            let v_dot_m = if v_dot_m.is_finite() { v_dot_m } else { Twist::ZERO };
+            self.tool = ToolState { x_b_m: moved, v_m, v_dot_m };
+            self.tool.x_b_m.rotation.renormalize();
         } else {
-            self.v_m = Twist::ZERO;
+            self.tool = ToolState::at_rest(before.x_b_m);
         }
     }
 
     /// Returns the twist after one lag step towards another.
     fn towards(&self, v_m_other: &Twist, part: f64) -> Twist {
-        self.v_m * (1.0 - part) + *v_m_other * part
-    }
-
-    fn weight(&self) -> Wrench {
-        self.payload.weight(&(self.x_b_m * self.x_m_s), &self.gravity_in_b)
+        self.tool.v_m * (1.0 - part) + *v_m_other * part
     }
 }
 
@@ -173,9 +169,14 @@ fn is_in_range(x: &Isometry3<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     use super::*;
+    use crate::accommodation::Accommodation;
+    use crate::payload::Payload;
+    use crate::testing;
+    use crate::wrist_sensor::WristSensor;
 
     fn servo(time_constant: f64) -> Servo {
         Servo::new(time_constant, 10.0, 10.0).unwrap()
@@ -183,6 +184,11 @@ mod tests {
 
     fn object(time_constant: f64) -> Object {
         Object::new(servo(time_constant), Isometry3::translation(0.4, 0.0, 0.3))
+    }
+
+    fn yielding(gain: f64) -> Interaction {
+        let accommodation = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
+        Interaction { accommodation, ..Interaction::default() }
     }
 
     fn pose() -> impl Strategy<Value = Isometry3<f64>> {
@@ -205,10 +211,15 @@ mod tests {
             x_b_m in pose(), x_m_s in pose(), f in six(50.0)
         ) {
             let payload = Payload::new(1.5, [0.0, 0.01, 0.04]).unwrap();
-            let object = Object::new(servo(0.01), x_b_m)
-                .with_payload(x_m_s, payload, Vector3::new(0.0, 0.0, -9.81));
+            let interaction = Interaction {
+                sensor: WristSensor { x_m_s, ..WristSensor::default() },
+                payload,
+                gravity_in_b: Vector3::new(0.0, 0.0, -9.81),
+                ..Interaction::default()
+            };
+            let object = Object::new(servo(0.01), x_b_m).with_interaction(interaction);
             let f_m = Wrench::from_components(f);
-            let f_s = object.contact(&object.sensed(&f_m));
+            let f_s = object.felt(&object.reading(&f_m));
             for (a, b) in f_s.at(&x_m_s).components().iter().zip(f_m.components()) {
                 prop_assert!((a - b).abs() < 1e-10);
             }
@@ -268,10 +279,42 @@ mod tests {
                 1 => Motion::Rate(Twist::from_components(v)),
                 _ => Motion::Pose(Isometry3::new([a, b, c].into(), [d, e, g].into())),
             };
-            let mut object = object(0.01).with_accommodation(Accommodation::new([0.1; 6], [0.0; 6]).unwrap());
+            let mut object = object(0.01).with_interaction(yielding(0.1));
             for _ in 0..3 {
                 object.step(dt, &command, &Wrench::from_components(f));
                 prop_assert!(is_in_range(object.pose()) && object.twist().is_finite());
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        #[test]
+        fn arms_follow_as_the_free_object_does(v in six(1.0), is_long in any::<bool>()) {
+            let [x, y, z, a, b, c] = v;
+            let v_m = Twist::from_components([0.1 * x, 0.1 * y, 0.1 * z, 0.4 * a, 0.4 * b, 0.4 * c]);
+            let (chain, q) = if is_long {
+                (testing::eight_r(), testing::posture(8))
+            } else {
+                (testing::puma(), testing::posture(6))
+            };
+            let arm = FollowingArm::new(testing::law(chain, 1e4), q);
+            let mut held = object(0.05).held_by(arm);
+            let mut free = Object::new(servo(0.05), *held.pose());
+            for cycle in 0..1_500 {
+                // There, back, and on to a pose.
+                let command = match cycle {
+                    0..500 => Motion::Rate(v_m),
+                    500..1_000 => Motion::Rate(v_m * -0.5),
+                    _ => Motion::Pose(arm.pose() * v_m.over(0.2)),
+                };
+                held.step(1e-3, &command, &Wrench::ZERO);
+                free.step(1e-3, &command, &Wrench::ZERO);
+                prop_assume!(held.arm().unwrap().sigma_min() > 0.05);
+                let off = free.pose().inverse() * held.pose();
+                prop_assert!(off.translation.vector.norm() < 1e-3, "{off}");
+                prop_assert!(off.rotation.angle() < 0.5_f64.to_radians(), "{off}");
             }
         }
     }
@@ -289,10 +332,9 @@ mod tests {
     #[test]
     fn accommodation_acts_in_rate_mode_only() {
         let push = Wrench::from_components([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let law = Accommodation::new([0.01; 6], [0.0; 6]).unwrap();
         let here = *object(0.0).pose();
         let moved = |command| {
-            let mut object = object(0.0).with_accommodation(law);
+            let mut object = object(0.0).with_interaction(yielding(0.01));
             object.step(0.1, &command, &push);
             object.pose().translation.x - here.translation.x
         };

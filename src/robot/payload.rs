@@ -1,14 +1,21 @@
-//! Payload between sensor and contact (3.2).
+//! Payload between sensor and contact (3.2): what the sensor measures beside the contact.
 //!
-//! Static: weight and its moment, no inertia (decision 8). The sensor measures contact plus weight; subtracting the
-//! weight leaves the contact.
+//! The sensor measures contact plus the payload's load: weight, and, where the motion is known, inertia (Newton-Euler).
+//! With `r` from {S} to the centre of mass, `a` its acceleration and `I` the inertia about it, in {S}:
+//!
+//! ```text
+//!  f = m (g - a)        m_s = r × f - (I α + ω × I ω)
+//! ```
+//!
+//! Subtracting the load leaves the contact (decision 8). Without inertia only the weight is known: while the payload
+//! accelerates, its inertia is taken for contact.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use thiserror::Error;
 
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
-/// Maximum mass, in kg, and distance of the centre of mass, in m.
+/// Maximum mass, in kg, distance of the centre of mass, in m, and inertia, in kg·m².
 const MAX_VALUE: f64 = 1e4;
 
 /// Mass carried beyond the sensor {S}.
@@ -16,6 +23,16 @@ const MAX_VALUE: f64 = 1e4;
 pub struct Payload {
     mass: f64,
     centre_of_mass: Vector3<f64>,
+    inertia: Matrix3<f64>,
+}
+
+/// Motion of {S}, written in {S}.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moving {
+    /// Twist.
+    pub v_s: Twist,
+    /// Rate of change of the twist's components, in m/s² and rad/s².
+    pub v_dot_s: Twist,
 }
 
 /// Reasons to refuse a payload.
@@ -27,10 +44,13 @@ pub enum InvalidPayload {
     /// Centre of mass out of range.
     #[error("payload centre of mass must be within ±{MAX_VALUE} m, got {0}")]
     CentreOfMass(f64),
+    /// No body has this inertia.
+    #[error("payload inertia must be that of a body: finite and not negative, got {0:?}")]
+    Inertia([f64; 6]),
 }
 
 impl Payload {
-    /// Creates a payload from its mass in kg and its centre of mass in {S}, in m.
+    /// Creates a payload from its mass in kg and its centre of mass in {S}, in m, without inertia about it.
     ///
     /// # Errors
     /// A negative mass, or a value that is too large or NaN.
@@ -41,7 +61,24 @@ impl Payload {
         let far = centre_of_mass.into_iter().find(|part| !(-MAX_VALUE..=MAX_VALUE).contains(part));
         match far {
             Some(part) => Err(InvalidPayload::CentreOfMass(part)),
-            None => Ok(Self { mass, centre_of_mass: centre_of_mass.into() }),
+            None => {
+                Ok(Self { mass, centre_of_mass: centre_of_mass.into(), inertia: Matrix3::zeros() })
+            }
+        }
+    }
+
+    /// Sets the inertia about the centre of mass, xx, yy, zz, xy, xz, yz in {S}, in kg·m².
+    ///
+    /// # Errors
+    /// Values that are too large or NaN, or that no body has.
+    pub fn with_inertia(self, inertia: [f64; 6]) -> Result<Self, InvalidPayload> {
+        let [xx, yy, zz, xy, xz, yz] = inertia;
+        let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let is_in_range = inertia.iter().all(|part| part.abs() <= MAX_VALUE);
+        if is_in_range && matrix.symmetric_eigenvalues().min() >= -1e-12 {
+            Ok(Self { inertia: matrix, ..self })
+        } else {
+            Err(InvalidPayload::Inertia(inertia))
         }
     }
 
@@ -49,6 +86,22 @@ impl Payload {
     pub fn weight(&self, x_b_s: &Isometry3<f64>, gravity_in_b: &Vector3<f64>) -> Wrench {
         let force = x_b_s.rotation.inverse() * gravity_in_b * self.mass;
         Wrench { force, moment: self.centre_of_mass.cross(&force) }
+    }
+
+    /// Returns weight and inertia at a sensor that moves.
+    pub fn load(
+        &self,
+        x_b_s: &Isometry3<f64>,
+        gravity_in_b: &Vector3<f64>,
+        Moving { v_s, v_dot_s }: &Moving,
+    ) -> Wrench {
+        let (omega, alpha, r) = (v_s.angular, v_dot_s.angular, self.centre_of_mass);
+        let origin = v_dot_s.linear + omega.cross(&v_s.linear);
+        let acceleration = origin + alpha.cross(&r) + omega.cross(&omega.cross(&r));
+        let force = -acceleration * self.mass;
+        let turning = self.inertia * alpha + omega.cross(&(self.inertia * omega));
+        let inertial = Wrench { force, moment: r.cross(&force) - turning };
+        self.weight(x_b_s, gravity_in_b) + inertial
     }
 }
 
@@ -73,6 +126,35 @@ mod tests {
             let x_c_s = Isometry3::translation(-0.01, 0.02, -0.09);
             prop_assert!(f_s.at(&x_c_s).moment.norm() < 1e-12);
         }
+
+        #[test]
+        fn load_takes_the_power_that_the_payload_gains(
+            v in prop::array::uniform6(-2.0..2.0_f64), a in prop::array::uniform6(-9.0..9.0_f64)
+        ) {
+            let payload = Payload::new(1.3, [0.01, -0.02, 0.09]).unwrap();
+            let payload = payload.with_inertia([0.004, 0.005, 0.003, 1e-4, 0.0, -2e-4]).unwrap();
+            let (v_s, v_dot_s) = (Twist::from_components(v), Twist::from_components(a));
+            let kinetic = |v: Twist| {
+                let speed = v.linear + v.angular.cross(&payload.centre_of_mass);
+                let spin = v.angular.dot(&(payload.inertia * v.angular));
+                f64::midpoint(payload.mass * speed.norm_squared(), spin)
+            };
+            // Without gravity, and kinetic energy does not depend on the place: its rate is that of the components.
+            let step = 1e-6;
+            let gained = (kinetic(v_s + v_dot_s * step) - kinetic(v_s + v_dot_s * -step)) / (2.0 * step);
+            let moving = Moving { v_s, v_dot_s };
+            let f_s = payload.load(&Isometry3::identity(), &Vector3::zeros(), &moving);
+            prop_assert!((f_s.power(&v_s) + gained).abs() < 1e-6, "{} {gained}", f_s.power(&v_s));
+        }
+    }
+
+    #[test]
+    fn payload_in_free_fall_has_no_load() {
+        let payload = Payload::new(2.0, [0.1, 0.0, 0.0]).unwrap();
+        let v_dot_s = Twist { linear: DOWN, ..Twist::ZERO };
+        let f_s =
+            payload.load(&Isometry3::identity(), &DOWN, &Moving { v_dot_s, ..Moving::default() });
+        assert!(f_s.force.norm() < 1e-12 && f_s.moment.norm() < 1e-12);
     }
 
     #[test]
@@ -85,5 +167,7 @@ mod tests {
         assert_eq!(Payload::new(-1.0, [0.0; 3]), Err(InvalidPayload::Mass(-1.0)));
         assert!(Payload::new(f64::NAN, [0.0; 3]).is_err());
         assert!(Payload::new(1.0, [0.0, f64::INFINITY, 0.0]).is_err());
+        assert!(Payload::default().with_inertia([-1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).is_err());
+        assert!(Payload::default().with_inertia([f64::NAN; 6]).is_err());
     }
 }

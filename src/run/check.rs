@@ -9,6 +9,7 @@ use clap::{ArgGroup, Args};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::{gains, print, stopping};
 use config::Config;
+use config::robots::RobotArm;
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
 
@@ -50,6 +51,28 @@ fn gravity(config: &Config) -> String {
     format!("gravity {strength:.2} m/s² along ({x:.2}, {y:.2}, {z:.2}) in the base frame{mount}")
 }
 
+fn robot_json(arm: &RobotArm) -> serde_json::Value {
+    serde_json::json!({
+        "name": arm.name,
+        "file": arm.file,
+        "joints": arm.joints.len(),
+        "sigma_min": arm.following().sigma_min(),
+    })
+}
+
+/// Describes the arm that holds the commanded object.
+fn robot(arm: &RobotArm) -> String {
+    let following = arm.following();
+    let [x, y, z] = following.pose().translation.vector.into();
+    format!(
+        "robot {:10} {} joints, starts at ({x:.3}, {y:.3}, {z:.3}) m, smallest singular value {:.2}, damped below {:.2}",
+        arm.name,
+        arm.joints.len(),
+        following.sigma_min(),
+        arm.law().inverse().threshold()
+    )
+}
+
 /// Logs a warning if there is no switch box, so that nothing can be armed.
 pub(super) fn warn_no_switch_box(config: &Config) {
     if let Err(reason) = config.switch_box() {
@@ -80,13 +103,15 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "stopping": stopping::json(&config),
             "cautions": stopping::cautions_json(&config),
             "switches": config.switches.is_some(),
+            "robot": config.robot.as_ref().map(robot_json),
         });
         print::line(&report.to_string());
         return Ok(());
     }
+    config.robot.iter().for_each(|arm| print::line(&robot(arm)));
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
-    let but = if is_unstable { ", but unstable (allow_unstable is set)" } else { "" };
+    let but = if is_unstable { ", but unstable (gain_check = \"warn\")" } else { "" };
     print::line(&format!("{}: valid{but}", file.display()));
     print::line(&format!("SYNC every {} µs", config.period.as_micros()));
     for (bus, load) in config.buses.iter().zip(&loads) {

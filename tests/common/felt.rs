@@ -36,7 +36,9 @@ pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Ar
             let turns = f64::from(counts) / f64::from(calibrated.counts_per_rev);
             turns * std::f64::consts::TAU / calibrated.gear_ratio
         }));
-        let f_g = f_s.at(&config.remote.x_m_s).scaled(&[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]);
+        let f_g = f_s
+            .at(&config.remote.interaction.sensor.x_m_s)
+            .scaled(&[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]);
         let posture = arm.posture(&q);
         let tau = arm.gravity(&posture) + arm.jacobian(&posture).torques(&f_g);
         for (joint, calibrated) in

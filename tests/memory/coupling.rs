@@ -97,7 +97,7 @@ fn pressed(config: &Config, to: [f64; 3]) -> Still {
 
 /// Returns K_T times the wrench of the surface, at {G}.
 fn wanted(config: &Config, record: &Record) -> Wrench {
-    let f_m = record.f_s.at(&config.remote.x_m_s);
+    let f_m = record.f_s.at(&config.remote.interaction.sensor.x_m_s);
     f_m.scaled(config.controller.reflection.gain().values())
 }
 

@@ -27,6 +27,7 @@ mod plausibility;
 mod position_scale;
 mod quirks;
 mod real_drives;
+mod robots;
 mod scenarios;
 mod sdo;
 mod stiff_wall;

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::common::oracle::{
     self, assert_near, assert_same_pose, farthest, joints, list, number, numbers, pose, rotation,
-    rows, twist, vector, wrench,
+    rows, vector, wrench,
 };
 use controller::arm::{Arm, JointKind, Link, Posture};
 use controller::assist::{self, Damping};
@@ -25,10 +25,7 @@ use controller::reference::{Displacement, Reference};
 use controller::reflection::Reflection;
 use controller::switches::{Mode, SwitchLogic, Switches};
 use controller::velocity::{Filter, Velocity};
-use controller::{Controller, Extensions, Input, Output, Settings, models};
-use robot::accommodation::Accommodation;
-use robot::object::{Object, Servo};
-use robot::payload::Payload;
+use controller::{Controller, Extensions, Input, Output, Settings};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Motion, Twist, Wrench, rotation as rotations};
@@ -151,20 +148,6 @@ fn mass_matrices_of_four_arms() {
     }
 }
 
-#[test]
-fn shipped_puma_matches_the_reference() {
-    let puma = models::puma560().unwrap();
-    for config in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
-        let posture = puma.posture(&joints(&config["q"]));
-        assert_same_pose("puma", &posture.x_0_g, &pose(&config["T_0G"]));
-        let tau = puma.gravity(&posture);
-        assert_near("gravity", tau.as_slice(), &numbers::<6>(&config["gravity"]));
-        let reference = rows::<6, 6>(&config["M"]);
-        let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
-        assert_near("mass", puma.mass_matrix(&posture).as_slice(), reference.as_slice());
-    }
-}
-
 // Orientations: Eq. 4 and 5.
 
 #[test]
@@ -221,29 +204,6 @@ fn eq_8_as_printed_differs_from_the_oracle() {
             assert!((printed - odd).abs() > TINY);
         }
     }
-}
-
-#[test]
-fn payload_is_compensated() {
-    let paper = oracle::oracle("paper.json");
-    let (inputs, payload) = (&paper["inputs"], &paper["inputs"]["payload"]);
-    let model_gravity = &oracle::oracle("sixr_spherical.json")["model"]["g0"];
-    let removed = Payload::new(number(&payload["mass"]), numbers(&payload["r_cg_S"])).unwrap();
-    let r_b_s = rotations::from_euler_zyx(&vector(&payload["R_0S_euler_zyx_gba"]));
-    let x_b_s = Isometry3::from_parts(Vector3::zeros().into(), r_b_s);
-    let weight = removed.weight(&x_b_s, &vector(model_gravity));
-    let reference = &paper["payload"]["weight_wrench_S"];
-    assert_near("weight", &weight.components(), &numbers::<6>(reference));
-
-    let servo = Servo::new(0.01, 1.0, 1.0).unwrap();
-    let object = Object::new(servo, x_b_s).with_payload(
-        Isometry3::identity(),
-        removed,
-        vector(model_gravity),
-    );
-    let f_s = object.contact(&wrench(&inputs["F_S_meas"]));
-    let reference = &paper["payload"]["F_S_after_static_removal"];
-    assert_near("contact", &f_s.components(), &numbers::<6>(reference));
 }
 
 #[test]
@@ -783,42 +743,6 @@ fn indexing_through_a_large_workspace() {
 fn gantry() -> Arm<6> {
     let slide = Link { kind: JointKind::Prismatic, mass: 1.0, range: [-1.0, 1.0], ..Link::TURNING };
     Arm::new([slide; 6], Isometry3::identity(), [0.0; 3]).unwrap()
-}
-
-// The remote site.
-
-#[test]
-fn rate_control_becomes_force_control_in_contact() {
-    let ntrfc = oracle::oracle("ntrfc.json");
-    let sim = &ntrfc["sim_no_delay"];
-    let [k_v, k_fa, k_e, dx_db, dt] =
-        ["K_V", "K_FA", "k_e", "dX_db", "T"].map(|key| number(&sim[key]));
-    let servo = Servo::new(0.0, 100.0, 100.0).unwrap();
-    let start = Isometry3::translation(number(&sim["x0"]), 0.0, 0.0);
-    let law = Accommodation::new([k_fa; 6], [0.0; 6]).unwrap();
-    let mut object = Object::new(servo, start).with_accommodation(law);
-    let v_m = Twist::from_components([k_v * dx_db, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let column = |key: &str| list(&sim[key]).iter().map(number).collect::<Vec<_>>();
-    let mut last = 0.0;
-    for ((x, force), speed) in column("x").into_iter().zip(column("F")).zip(column("v")) {
-        let here = object.pose().translation.x;
-        last = -k_e * (here - number(&sim["x_wall"])).max(0.0);
-        let f_m = Wrench::from_components([last, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        object.step(dt, &Motion::Rate(v_m), &f_m);
-        assert_near("x, F", &[here, last], &[x, force]);
-        assert_near("v", &[object.twist().linear.x], &[speed]);
-    }
-    assert!((last - number(&sim["expected_final_F"])).abs() < 1e-6);
-}
-
-#[test]
-fn the_equilibrium_of_accommodation() {
-    let ntrfc = oracle::oracle("ntrfc.json");
-    let equilibrium = &ntrfc["equilibrium"];
-    let law = Accommodation::new(numbers(&equilibrium["K_FA"]), [0.0; 6]).unwrap();
-    let rate = twist(&equilibrium["dX_db"]).scaled(&numbers(&equilibrium["K_V"]));
-    let f_m = -wrench(&equilibrium["wrench_exerted_on_environment"]);
-    assert_near("at rest", &law.rate(&rate, &f_m).components(), &[0.0; 6]);
 }
 
 #[test]

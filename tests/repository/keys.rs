@@ -13,6 +13,8 @@ use crate::pages::{self, Page};
 
 const PAGE: &str = "docs/configuration.md";
 
+const ROBOT_PAGE: &str = "docs/robots.md";
+
 /// A section as in `controller.tank`, and a key of it.
 pub(crate) type Key = (String, String);
 
@@ -33,16 +35,26 @@ pub(crate) struct Field {
 
 #[test]
 fn every_key_is_on_the_page_with_its_default() {
-    let rows = rows();
-    let keys = keys();
+    assert_documented(PAGE, &rows(), &keys());
+    assert!(keys().len() > 130, "{} keys", keys().len());
+}
+
+#[test]
+fn every_key_of_a_robot_file_is_on_its_page() {
+    let keys = keys_of("RobotFile");
+    assert_documented(ROBOT_PAGE, &rows_of(ROBOT_PAGE), &keys);
+    assert!(keys.len() > 20, "{} keys", keys.len());
+}
+
+/// Compares the keys of a page with those of the source, and their defaults.
+fn assert_documented(page: &str, rows: &BTreeMap<Key, Row>, keys: &BTreeMap<Key, Field>) {
     let [on_page, in_source] = [rows.keys().collect(), keys.keys().collect::<BTreeSet<_>>()];
     let difference: Vec<_> = on_page.symmetric_difference(&in_source).collect();
-    assert!(difference.is_empty(), "in {PAGE} or src/config/raw*.rs alone: {difference:?}");
-    for (key, field) in &keys {
+    assert!(difference.is_empty(), "in {page} or src/config/raw*.rs alone: {difference:?}");
+    for (key, field) in keys {
         let default = &rows[key].default;
         assert_eq!(default == "required", !field.is_optional, "{key:?}: default {default}");
     }
-    assert!(keys.len() > 130, "{} keys", keys.len());
 }
 
 #[test]
@@ -63,12 +75,17 @@ fn every_key_of_the_shipped_files_is_on_the_page() {
 
 /// Keys of the page. Every row must have all five cells.
 pub(crate) fn rows() -> BTreeMap<Key, Row> {
-    let page = Page::read(PAGE);
+    rows_of(PAGE)
+}
+
+/// Keys of a page; those under `## Whole file` are in no section.
+fn rows_of(page: &str) -> BTreeMap<Key, Row> {
+    let page = Page::read(page);
     let mut rows = BTreeMap::new();
     let mut section = String::new();
     for line in page.prose() {
         if let Some(heading) = line.strip_prefix('#') {
-            section = heading.trim_matches(['#', ' ', '[', ']']).to_owned();
+            section = heading.trim_matches(['#', ' ', '[', ']']).replace("Whole file", "");
         } else if let Some(row) = line.strip_prefix("| `") {
             let Some((key, row)) = row.split_once("` | ") else { continue };
             let cells: Vec<&str> = row.trim_end_matches('|').split(" | ").map(str::trim).collect();
@@ -87,6 +104,11 @@ pub(crate) fn rows() -> BTreeMap<Key, Row> {
 
 /// Keys of `config::raw`.
 pub(crate) fn keys() -> BTreeMap<Key, Field> {
+    keys_of("File")
+}
+
+/// Keys of the section `root` of `config::raw` and below.
+fn keys_of(root: &str) -> BTreeMap<Key, Field> {
     let is_raw = |path: &std::path::PathBuf| path.to_str().unwrap().starts_with("src/config/raw");
     let sources = pages::files(Path::new("src/config"), &["rs"]).into_iter().filter(is_raw);
     let mut structs = BTreeMap::new();
@@ -94,7 +116,7 @@ pub(crate) fn keys() -> BTreeMap<Key, Field> {
         read(&fs::read_to_string(source).unwrap(), &mut structs);
     }
     let mut keys = BTreeMap::new();
-    walk("", "File", &structs, &mut keys);
+    walk("", root, &structs, &mut keys);
     keys
 }
 

@@ -3,20 +3,20 @@
 //! Ends with a node that is configured, read back and pre-operational; the [master](crate::master) starts
 //! it. Every failure names the node, the object, the expected and the found value.
 
+mod error_control;
 #[cfg(test)]
 mod tests;
 mod transfer_end;
 
 use std::time::Duration;
 
-use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
+use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
-use canopen_rs::{NmtCommand, NmtState, Value};
+use canopen_rs::{NmtState, Value};
 
 use crate::abort::AbortCode;
 use crate::drive::Controlword;
 use crate::frame::Frame;
-use crate::heartbeat::is_boot_up;
 use crate::master::boot_error::{BootError, Problem};
 use crate::master::duplicate::{Reply, ReplyCounter, Sign};
 use crate::master::standstill::Standstill;
@@ -224,59 +224,6 @@ impl Boot {
                 self.on_mismatch(now, Problem::NoHeartbeat, out)
             }
             Wait::Retry(_) | Wait::BootUp | Wait::Heartbeat | Wait::Over => None,
-        }
-    }
-
-    fn on_heartbeat(
-        &mut self,
-        now: Instant,
-        frame: &Frame,
-        out: &mut Vec<Frame>,
-    ) -> Option<BootOutcome> {
-        let sent = out.len();
-        let outcome = if is_boot_up(frame, self.plan.node) {
-            self.on_boot_up(now, out)
-        } else {
-            self.reported_state =
-                frame.data().try_into().ok().and_then(|data| decode_heartbeat(data).ok());
-            match (&self.wait, self.reported_state) {
-                (Wait::Heartbeat, Some(NmtState::Operational)) => self.next_step(now, out),
-                (Wait::Heartbeat, Some(_)) => self.on_mismatch(now, Problem::NotStarted, out),
-                _ => None,
-            }
-        };
-        self.replies.on_requests(self.plan.node, out.get(sent..).unwrap_or_default());
-        outcome
-    }
-
-    /// Handles a boot-up message. A node that starts by itself (1F80h) is set pre-operational.
-    fn on_boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
-        self.reported_state = Some(NmtState::PreOperational);
-        match self.wait {
-            Wait::BootUp => {
-                out.push(Order::to(self.plan.node, NmtCommand::EnterPreOperational).frame());
-                self.next_step(now, out)
-            }
-            Wait::Read(_) | Wait::Heartbeat if self.stage == Stage::CheckRunning => {
-                self.on_mismatch(now, Problem::Rebooted, out)
-            }
-            Wait::Read(_) | Wait::Write(_) | Wait::Retry(_) if self.resets.has_answered => {
-                self.fail(Problem::Rebooted)
-            }
-            // The first of two may stem from the power-up: the node is reset once more.
-            Wait::Read(_) if self.resets.count == 1 => {
-                self.at = self.at.saturating_sub(1);
-                self.take_step(now, out)
-            }
-            Wait::Read(_) if self.resets.count > 1 => {
-                self.fail(Problem::Duplicate(Sign::TwoBootUps))
-            }
-            Wait::Start
-            | Wait::Read(_)
-            | Wait::Write(_)
-            | Wait::Retry(_)
-            | Wait::Heartbeat
-            | Wait::Over => None,
         }
     }
 

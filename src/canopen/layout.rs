@@ -30,6 +30,14 @@ pub struct Mapped {
     pub bits: u8,
 }
 
+impl Mapped {
+    /// Returns the entry of a mapping parameter: index, sub-index and length in bits (CiA 301, 7.5.2.36).
+    pub const fn entry(&self) -> u32 {
+        let [high, low] = self.object.index.to_be_bytes();
+        u32::from_be_bytes([high, low, self.object.sub, self.bits])
+    }
+}
+
 /// PDO of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pdo {
@@ -265,10 +273,9 @@ impl Pdo {
         let Some(service) = &self.service else { return writes };
         writes.push((self.mapping(0), Value::Unsigned8(0)));
         let mut entries = 0;
-        for Mapped { object, bits } in &service.mapping {
+        for mapped in &service.mapping {
             entries += 1;
-            let entry = MappingEntry::new(object.index, object.sub, *bits).to_u32();
-            writes.push((self.mapping(entries), Value::Unsigned32(entry)));
+            writes.push((self.mapping(entries), Value::Unsigned32(mapped.entry())));
         }
         writes.push((self.mapping(0), Value::Unsigned8(entries)));
         writes.push((self.communication(2), Value::Unsigned8(service.transmission.0)));

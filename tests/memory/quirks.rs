@@ -67,7 +67,7 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("no-rpdo-timer", Unarmed(NO_TIMER), Unarmed(NO_TIMER_500)),
     ("slow-sdo:10", Runs, Runs),
     ("unsized-replies", Runs, Runs),
-    ("fixed-mapping", Refused(FIXED), Refused(FIXED)),
+    ("fixed-mapping", Refused(FIXED), Refused(FIXED_500)),
     ("forgetful:6072h", Refused(MAX_TORQUE), Refused(MAX_TORQUE)),
     ("forgetful:605Eh", Refused(FAULT_REACTION), Refused(FAULT_REACTION)),
     ("forgetful:1400h:5", Refused(RPDO_TIMER), Refused(RPDO_TIMER_500)),
@@ -109,7 +109,10 @@ const NO_TIMER: &str = "58.6 N (max_force_n = 40, return to centre and walls 3.5
 const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) for the \
     25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.24 m/s fast, more than 0.5 m/s: at \
     most 20.0 N in all";
-const FIXED: &str = "1A00h refused: 06010002h object is read only";
+const FIXED: &str = "1A00h refused: 06010002h object is read only; 1A00h:1 is 60410010h, expected 60640020h: choose a \
+    layout that the device has";
+const FIXED_500: &str = "1A00h refused: 06010002h object is read only; 1A00h:2 is 00000000h, expected 60640020h: choose \
+    a layout that the device has";
 const MAX_TORQUE: &str = "6072h is 0BB8h, expected 0364h";
 const FAULT_REACTION: &str = "605Eh is 0002h, expected 0000h";
 const RPDO_TIMER: &str = "1400h:5 is 0000h, expected 0005h";
@@ -334,6 +337,24 @@ fn fault_without_emergency_is_seen_in_the_statusword() {
     assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: ELBOW, .. })));
     assert!(record.at.since(failed) <= Duration::from_millis(4));
     assert!(wire.since(failed, 0x683).is_empty());
+}
+
+#[test]
+fn fixed_mapping_of_the_configured_layout_runs() {
+    let mut quirks = vec!["fixed-mapping".to_owned()];
+    for (mapping, entries) in [
+        ("1600h", &[0x6040_0010, 0x6071_0010][..]),
+        ("1A00h", &[0x6041_0010, 0x6064_0020, 0x6077_0010]),
+    ] {
+        quirks.push(format!("stored:{mapping}={}", entries.len()));
+        let entries = (1..).zip(entries);
+        quirks.extend(entries.map(|(sub, entry)| format!("stored:{mapping}:{sub}={entry:#x}")));
+    }
+    let quirks: Vec<_> = quirks.iter().map(String::as_str).collect();
+    let (bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &quirks);
+    runs("fixed-mapping", bench);
+    let is_write = |frame: &Frame| matches!(frame.data(), [0x23, _, 0x16 | 0x1A, ..]);
+    assert!(!wire.since(Instant::ZERO, 0x603).iter().any(|(_, frame)| is_write(frame)));
 }
 
 #[test]

@@ -125,7 +125,8 @@ fn parameters(eds: &Eds, node: NodeId, pdo: &Pdo, service: &Service) -> Vec<Lack
     let mut missing = Vec::new();
     let (mapping, needed) = (pdo.mapping(0), service.mapping.len());
     if !ability.can_map {
-        missing.push(Lack::Writable(mapping));
+        let is_needed = !is_mapped(eds, node, pdo, service);
+        missing.extend(is_needed.then_some(Lack::Writable(mapping)));
     } else if usize::from(ability.max_entries) < needed {
         missing.push(Lack::Entries { mapping, needed });
     }
@@ -137,6 +138,14 @@ fn parameters(eds: &Eds, node: NodeId, pdo: &Pdo, service: &Service) -> Vec<Lack
         described.check_content(&bytes(&value), node).err().map(Lack::Value)
     }));
     missing
+}
+
+/// Returns whether the default mapping of a PDO is the one of its service.
+fn is_mapped(eds: &Eds, node: NodeId, pdo: &Pdo, service: &Service) -> bool {
+    let default = |object| Some(eds.object(object)?.number?.resolve(node));
+    let mut entries = (1..).zip(&service.mapping);
+    default(pdo.mapping(0)) == i128::try_from(service.mapping.len()).ok()
+        && entries.all(|(sub, mapped)| default(pdo.mapping(sub)) == Some(mapped.entry().into()))
 }
 
 /// Objects and dummies that cannot be mapped.
@@ -207,6 +216,26 @@ mod tests {
         let mapping = |index| Object { index, sub: 0 };
         parts.extend([0x1600, 0x1A00].map(mapping).map(Lack::Writable));
         assert_eq!(listed(&parts), "dummy mapping of 0003h and writable 1600h, 1A00h");
+    }
+
+    #[test]
+    fn read_only_mapping_as_planned_is_no_lack() {
+        let fixed = |count: &str, entry: &str| {
+            let text = format!(
+                "[1A00]\nObjectType=0x9\nSubNumber=4\n\
+                 [1A00sub0]\nObjectType=0x7\nDataType=0x0005\nAccessType=const\nDefaultValue={count}\n\
+                 [1A00sub1]\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=0x60410010\n\
+                 [1A00sub2]\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue={entry}\n\
+                 [1A00sub3]\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=0x60770010\n"
+            );
+            let (before, rest) = DRIVE.split_once("[1A00]").unwrap();
+            let after = &rest[rest.find("[1A01]").unwrap()..];
+            let eds = Eds::parse(format!("{before}{text}{after}").as_bytes()).unwrap();
+            listed(&lacks(&eds, node(), &layout::per_drive(node(), None)))
+        };
+        assert_eq!(fixed("3", "0x60640020"), "");
+        assert_eq!(fixed("3", "0x60630020"), "writable 1A00h");
+        assert_eq!(fixed("2", "0x60640020"), "writable 1A00h");
     }
 
     #[test]

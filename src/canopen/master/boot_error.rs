@@ -53,6 +53,9 @@ pub enum Problem {
     /// The node aborted a transfer.
     #[error("{0} refused: {1}")]
     AbortedByServer(Object, AbortCode),
+    /// The node does not let its PDO mapping be written, and an entry is not as planned.
+    #[error("{0} refused: {1}; {2}: choose a layout that the device has")]
+    FixedMapping(Object, AbortCode, Box<Problem>),
     /// The master aborted a transfer.
     #[error("{0} aborted by the master: {1}")]
     AbortedLocally(Object, AbortCode),
@@ -99,6 +102,7 @@ impl Problem {
             Self::Differs { .. }
             | Self::Misfit(_)
             | Self::AbortedByServer(..)
+            | Self::FixedMapping(..)
             | Self::AbortedLocally(..)
             | Self::Moving { .. }
             | Self::Duplicate(_) => false,

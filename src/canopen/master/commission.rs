@@ -4,6 +4,7 @@
 //! it. Every failure names the node, the object, the expected and the found value.
 
 mod error_control;
+mod fixed_mapping;
 #[cfg(test)]
 mod tests;
 mod transfer_end;
@@ -71,6 +72,8 @@ pub struct Boot {
     missing: Vec<Object>,
     /// Those of which it refuses the value.
     refused: Vec<(Object, AbortCode)>,
+    /// Mapping parameters that the node does not let be written, by their sub-index 0.
+    fixed_mappings: Vec<(Object, AbortCode)>,
     /// Nameplate as read in this stage.
     held: Vec<Held>,
     /// NMT state in the last heartbeat.
@@ -138,6 +141,7 @@ impl Boot {
             standstill: Standstill::within(plan.standstill_counts.unwrap_or(0)),
             missing: Vec::new(),
             refused: Vec::new(),
+            fixed_mappings: Vec::new(),
             held: Vec::new(),
             reported_state: None,
             is_disturbed: false,

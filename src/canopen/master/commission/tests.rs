@@ -1,5 +1,7 @@
 //! Tests of the boot of one node, against a scripted device.
 
+mod fixed_mapping;
+
 use canopen_rs::ByteString;
 use proptest::prelude::*;
 

@@ -59,7 +59,7 @@ impl Boot {
             }
             Ok(content) => {
                 let problem = Problem::differs(check, &content);
-                self.on_mismatch(now, problem, out)
+                self.on_mismatch(now, self.of_fixed_mapping(object, problem), out)
             }
             Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX))
                 if action.is_optional() =>
@@ -70,6 +70,9 @@ impl Boot {
             Err(SdoError::AbortedByServer(code))
                 if has_written && code.refuses_value() && self.turns_bit_30() =>
             {
+                self.take_step(now, out)
+            }
+            Err(SdoError::AbortedByServer(code)) if has_written && self.keeps_mapping(code) => {
                 self.take_step(now, out)
             }
             Err(SdoError::AbortedByServer(code))
@@ -95,7 +98,10 @@ impl Boot {
                 None
             }
             Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
-            Err(error) => self.on_mismatch(now, Problem::of_transfer(object, error), out),
+            Err(error) => {
+                let problem = Problem::of_transfer(object, error);
+                self.on_mismatch(now, self.of_fixed_mapping(object, problem), out)
+            }
         }
     }
 

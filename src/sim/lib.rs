@@ -19,6 +19,9 @@
 //! | [`fault`]             | faults of devices, applied between them and their buses     |
 //! | [`world`]             | all of these as one station on the buses                    |
 //! | [`drive_view`]        | drive values beside the ground truth                        |
+//! | [`manipulator`]       | a slave arm of 6 to 9 joints: rate servo, friction, payload |
+//! | [`wrist_sensor`]      | its force/torque sensor                                     |
+//! | [`contact`]           | its tool against wall, box, sphere and a plate with holes   |
 //! | [`rig`]               | one joint against a load cell, for calibration              |
 //! | [`friction_rig`]      | one joint swept slowly, for its friction                    |
 //!
@@ -33,6 +36,7 @@
 
 pub mod actuator;
 pub mod arm;
+pub mod contact;
 mod delay;
 pub mod drive;
 pub mod drive_view;
@@ -40,6 +44,7 @@ pub mod drivetrain;
 pub mod fault;
 pub mod friction_rig;
 pub mod hand;
+pub mod manipulator;
 pub mod motion;
 mod motors;
 pub mod operator_model;
@@ -54,3 +59,4 @@ pub mod switches;
 pub mod transmission;
 pub mod tremor;
 pub mod world;
+pub mod wrist_sensor;

@@ -1,0 +1,48 @@
+//! Numbers of points in contact, by the part of the solid that they touch.
+
+use crate::contact::surface::Feature;
+
+/// Numbers of points in contact.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct Features {
+    /// With wall, box or sphere, or with sides and lower face of the plate.
+    pub solid: u16,
+    /// With the face of the plate.
+    pub face: u16,
+    /// With a chamfer of a hole.
+    pub cone: u16,
+    /// With a bore.
+    pub bore: u16,
+    /// Edge of a hole, on the end of a peg.
+    pub peg_end: u16,
+    /// Edge of a hole, on the chamfer of a peg.
+    pub peg_chamfer: u16,
+    /// Edge of a hole, on the side of a peg.
+    pub peg_side: u16,
+}
+
+impl Features {
+    /// Returns whether there is any contact.
+    pub fn is_any(&self) -> bool {
+        *self != Self::default()
+    }
+
+    /// Returns whether a peg touches the bore and the edge of a hole at once: the contact that can jam.
+    pub const fn is_two_point(&self) -> bool {
+        self.bore > 0 && self.peg_side > 0
+    }
+
+    /// Counts a point.
+    pub(super) const fn add(&mut self, feature: Feature) {
+        let count = match feature {
+            Feature::Solid => &mut self.solid,
+            Feature::Face => &mut self.face,
+            Feature::Cone => &mut self.cone,
+            Feature::Bore => &mut self.bore,
+            Feature::PegEnd => &mut self.peg_end,
+            Feature::PegChamfer => &mut self.peg_chamfer,
+            Feature::PegSide => &mut self.peg_side,
+        };
+        *count = count.saturating_add(1);
+    }
+}

@@ -301,6 +301,21 @@ fn tools_find_read_and_renumber_a_simulated_drive() {
     assert_eq!(asked, ["pre-operational"; 7], "they send no heartbeat yet");
     assert_eq!(tool("sdo read 3 1018:4 u32"), "3 0x00000003\n");
     assert_eq!(tool(&format!("sdo read elbow 1018:4 --config {CONFIG}")), "3 0x00000003\n");
+    tool("nmt stop 5");
+    let numbers = |words: &str| -> Vec<_> {
+        let found: serde_json::Value = serde_json::from_str(&tool(words)).unwrap();
+        let nodes = found["nodes"].as_array().unwrap().iter();
+        nodes.map(|it| (it["node"].as_u64().unwrap(), it["state"] == "stopped")).collect()
+    };
+    let [unseen, seen] =
+        ["scan --json --nodes 4-6", "scan --json --nodes 4-6 --stopped"].map(numbers);
+    assert_eq!(unseen, [(4, false), (6, false)]);
+    assert_eq!(seen, [(4, false), (5, true), (6, false)]);
+    let stopped = ended(&format!("scan --nodes 5 --stopped --config {CONFIG}"));
+    let reason = "node 5: is NMT-stopped and responds to no SDO request until `frhc nmt preop`";
+    let stderr = String::from_utf8_lossy(&stopped.stderr);
+    assert!(stopped.status.code() == Some(5) && stderr.contains(reason), "{stderr}");
+    tool("nmt preop 5");
     tool("sdo write 3 6071 i16 -100 --verify");
     assert_eq!(tool("nmt reset 3 --wait"), "node 3 booted up\n");
     let taken = ended("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 4");

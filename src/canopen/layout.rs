@@ -6,7 +6,7 @@
 use std::ops::RangeInclusive;
 
 use canopen_rs::pdo::{PDO_COB_ID_INVALID, default_cob_id};
-use canopen_rs::{MappingEntry, NodeId, PdoKind, Value};
+use canopen_rs::{NodeId, PdoKind, Value};
 
 use crate::master::check::COB_ID_NO_RTR;
 use crate::object::Object;

@@ -55,7 +55,7 @@ pub enum Problem {
     AbortedByServer(Object, AbortCode),
     /// The node does not let its PDO mapping be written, and an entry is not as planned.
     #[error("{0} refused: {1}; {2}: choose a layout that the device has")]
-    FixedMapping(Object, AbortCode, Box<Problem>),
+    FixedMapping(Object, AbortCode, Box<Self>),
     /// The master aborted a transfer.
     #[error("{0} aborted by the master: {1}")]
     AbortedLocally(Object, AbortCode),

@@ -93,6 +93,13 @@ impl Found {
         }
     }
 
+    /// Returns a node that only reports its NMT state.
+    pub const fn with_state(node: NodeId, state: NmtState) -> Self {
+        let mut found = Self::new(node);
+        found.state = Some(state);
+        found
+    }
+
     /// LSS address, if all four numbers are known.
     pub fn address(&self) -> Option<Address> {
         let (vendor, product) = (self.vendor?, self.product?);

@@ -184,7 +184,7 @@ impl Procedure for States {
 }
 
 /// Decodes the answer of a node, or its heartbeat.
-fn state(node: NodeId, frame: &Frame) -> Option<NmtState> {
+pub(super) fn state(node: NodeId, frame: &Frame) -> Option<NmtState> {
     if frame.cob_id != heartbeat_cob_id(node) || frame.is_remote() {
         return None;
     }

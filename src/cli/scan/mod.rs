@@ -11,8 +11,9 @@ use crate::cli::live_bus::{BusArgs, NodeArg, Session, SessionError, node_arg};
 use crate::cli::scan::pdos::Pdos;
 use bus::Bus;
 use canopen::plan::NodePlan;
-use canopen::{NodeId, nmt};
+use canopen::{NmtState, NodeId, nmt};
 use canopen_tools::diagnostics::scan::Found;
+use canopen_tools::diagnostics::silent::Silent;
 use canopen_tools::diagnostics::states::{Answer, States};
 use run::exit::{Failure, Kind};
 use run::print;
@@ -23,6 +24,8 @@ use run::print;
     after_help = "Reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. Nodes that answer but send no heartbeat are asked \
         for their NMT state by one remote frame each, unless they would start life guarding (100Ch, 100Dh). An SDO server handles one transfer at a \
         time: do not scan while another master configures its nodes.\n\n\
+        An NMT-stopped node responds to no SDO request: without a heartbeat only --stopped finds it, by one remote frame. A \
+        node with life guarding takes the end of the polls for the loss of its master.\n\n\
         With a configuration it also reports missing nodes (exit 5), nodes with another identity (exit 5) and \
         unexpected ones. The exit code is 1 when no node responds and none is expected.\n\n\
         Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
@@ -41,6 +44,9 @@ pub(crate) struct Scan {
     /// Minimum time to listen for heartbeats.
     #[arg(long, value_name = "MS", default_value_t = 250)]
     listen: u64,
+    /// Ask nodes that do not respond for their NMT state, too: a stopped one answers node guarding alone.
+    #[arg(long)]
+    stopped: bool,
     /// Read the PDO configuration of every node that responds, too.
     #[arg(long)]
     pdos: bool,
@@ -61,7 +67,7 @@ enum Verdict {
     Expected,
     /// Its identity differs.
     Other,
-    /// Its heartbeat is received, but it does not respond to SDO requests.
+    /// Its NMT state is received, but it does not respond to SDO requests.
     Mute,
     /// It is not in the configuration.
     Unexpected,
@@ -84,6 +90,10 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         })
         .map_err(|error| bus.fail(error))?;
     ask_states(&mut session, &mut found, timeout).map_err(|error| bus.fail(error))?;
+    if args.stopped {
+        find_stopped(&mut session, &listed, &mut found, timeout)
+            .map_err(|error| bus.fail(error))?;
+    }
     // Heartbeats also reveal nodes outside of `--nodes`.
     let asked = found.iter().filter(|found| nodes.contains(&found.node));
     let checked: Vec<(&Found, Verdict)> =
@@ -116,7 +126,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         let why = if found.is_answered_twice { "two responses" } else { "two boot-ups" };
         print::note(&format!("node {}: {why}: node-id may be duplicate", found.node.raw()));
     }
-    conclude(&checked, &missing)
+    conclude(&checked, &missing, args.stopped)
 }
 
 /// Asks nodes that answer but send no heartbeat for their NMT state, by node guarding.
@@ -143,6 +153,21 @@ fn ask_states<B: Bus>(
     Ok(())
 }
 
+/// Adds nodes that respond to no SDO request, but to node guarding.
+fn find_stopped<B: Bus>(
+    session: &mut Session<B>,
+    listed: &[NodeId],
+    found: &mut Vec<Found>,
+    timeout: Duration,
+) -> Result<(), SessionError> {
+    let is_unknown = |node: &&NodeId| !found.iter().any(|found| found.node == **node);
+    let silent: Vec<NodeId> = listed.iter().filter(is_unknown).copied().collect();
+    let answers = session.run(|now, out| Silent::start(silent, timeout, now, out))?;
+    found.extend(answers.into_iter().map(|(node, state)| Found::with_state(node, state)));
+    found.sort_by_key(|found| found.node);
+    Ok(())
+}
+
 /// Compares a node with the configuration. The master's own node-id is expected.
 fn check(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
     let Some(plans) = plans else { return Verdict::Unchecked };
@@ -162,14 +187,22 @@ fn check(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> V
 }
 
 /// Returns a failure with one line for each missing or different node, or if no node responds.
-fn conclude(checked: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), Failure> {
+fn conclude(
+    checked: &[(&Found, Verdict)],
+    missing: &[&NodePlan],
+    has_polled: bool,
+) -> Result<(), Failure> {
+    let remedy = if has_polled { "" } else { "; if it may be NMT-stopped, scan with --stopped" };
     let absent = missing
         .iter()
-        .map(|plan| format!("{}, node {}: does not respond", plan.name, plan.node.raw()));
+        .map(|plan| format!("{}, node {}: does not respond{remedy}", plan.name, plan.node.raw()));
     let wrong = checked.iter().filter_map(|(found, verdict)| {
         let reason = match verdict {
             Verdict::Other => "its identity differs from the configuration",
-            Verdict::Mute => "sends heartbeats, but does not respond to SDO requests",
+            Verdict::Mute if found.state == Some(NmtState::Stopped) => {
+                "is NMT-stopped and responds to no SDO request until `frhc nmt preop`"
+            }
+            Verdict::Mute => "reports its state, but does not respond to SDO requests",
             Verdict::Unchecked | Verdict::Expected | Verdict::Unexpected => return None,
         };
         Some(format!("node {}: {reason}", found.node.raw()))
@@ -182,8 +215,8 @@ fn conclude(checked: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), 
     } else {
         let received = match checked.len() {
             0 => "no heartbeat was received".to_owned(),
-            1 => "the heartbeat of one was received".to_owned(),
-            count => format!("the heartbeats of {count} were received"),
+            1 => "the state of one was received".to_owned(),
+            count => format!("the states of {count} were received"),
         };
         Err(Failure::new(Kind::Negative, format!("no node responds; {received}")))
     }

@@ -132,10 +132,8 @@ fn circular_imports_are_found() {
 
 #[test]
 fn monitor_of_the_campaign_imports_neither_node_nor_controller() {
-    let folder = src().join("lab/campaign/monitor");
     let mut count = 0;
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    for path in sources("lab/campaign/monitor") {
         let text = ungrouped(&fs::read_to_string(&path).unwrap());
         let foreign = text.lines().find(|line| {
             ["node::", "controller::"].iter().any(|room| line.starts_with(&format!("use {room}")))

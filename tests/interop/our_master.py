@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 
 from canopen import SdoAbortedError
 from canopen.profiles.p402 import OperationMode
@@ -93,8 +94,17 @@ def master_carries_the_arm_with_the_torques_python_reads(bench):
     )
     same([drives[n].torque() for n in NODES], status["targets"], "target torques")
     check(abs(status["targets"][1]) > 100, f"the elevation joint carries: {status['targets']}")
+    reported = lambda: {n: bench.sent(drives[n].emergencies().cob_id) for n in NODES}
+    before = reported()
+    check(all(before.values()), f"the proof test makes each drive report: {before}")
     bench.stop(node)
     same([drives[n].torque() for n in NODES], [0] * 6, "target torques after the stop")
+    # Twice the time after which a drive would miss its master.
+    time.sleep(2 * SAFETY["node_lost_ms"] / 1000)
+    for n in NODES:
+        same(drives[n].state, "SWITCH ON DISABLED", f"node {n} after the stop")
+        same(drives[n].node.sdo["Consumer heartbeat time"][1].raw, 0, f"1016h:1 of node {n}")
+    same(reported(), before, "emergencies after the stop")
 
 
 def emergency_of_a_drive_stops_the_node(bench):

@@ -88,6 +88,7 @@ use crate::trust::Trust;
 use canopen::exchange::Exchange;
 use canopen::frame::Channel;
 use controller::Settings;
+use controller::calibration::{Calibration, TorqueCurve};
 
 /// One hand controller and all around it: the values of a file, and the cyclic exchange that follows from them.
 ///
@@ -181,6 +182,19 @@ impl Config {
             joint.plant.friction.coulomb *= share;
             joint.plant.friction.viscous *= share;
         }
+        self
+    }
+
+    /// The same with other torque curves, of the controller and of the simulated motors: no PDO depends on it.
+    #[must_use]
+    pub fn with_torque_curves(mut self, curves: [TorqueCurve; 6]) -> Self {
+        for (joint, curve) in self.parameters.joints.iter_mut().zip(curves) {
+            joint.calibration = joint.calibration.with_curve(curve);
+            joint.plant.actuator.torque_curve = curve.coefficients();
+        }
+        let coupling = *self.parameters.controller.calibration.coupling();
+        let actuators = self.parameters.joints.each_ref().map(|joint| joint.calibration);
+        self.parameters.controller.calibration = Calibration::new(actuators).coupled(coupling);
         self
     }
 

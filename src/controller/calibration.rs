@@ -79,6 +79,12 @@ impl JointCalibration {
         PerMille(whole_i16(self.curve.at(self.curve.max_torque()).ceil()))
     }
 
+    /// The same with another torque curve.
+    #[must_use]
+    pub const fn with_curve(self, curve: TorqueCurve) -> Self {
+        Self { curve, ..self }
+    }
+
     /// The torque curve.
     pub const fn curve(&self) -> &TorqueCurve {
         &self.curve

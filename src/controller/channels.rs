@@ -102,6 +102,11 @@ impl Channels {
         self.0.map(|channel| channel.plateau)
     }
 
+    /// Displacements from which on walls push, in m and rad; `None` where there is no wall.
+    pub fn walls(&self) -> [Option<f64>; 6] {
+        self.0.map(|channel| (channel.stiffness > 0.0).then_some(channel.wall))
+    }
+
     /// The largest force in N of return and walls on a hand displaced by `reach` m along every axis.
     pub fn strongest_force(&self, reach: f64) -> f64 {
         let [x, y, z, ..] = self.0.map(|channel| channel.centring(reach));

@@ -21,6 +21,8 @@ mod delivery;
 pub mod explanation;
 pub mod fidelity;
 pub mod question;
+pub mod return_to_centre;
 pub mod station;
+pub mod torque_curves;
 pub mod transmit_queue;
 pub mod world;

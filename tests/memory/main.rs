@@ -12,6 +12,7 @@ mod control_law;
 mod coupling;
 mod drive_hazards;
 mod energy;
+mod experiments;
 mod faults;
 mod fidelity;
 mod friction_sweep;

@@ -63,6 +63,8 @@ fn commands_that_arm_refuse_before_they_start() {
         &["demo", "--config", &file][..],
         &["campaign", "--faults", "1", "--config", &file],
         &["experiment", "fidelity", "--short", "--config", &file],
+        &["experiment", "return-to-centre", "--short", "--config", &file],
+        &["experiment", "torque-curve", "--short", "--config", &file],
     ] {
         let refused = ends(args, 3);
         assert_eq!(refused.stderr, format!("frhc: {file}: {REASON}\n"), "{args:?}");

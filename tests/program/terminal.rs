@@ -29,6 +29,8 @@ const PRINTING: &[&str] = &[
     "campaign --replay 1 --out FOLDER/replay",
     "campaign --soak 100 --threads 1",
     "experiment fidelity --short --config config/jpl_like.toml",
+    "experiment return-to-centre --short --config config/jpl_like.toml",
+    "experiment torque-curve --short --config config/jpl_like.toml",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
     "ctl status --json --socket SOCKET",

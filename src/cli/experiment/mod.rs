@@ -1,8 +1,21 @@
 //! `frhc experiment`: measurements on the simulation, with a table, and its data and picture as files.
 
+//!
+//! | file        | part                                                        |
+//! |-------------|-------------------------------------------------------------|
+//! | `common`    | options, configurations, output to stdout and to a folder    |
+//! | `runner`    | runs on all cores, with a progress bar                       |
+//! | `table`     | tables as text and as Markdown                               |
+//! | `picture`   | line charts as SVG                                           |
+//! | the others  | one experiment each: its runs, and a `report` of its figures |
+
+mod common;
 mod fidelity;
 mod picture;
-mod report;
+mod return_to_centre;
+mod runner;
+mod table;
+mod torque_curve;
 
 use clap::Subcommand;
 
@@ -20,11 +33,31 @@ pub(crate) enum Experiment {
             frhc experiment fidelity --short --config config/jpl_like.toml --json | jq '.[].still_percent'"
     )]
     Fidelity(fidelity::Arguments),
+    /// Measures the return to centre at the hand over the displacement of each axis (Fig. 4 of the paper).
+    #[command(
+        after_help = "The hand moves the grip slowly to both sides along each axis in rate mode, in free space, and lets go. --out writes \
+            axes.csv, curves.csv, force.svg and report.md; --short takes two axes, faster. The exit code is 1 when a run was \
+            stopped.\n\nExamples:\n  \
+            frhc experiment return-to-centre --out return\n  \
+            frhc experiment return-to-centre --short --config config/jpl_like.toml --json | jq '.[].figures.felt'"
+    )]
+    ReturnToCentre(return_to_centre::Arguments),
+    /// Compares the maker's straight torque curves with calibrated polynomials, at the joints and at the hand (Fig. 6).
+    #[command(
+        after_help = "Each joint's motor has a curve by the seed. It is measured with a load cell in both driving directions, and fitted. \
+            Then a hand at rest feels test forces along one axis each, with either curve. --out writes joints.csv, test_forces.csv, \
+            curves.svg and report.md; --short takes one seed. The exit code is 1 when a run with the polynomials was stopped.\n\nExamples:\n  \
+            frhc experiment torque-curve --out curves\n  \
+            frhc experiment torque-curve --short --config config/kraft_like.toml --markdown"
+    )]
+    TorqueCurve(torque_curve::Arguments),
 }
 
 /// Runs the experiment.
 pub(super) fn run(experiment: &Experiment, quiet: bool) -> Result<(), Failure> {
     match experiment {
         Experiment::Fidelity(args) => fidelity::run(args, quiet),
+        Experiment::ReturnToCentre(args) => return_to_centre::run(args, quiet),
+        Experiment::TorqueCurve(args) => torque_curve::run(args, quiet),
     }
 }

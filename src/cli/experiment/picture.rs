@@ -1,85 +1,216 @@
-//! Picture of an experiment: the force that the hand feels over the one that it should feel.
+//! Pictures of experiments: line charts in panels, as SVG.
+
+use std::ops::Range;
 
 use anyhow::anyhow;
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::element::{Circle, PathElement};
 use plotters::prelude::{
-    BLACK, ChartBuilder, Color, IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, WHITE,
+    BLACK, Cartesian2d, ChartBuilder, ChartContext, Color, DashedLineSeries, DrawingArea,
+    IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
 };
 
-/// Width of the picture and height of a panel, in px.
-const WIDTH: u32 = 900;
-const HEIGHT: u32 = 300;
+/// Width and height of a panel, in px.
+const PANEL: [u32; 2] = [560, 320];
 
-/// Colour of the felt force.
-const FELT: RGBColor = RGBColor(0x16, 0x63, 0xa8);
+/// Width and height of the corner that a legend takes, as shares of the chart.
+const LEGEND: [f64; 2] = [0.4, 0.4];
 
-/// Colour of the wanted force.
-const WANTED: RGBColor = RGBColor(0xc0, 0x4a, 0x12);
+/// Colours of the series of a panel, in order: dark, and apart for people who do not see all colours.
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(0x16, 0x63, 0xa8),
+    RGBColor(0xc0, 0x4a, 0x12),
+    RGBColor(0x2a, 0x8a, 0x4a),
+    RGBColor(0x7a, 0x3d, 0x9c),
+    RGBColor(0x22, 0x22, 0x22),
+    RGBColor(0xa8, 0x84, 0x10),
+];
 
-/// Forces of one run over time.
+/// Drawing of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ink {
+    /// A line.
+    Line,
+    /// A dashed line.
+    Dashed,
+    /// A mark at each point.
+    Marks,
+}
+
+/// A curve with its name in the legend.
+#[derive(Debug)]
+pub(super) struct Series {
+    /// Name.
+    pub(super) name: String,
+    /// Drawing.
+    pub(super) ink: Ink,
+    /// Points, in the units of the axes.
+    pub(super) points: Vec<[f64; 2]>,
+}
+
+impl Series {
+    /// Creates a curve.
+    pub(super) fn new(name: impl Into<String>, ink: Ink, points: Vec<[f64; 2]>) -> Self {
+        Self { name: name.into(), ink, points }
+    }
+}
+
+/// A chart with two axes.
 #[derive(Debug)]
 pub(super) struct Panel {
     /// Title.
     pub(super) title: String,
-    /// Time in s, wanted and felt force in N.
-    pub(super) forces: Vec<[f64; 3]>,
+    /// Names of the axes, with units.
+    pub(super) axes: [&'static str; 2],
+    /// Its curves; the colours are those of their places.
+    pub(super) series: Vec<Series>,
 }
 
-/// Returns the picture as SVG, the panels below each other.
-pub(super) fn svg(panels: &[Panel]) -> anyhow::Result<String> {
+/// A chart that is being drawn.
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Returns the panels as one SVG picture, in rows of `columns`.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub(super) fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
+    let columns = columns.clamp(1, panels.len().max(1));
+    let rows = panels.len().div_ceil(columns).max(1);
+    let [width, height] = PANEL;
+    let size = (width * u32::try_from(columns)?, height * u32::try_from(rows)?);
     let mut text = String::new();
-    let count = u32::try_from(panels.len())?;
     {
-        let height = HEIGHT * count.max(1);
-        let root = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
         root.fill(&WHITE).map_err(drawn)?;
-        for (area, panel) in root.split_evenly((panels.len().max(1), 1)).iter().zip(panels) {
-            let [first, last] = [panel.forces.first(), panel.forces.last()]
-                .map(|one| one.map_or(0.0, |[t, ..]| *t));
-            let sizes = panel.forces.iter().flat_map(|[_, wanted, felt]| [*wanted, *felt]);
-            let most = sizes.fold(1.0, f64::max) * 1.1;
-            let mut chart = ChartBuilder::on(area)
-                .caption(&panel.title, ("sans-serif", 16).into_font())
-                .margin(8)
-                .x_label_area_size(34)
-                .y_label_area_size(44)
-                .build_cartesian_2d(first..last.max(first + 1.0), 0.0..most)
-                .map_err(drawn)?;
-            chart
-                .configure_mesh()
-                .light_line_style(WHITE)
-                .x_desc("s")
-                .y_desc("N")
-                .draw()
-                .map_err(drawn)?;
-            let line = |value: fn(&[f64; 3]) -> f64| {
-                panel.forces.iter().map(move |one| (one[0], value(one)))
-            };
-            let series = [
-                ("force at the hand", FELT, line(|[.., felt]| *felt)),
-                ("K_T times the sensed force", WANTED, line(|[_, wanted, _]| *wanted)),
-            ];
-            for (name, colour, points) in series {
-                let drawing = chart.draw_series(LineSeries::new(points, colour.stroke_width(1)));
-                drawing.map_err(drawn)?.label(name).legend(move |(x, y)| {
-                    plotters::element::PathElement::new(
-                        [(x, y), (x + 18, y)],
-                        colour.stroke_width(2),
-                    )
-                });
-            }
-            let labels = chart
-                .configure_series_labels()
-                .border_style(BLACK.mix(0.3))
-                .background_style(WHITE)
-                .draw();
-            labels.map_err(drawn)?;
+        for (area, panel) in root.split_evenly((rows, columns)).iter().zip(panels) {
+            draw(area, panel)?;
         }
         root.present().map_err(drawn)?;
     }
     Ok(text)
 }
 
+fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Result<()> {
+    let points = || panel.series.iter().flat_map(|series| &series.points);
+    let ranges = [range(points().map(|[x, _]| *x)), range(points().map(|[_, y]| *y))];
+    let corner = emptiest(&points(), &ranges);
+    let [x, y] = panel.axes;
+    let [across, up] = ranges;
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16).into_font())
+        .margin(10)
+        .x_label_area_size(38)
+        .y_label_area_size(54)
+        .build_cartesian_2d(across, up)
+        .map_err(drawn)?;
+    let mut mesh = chart.configure_mesh();
+    mesh.light_line_style(WHITE).x_desc(x).y_desc(y).axis_desc_style(("sans-serif", 13));
+    mesh.x_labels(8).y_labels(7).draw().map_err(drawn)?;
+    for (series, colour) in panel.series.iter().zip(COLOURS.iter().cycle()) {
+        add(&mut chart, series, *colour)?;
+    }
+    let mut labels = chart.configure_series_labels();
+    labels.position(corner).label_font(("sans-serif", 12));
+    labels.border_style(BLACK.mix(0.3)).background_style(WHITE.mix(0.85)).draw().map_err(drawn)
+}
+
+fn add(chart: &mut Chart<'_, '_>, series: &Series, colour: RGBColor) -> anyhow::Result<()> {
+    let points = series.points.iter().map(|[x, y]| (*x, *y));
+    let line = colour.stroke_width(2);
+    let drawing = match series.ink {
+        Ink::Line => chart.draw_series(LineSeries::new(points, line)).map_err(drawn)?,
+        Ink::Dashed => {
+            chart.draw_series(DashedLineSeries::new(points, 6, 4, line)).map_err(drawn)?
+        }
+        Ink::Marks => {
+            let marks = points.map(|point| Circle::new(point, 2, colour.filled()));
+            chart.draw_series(marks).map_err(drawn)?
+        }
+    };
+    let is_dashed = series.ink == Ink::Dashed;
+    drawing.label(&series.name).legend(move |(x, y)| {
+        let end = if is_dashed { x + 8 } else { x + 18 };
+        PathElement::new([(x, y), (end, y)], line)
+    });
+    Ok(())
+}
+
+/// Returns the corner for the legend: the one with the fewest points.
+fn emptiest<'p>(
+    points: &(impl Iterator<Item = &'p [f64; 2]> + Clone),
+    [across, up]: &[Range<f64>; 2],
+) -> SeriesLabelPosition {
+    let part = |range: &Range<f64>, value: f64| (value - range.start) / (range.end - range.start);
+    let corners = [
+        (SeriesLabelPosition::UpperRight, [false, false]),
+        (SeriesLabelPosition::UpperLeft, [true, false]),
+        (SeriesLabelPosition::LowerRight, [false, true]),
+        (SeriesLabelPosition::LowerLeft, [true, true]),
+    ];
+    let crowd = |[is_left, is_low]: [bool; 2]| {
+        let is_within = |[x, y]: &&[f64; 2]| {
+            let (x, y) = (part(across, *x), part(up, *y));
+            let (x, y) = (if is_left { x } else { 1.0 - x }, if is_low { y } else { 1.0 - y });
+            x < LEGEND[0] && y < LEGEND[1]
+        };
+        points.clone().filter(is_within).count()
+    };
+    let best = corners.into_iter().min_by_key(|(_, corner)| crowd(*corner));
+    best.map_or(SeriesLabelPosition::UpperRight, |(position, _)| position)
+}
+
+/// Returns the range of the values and zero, with a margin of 8 %.
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let finite = values.filter(|value| value.is_finite());
+    let (low, high) =
+        finite.fold((0.0_f64, 0.0_f64), |(low, high), one| (low.min(one), high.max(one)));
+    let margin = if high > low { 0.08 * (high - low) } else { 1.0 };
+    let low = if low < 0.0 { low - margin } else { 0.0 };
+    low..high + margin
+}
+
 /// The error of a drawing, in words: its own type borrows the picture.
 fn drawn(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("cannot draw the picture: {error}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_contain_zero_and_all_finite_values() {
+        assert_eq!(range([2.0, 10.0, f64::NAN].into_iter()), 0.0..10.8);
+        assert_eq!(range([-1.0, 1.0].into_iter()), -1.16..1.16);
+        assert_eq!(range([].into_iter()), 0.0..1.0);
+    }
+
+    #[test]
+    fn legend_is_where_the_curve_is_not() {
+        let rising: Vec<[f64; 2]> = [0.0, 1.0, 2.0, 3.0].map(|x| [x, x]).to_vec();
+        let falling: Vec<[f64; 2]> = rising.iter().map(|[x, y]| [*x, 3.0 - y]).collect();
+        let corner = |points: &[[f64; 2]]| emptiest(&points.iter(), &[0.0..3.0, 0.0..3.0]);
+        assert!(matches!(corner(&rising), SeriesLabelPosition::UpperLeft));
+        assert!(matches!(corner(&falling), SeriesLabelPosition::UpperRight));
+    }
+
+    #[test]
+    fn picture_has_every_title_axis_and_series() {
+        let panel = |title: &str| Panel {
+            title: title.to_owned(),
+            axes: ["mm", "N"],
+            series: vec![
+                Series::new("felt", Ink::Line, vec![[0.0, 1.0], [1.0, 2.0]]),
+                Series::new("law", Ink::Dashed, vec![[0.0, 1.0], [1.0, 1.0]]),
+                Series::new("measured", Ink::Marks, vec![[0.5, 1.5]]),
+            ],
+        };
+        let text = svg(&[panel("first"), panel("second"), panel("third")], 2).unwrap();
+        assert!(text.contains("width=\"1120\" height=\"640\""), "{}", &text[..200]);
+        for written in ["first", "third", "mm", "felt", "law", "measured"] {
+            assert!(text.contains(written), "{written}");
+        }
+        assert!(!text.contains("NaN"));
+    }
 }

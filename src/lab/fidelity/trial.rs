@@ -40,7 +40,7 @@ impl Arm {
     }
 
     /// Returns the configuration of its controller.
-    fn controlled(self, config: &Config) -> Config {
+    pub(crate) fn controlled(self, config: &Config) -> Config {
         let Settings { extensions, .. } = config.controller;
         let friction = extensions.friction.filter(|_| self.friction() > 0.0);
         let extensions = Extensions { friction, ..extensions };

@@ -107,6 +107,11 @@ impl Move {
     pub const fn new(at_s: f64, duration_s: f64, to_m: [f64; 3]) -> Self {
         Self { at_s, duration_s, to_m: Some(List(to_m)), to_rad: None }
     }
+
+    /// A turn to a rotation vector in {G} at the start, in rad.
+    pub const fn turn(at_s: f64, duration_s: f64, to_rad: [f64; 3]) -> Self {
+        Self { at_s, duration_s, to_m: None, to_rad: Some(List(to_rad)) }
+    }
 }
 
 impl Switch {
@@ -123,6 +128,13 @@ impl Switch {
     /// The reflection button pressed or released.
     pub const fn reflection(at_s: f64, is_pressed: bool) -> Self {
         Self { at_s, deadman: None, reference: None, reflection: Some(is_pressed) }
+    }
+}
+
+impl Hold {
+    /// The grip held or released.
+    pub const fn new(at_s: f64, holding: bool) -> Self {
+        Self { at_s, holding }
     }
 }
 

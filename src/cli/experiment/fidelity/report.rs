@@ -1,7 +1,8 @@
-//! Tables of an experiment: text, Markdown and CSV.
+//! Table and CSV of the experiment.
 
 use std::fmt::Write;
 
+use crate::cli::experiment::table::Table;
 use lab::fidelity::experiment::{Pooled, Row};
 use telemetry::fidelity::{Figures, Shares};
 
@@ -22,37 +23,14 @@ const COLUMNS: [&str; 9] = [
 const NOTE: &str = "still: RMS error at the hand in still contact after the approach, of K_T times the sensed force, by hand; \
 moving, beyond assist: RMS without commanded assist and inertia; the worst of all hands and seeds";
 
-/// Returns the table for a terminal.
-pub(super) fn text(pooled: &[Pooled]) -> String {
-    let rows: Vec<[String; 9]> = pooled.iter().map(cells).collect();
-    let header = COLUMNS.map(ToOwned::to_owned);
-    let width = |column: usize| {
-        let cells = rows.iter().chain([&header]).filter_map(|row| row.get(column));
-        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..COLUMNS.len()).map(width).collect();
-    let mut text = String::new();
-    if let Some(hands) = pooled.first().map(hands) {
-        _ = writeln!(text, "hands: {hands}");
+/// Returns the table.
+pub(super) fn table(pooled: &[Pooled]) -> Table {
+    Table {
+        lead: pooled.first().map(|one| format!("hands: {}", hands(one))),
+        columns: COLUMNS.to_vec(),
+        rows: pooled.iter().map(|pooled| cells(pooled).to_vec()).collect(),
+        note: NOTE.to_owned(),
     }
-    for row in [&header].into_iter().chain(&rows) {
-        let cells = row.iter().zip(&widths);
-        let line: Vec<String> = cells.map(|(cell, width)| format!("{cell:width$}")).collect();
-        _ = writeln!(text, "{}", line.join("  ").trim_end());
-    }
-    text + NOTE
-}
-
-/// Returns the table as Markdown.
-pub(super) fn markdown(pooled: &[Pooled]) -> String {
-    let mut text =
-        pooled.first().map_or_else(String::new, |one| format!("Hands: {}.\n\n", hands(one)));
-    _ = writeln!(text, "| {} |", COLUMNS.join(" | "));
-    _ = writeln!(text, "|{}", "---|".repeat(COLUMNS.len()));
-    for row in pooled.iter().map(cells) {
-        _ = writeln!(text, "| {} |", row.join(" | "));
-    }
-    format!("{text}\n{NOTE}.\n")
 }
 
 /// Names of the hands, in the order of their figures.

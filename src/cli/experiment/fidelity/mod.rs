@@ -1,0 +1,117 @@
+//! `frhc experiment fidelity`.
+
+mod report;
+
+use std::num::NonZero;
+
+use clap::Args;
+
+use crate::cli::experiment::common::{self, Common, Named};
+use crate::cli::experiment::picture::{self, Ink, Panel, Series};
+use crate::cli::experiment::runner;
+use crate::cli::experiment::table;
+use lab::fidelity::experiment::{Participants, Row, pooled};
+use lab::fidelity::script::Hand;
+use lab::fidelity::trial::{Arm, NoTrial};
+use run::exit::{Failure, Kind, OrFail};
+use telemetry::fidelity::Sample;
+
+/// Time between two points of the picture, in s.
+const RESOLUTION: f64 = 5e-3;
+
+/// Files of the results.
+const FILES: [&str; 3] = ["runs.csv", "force.svg", "report.md"];
+
+/// `frhc experiment fidelity`.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    common: Common,
+    /// Number of seeds; one with --short, which also takes one hand alone.
+    #[arg(long, value_name = "N", default_value = "3", conflicts_with = "short")]
+    seeds: NonZero<u64>,
+}
+
+/// One run.
+struct Job<'n> {
+    named: &'n Named,
+    arm: Arm,
+    participant: (&'static Hand, u64),
+}
+
+/// Runs everything, prints the table and writes the files.
+pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
+    let configs = args.common.configs()?;
+    configs.iter().try_for_each(require_wall)?;
+    args.common.ensure_free(&FILES)?;
+    let rows = rows(&configs, &participants(args), is_quiet)?;
+    let pooled = pooled(&rows);
+    let tables = [report::table(&pooled)];
+    args.common.print(&pooled, &tables)?;
+    args.common.write(|| {
+        let picture = picture(&configs, args)?;
+        let contents = [report::csv(&rows), picture, table::markdown(&tables)];
+        Ok(FILES.into_iter().zip(contents).collect())
+    })?;
+    common::refuse_stopped(rows.iter().filter_map(|row| {
+        let Row { config, arm, hand, seed, stopped_by, .. } = row;
+        Some((format!("{config}, {arm}, {hand}, seed {seed}"), stopped_by.as_deref()?))
+    }))
+}
+
+fn require_wall(named: &Named) -> Result<(), Failure> {
+    if named.config.remote.wall.is_some() {
+        return Ok(());
+    }
+    let reason = format!("{}: {}", named.config.file.display(), NoTrial::NoWall);
+    Err(Failure::new(Kind::Configuration, reason))
+}
+
+fn participants(args: &Arguments) -> Participants {
+    let Common { seed, short, .. } = args.common;
+    if short { Participants::short(seed) } else { Participants::full(seed, args.seeds) }
+}
+
+/// Plays all runs; the rows are in the order of the runs.
+fn rows(
+    configs: &[Named],
+    participants: &Participants,
+    is_quiet: bool,
+) -> Result<Vec<Row>, Failure> {
+    let jobs: Vec<Job<'_>> = configs
+        .iter()
+        .flat_map(|named| Arm::ALL.map(|arm| (named, arm)))
+        .flat_map(|(named, arm)| {
+            participants.each().map(move |participant| Job { named, arm, participant })
+        })
+        .collect();
+    let rows = runner::play_all(&jobs, is_quiet, |Job { named, arm, participant }| {
+        Row::play(&named.name, &named.config, *arm, *participant, |_, _| {})
+    });
+    rows.into_iter().map(|row| row.or_fail(Kind::Drive)).collect()
+}
+
+/// Plays one run of each configuration for the picture of its forces.
+fn picture(configs: &[Named], args: &Arguments) -> Result<String, Failure> {
+    let mut panels = Vec::new();
+    for Named { name, config } in configs {
+        let (mut wanted, mut felt) = (Vec::new(), Vec::new());
+        let each = |t: f64, sample: Option<&Sample>| {
+            let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
+            let Some(sample) = sample.filter(|_| is_due) else { return };
+            wanted.push([t, sample.wanted.force.norm()]);
+            felt.push([t, sample.felt.force.norm()]);
+        };
+        let Some(participant) = participants(args).each().next() else { continue };
+        Row::play(name, config, Arm::Identified, participant, each).or_fail(Kind::Drive)?;
+        panels.push(Panel {
+            title: format!("{name}, {} hand", participant.0),
+            axes: ["s", "N"],
+            series: vec![
+                Series::new("force at the hand", Ink::Line, felt),
+                Series::new("K_T times the sensed force", Ink::Line, wanted),
+            ],
+        });
+    }
+    picture::svg(&panels, 1).or_fail(Kind::Bus)
+}

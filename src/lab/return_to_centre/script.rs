@@ -1,0 +1,132 @@
+//! The operator moves the grip slowly along one axis of ΔX, to both sides of the reference, and lets go.
+//!
+//! ```text
+//!  0 … 3.5 s      rate mode; deadman, reflection and reference are pressed, the hand rests
+//!  out            to the positive end
+//!  across, back   to the negative end and to the positive one: both sides are crossed in both directions
+//!  release        the hand opens at the positive end; the deadman stays closed, so that the return acts
+//! ```
+
+use nalgebra::Vector3;
+
+use crate::world;
+use config::Config;
+use controller::interpretation::Displaced;
+use sim::operator_settings::OperatorSettings;
+use sim::scenario::operator::{Console, Hold, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry, Scenario};
+
+/// Start of the motion, in s: every ramp of the reflection is over.
+const START_S: f64 = 3.5;
+
+/// Displacement in half-widths of the deadband, at least.
+const REACH_DEADBANDS: f64 = 4.0;
+
+/// Displacement into a configured wall, in half-widths of the deadband.
+const INTO_WALL_DEADBANDS: f64 = 1.0;
+
+/// Displacement along an axis without a deadband, in m and rad.
+const REACH_WITHOUT: [f64; 2] = [0.03, 0.2];
+
+/// Rest at an end, and time after the release, in s.
+const REST_S: f64 = 0.5;
+const RETURN_S: f64 = 3.0;
+
+/// Names of the six numbers of ΔX.
+pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
+
+/// A motion along one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// Axis of ΔX, 0 to 5.
+    pub axis: usize,
+    /// Displacement to both sides, in m or rad.
+    pub reach: f64,
+    /// Time from the reference to an end, in s.
+    pub leg_s: f64,
+}
+
+impl Sweep {
+    /// The motion along `axis` of `config`: through the deadband into the working range, and into a wall if there is one.
+    pub fn of(config: &Config, axis: usize, leg_s: f64) -> Self {
+        let channels = &config.controller.channels;
+        let deadband = channels.deadbands().get(axis).copied().unwrap_or(0.0);
+        let free = if deadband > 0.0 {
+            REACH_DEADBANDS * deadband
+        } else if axis < 3 {
+            REACH_WITHOUT[0]
+        } else {
+            REACH_WITHOUT[1]
+        };
+        let wall = channels.walls().get(axis).copied().flatten();
+        let reach = wall.map_or(free, |wall| wall + INTO_WALL_DEADBANDS * deadband);
+        Self { axis, reach, leg_s }
+    }
+
+    /// Time at which the first crossing starts, in s: both sides are measured from there on.
+    pub const fn crossing_s(&self) -> f64 {
+        START_S + self.leg_s + REST_S
+    }
+
+    /// Time of the release, in s.
+    pub const fn release_s(&self) -> f64 {
+        self.crossing_s() + 2.0 * (2.0 * self.leg_s + REST_S)
+    }
+
+    /// Length of the script, in s.
+    pub const fn seconds(&self) -> f64 {
+        self.release_s() + RETURN_S
+    }
+
+    /// Returns the script; `None` where the hand cannot reach so far.
+    pub fn script(&self, config: &Config) -> Option<Scenario> {
+        let Self { reach, leg_s, .. } = *self;
+        let crossing = self.crossing_s();
+        let entries = switches().into_iter().chain([
+            self.to(config, START_S, leg_s, reach),
+            self.to(config, crossing, 2.0 * leg_s, -reach),
+            self.to(config, crossing + 2.0 * leg_s + REST_S, 2.0 * leg_s, reach),
+            Entry::Hold(Hold::new(self.release_s(), false)),
+        ]);
+        let scenario = Scenario::new(self.seconds(), entries).ok()?;
+        Some(scenario.with_operator(OperatorSettings::STEADY))
+    }
+
+    /// Returns the motion to a displacement along the axis, as the law writes it.
+    fn to(&self, config: &Config, at_s: f64, seconds: f64, displacement: f64) -> Entry {
+        let along = unit(self.axis % 3) * displacement;
+        if self.axis >= 3 {
+            return Entry::Move(Move::turn(at_s, seconds, along.into()));
+        }
+        let plant = config.plant();
+        let arm = world::arm(&plant);
+        let r_0_g = arm.pose(&arm.posture(&world::start(&plant))).rotation;
+        let along = match config.controller.interpretation.displacement {
+            Displaced::InBase => along,
+            Displaced::InReference => r_0_g * along,
+        };
+        Entry::Move(Move::new(at_s, seconds, along.into()))
+    }
+}
+
+/// Rate mode, armed; deadman, reflection and reference in turn.
+fn switches() -> [Entry; 7] {
+    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
+    [
+        request(0.1, ConsoleRequest::Rate),
+        request(0.2, ConsoleRequest::Arm),
+        Entry::Switch(Switch::deadman(1.5, true)),
+        Entry::Switch(Switch::reflection(1.6, true)),
+        Entry::Switch(Switch::reflection(1.7, false)),
+        Entry::Switch(Switch::reference(2.0, true)),
+        Entry::Switch(Switch::reference(2.1, false)),
+    ]
+}
+
+fn unit(place: usize) -> Vector3<f64> {
+    match place {
+        0 => Vector3::x(),
+        1 => Vector3::y(),
+        _ => Vector3::z(),
+    }
+}

@@ -1,0 +1,67 @@
+//! The experiments of the paper's figures, in short: Fig. 4 at the hand, and what section 4.2 says of torque curves.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use config::Config;
+use controller::Settings;
+use lab::fidelity::trial::Arm;
+use lab::return_to_centre::script::Sweep;
+use lab::return_to_centre::trial::Row;
+use lab::torque_curves::calibration::Bench;
+use lab::torque_curves::test_force::{self, Curve};
+
+const LEG_S: f64 = 4.0;
+
+fn config(name: &str) -> Config {
+    Config::load(Path::new(name)).unwrap()
+}
+
+#[test]
+fn return_to_centre_is_felt_as_the_law_says() {
+    for (name, axis) in [("config/kraft_like.toml", 1), ("config/jpl_like.toml", 5)] {
+        let config = config(name);
+        let row = Row::play(name, &config, &Sweep::of(&config, axis, LEG_S), 1).unwrap();
+        let (figures, law) = (row.figures.unwrap(), row.law);
+        assert_eq!((row.stopped_by, row.limited_cycles), (None, 0), "{name}");
+        assert!((figures.commanded / law.plateau - 1.0).abs() < 0.01, "{name}: {figures:?}");
+        assert!((figures.felt / law.plateau - 1.0).abs() < 0.03, "{name}: {figures:?}");
+        assert!((figures.edge.unwrap() / law.deadband - 1.0).abs() < 0.03, "{name}: {figures:?}");
+        assert!(figures.hysteresis > figures.damping, "friction is felt, too: {name}: {figures:?}");
+        assert!(row.command_from.unwrap() >= law.deadband, "{name}");
+        assert!(row.returned.after_s.unwrap() < 1.0, "{name}: {:?}", row.returned);
+    }
+}
+
+#[test]
+fn wall_of_the_channels_is_felt_with_its_stiffness() {
+    let config = config("config/jpl_like.toml");
+    let controller = config.controller;
+    let wall = [0.03, 0.03, 0.03, 0.2, 0.2, 0.2];
+    let stiffness = [300.0, 300.0, 300.0, 1.0, 1.0, 1.0];
+    let channels = controller.channels.with_wall(wall, stiffness).unwrap();
+    let walled = config.with_controller(Settings { channels, ..controller });
+    let row = Row::play("walled", &walled, &Sweep::of(&walled, 0, LEG_S), 1).unwrap();
+    let figures = row.figures.unwrap();
+    assert!((figures.wall_stiffness.unwrap() / 300.0 - 1.0).abs() < 0.1, "{figures:?}");
+    assert!((figures.edge.unwrap() / 0.01 - 1.0).abs() < 0.05, "{figures:?}");
+}
+
+#[test]
+fn test_forces_are_right_with_polynomials_alone() {
+    let config = config("config/kraft_like.toml");
+    let benches = Bench::measure_all(&config, 1).unwrap();
+    let felt = |curve| {
+        let run = (Arm::Frictionless, curve, 1);
+        let row = test_force::Row::play("kraft_like", &config, &benches, run).unwrap();
+        let errors = row.felt.map(|feeling| feeling.unwrap().error_percent);
+        (errors.into_iter().fold(0.0, f64::max), row.weight_n.unwrap())
+    };
+    let (line, polynomial) = (felt(Curve::MakersLine), felt(Curve::Polynomial));
+    assert!(line.0 > 10.0 && line.1 > 1.0, "{line:?}");
+    assert!(polynomial.0 < 1.0 && polynomial.1 < 0.1, "{polynomial:?}");
+}

@@ -27,6 +27,12 @@ impl Features {
         *self != Self::default()
     }
 
+    /// Returns the number of points.
+    pub(super) const fn total(&self) -> u16 {
+        let Self { solid, face, cone, bore, peg_end, peg_chamfer, peg_side } = *self;
+        solid + face + cone + bore + peg_end + peg_chamfer + peg_side
+    }
+
     /// Returns whether a peg touches the bore and the edge of a hole at once: the contact that can jam.
     pub const fn is_two_point(&self) -> bool {
         self.bore > 0 && self.peg_side > 0

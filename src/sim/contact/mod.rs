@@ -13,6 +13,7 @@ mod features;
 mod insertion;
 mod patch;
 mod peg;
+pub mod peg_rig;
 mod plate;
 mod scene;
 mod solid;
@@ -28,7 +29,7 @@ pub use surface::Surface;
 
 use nalgebra::{Isometry3, IsometryMatrix3};
 
-use crate::contact::patch::{Patch, Points};
+use crate::contact::patch::{Patch, Points, Seen};
 use crate::contact::peg::Peg;
 use crate::contact::plate::Drilled;
 use crate::contact::solid::Solid;
@@ -52,11 +53,11 @@ impl<S: Solid> Opposite<S> {
         sets: &[Points],
         x: &IsometryMatrix3<f64>,
         v: &Twist,
-        features: &mut Features,
+        seen: &mut Seen,
     ) -> Wrench {
         let patches = self.patches.iter_mut().zip(sets);
         patches.fold(Wrench::ZERO, |sum, (patch, set)| {
-            sum + patch.wrench(set, x, v, &self.solid, features)
+            sum + patch.wrench(set, x, v, &self.solid, seen)
         })
     }
 }
@@ -75,7 +76,7 @@ pub struct Contact {
     sphere: Option<Opposite<Sphere>>,
     plate: Option<Opposite<Drilled>>,
     pegs: Vec<Opposite<Peg>>,
-    features: Features,
+    seen: Seen,
 }
 
 impl Contact {
@@ -109,45 +110,40 @@ impl Contact {
             scene,
             tool_points,
             edges,
-            features: Features::default(),
+            seen: Seen::default(),
         })
     }
 
     /// Returns the wrench of the scene on the tool, at {M} in {M}, for pose `x_b_m` and twist `v_m`, and moves the
     /// anchors of friction. Each call is one step along the path of the tool.
     pub fn wrench(&mut self, x_b_m: &Isometry3<f64>, v_m: &Twist) -> Wrench {
-        let mut features = Features::default();
+        let mut seen = Seen::default();
         let (sets, x) = (&self.tool_points, nalgebra::convert(*x_b_m));
         let v_b = v_m.at(x_b_m);
         let mut f_b = Wrench::ZERO;
         if let Some(wall) = &mut self.wall {
-            f_b = f_b + wall.wrench(sets, &x, &v_b, &mut features);
+            f_b = f_b + wall.wrench(sets, &x, &v_b, &mut seen);
         }
         if let Some(block) = &mut self.block {
-            f_b = f_b + block.wrench(sets, &x, &v_b, &mut features);
+            f_b = f_b + block.wrench(sets, &x, &v_b, &mut seen);
         }
         if let Some(sphere) = &mut self.sphere {
-            f_b = f_b + sphere.wrench(sets, &x, &v_b, &mut features);
+            f_b = f_b + sphere.wrench(sets, &x, &v_b, &mut seen);
         }
         let mut f_m = f_b.at(&x_b_m.inverse());
         if let Some(plate) = &mut self.plate {
             let x_p_m = plate.solid.x_b_p().inverse() * x_b_m;
             let v_p = v_m.at(&x_p_m);
-            let f_p = plate.wrench(sets, &nalgebra::convert(x_p_m), &v_p, &mut features);
+            let f_p = plate.wrench(sets, &nalgebra::convert(x_p_m), &v_p, &mut seen);
             f_m = f_m + f_p.at(&x_p_m.inverse());
-            f_m = f_m + self.edges_on_pegs(&x_p_m, v_m, &mut features);
+            f_m = f_m + self.edges_on_pegs(&x_p_m, v_m, &mut seen);
         }
-        self.features = features;
+        self.seen = seen;
         f_m
     }
 
     /// Returns the wrench of the edges of the holes on the pegs, at {M} in {M}: the reaction of that on the edges.
-    fn edges_on_pegs(
-        &mut self,
-        x_p_m: &Isometry3<f64>,
-        v_m: &Twist,
-        features: &mut Features,
-    ) -> Wrench {
+    fn edges_on_pegs(&mut self, x_p_m: &Isometry3<f64>, v_m: &Twist, seen: &mut Seen) -> Wrench {
         let Shape::Pegs(pegs) = &self.shape else { return Wrench::ZERO };
         let x_m_e = pegs.x_m_e();
         let x_e_p = nalgebra::convert((x_p_m * x_m_e).inverse());
@@ -155,21 +151,32 @@ impl Contact {
         let v_e = v_m.at(&x_m_e.inverse()) * -1.0;
         let mut f_e = Wrench::ZERO;
         for peg in &mut self.pegs {
-            f_e = f_e - peg.wrench(&self.edges, &x_e_p, &v_e, features);
+            f_e = f_e - peg.wrench(&self.edges, &x_e_p, &v_e, seen);
         }
         f_e.at(&x_m_e)
     }
 
     /// Returns the points in contact in the last call of [`wrench`](Self::wrench).
     pub const fn features(&self) -> &Features {
-        &self.features
+        &self.seen.features
+    }
+
+    /// Returns the sum of the normal forces of all points in the last call of [`wrench`](Self::wrench), in N.
+    pub const fn pressure(&self) -> f64 {
+        self.seen.pressure
     }
 
     /// Returns whether the tool at `x_b_m` touches or is inside a solid. Anchors do not move.
     pub fn is_touching_at(&self, x_b_m: &Isometry3<f64>) -> bool {
         let mut probe = self.clone();
         probe.wrench(x_b_m, &Twist::ZERO);
-        probe.features.is_any()
+        probe.seen.features.is_any()
+    }
+
+    /// Returns the stiffness of one point on a circle against the plate, in N/m; zero without a plate.
+    pub(crate) fn point_stiffness(&self) -> f64 {
+        let stiffness = self.scene.plate.map_or(0.0, |plate| plate.surface.stiffness);
+        stiffness / f64::from(patch::POINTS_ON_A_CIRCLE)
     }
 
     /// Returns the tool.

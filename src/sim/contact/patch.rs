@@ -51,6 +51,14 @@ impl Points {
     }
 }
 
+/// All points in contact of one evaluation.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen {
+    pub(super) features: Features,
+    /// Sum of their normal forces, in N.
+    pub(super) pressure: f64,
+}
+
 /// Contact of some points with one solid.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
@@ -74,7 +82,7 @@ impl Patch {
         x: &IsometryMatrix3<f64>,
         v: &Twist,
         solid: &impl Solid,
-        features: &mut Features,
+        seen: &mut Seen,
     ) -> Wrench {
         let bounds = Bounds {
             centre: (x * Point3::from(points.bounds.centre)).coords,
@@ -93,9 +101,10 @@ impl Patch {
                 *bristle = Bristle::default();
                 continue;
             };
-            features.add(touch.feature);
+            seen.features.add(touch.feature);
             let velocity = v.linear + v.angular.cross(&p);
-            let force = bristle.force(&self.law, &touch, &p, &velocity);
+            let (force, push) = bristle.force(&self.law, &touch, &p, &velocity);
+            seen.pressure += push;
             sum = sum + Wrench { force, moment: p.cross(&force) };
         }
         sum

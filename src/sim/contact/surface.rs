@@ -91,14 +91,14 @@ pub(super) struct Bristle {
 }
 
 impl Bristle {
-    /// Returns the force on the point at `p` with velocity `v`, in the frame in which the surface rests.
+    /// Returns the force and its normal part on the point at `p` with velocity `v`, in the frame in which the surface rests.
     pub(super) fn force(
         &mut self,
         law: &PointLaw,
         touch: &Touch,
         p: &Vector3<f64>,
         v: &Vector3<f64>,
-    ) -> Vector3<f64> {
+    ) -> (Vector3<f64>, f64) {
         let normal = touch.normal;
         let leaving = v.dot(&normal);
         let damping = law.damping_at(touch.depth);
@@ -114,12 +114,15 @@ impl Bristle {
 
         let held = stretch * -stiffness;
         let damped = (v - normal * leaving) * -damping;
-        normal * push + held + damped * share_within(limit, &held, &damped)
+        (normal * push + held + damped * share_within(limit, &held, &damped), push)
     }
 }
 
 /// Returns the largest share of `added` in 0..=1 with which its sum with `held` is not longer than `limit`.
 fn share_within(limit: f64, held: &Vector3<f64>, added: &Vector3<f64>) -> f64 {
+    if (held + added).norm_squared() <= limit * limit {
+        return 1.0;
+    }
     let square = added.norm_squared();
     if square <= 0.0 {
         return 0.0;
@@ -154,7 +157,7 @@ mod tests {
             let law = PointLaw::new(&SURFACE, 4.0);
             let mut bristle = Bristle::default();
             for (p, v, depth) in path {
-                let f = bristle.force(&law, &touch(depth), &p, &v);
+                let (f, _) = bristle.force(&law, &touch(depth), &p, &v);
                 prop_assert!(f.z >= 0.0, "{f}");
                 prop_assert!(f.xy().norm() <= 0.3 * f.z * (1.0 + 1e-9) + 1e-12, "{f}");
             }
@@ -168,13 +171,13 @@ mod tests {
         let at = |x: f64| Vector3::new(x, 0.0, 0.0);
         bristle.force(&law, &touch(1e-3), &at(0.0), &Vector3::zeros());
         for _ in 0..1_000 {
-            let f = bristle.force(&law, &touch(1e-3), &at(2e-4), &Vector3::zeros());
+            let (f, _) = bristle.force(&law, &touch(1e-3), &at(2e-4), &Vector3::zeros());
             assert!((f.x + TANGENTIAL * 1e4 * 2e-4).abs() < 1e-9, "{f}");
         }
         // 3 N of friction are 0.375 mm of stretch; beyond, the anchor follows.
-        let f = bristle.force(&law, &touch(1e-3), &at(5e-3), &Vector3::zeros());
+        let (f, _) = bristle.force(&law, &touch(1e-3), &at(5e-3), &Vector3::zeros());
         assert!((f.x + 3.0).abs() < 1e-9, "{f}");
-        let back = bristle.force(&law, &touch(1e-3), &at(5e-3 - 3.75e-4), &Vector3::zeros());
+        let (back, _) = bristle.force(&law, &touch(1e-3), &at(5e-3 - 3.75e-4), &Vector3::zeros());
         assert!(back.x.abs() < 1e-9, "{back}");
     }
 
@@ -184,7 +187,7 @@ mod tests {
         let mut bristle = Bristle::default();
         let v = Vector3::new(0.1, 0.0, 0.0);
         for step in 0..100 {
-            let f = bristle.force(&law, &touch(1e-3), &(v * 1e-3 * f64::from(step)), &v);
+            let (f, _) = bristle.force(&law, &touch(1e-3), &(v * 1e-3 * f64::from(step)), &v);
             assert!(step < 10 || (f.x + 0.3 * f.z).abs() < 1e-9, "{f}");
         }
     }

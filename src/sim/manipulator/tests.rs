@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use serde_json::Value;
 
 use super::*;
-use crate::contact::{HALF_CUBE, Surface, Wall};
+use crate::contact::{HALF_CUBE, Holes, Pegs, Plate, Surface, Wall};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 const RIGID: Surface =
@@ -258,6 +258,51 @@ fn stiff_contact_of_both_arms_is_stable() {
 /// Returns the upward force of the scene on the tool, in N.
 fn pressure(arm: &Manipulator) -> f64 {
     (arm.x_b_m().rotation * arm.f_m_contact().force).z
+}
+
+#[test]
+fn arms_insert_two_pegs_with_force_accommodation() {
+    let pegs = Pegs {
+        x_m_t: Isometry3::identity(),
+        count: 2,
+        radius: 5e-3,
+        length: 0.04,
+        spacing: 0.04,
+        chamfer_width: 5e-4,
+        chamfer_length: 5e-4,
+    };
+    let holes =
+        Holes { count: 2, radius: 5.2e-3, spacing: 0.04, chamfer_width: 2e-3, chamfer_depth: 2e-3 };
+    for (name, settings) in [("puma", puma()), ("8R", eight_r())] {
+        let tool = Tool { shape: Shape::Pegs(pegs), ..tool() };
+        let x_b_m = *start(&settings, Scene::default()).x_b_m();
+        // The plate is below the ends of the pegs by 3 mm, and displaced across by 1.2 mm.
+        let x_p_e =
+            Isometry3::new(Vector3::new(-1e-3, 0.7e-3, 3e-3), Vector3::x() * std::f64::consts::PI);
+        let x_b_p = x_b_m * pegs.x_m_e() * x_p_e.inverse();
+        let surface = Surface { friction: 0.2, damping_depth: 1e-4, ..RIGID };
+        let plate = Plate { x_b_p, half_size: [0.06, 0.04], thickness: 0.05, holes, surface };
+        let scene = Scene { plate: Some(plate), ..Scene::default() };
+        let mut arm = Manipulator::new(&settings, tool, scene).unwrap();
+        let mut highest = 0.0_f64;
+        for _ in 0..3_000 {
+            let f_m = arm.f_m_contact();
+            let at_ends = f_m.at(&pegs.x_m_e().inverse());
+            let v_e = Twist {
+                linear: at_ends.force * 4e-4 + Vector3::new(0.0, 0.0, 0.008),
+                angular: at_ends.moment * 0.03,
+            };
+            let qd = rates(&arm, &v_e.at(&pegs.x_m_e()));
+            arm.step(2e-3, &qd);
+            highest = highest.max(arm.f_m_contact().force.norm());
+        }
+        let x_b_m = *arm.x_b_m();
+        for insertion in arm.contact().insertions(&x_b_m) {
+            let depth = insertion.unwrap().depth;
+            assert!(depth > 0.02, "{name}: {depth} m, {:?}", arm.contact().features());
+        }
+        assert!((5.0..80.0).contains(&highest), "{name}: {highest} N");
+    }
 }
 
 #[test]

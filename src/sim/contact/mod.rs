@@ -1,7 +1,7 @@
 //! Contact of a tool with fixed solids, by analytic geometry and springs at points.
 //!
 //! The tool, fixed to {M}, is a cube or one or two pegs; the scene, fixed in {b}, has a wall, a box, a sphere, and a
-//! plate with one or two holes. Points fixed in one body are pushed out of the other ([`surface`]): the corners of the
+//! plate with one or two holes. Points fixed in one body are pushed out of the other (`surface`): the corners of the
 //! cube and the rims of the pegs out of all solids, and the edges of the holes out of the pegs. A tilted peg in a hole
 //! needs both: its rim touches the bore on one side, and the edge of the hole its side on the other.
 //!

@@ -396,30 +396,3 @@ fn wall_box_and_sphere_push_the_pegs() {
     let f_m = contact.wrench(&(x_b_e * PEGS.x_m_e().inverse()), &Twist::ZERO);
     assert!((f_m.force.norm() - 20.0).abs() < 1e-9, "{f_m:?}");
 }
-
-#[test]
-#[ignore = "prints the cost of an evaluation"]
-#[expect(clippy::disallowed_methods, clippy::print_stdout, reason = "measures")]
-fn cost_of_an_evaluation() {
-    let chamfered = Pegs { chamfer_width: 5e-4, chamfer_length: 1e-3, ..PEGS };
-    for (name, pegs, height, shift, tilt) in [
-        ("above the plate", PEGS, 0.01, [0.0; 2], 0.0),
-        ("inside, no contact", PEGS, -0.01, [0.0; 2], 0.0),
-        ("on the face, 72 points", PEGS, -1e-4, [0.0, 0.02], 0.0),
-        ("on the cone, sharp", PEGS, -0.5e-3, [1.2e-3, 0.0], 0.0),
-        ("two-point in both bores", PEGS, -0.012, [0.0; 2], 0.0),
-        ("tilted 3°, chamfered pegs", chamfered, -0.012, [0.0; 2], 0.05),
-    ] {
-        let mut contact = on_plate(pegs, ROUGH);
-        let shift = if name.starts_with("two") { [0.25e-3, 0.0] } else { shift };
-        let x_b_m = displaced(&contact, height, shift, [0.0, tilt, 0.0]);
-        let v_m = Twist::from_components([0.01, 0.0, 0.02, 0.0, 0.1, 0.0]);
-        let begin = std::time::Instant::now();
-        let mut sum = 0.0;
-        for _ in 0..200_000_u32 {
-            sum += contact.wrench(&x_b_m, &v_m).force.x;
-        }
-        let cost = begin.elapsed().as_secs_f64() * 1e6 / 200_000.0;
-        println!("{name}: {cost:.2} µs ({sum:.0}; {:?})", contact.features());
-    }
-}

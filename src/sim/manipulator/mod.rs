@@ -1,7 +1,7 @@
 //! A slave arm in motion: rate servos, joint friction, a tool behind a wrist sensor, and contact with a scene.
 //!
 //! One step of at most [`MAX_STEP`] advances the rates with the wrench of the scene at its start, and servo and friction
-//! at its end ([`joint`]), then the positions with the new rates (symplectic Euler): a spring of stiffness k at an
+//! at its end (`joint`), then the positions with the new rates (symplectic Euler): a spring of stiffness k at an
 //! effective mass m is stable up to `h² k / m = 4`, 64 MN/m for 1 kg. Gravity and Coriolis torques are carried by
 //! feed-forward of this model, with the payload; the integrators of the servos carry contact and friction. Joints have
 //! no end stops here: the commands keep the limits.

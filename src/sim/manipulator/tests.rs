@@ -339,18 +339,3 @@ fn invalid_settings_are_refused_with_their_values() {
     settings.joints[2].coulomb = f64::NAN;
     assert_eq!(refused(&settings), "coulomb must be 0 or above and finite, got NaN");
 }
-
-#[test]
-#[ignore = "prints the cost of a step"]
-#[expect(clippy::disallowed_methods, clippy::print_stdout, reason = "measures")]
-fn cost_of_a_substep() {
-    for (name, settings) in [("puma", puma()), ("8R", eight_r())] {
-        let mut arm = start(&settings, Scene::default());
-        let begin = std::time::Instant::now();
-        for step in 0..40_000_u32 {
-            let sign = if step / 500 % 2 == 0 { 0.3 } else { -0.3 };
-            arm.step(MAX_STEP, &[sign; 9]);
-        }
-        println!("{name}: {:.2} µs per substep", begin.elapsed().as_secs_f64() * 1e6 / 40_000.0);
-    }
-}

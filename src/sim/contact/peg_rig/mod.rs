@@ -1,6 +1,6 @@
 //! Test rig: a passive peg in or above a hole, pushed by a given wrench or lowered by a compliant grip.
 //!
-//! The peg has no mass and moves quasi-statically ([`body`]), as in the analysis of Whitney (1982) and Simunovic (1975),
+//! The peg has no mass and moves quasi-statically (`body`), as in the analysis of Whitney (1982) and Simunovic (1975),
 //! with which `tests` compares it: the jamming diagram and the bound of wedging. Everything is in the frame {P} of the plate:
 //! origin where the hole's axis meets the face, z out of the material. Pegs are parallel to z when not tilted.
 
@@ -173,7 +173,7 @@ impl PegRig {
     }
 
     /// Returns whether a peg stays wedged at `depth` after the `moment` in N·m that has tilted it is gone: its two contacts
-    /// press on each other with at least [`WEDGED`] of their force before.
+    /// press on each other with at least 5 % of their force before.
     pub fn wedges(&self, depth: f64, moment: f64) -> bool {
         let mut body = self.settled(depth, &Push { across: 0.0, into: 0.0, moment }.wrench());
         let loaded = body.pressure();

@@ -1,4 +1,4 @@
-//! No allocation in ten thousand cycles of node, controller, bus and simulation.
+//! No allocation in ten thousand cycles of node, controller, bus and simulation, nor of a slave arm in contact.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -16,8 +16,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::bench::scenario;
 
+use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+
 use config::Config;
 use lab::bench::Bench;
+use sim::arm::{LinkSettings, Load};
+use sim::contact::{Scene, Shape, Surface, Wall};
+use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
+use sim::wrist_sensor::WristSensorSettings;
 
 /// Counts allocations of the threads that set [`IS_COUNTED`]. The test harness has a thread of its own, which allocates
 /// when a test takes longer than a minute.
@@ -64,5 +70,52 @@ fn ten_thousand_cycles_with_every_layer_never_allocate() {
     IS_COUNTED.set(true);
     bench.run(10_000);
     IS_COUNTED.set(false);
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn slave_arm_in_contact_never_allocates() {
+    let link = LinkSettings {
+        is_prismatic: false,
+        alpha: 0.5,
+        a: 0.2,
+        d: 0.1,
+        theta: 0.0,
+        mass: 2.0,
+        centre_of_mass: Vector3::new(0.0, 0.02, 0.08),
+        inertia: Matrix3::from_diagonal_element(0.01),
+        rotor_inertia: 0.1,
+    };
+    let joint = JointSettings { link, start: 0.2, coulomb: 0.5, viscous: 0.2, max_torque: 100.0 };
+    let settings = ManipulatorSettings {
+        joints: vec![joint; 7],
+        x_b_0: Isometry3::identity(),
+        x_n_m: Isometry3::identity(),
+        gravity: Vector3::new(0.0, 0.0, -9.81),
+        servo_time_constant: 0.02,
+        sensor: WristSensorSettings { noise: [0.1; 6], ..WristSensorSettings::IDEAL },
+        seed: 1,
+    };
+    let load = Load {
+        mass: 1.0,
+        centre_of_mass: Vector3::zeros(),
+        inertia: Matrix3::from_diagonal_element(1e-3),
+    };
+    let tool = Tool { shape: Shape::Cube { half_edge: 0.02 }, x_m_s: Isometry3::identity(), load };
+    let free = Manipulator::new(&settings, tool, Scene::default()).unwrap();
+    let surface = Surface { stiffness: 1e4, damping: 100.0, damping_depth: 1e-3, friction: 0.3 };
+    let wall = Wall {
+        point: free.x_b_m().translation.vector,
+        normal: Unit::new_normalize(Vector3::z()),
+        surface,
+    };
+    let scene = Scene { wall: Some(wall), ..Scene::default() };
+    let mut arm = Manipulator::new(&settings, tool, scene).unwrap();
+    IS_COUNTED.set(true);
+    for _ in 0..1_000 {
+        arm.step(2e-3, &[0.01; 9]);
+    }
+    IS_COUNTED.set(false);
+    assert!(arm.f_s_sensed().is_finite());
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
 }

@@ -2,8 +2,8 @@
 # interop.sh [NAME...]: frhc with third-party programs on real vcan, in virtual time.
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
-# frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs. Runs all tests, or those
-# whose names contain one of the NAMEs.
+# frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, and pinocchio computes the
+# robot arms. Runs all tests, or those whose names contain one of the NAMEs.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
@@ -16,3 +16,4 @@ export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$PWD/target/interop/logs PYTHO
 rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
 scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
 "$python" tests/interop/in_the_logs.py "$@"
+"$python" tests/interop/without_a_bus.py "$@"

@@ -1,6 +1,7 @@
-//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, or the fault table.
+//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, or a robot arm.
 
 mod input;
+mod robot;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -9,6 +10,7 @@ use clap::{Args, Subcommand};
 use serde_json::Value as Json;
 
 use crate::cli::explain::input::Flags;
+use crate::cli::explain::robot::Robot;
 use config::Config;
 use lab::explanation::{self, Entry, Explanation, Value};
 use lab::world;
@@ -67,13 +69,19 @@ pub(crate) struct Explain {
 enum Topic {
     /// Prints the fault table: for each cause the reaction in each mode, who acts first, and how to reset it.
     Faults(Faults),
+    /// Prints pose, Jacobian, gravity torques and mass matrix of a robot arm at given joint positions.
+    Robot(Robot),
 }
 
 /// Computes the cycle and prints it.
 pub(super) fn run(args: &Explain) -> Result<(), Failure> {
-    if let Some(Topic::Faults(args)) = &args.topic {
-        faults::run(args);
-        return Ok(());
+    match &args.topic {
+        Some(Topic::Faults(args)) => {
+            faults::run(args);
+            return Ok(());
+        }
+        Some(Topic::Robot(args)) => return robot::run(args),
+        None => {}
     }
     if args.question.as_deref().is_some_and(|question| question == "faults") {
         return Err(Failure::new(Kind::Usage, "`explain faults` accepts no options of `explain`"));
@@ -150,6 +158,8 @@ fn json_value(value: &Value) -> Json {
         Value::Pose(rows) => serde_json::json!(rows),
         Value::Matrix(rows) => serde_json::json!(rows),
         Value::Targets(targets) => serde_json::json!(targets),
+        Value::Joints(joints) => serde_json::json!(joints),
+        Value::Rows(rows) => serde_json::json!(rows),
         Value::Word(word) => serde_json::json!(word),
     }
 }
@@ -188,6 +198,8 @@ fn shown(value: &Value) -> String {
         Value::Three(three) => row(three),
         Value::Pose(matrix) => rows(matrix.iter().take(3).map(|numbers| row(numbers)).collect()),
         Value::Matrix(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
+        Value::Joints(joints) => row(joints),
+        Value::Rows(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
         Value::Targets(targets) => {
             targets.iter().map(|target| format!("{target:10}")).collect::<Vec<_>>().join(" ")
         }

@@ -35,6 +35,10 @@ pub enum Value {
     Matrix([[f64; 6]; 6]),
     /// Targets of drives.
     Targets([i16; 6]),
+    /// A number of each joint of an arm of any number of joints.
+    Joints(Vec<f64>),
+    /// A matrix with a column for each of these, row by row.
+    Rows(Vec<Vec<f64>>),
     /// A word, or its absence.
     Word(Option<String>),
 }
@@ -203,7 +207,7 @@ const fn axes(interpretation: &Interpretation) -> &'static str {
     }
 }
 
-fn entry<'v, T>(
+pub(crate) fn entry<'v, T>(
     name: &'static str,
     value: &'v T,
     place: &'static str,
@@ -263,6 +267,18 @@ impl From<&Jacobian<6>> for Value {
     fn from(j_g: &Jacobian<6>) -> Self {
         // An array of arrays holds columns.
         Self::Matrix(j_g.matrix().transpose().into())
+    }
+}
+
+impl From<&Vec<f64>> for Value {
+    fn from(joints: &Vec<f64>) -> Self {
+        Self::Joints(joints.clone())
+    }
+}
+
+impl From<&Vec<Vec<f64>>> for Value {
+    fn from(rows: &Vec<Vec<f64>>) -> Self {
+        Self::Rows(rows.clone())
     }
 }
 

@@ -22,6 +22,8 @@ pub mod explanation;
 pub mod fidelity;
 pub mod question;
 pub mod return_to_centre;
+pub mod robot_explanation;
+mod simulated_joint;
 pub mod station;
 pub mod torque_curves;
 pub mod transmit_queue;

@@ -245,3 +245,57 @@ fn fault_table_has_every_cause_as_text_and_json() {
     let both = explain(&["--q", "0,-0.8,1.6,-0.7,0,0", "faults"], "");
     assert_eq!(both.status.code(), Some(2), "a question or the table");
 }
+
+const PUMA: &str = "config/robots/puma560.toml";
+
+#[test]
+fn robot_matches_the_reference() {
+    for case in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
+        let degrees: Vec<String> =
+            flat(&case["q"]).iter().map(|q| q.to_degrees().to_string()).collect();
+        let output = explain(&["robot", PUMA, "--q", &degrees.join(","), "--json"], "");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        let found = serde_json::from_slice(&output.stdout).unwrap();
+        assert_explained(&found, case, &[("gravity", "tau_gravity"), ("M", "mass_matrix")]);
+    }
+}
+
+#[test]
+fn robot_is_explained_once_per_posture() {
+    let q = ["--q", "0,45,-180,0,45,0", "--q=-10,45,-180,0,45,0"];
+    let json = explain(&[&["robot", PUMA, "--json"], &q[..]].concat(), "");
+    let lines: Vec<Value> = String::from_utf8(json.stdout)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let start = explain(&["robot", PUMA, "--json"], "");
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0], serde_json::from_slice::<Value>(&start.stdout).unwrap());
+    assert!((flat(&lines[1]["q"]["value"])[0] + 10.0_f64.to_radians()).abs() < 1e-12);
+
+    let text = String::from_utf8(explain(&["robot", PUMA], "").stdout).unwrap();
+    for name in ["q", "x_b_m", "j_m", "sigma_min", "tau_gravity", "mass_matrix"] {
+        assert!(text.lines().any(|line| line.split(' ').next() == Some(name)), "{name} in {text}");
+    }
+    assert!(text.contains("[kg·m²] {joints}") && text.contains("[m] {b}"), "{text}");
+}
+
+#[test]
+fn invalid_posture_of_a_robot_is_refused() {
+    for (file, q, code, expected) in [
+        (PUMA, "0,1", 2, "--q: must have one position for each of the 6 joints, got 2"),
+        (PUMA, "0,1,x,0,0,0", 2, "expected a number, got \"x\""),
+        (PUMA, "0,0,0,0,0,0,nan", 2, "joints, got 7"),
+        (PUMA, "0,0,46,0,0,0", 2, "joint 3 must be within its limit_deg, -225 to 45, got 46"),
+        (PUMA, "0,0,NaN,0,0,0", 2, "joint 3 must be within its limit_deg, -225 to 45, got NaN"),
+        ("nope.toml", "0,0,0,0,0,0", 3, "nope.toml: No such file"),
+    ] {
+        // A good posture before it is not printed.
+        let output = explain(&["robot", file, "--q", "0,45,-180,0,45,0", "--q", q], "");
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{q}: {stderr}");
+        assert!(stderr.contains(expected) && output.stdout.is_empty(), "{q}: {stderr}");
+    }
+}

@@ -42,6 +42,8 @@ const PRINTING: &[&str] = &[
     "explain --q 0,-0.8,1.6,-0.7,0,0",
     "explain --q 0,-0.8,1.6,-0.7,0,0 --json",
     "explain faults",
+    "explain robot config/robots/puma560.toml",
+    "explain robot config/robots/puma560.toml --json",
     "calib fit DATA",
     "calib fit DATA --json",
     "calib friction SWEEP --config config/kraft_like.toml",

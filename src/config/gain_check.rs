@@ -125,11 +125,12 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     let controller = &config.controller;
     let devices = Device::at_grip(&controller.arm, &resistances(config), &q)?;
     let environment = stiffest(config);
+    let on_link = link_cycles(config);
     let timing = Timing {
         period: config.period.as_secs_f64(),
         torque_delay: TORQUE_DELAY,
-        pose_delay: POSE_DELAY,
-        rate_delay: RATE_DELAY,
+        pose_delay: POSE_DELAY + on_link,
+        rate_delay: RATE_DELAY + on_link,
         accommodation_delay: ACCOMMODATION_DELAY,
         servo_lag: config.remote.servo.time_constant(),
         velocity_filter: controller.extensions.velocity_filter.seconds(),
@@ -166,6 +167,14 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
             is_watched: controller.extensions.passivity.is_some(),
         }
     }))
+}
+
+/// Returns the cycles that a simulated link adds to the way from command to wrench: both ways with their jitter, and the
+/// wait for the far side's cycle. The object gives way on its own side of the link, so accommodation has no part of it.
+fn link_cycles(config: &Parameters) -> u32 {
+    let Some(link) = config.link.simulated else { return 0 };
+    let cycles = link.round_trip().as_micros().div_ceil(config.period.as_micros().max(1));
+    u32::try_from(cycles).unwrap_or(u32::MAX)
 }
 
 /// Returns the maximum damping of the tank, in N·s/m; it damps translations only.

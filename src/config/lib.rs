@@ -31,6 +31,7 @@ mod interpretation;
 mod joint_plant;
 mod joints;
 mod layouts;
+mod link;
 mod loads;
 mod lookup;
 mod nameplate;
@@ -63,6 +64,7 @@ mod value_limits;
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
 pub use joints::JointParameters;
+pub use link::RemoteLink;
 pub use operator::Operator;
 pub use parameters::Parameters;
 pub use plant::{Actuator, Drivetrain, Friction, JointPlant, Plant};
@@ -175,6 +177,13 @@ impl Config {
         self
     }
 
+    /// The same with another link to the commanded side: no PDO depends on it.
+    #[must_use]
+    pub const fn with_link(mut self, link: RemoteLink) -> Self {
+        self.parameters.link = link;
+        self
+    }
+
     /// The same with this share of every joint's friction: no PDO depends on it.
     #[must_use]
     pub fn with_friction(mut self, share: f64) -> Self {
@@ -270,6 +279,8 @@ fn convert(
     let remote = remote::settings(raw, file, coupling, problems);
 
     let (remote, robot) = remote?;
+    let link = link::read(raw, period, problems);
+
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,
@@ -290,6 +301,7 @@ fn convert(
         operator: operator?,
         remote,
         robot,
+        link: link?,
         safety: safety?,
         plausibility: plausibility?,
     };

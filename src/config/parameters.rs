@@ -7,6 +7,7 @@ use nalgebra::Isometry3;
 
 use crate::buses::BusSettings;
 use crate::joints::JointParameters;
+use crate::link::RemoteLink;
 use crate::operator::Operator;
 use crate::plant::Plant;
 use crate::plausibility::Plausibility;
@@ -62,6 +63,8 @@ pub struct Parameters {
     pub remote: Virtual,
     /// The arm that holds the commanded object, as its file describes it.
     pub robot: Option<RobotArm>,
+    /// Link to the commanded side.
+    pub link: RemoteLink,
     /// Time limits of faults.
     pub safety: Safety,
     /// Bounds of plausible samples.
@@ -112,11 +115,6 @@ impl Parameters {
     /// The buses, as the frames' channels.
     pub fn channels(&self) -> Vec<Channel> {
         (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
-    }
-
-    /// Sampling period of the commanded side.
-    pub const fn link_period(&self) -> Duration {
-        self.period
     }
 
     /// Time of the longest frame on the slowest bus.

@@ -270,9 +270,20 @@ sections! {
         accommodation_deadband_n: Optional<f64>,
         accommodation_deadband_nm: Optional<f64>,
         shared_control: Option<SharedControl>,
+        link: Option<RemoteLink>,
         wall: Option<Wall>,
         r#box: Option<Block>,
         sphere: Option<Sphere>,
+    }
+
+    RemoteLink {
+        max_age_ms: Optional<f64>,
+        delay_ms: Optional<f64>,
+        jitter_ms: Optional<f64>,
+        loss_percent: Optional<f64>,
+        reorder: Optional<bool>,
+        hold_after_ms: Optional<f64>,
+        seed: Optional<u64>,
     }
 
     SharedControl {

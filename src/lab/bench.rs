@@ -13,6 +13,7 @@ use controller::switches::Mode as CommandMode;
 use faults::{Fault, Kind, LinkFault};
 use node::record::{Mode, Record};
 use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
+use remote::delayed::Delayed;
 use remote::site::{Link, VirtualSite};
 use sim::fault::Notice;
 use sim::scenario::{ConsoleRequest, Scenario};
@@ -32,7 +33,7 @@ pub struct Carried {
 /// A node, its drives, its operator and its object.
 #[derive(Clone, Debug)]
 pub struct Bench<T> {
-    node: Node<Memory<World, T>, VirtualSite>,
+    node: Node<Memory<World, T>, Delayed<VirtualSite>>,
     /// Requests of the scenario to the console, and their times in s after the first SYNC.
     requests: VecDeque<(f64, Request)>,
     bitrates: Vec<u32>,
@@ -104,7 +105,8 @@ impl<T: Tap> Bench<T> {
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
-        let node = Node::new(config, bus, VirtualSite::new(&config.remote, config.period));
+        let site = VirtualSite::new(&config.remote, config.period);
+        let node = Node::new(config, bus, Delayed::by(site, config.link.simulated));
         Self { node, requests, bitrates, begun: None, host_faults }
     }
 
@@ -161,12 +163,12 @@ impl<T: Tap> Bench<T> {
             Some(LinkFault::Frozen) => Link::Frozen,
             Some(LinkFault::Lost) => Link::Lost,
         };
-        self.node.remote_mut().set_link(link);
+        self.site_mut().set_link(link);
         if !self.host_faults.forces.is_empty() {
             let force = self.host_faults.force(self.elapsed());
             let along_x =
                 |force| Wrench { force: Vector3::new(force, 0.0, 0.0), moment: Vector3::zeros() };
-            self.node.remote_mut().set_sensor_fault(force.map(along_x));
+            self.site_mut().set_sensor_fault(force.map(along_x));
         }
         self.node.cycle()
     }
@@ -220,7 +222,7 @@ impl<T: Tap> Bench<T> {
     }
 
     /// The node.
-    pub const fn node(&self) -> &Node<Memory<World, T>, VirtualSite> {
+    pub const fn node(&self) -> &Node<Memory<World, T>, Delayed<VirtualSite>> {
         &self.node
     }
 
@@ -231,7 +233,7 @@ impl<T: Tap> Bench<T> {
 
     /// The commanded side.
     pub const fn site_mut(&mut self) -> &mut VirtualSite {
-        self.node.remote_mut()
+        self.node.remote_mut().far_mut()
     }
 
     /// The buses.

@@ -13,15 +13,6 @@ use remote::Sensed;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Lower bound of the maximum age of a sample, for links with a short period.
-const MIN_TIMEOUT: Duration = Duration::from_millis(20);
-
-/// Upper bound of the maximum age of a sample, for links with a long period.
-const MAX_TIMEOUT: Duration = Duration::from_millis(100);
-
-/// Maximum age of a sample, in periods of the link.
-const MAX_MISSED_SAMPLES: u32 = 3;
-
 /// The newest valid sample of the commanded side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Link {
@@ -31,12 +22,9 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Returns a link without a sample. The commanded side is sampled every `period`.
-    pub(super) fn new(period: Duration) -> Self {
-        Self {
-            timeout: (period * MAX_MISSED_SAMPLES).clamp(MIN_TIMEOUT, MAX_TIMEOUT),
-            newest: None,
-        }
+    /// Returns a link without a sample, whose samples may be `timeout` old.
+    pub(super) const fn new(timeout: Duration) -> Self {
+        Self { timeout, newest: None }
     }
 
     /// Keeps the sample if it is valid and not older than the newest one.
@@ -72,7 +60,7 @@ mod tests {
 
     use super::*;
 
-    const PERIOD: Duration = Duration::from_millis(1);
+    const TIMEOUT: Duration = Duration::from_millis(20);
 
     fn at(micros: u64) -> Instant {
         Instant::from_micros(micros)
@@ -110,7 +98,7 @@ mod tests {
             }
             bad.x_b_m.rotation = Unit::new_unchecked(quaternion);
             let now = at(5_000 + after);
-            let mut link = Link::new(PERIOD);
+            let mut link = Link::new(TIMEOUT);
             link.update(at(5_000), Some(good));
             link.update(now, Some(bad));
             prop_assert_eq!((link.f_s(), link.x_b_m()), (good.f_s, good.x_b_m));
@@ -119,21 +107,21 @@ mod tests {
 
         #[test]
         fn property_13_stale_samples_stay_stale_until_a_newer_one(
-            stamp in 0..1_000_000_u64, period in 250..100_000_u64,
+            stamp in 0..1_000_000_u64, timeout in 5_000..100_000_u64,
             age in 0..300_000_u64, later in 0..300_000_u64,
         ) {
-            let mut link = Link::new(Duration::from_micros(period));
+            let mut link = Link::new(Duration::from_micros(timeout));
             link.update(at(stamp), Some(sensed(at(stamp), 1.0)));
             let lost = |age: u64| link.lost(at(stamp + age)).is_some();
             prop_assert!(!lost(age) || lost(age + later));
-            prop_assert_eq!(lost(age), age > (3 * period).clamp(20_000, 100_000));
+            prop_assert_eq!(lost(age), age > timeout);
         }
 
         #[test]
         fn hazard_36_newest_sample_is_kept_in_any_order(
             stamps in prop::collection::vec(0..1_000_u64, 1..30),
         ) {
-            let mut link = Link::new(PERIOD);
+            let mut link = Link::new(TIMEOUT);
             let now = at(1_000);
             for stamp in &stamps {
                 link.update(now, Some(sensed(at(*stamp), Duration::from_micros(*stamp).as_secs_f64())));
@@ -146,7 +134,7 @@ mod tests {
 
     #[test]
     fn wrench_is_zero_and_the_link_lost_before_the_first_sample() {
-        let mut link = Link::new(PERIOD);
+        let mut link = Link::new(TIMEOUT);
         link.update(at(0), None);
         assert_eq!((link.f_s(), link.lost(at(0))), (Wrench::ZERO, Some(Cause::LinkLost)));
     }
@@ -164,14 +152,14 @@ mod tests {
 
     #[test]
     fn sample_from_the_future_is_dropped() {
-        let mut link = Link::new(PERIOD);
+        let mut link = Link::new(TIMEOUT);
         link.update(at(10), Some(sensed(at(11), 1.0)));
         assert_eq!(link.f_s(), Wrench::ZERO);
     }
 
     #[test]
     fn hazard_35_repeated_sample_becomes_stale() {
-        let mut link = Link::new(PERIOD);
+        let mut link = Link::new(TIMEOUT);
         let frozen = sensed(at(1_000), 1.0);
         let lost_at = (1..).map(|cycle| at(cycle * 1_000)).find(|now| {
             link.update(*now, Some(frozen));

@@ -16,7 +16,7 @@ pub(super) struct RemoteSide<R> {
 impl<R: Remote> RemoteSide<R> {
     /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
-        let mut side = Self { remote, link: Link::new(config.link_period()) };
+        let mut side = Self { remote, link: Link::new(config.link.max_age) };
         side.exchange(now, &Motion::Hold);
         side
     }

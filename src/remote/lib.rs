@@ -18,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod delayed;
 pub mod scene;
 pub mod site;
 

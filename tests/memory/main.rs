@@ -10,6 +10,7 @@ mod campaign;
 mod config;
 mod control_law;
 mod coupling;
+mod delayed_link;
 mod drive_hazards;
 mod energy;
 mod experiments;

@@ -405,3 +405,19 @@ fn property_16_rewritten_configuration_is_the_same() {
         assert_eq!(read(text), read(&table.to_string()), "{file}");
     }
 }
+
+#[test]
+fn simulated_link_is_refused_by_run_alone() {
+    let text = format!("{TEXT}\n[remote.link]\nmax_age_ms = 50.0\n");
+    let open = run_in(&installation("max_age", &text), &[]);
+    assert_eq!(open.code, 4, "the interface is missing: {}", open.stderr);
+    let gains = "wrench_gain = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]";
+    let text = text.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", gains);
+    let refused = run_in(&installation("delay", &format!("{text}delay_ms = 5.0\n")), &[]);
+    assert_eq!(refused.code, 3, "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("[remote.link] describes a simulated link"),
+        "{}",
+        refused.stderr
+    );
+}

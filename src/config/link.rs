@@ -1,0 +1,127 @@
+//! `[remote.link]`: maximum age of samples from the commanded side, and the delays of a simulated link to it.
+
+use std::time::Duration;
+
+use crate::problem::Problems;
+use crate::raw;
+use crate::value::Optional;
+use remote::delayed::DelaySettings;
+
+/// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).
+const MAX_AGE_MS: std::ops::RangeInclusive<f64> = 5.0..=100.0;
+
+/// Bounds of the maximum age where none is given, and that age in periods.
+const USUAL_AGE: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(100)];
+const MAX_MISSED_SAMPLES: u32 = 3;
+
+/// Maximum delay and maximum jitter of one way, in ms.
+const MAX_DELAY_MS: f64 = 100.0;
+
+/// Range of the time after which the far side holds, in ms.
+const HOLD_AFTER_MS: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
+
+/// Maximum share of datagrams that are lost, in percent.
+const MAX_LOSS_PERCENT: f64 = 90.0;
+
+/// Link to the commanded side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RemoteLink {
+    /// Maximum age of a sample.
+    pub max_age: Duration,
+    /// Simulated delays; without them both sides are connected directly.
+    pub simulated: Option<DelaySettings>,
+}
+
+impl RemoteLink {
+    /// A direct connection to a commanded side that is sampled every `period`.
+    pub fn direct(period: Duration) -> Self {
+        let [least, most] = USUAL_AGE;
+        Self { max_age: (period * MAX_MISSED_SAMPLES).clamp(least, most), simulated: None }
+    }
+}
+
+/// Reads the section, if there is one. Returns `None` after a problem.
+pub(super) fn read(
+    file: &raw::File,
+    period: Option<Duration>,
+    problems: &mut Problems<'_>,
+) -> Option<RemoteLink> {
+    let Some(raw) = &file.remote.link else { return period.map(RemoteLink::direct) };
+    let given = match raw.max_age_ms.as_ref() {
+        None => None,
+        Some(_) => Some(problems.within(&raw.max_age_ms, MAX_AGE_MS).map(millis)?),
+    };
+    let simulated = if is_simulated(raw) { Some(simulated(raw, problems)?) } else { None };
+    let period = period?;
+    let max_age = given.unwrap_or(RemoteLink::direct(period).max_age);
+    let link = RemoteLink { max_age, simulated };
+    refuse_hopeless(&link, period, raw, problems);
+    Some(link)
+}
+
+/// Returns whether a key describes a simulated link.
+fn is_simulated(raw: &raw::RemoteLink) -> bool {
+    let times = [&raw.delay_ms, &raw.jitter_ms, &raw.loss_percent, &raw.hold_after_ms];
+    let is_given = times.into_iter().any(|key| !key.is_absent());
+    is_given || !raw.reorder.is_absent() || !raw.seed.is_absent()
+}
+
+fn simulated(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<DelaySettings> {
+    let usual = DelaySettings::default();
+    let mut at_most = |key: &Optional<f64>, most: f64| problems.within(&key.or(0.0), 0.0..=most);
+    let delay = at_most(&raw.delay_ms, MAX_DELAY_MS);
+    let jitter = at_most(&raw.jitter_ms, MAX_DELAY_MS);
+    let loss = at_most(&raw.loss_percent, MAX_LOSS_PERCENT);
+    let hold = raw.hold_after_ms.or(usual.hold_after.as_secs_f64() * 1e3);
+    let hold_after = problems.within(&hold, HOLD_AFTER_MS);
+    Some(DelaySettings {
+        delay: millis(delay?),
+        jitter: millis(jitter?),
+        loss: loss? / 100.0,
+        reorders: raw.reorder.or(usual.reorders).get()?,
+        hold_after: millis(hold_after?),
+        seed: raw.seed.or(usual.seed).get()?,
+        ..usual
+    })
+}
+
+/// Notes a link whose every sample would be too old: nothing would ever be reflected.
+fn refuse_hopeless(
+    link: &RemoteLink,
+    period: Duration,
+    raw: &raw::RemoteLink,
+    problems: &mut Problems<'_>,
+) {
+    let RemoteLink { max_age, simulated: Some(simulated) } = link else { return };
+    let age = simulated.round_trip() + period;
+    if age > *max_age {
+        let reason = format_args!(
+            "samples would be up to {:.1} ms old (both ways with jitter, and a cycle of either side), and \
+             max_age_ms is {}: the link would be lost; lower delay_ms and jitter_ms, or raise max_age_ms, at most to 100",
+            age.as_secs_f64() * 1e3,
+            max_age.as_secs_f64() * 1e3
+        );
+        let key = if raw.delay_ms.is_absent() { &raw.jitter_ms } else { &raw.delay_ms };
+        problems.add(key, reason);
+    }
+}
+
+fn millis(value: f64) -> Duration {
+    // A value out of its range was noted.
+    Duration::try_from_secs_f64(value / 1e3).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn usual_age_is_three_periods_within_20_and_100_ms(micros in 250..100_000_u64) {
+            let age = RemoteLink::direct(Duration::from_micros(micros)).max_age;
+            prop_assert_eq!(age, Duration::from_micros((3 * micros).clamp(20_000, 100_000)));
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Laws of the link: age, order, loss, outage, hold.
+
+use nalgebra::Isometry3;
+use proptest::prelude::*;
+
+use super::*;
+use units::spatial::{Twist, Wrench};
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Records its commands; its pose along x is the time at which a sample was taken, in s.
+#[derive(Clone, Debug, Default)]
+struct Far {
+    commands: Vec<(Instant, Motion)>,
+    is_frozen: bool,
+}
+
+impl Remote for Far {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        self.commands.push((now, *command));
+        let at = if self.is_frozen { Instant::ZERO } else { now };
+        let taken = now.since(Instant::ZERO).as_secs_f64();
+        Some(Sensed { at, f_s: Wrench::ZERO, x_b_m: Isometry3::translation(taken, 0.0, 0.0) })
+    }
+}
+
+fn at(millis: u32) -> Instant {
+    Instant::ZERO + MS * millis
+}
+
+/// Returns the command of one cycle: a rate whose size is its number.
+fn numbered(millis: u32) -> Motion {
+    Motion::Rate(Twist::from_components([f64::from(millis), 0.0, 0.0, 0.0, 0.0, 0.0]))
+}
+
+fn number(motion: &Motion) -> Option<f64> {
+    match motion {
+        Motion::Rate(twist) => Some(twist.linear.x),
+        Motion::Pose(_) | Motion::Hold => None,
+    }
+}
+
+/// Exchanges every ms; returns the samples with their times.
+fn exchanged(link: &mut Delayed<Far>, millis: std::ops::Range<u32>) -> Vec<(Instant, Sensed)> {
+    let each = millis.map(|millis| (at(millis), link.exchange(at(millis), &numbered(millis))));
+    each.filter_map(|(now, sensed)| Some((now, sensed?))).collect()
+}
+
+/// Age by the stamp, and true age of the sample.
+fn ages(&(now, sensed): &(Instant, Sensed)) -> (Duration, Duration) {
+    let taken = Duration::from_secs_f64(sensed.x_b_m.translation.x);
+    (now.since(sensed.at), now.since(Instant::ZERO).saturating_sub(taken))
+}
+
+fn settings() -> impl Strategy<Value = DelaySettings> {
+    (0..40_u32, 0..30_u32, 0.0..0.6_f64, any::<bool>(), any::<u64>()).prop_map(
+        |(delay, jitter, loss, reorders, seed)| DelaySettings {
+            delay: MS * delay / 2,
+            jitter: MS * jitter,
+            loss,
+            reorders,
+            seed,
+            ..DelaySettings::default()
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn age_is_never_below_the_true_one_nor_the_delay(settings in settings()) {
+        let mut link = Delayed::new(Far::default(), settings);
+        for sample in exchanged(&mut link, 0..300) {
+            let (by_stamp, truly) = ages(&sample);
+            prop_assert!(by_stamp + Duration::from_micros(1) >= truly + settings.delay, "{by_stamp:?} {truly:?}");
+            prop_assert!(by_stamp >= settings.delay * 2);
+        }
+    }
+
+    #[test]
+    fn stamps_and_commands_never_go_back(settings in settings()) {
+        let mut link = Delayed::new(Far::default(), settings);
+        let samples = exchanged(&mut link, 0..300);
+        prop_assert!(samples.is_sorted_by_key(|(_, sensed)| sensed.at));
+        let acted = link.far().commands.iter().filter_map(|(_, motion)| number(motion));
+        prop_assert!(acted.collect::<Vec<_>>().is_sorted());
+    }
+
+    #[test]
+    fn same_seed_is_the_same_link(settings in settings()) {
+        let run = || exchanged(&mut Delayed::new(Far::default(), settings), 0..100);
+        prop_assert_eq!(run(), run());
+    }
+
+    #[test]
+    fn every_datagram_is_accounted_for(settings in settings()) {
+        let mut link = Delayed::new(Far::default(), settings);
+        exchanged(&mut link, 0..300);
+        let Some([there, back]) = link.counts() else { panic!("a link has counts") };
+        for Counts { sent, lost, overflowed, overtaken } in [there, back] {
+            prop_assert_eq!(overflowed, 0);
+            prop_assert!(lost + overtaken <= sent);
+            prop_assert!(settings.loss > 0.0 || lost == 0);
+        }
+        prop_assert_eq!(there.sent, 300);
+    }
+}
+
+#[test]
+fn constant_delay_is_the_age_of_every_sample() {
+    for delay in [0, 2, 5, 20] {
+        let settings = DelaySettings { delay: MS * delay, ..DelaySettings::default() };
+        let mut link = Delayed::new(Far::default(), settings);
+        let samples = exchanged(&mut link, 0..200);
+        assert_eq!(samples.len(), 200 - usize::try_from(2 * delay).unwrap());
+        for sample in samples {
+            assert_eq!(ages(&sample).0, MS * (2 * delay), "{delay} ms");
+        }
+    }
+}
+
+#[test]
+fn reordered_datagrams_are_dropped() {
+    let settings = DelaySettings { jitter: MS * 10, reorders: true, ..DelaySettings::default() };
+    let mut link = Delayed::new(Far::default(), settings);
+    exchanged(&mut link, 0..1_000);
+    let [there, back] = link.counts().unwrap();
+    assert!(there.overtaken > 100 && back.overtaken > 100, "{there:?} {back:?}");
+}
+
+#[test]
+fn lost_share_is_that_of_the_settings() {
+    let settings = DelaySettings { loss: 0.2, ..DelaySettings::default() };
+    let mut link = Delayed::new(Far::default(), settings);
+    exchanged(&mut link, 0..5_000);
+    let [there, back] = link.counts().unwrap();
+    for Counts { sent, lost, .. } in [there, back] {
+        assert!((sent * 17 / 100..sent * 23 / 100).contains(&lost), "{lost} of {sent}");
+    }
+}
+
+#[test]
+fn far_side_holds_in_an_outage_and_goes_on_after_it() {
+    let settings = DelaySettings {
+        delay: MS * 5,
+        outage: Some([at(100), at(300)]),
+        hold_after: MS * 50,
+        ..DelaySettings::default()
+    };
+    let mut link = Delayed::new(Far::default(), settings);
+    let samples = exchanged(&mut link, 0..400);
+    let far = link.far();
+    assert_eq!(far.commands.len(), 400, "its cycle runs whatever arrives");
+    let holds: Vec<Instant> = far
+        .commands
+        .iter()
+        .filter(|(_, motion)| *motion == Motion::Hold)
+        .map(|(now, _)| *now)
+        .collect();
+    // Before the first command, and from 50 ms after the last one until the first one after the outage.
+    let expected: Vec<Instant> = (0..5).chain(155..305).map(at).collect();
+    assert_eq!(holds, expected);
+    let age = |millis| samples.iter().find(|(now, _)| *now == at(millis)).map(|one| ages(one).0);
+    assert!(age(299) >= Some(MS * 199), "{:?}", age(299));
+    assert_eq!(age(320), Some(MS * 10));
+}
+
+#[test]
+fn sample_that_the_far_side_repeats_gets_no_newer_stamp() {
+    let mut link = Delayed::new(Far::default(), DelaySettings::default());
+    exchanged(&mut link, 0..10);
+    link.far_mut().is_frozen = true;
+    let stamps: Vec<Instant> =
+        exchanged(&mut link, 10..20).iter().map(|(_, sensed)| sensed.at).collect();
+    assert_eq!(stamps, [at(9); 10]);
+}
+
+#[test]
+fn datagrams_beyond_the_queue_are_lost_and_counted() {
+    let settings = DelaySettings { delay: MS * 4, ..DelaySettings::default() };
+    let mut link = Delayed::new(Far::default(), settings);
+    for micros in 0..1_000 {
+        link.exchange(Instant::from_micros(micros), &Motion::Hold);
+    }
+    let [there, _] = link.counts().unwrap();
+    assert_eq!(there, Counts { sent: 1_000, overflowed: 1_000 - 20, ..Counts::default() });
+}
+
+#[test]
+fn far_side_does_not_catch_up_with_a_long_pause() {
+    let mut link = Delayed::new(Far::default(), DelaySettings::default());
+    exchanged(&mut link, 0..2);
+    exchanged(&mut link, 60_000..60_001);
+    assert_eq!(link.far().commands.len(), 3);
+}
+
+#[test]
+fn direct_connection_changes_nothing() {
+    let (mut far, mut link) = (Far::default(), Delayed::direct(Far::default()));
+    for millis in 0..10 {
+        let command = numbered(millis);
+        assert_eq!(link.exchange(at(millis), &command), far.exchange(at(millis), &command));
+    }
+    assert_eq!(link.counts(), None);
+}

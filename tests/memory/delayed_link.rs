@@ -1,0 +1,167 @@
+//! A link with delay between node and object: contact is felt, an outage ends reflection, and `check` counts the delay.
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use config::{Config, RemoteLink};
+use lab::bench::Bench;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use remote::delayed::DelaySettings;
+use sim::scenario::Scenario;
+use units::spatial::Motion;
+use units::time::Instant;
+
+const KRAFT: &str = "config/kraft_like.toml";
+const TEXT: &str = include_str!("../../config/kraft_like.toml");
+
+/// The hand drives the object into the wall it stands at.
+const PRESSING: &str = "seconds = 10\n\
+    [[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.2\ndeadman = true\n\
+    [[switch]]\nat_s = 0.25\nreflection = true\n\
+    [[switch]]\nat_s = 0.3\nreflection = false\n\
+    [[switch]]\nat_s = 0.35\nreference = true\n\
+    [[switch]]\nat_s = 0.4\nreference = false\n\
+    [[move]]\nat_s = 0.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Returns a bench whose object stands 0.1 mm before the wall, behind a link.
+fn pressing(settings: DelaySettings) -> Bench<()> {
+    let text = TEXT.replace("start_m = [0.4,", "start_m = [0.5299,");
+    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
+    let link = RemoteLink { simulated: Some(settings), ..config.link };
+    let scenario = Scenario::parse(PRESSING).unwrap();
+    let mut bench = Bench::new(&config.with_link(link), scenario, 1, false, ());
+    bench.bring_up().unwrap();
+    bench
+}
+
+/// Returns the time of the first SYNC, which no delay changes.
+fn zero() -> Instant {
+    let mut bench = pressing(DelaySettings::default());
+    bench.cycle();
+    bench.begun()
+}
+
+#[test]
+fn contact_is_felt_through_a_link_of_8_ms() {
+    let mut bench = pressing(DelaySettings { delay: MS * 8, ..DelaySettings::default() });
+    let records: Vec<_> = (0..2_000).map(|_| bench.cycle()).collect();
+    assert_eq!(records.last().and_then(|record| record.cause), None);
+    assert!(records.iter().any(|record| record.output.f_g_task.force.norm() > 1.0));
+}
+
+#[test]
+fn outage_ends_in_a_lost_link_without_reflection() {
+    let start = zero() + MS * 1_000;
+    let end = start + MS * 500;
+    let outage = Some([start, end]);
+    let mut bench = pressing(DelaySettings { delay: MS * 2, outage, ..DelaySettings::default() });
+    let mut felt_for = Duration::ZERO;
+    while bench.elapsed() < MS * 1_450 {
+        let record = bench.cycle();
+        if record.at < start {
+            assert_eq!(record.cause, None);
+        } else if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
+            felt_for = record.at.since(start);
+        }
+    }
+    let record = bench.cycle();
+    assert_eq!((record.mode, record.cause), (Mode::ReflectionOff, Some(Cause::LinkLost)));
+    assert_eq!(record.output.command, Motion::Hold);
+    assert!((MS * 15..=MS * 70).contains(&felt_for), "{felt_for:?}");
+    while bench.elapsed() < MS * 1_540 {
+        assert_eq!(bench.cycle().mode, Mode::ReflectionOff, "it is latched");
+    }
+    assert_eq!(bench.ask(Request::Reset).unwrap(), Mode::Armed);
+    assert_eq!(bench.cycle().cause, None);
+}
+
+#[test]
+fn link_slower_than_the_maximum_age_is_never_armed() {
+    let mut bench = pressing(DelaySettings { delay: MS * 12, ..DelaySettings::default() });
+    for _ in 0..1_000 {
+        let record = bench.cycle();
+        assert_ne!(record.mode, Mode::Engaged);
+        assert_eq!(record.output.command, Motion::Hold);
+    }
+}
+
+fn read(link: &str, gain: &str) -> Result<Config, String> {
+    let gains = format!("wrench_gain = [{gain}, {gain}, {gain}, {gain}, {gain}, {gain}]");
+    let text = TEXT.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", &gains);
+    let text = format!("{text}\n[remote.link]\n{link}\n");
+    Config::parse(Path::new(KRAFT), &text).map_err(|invalid| invalid.to_string())
+}
+
+#[test]
+fn delay_is_accepted_with_gains_that_hold_with_it() {
+    let slow = |delay: &str| format!("delay_ms = {delay}\nmax_age_ms = 100.0");
+    for delay in ["20.0", "40.0"] {
+        if let Err(invalid) = read(&slow(delay), "0.1") {
+            panic!("{invalid}");
+        }
+        let refused = read(&slow(delay), "0.3").map(|_| ()).unwrap_err();
+        assert!(refused.contains("controller.wrench_gain: pose reflection"), "{refused}");
+    }
+}
+
+#[test]
+fn gain_check_counts_the_cycles_of_the_link() {
+    for (link, cycles) in [
+        ("max_age_ms = 20.0", "3 T"),
+        ("delay_ms = 0.0", "4 T"),
+        ("delay_ms = 2.0", "8 T"),
+        ("delay_ms = 2.0\njitter_ms = 1.5", "11 T"),
+        ("delay_ms = 8.0", "20 T"),
+    ] {
+        let findings = read(link, "0.3").unwrap().findings();
+        let pose = findings.iter().find(|finding| finding.name == "pose reflection").unwrap();
+        let expected = format!("K_T K_P k_e (T/2 + {cycles} + τ_s)");
+        assert_eq!(pose.left.symbols, expected, "{link}");
+    }
+}
+
+#[test]
+fn keys_of_the_link_are_read_in_ms_and_percent() {
+    let link = "max_age_ms = 60.0\ndelay_ms = 10.0\njitter_ms = 2.5\nloss_percent = 5.0\nreorder = true\n\
+        hold_after_ms = 80.0\nseed = 7";
+    let RemoteLink { max_age, simulated } = read(link, "0.005").unwrap().link;
+    assert_eq!(max_age, MS * 60);
+    let expected = DelaySettings {
+        delay: MS * 10,
+        jitter: Duration::from_micros(2_500),
+        loss: 0.05,
+        reorders: true,
+        hold_after: MS * 80,
+        seed: 7,
+        ..DelaySettings::default()
+    };
+    assert_eq!(simulated, Some(expected));
+    let alone = read("max_age_ms = 60.0", "0.3").unwrap().link;
+    assert_eq!(alone, RemoteLink { max_age: MS * 60, simulated: None });
+}
+
+#[test]
+fn invalid_links_are_refused_with_the_remedy() {
+    for (link, reason) in [
+        ("delay_ms = 10.0", "remote.link.delay_ms: samples would be up to 22.0 ms old"),
+        ("delay_ms = 60.0\nmax_age_ms = 100.0", "or raise max_age_ms, at most to 100"),
+        ("jitter_ms = 30.0", "remote.link.jitter_ms: samples would be up to 62.0 ms old"),
+        ("max_age_ms = 101.0", "remote.link.max_age_ms: "),
+        ("loss_percent = 95.0", "remote.link.loss_percent: "),
+        ("delay_ms = -1.0", "remote.link.delay_ms: "),
+        ("delay_s = 1.0", "delay_s"),
+    ] {
+        let refused = read(link, "0.005").map(|_| ()).unwrap_err();
+        assert!(refused.contains(reason), "{link}: {refused}");
+    }
+}

@@ -20,6 +20,10 @@ pub(crate) struct Demo {
     /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
     #[arg(short, long, value_name = "NAME|FILE", default_value = "teleoperation")]
     pub(super) scenario: String,
+    /// Robot that follows the commands, simulated with masses, servos and a wrist sensor: a file such as
+    /// config/robots/puma560.toml.
+    #[arg(long, value_name = "FILE")]
+    pub(super) robot: Option<PathBuf>,
     /// Duration in simulated seconds [default: that of the scenario].
     #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
     pub(super) seconds: Option<f64>,

@@ -14,9 +14,12 @@ use crate::cli::{quirks, scenario};
 use bus::Tap;
 use canopen::frame::Telegram;
 use config::Config;
+use config::robots::RobotArm;
 use lab::bench::Bench;
 use lab::comparison::{self, Comparison};
 use lab::fidelity::truth::Truth;
+use lab::robot_site::{Equipment, RobotSite};
+use lab::side::Side;
 use node::cause::Cause;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
@@ -35,6 +38,10 @@ const BAR_EVERY: u64 = 500;
 /// Runs the scenario and prints its summary.
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    let config = match &args.robot {
+        Some(file) => config.with_robot(RobotArm::load(file).or_fail(Kind::Configuration)?),
+        None => config,
+    };
     let scenario = scenario::load(&args.scenario)?;
     quirks::check(&config, scenario.quirks())?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
@@ -131,6 +138,21 @@ fn play(
     Ok(summary)
 }
 
+/// Returns the robot of a configuration, simulated; its tool and scene are those of the free object.
+fn robot(config: &Config, seed: u64) -> Result<Side, Failure> {
+    let equipment = Equipment::of(&config.remote);
+    let site = RobotSite::new(config, &equipment, seed).or_fail(Kind::Configuration)?;
+    if site.touches() {
+        let file = config.robot.as_ref().map(|robot| robot.file.display().to_string());
+        let reason = format!(
+            "{}: the tool would start in a surface: change start_deg or base_m, or move the surface",
+            file.unwrap_or_default()
+        );
+        return Err(Failure::new(Kind::Configuration, reason));
+    }
+    Ok(site.into())
+}
+
 /// Settings of one run.
 struct Play<'a> {
     args: &'a Demo,
@@ -150,7 +172,11 @@ impl Play<'_> {
         let recorder = RefCell::new(recorder);
         let tap = |at: Instant, telegram: &Telegram| recorder.borrow_mut().on_frame(at, telegram);
         let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
-        let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
+        let side = match &args.robot {
+            Some(_) => robot(config, args.seed)?,
+            None => Side::of(config),
+        };
+        let mut bench = Bench::with_side(config, side, scenario, args.seed, args.realtime, tap);
         bench.bring_up().or_fail(Kind::Drive)?;
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let mut summary = Summary::default();

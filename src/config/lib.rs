@@ -85,6 +85,7 @@ use toml::de::DeTable;
 
 use crate::control::Given;
 use crate::problem::Problems;
+use crate::robots::RobotArm;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
 use canopen::exchange::Exchange;
@@ -181,6 +182,16 @@ impl Config {
     #[must_use]
     pub const fn with_link(mut self, link: RemoteLink) -> Self {
         self.parameters.link = link;
+        self
+    }
+
+    /// The same with another arm that holds the commanded object: no PDO depends on it.
+    #[must_use]
+    pub fn with_robot(mut self, robot: RobotArm) -> Self {
+        let following = robot.following();
+        self.parameters.remote.x_b_m = following.pose();
+        self.parameters.remote.arm = Some(following);
+        self.parameters.robot = Some(robot);
         self
     }
 

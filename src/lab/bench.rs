@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
+use crate::side::Side;
 use crate::world;
 use bus::{Bus, Memory, Tap};
 use canopen::master::event::Event;
@@ -14,7 +15,7 @@ use faults::{Fault, Kind, LinkFault};
 use node::record::{Mode, Record};
 use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
 use remote::delayed::Delayed;
-use remote::site::{Link, VirtualSite};
+use remote::disturbed::{Disturbed, Link};
 use sim::fault::Notice;
 use sim::scenario::{ConsoleRequest, Scenario};
 use sim::world::World;
@@ -33,7 +34,7 @@ pub struct Carried {
 /// A node, its drives, its operator and its object.
 #[derive(Clone, Debug)]
 pub struct Bench<T> {
-    node: Node<Memory<World, T>, Delayed<VirtualSite>>,
+    node: Node<Memory<World, T>, Disturbed<Delayed<Side>>>,
     /// Requests of the scenario to the console, and their times in s after the first SYNC.
     requests: VecDeque<(f64, Request)>,
     bitrates: Vec<u32>,
@@ -90,10 +91,35 @@ impl<T: Tap> Bench<T> {
         Self::in_world_of(config, config, scenario, seed, in_real_time, tap)
     }
 
+    /// As [`new`](Self::new), with another commanded side than that of `config`.
+    pub fn with_side(
+        config: &Config,
+        side: Side,
+        scenario: Scenario,
+        seed: u64,
+        in_real_time: bool,
+        tap: T,
+    ) -> Self {
+        Self::of_parts(config, config, side, scenario, seed, in_real_time, tap)
+    }
+
     /// As [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
     pub fn in_world_of(
         world: &Config,
         config: &Config,
+        scenario: Scenario,
+        seed: u64,
+        in_real_time: bool,
+        tap: T,
+    ) -> Self {
+        let side = Side::of(config);
+        Self::of_parts(world, config, side, scenario, seed, in_real_time, tap)
+    }
+
+    fn of_parts(
+        world: &Config,
+        config: &Config,
+        side: Side,
         scenario: Scenario,
         seed: u64,
         in_real_time: bool,
@@ -105,8 +131,8 @@ impl<T: Tap> Bench<T> {
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
-        let site = VirtualSite::new(&config.remote, config.period);
-        let node = Node::new(config, bus, Delayed::by(site, config.link.simulated));
+        let side = Disturbed::new(Delayed::by(side, config.link.simulated));
+        let node = Node::new(config, bus, side);
         Self { node, requests, bitrates, begun: None, host_faults }
     }
 
@@ -163,12 +189,12 @@ impl<T: Tap> Bench<T> {
             Some(LinkFault::Frozen) => Link::Frozen,
             Some(LinkFault::Lost) => Link::Lost,
         };
-        self.site_mut().set_link(link);
+        self.node.remote_mut().set_link(link);
         if !self.host_faults.forces.is_empty() {
             let force = self.host_faults.force(self.elapsed());
             let along_x =
                 |force| Wrench { force: Vector3::new(force, 0.0, 0.0), moment: Vector3::zeros() };
-            self.site_mut().set_sensor_fault(force.map(along_x));
+            self.node.remote_mut().set_sensor_fault(force.map(along_x));
         }
         self.node.cycle()
     }
@@ -222,7 +248,7 @@ impl<T: Tap> Bench<T> {
     }
 
     /// The node.
-    pub const fn node(&self) -> &Node<Memory<World, T>, Delayed<VirtualSite>> {
+    pub const fn node(&self) -> &Node<Memory<World, T>, Disturbed<Delayed<Side>>> {
         &self.node
     }
 
@@ -231,9 +257,14 @@ impl<T: Tap> Bench<T> {
         self.node.bus_mut().tap_mut()
     }
 
+    /// Sets the wrench that a broken sensor of the commanded side reports; `None` repairs it.
+    pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
+        self.node.remote_mut().set_sensor_fault(reported);
+    }
+
     /// The commanded side.
-    pub const fn site_mut(&mut self) -> &mut VirtualSite {
-        self.node.remote_mut().far_mut()
+    pub const fn side(&self) -> &Side {
+        self.node.remote().side().far()
     }
 
     /// The buses.

@@ -23,6 +23,8 @@ pub mod fidelity;
 pub mod question;
 pub mod return_to_centre;
 pub mod robot_explanation;
+pub mod robot_site;
+pub mod side;
 mod simulated_joint;
 pub mod station;
 pub mod torque_curves;

@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod delayed;
+pub mod disturbed;
 pub mod scene;
 pub mod site;
 

@@ -55,17 +55,6 @@ pub struct Contact {
     pub friction: f64,
 }
 
-/// State of the link to the commanded side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Link {
-    /// Works.
-    Up,
-    /// Repeats the same sample with its old time.
-    Frozen,
-    /// Transmits nothing in either direction.
-    Lost,
-}
-
 /// A virtual object under command, in a scene.
 #[derive(Clone, Debug)]
 pub struct VirtualSite {
@@ -74,11 +63,6 @@ pub struct VirtualSite {
     scene: Scene,
     before: Option<Instant>,
     max_step: f64,
-    link: Link,
-    /// Last sample over the link.
-    known: Option<Sensed>,
-    /// Value of a broken sensor.
-    sensor_fault: Option<Wrench>,
 }
 
 impl VirtualSite {
@@ -89,26 +73,7 @@ impl VirtualSite {
         let object = arm.map_or(free, |arm| free.held_by(arm));
         let max_step = 10.0 * period.as_secs_f64();
         let scene = scene(remote);
-        Self {
-            object,
-            drawn: remote.coupling.map(GodObject::new),
-            scene,
-            before: None,
-            max_step,
-            link: Link::Up,
-            known: None,
-            sensor_fault: None,
-        }
-    }
-
-    /// Sets the state of the link.
-    pub const fn set_link(&mut self, link: Link) {
-        self.link = link;
-    }
-
-    /// Sets the wrench that a broken sensor reports; `None` repairs it.
-    pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
-        self.sensor_fault = reported;
+        Self { object, drawn: remote.coupling.map(GodObject::new), scene, before: None, max_step }
     }
 
     /// Returns the arm that holds the object, if one does.
@@ -140,18 +105,13 @@ impl VirtualSite {
 
 impl Remote for VirtualSite {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
-        let command = if self.link == Link::Lost { &Motion::Hold } else { command };
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
         let f_s = self.object.felt(&self.object.reading(&f_m));
         // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
         self.follow(dt.min(self.max_step), command, &f_m);
         self.before = Some(now);
-        let f_s = self.sensor_fault.unwrap_or(f_s);
-        let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
-        let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
-        self.known = Some(known);
-        self.known
+        Some(Sensed { at: now, f_s, x_b_m: *self.object.pose() })
     }
 }
 

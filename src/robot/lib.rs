@@ -15,6 +15,7 @@
 #![forbid(unsafe_code)]
 
 pub mod accommodation;
+pub mod arm_control;
 pub mod chain;
 pub mod contact_work;
 pub mod damped_inverse;

@@ -60,7 +60,7 @@ impl Servo {
     }
 
     /// Scales the twist to the speed limits; keeps its direction.
-    fn limited(&self, v_m: Twist) -> Twist {
+    pub(super) fn limited(&self, v_m: Twist) -> Twist {
         let slower = |limit: f64, speed: f64| if speed > limit { limit / speed } else { 1.0 };
         let scale = slower(self.max_speed, v_m.linear.norm());
         v_m * scale.min(slower(self.max_turn, v_m.angular.norm()))

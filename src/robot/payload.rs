@@ -82,6 +82,21 @@ impl Payload {
         }
     }
 
+    /// Returns the mass, in kg.
+    pub const fn mass(&self) -> f64 {
+        self.mass
+    }
+
+    /// Returns the centre of mass in {S}, in m.
+    pub const fn centre_of_mass(&self) -> &Vector3<f64> {
+        &self.centre_of_mass
+    }
+
+    /// Returns the inertia about the centre of mass, in kg·m².
+    pub const fn inertia(&self) -> &Matrix3<f64> {
+        &self.inertia
+    }
+
     /// Returns its weight at a sensor with pose `x_b_s`, in gravity in the base, in m/s².
     pub fn weight(&self, x_b_s: &Isometry3<f64>, gravity_in_b: &Vector3<f64>) -> Wrench {
         let force = x_b_s.rotation.inverse() * gravity_in_b * self.mass;

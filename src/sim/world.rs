@@ -66,6 +66,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     scenario: Scenario,
     /// Pose of the grip at the start, to which the movements of the scenario are relative.
     x_0_start: Isometry3<f64>,
+    /// Desired pose of the grip in place of that of the scenario.
+    aim: Option<Isometry3<f64>>,
     /// Time zero of the scenario.
     start: ScenarioStart,
     /// Time of the arm.
@@ -91,6 +93,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             motors: Motors::new(drivetrains),
             switches,
             x_0_start: *plant.x_0_g(),
+            aim: None,
             plant,
             operator: OperatorModel::new(scenario.operator_settings(), seed),
             faults: Faults::new(scenario.faults(), seed),
@@ -154,6 +157,16 @@ impl<M: Motor, I: Inputs> World<M, I> {
         self.tau_push = *tau;
     }
 
+    /// Has the operator aim at this pose of the grip in {0} in place of the scenario's; `None` returns to that.
+    pub const fn set_aim(&mut self, x_0_d: Option<Isometry3<f64>>) {
+        self.aim = x_0_d;
+    }
+
+    /// Returns the pose of the grip at the start.
+    pub const fn x_0_start(&self) -> &Isometry3<f64> {
+        &self.x_0_start
+    }
+
     /// Returns the oldest notice of a fault's begin or end, once.
     pub fn notice(&mut self) -> Option<Notice> {
         self.faults.notice()
@@ -183,7 +196,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let t = self.scenario_start().map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let x_0_script = self.scripted_pose(t - self.operator.reaction());
+        let x_0_script =
+            self.aim.unwrap_or_else(|| self.scripted_pose(t - self.operator.reaction()));
         let felt = self.plant.f_g_hand();
         let grasp = self.operator.step(dt, &x_0_script, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));

@@ -29,6 +29,7 @@ mod plausibility;
 mod position_scale;
 mod quirks;
 mod real_drives;
+mod robot_site;
 mod robots;
 mod scenarios;
 mod sdo;

@@ -140,7 +140,7 @@ impl Row {
         let mut stopped_by = None;
         for _ in 0..config.controller.period.cycles(seconds()) {
             let t = bench.elapsed().as_secs_f64() - START_S;
-            bench.site_mut().set_sensor_fault(Some(sensed(config, t)));
+            bench.set_sensor_fault(Some(sensed(config, t)));
             let record = bench.cycle();
             stopped_by = record.cause.map(|cause| cause.to_string());
             let Some(sample) = truth.sample(&bench, &record) else { continue };

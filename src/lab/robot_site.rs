@@ -1,0 +1,192 @@
+//! A robot at the commanded side: the control of the room `robot` on a simulated arm with masses, servos and a sensor.
+//!
+//! ```text
+//!  command ─► robot::arm_control ─ joint rates ─► sim::manipulator ─► scene
+//!                   ▲                                    │
+//!                   └────── joints, wrist sensor ────────┘
+//! ```
+//!
+//! Both know the arm from its file, and nothing of each other. The arm moves with the rates of the exchange before.
+
+use std::time::Duration;
+
+use nalgebra::Isometry3;
+use thiserror::Error;
+
+use crate::simulated_joint;
+use config::Config;
+use remote::site::{Contact, GRAVITY, Virtual};
+use remote::{Remote, Sensed};
+use robot::arm_control::{ArmControl, WrenchLimit};
+use robot::chain::Joints;
+use robot::wrist_sensor::{Reports, WristSensor};
+use sim::arm::Load;
+use sim::contact::{Block, HALF_CUBE, Scene, Shape, Sphere, Surface, Wall};
+use sim::manipulator::{InvalidManipulator, Manipulator, ManipulatorSettings, Tool};
+use sim::wrist_sensor::WristSensorSettings;
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Depth from which the damping of a surface is complete, in m.
+const DAMPING_DEPTH: f64 = 1e-3;
+
+/// A robot that cannot be simulated.
+#[derive(Debug, Error)]
+pub enum NoRobot {
+    /// No arm.
+    #[error("the configuration has no remote.robot")]
+    NoArm,
+    /// An arm, tool or scene that is invalid.
+    #[error(transparent)]
+    Invalid(#[from] InvalidManipulator),
+}
+
+/// What differs from the configuration of a robot.
+#[derive(Clone, Debug)]
+pub struct Equipment {
+    /// Surface of the tool.
+    pub shape: Shape,
+    /// What it can touch.
+    pub scene: Scene,
+    /// Errors of the wrist sensor.
+    pub sensor: WristSensorSettings,
+    /// Wrench that stops the arm.
+    pub limit: WrenchLimit,
+}
+
+impl Equipment {
+    /// Returns the tool and scene of the free object of a configuration, with an ideal sensor.
+    pub fn of(remote: &Virtual) -> Self {
+        Self {
+            shape: Shape::Cube { half_edge: HALF_CUBE },
+            scene: scene(remote),
+            sensor: WristSensorSettings::default(),
+            limit: WrenchLimit::NONE,
+        }
+    }
+}
+
+/// A simulated arm under control.
+#[derive(Clone, Debug)]
+pub struct RobotSite {
+    arm: Manipulator,
+    control: ArmControl,
+    qd: Joints,
+    before: Option<Instant>,
+    max_step: f64,
+}
+
+impl RobotSite {
+    /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
+    ///
+    /// # Errors
+    /// A configuration without a robot, or one that cannot be simulated.
+    pub fn new(config: &Config, equipment: &Equipment, seed: u64) -> Result<Self, NoRobot> {
+        let robot = config.robot.as_ref().ok_or(NoRobot::NoArm)?;
+        let Virtual { interaction, servo, .. } = config.remote;
+        let settings = ManipulatorSettings {
+            joints: robot.joints.iter().map(simulated_joint::settings).collect(),
+            x_b_0: robot.x_b_0,
+            x_n_m: robot.x_n_m,
+            gravity: GRAVITY.into(),
+            servo_time_constant: servo.time_constant(),
+            sensor: sensor(&equipment.sensor, &interaction.sensor),
+            seed,
+        };
+        let tool =
+            Tool { shape: equipment.shape, x_m_s: interaction.sensor.x_m_s, load: load(config) };
+        let arm = Manipulator::new(&settings, tool, equipment.scene)?;
+        let start = robot.start();
+        let control = ArmControl::new(*robot.law(), servo, interaction, equipment.limit, &start);
+        let max_step = 10.0 * config.period.as_secs_f64();
+        Ok(Self { arm, control, qd: Joints::zeros(), before: None, max_step })
+    }
+
+    /// Returns the simulated arm, as it really is.
+    pub const fn arm(&self) -> &Manipulator {
+        &self.arm
+    }
+
+    /// Returns its control.
+    pub const fn control(&self) -> &ArmControl {
+        &self.control
+    }
+
+    /// Returns whether the tool touches something where it stands.
+    pub fn touches(&self) -> bool {
+        self.arm.contact().is_touching_at(self.arm.x_b_m())
+    }
+
+    /// Returns the pose of {MRF} in {b}, as it really is.
+    pub const fn pose(&self) -> &Isometry3<f64> {
+        self.arm.x_b_m()
+    }
+
+    /// Advances the arm by `dt` s, then takes a command.
+    fn advance(&mut self, dt: f64, command: &Motion) {
+        self.arm.step(dt, &self.qd.into());
+        let (q, reading) = (Joints::from(self.arm.q()), *self.arm.f_s_sensed());
+        self.qd = self.control.step(dt, command, &q, &reading);
+    }
+}
+
+impl Remote for RobotSite {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        let dt = self.before.map_or(Duration::ZERO, |before| now.since(before)).as_secs_f64();
+        if dt > 0.0 {
+            self.advance(dt.min(self.max_step), command);
+        }
+        self.before = Some(now);
+        Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose() })
+    }
+}
+
+/// Returns a sensor with the sign and bias of the configuration, and further errors.
+fn sensor(errors: &WristSensorSettings, configured: &WristSensor) -> WristSensorSettings {
+    let sign = match configured.reports {
+        Reports::OnTool => 1.0,
+        Reports::OnArm => -1.0,
+    };
+    let mut bias = errors.bias;
+    bias.iter_mut().zip(configured.bias.components()).for_each(|(all, known)| *all += known);
+    let cross_talk = errors.cross_talk.map(|row| row.map(|share| sign * share));
+    WristSensorSettings { cross_talk, bias, ..*errors }
+}
+
+/// Returns the payload of the configuration, in {S}.
+fn load(config: &Config) -> Load {
+    let payload = &config.remote.interaction.payload;
+    Load {
+        mass: payload.mass(),
+        centre_of_mass: *payload.centre_of_mass(),
+        inertia: *payload.inertia(),
+    }
+}
+
+/// Returns the surfaces of a configuration, as the simulation computes them.
+fn scene(remote: &Virtual) -> Scene {
+    let surface = |Contact { stiffness, damping, friction }| Surface {
+        stiffness,
+        damping,
+        damping_depth: DAMPING_DEPTH,
+        friction,
+    };
+    Scene {
+        wall: remote.wall.map(|(point, normal, contact)| Wall {
+            point,
+            normal,
+            surface: surface(contact),
+        }),
+        block: remote.block.map(|(centre, half_size, contact)| Block {
+            centre,
+            half_size,
+            surface: surface(contact),
+        }),
+        sphere: remote.sphere.map(|(centre, radius, contact)| Sphere {
+            centre,
+            radius,
+            surface: surface(contact),
+        }),
+        plate: None,
+    }
+}

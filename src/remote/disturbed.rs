@@ -1,0 +1,112 @@
+//! Faults of a commanded side in this process: a link that freezes or is lost, and a sensor that reports what is not.
+
+use crate::{Remote, Sensed};
+use units::spatial::{Motion, Wrench};
+use units::time::Instant;
+
+/// State of the link to the commanded side.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Link {
+    /// Works.
+    #[default]
+    Up,
+    /// Repeats the same sample with its old time.
+    Frozen,
+    /// Transmits nothing in either direction.
+    Lost,
+}
+
+/// A commanded side with faults.
+#[derive(Clone, Debug)]
+pub struct Disturbed<R> {
+    side: R,
+    link: Link,
+    /// Last sample over the link.
+    known: Option<Sensed>,
+    /// Value of a broken sensor.
+    sensor_fault: Option<Wrench>,
+}
+
+impl<R> Disturbed<R> {
+    /// Creates a side without faults.
+    pub const fn new(side: R) -> Self {
+        Self { side, link: Link::Up, known: None, sensor_fault: None }
+    }
+
+    /// Returns the side itself.
+    pub const fn side(&self) -> &R {
+        &self.side
+    }
+
+    /// Returns the side itself.
+    pub const fn side_mut(&mut self) -> &mut R {
+        &mut self.side
+    }
+
+    /// Sets the state of the link.
+    pub const fn set_link(&mut self, link: Link) {
+        self.link = link;
+    }
+
+    /// Sets the wrench that a broken sensor reports; `None` repairs it.
+    pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
+        self.sensor_fault = reported;
+    }
+}
+
+impl<R: Remote> Remote for Disturbed<R> {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        let command = if self.link == Link::Lost { &Motion::Hold } else { command };
+        let sensed = self.side.exchange(now, command)?;
+        let sensed = Sensed { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
+        let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
+        self.known = Some(known);
+        self.known
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use nalgebra::Isometry3;
+
+    use super::*;
+
+    /// Reports its time, and counts commands that are not `Hold`.
+    #[derive(Default)]
+    struct Counting(u32);
+
+    impl Remote for Counting {
+        fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+            self.0 += u32::from(*command != Motion::Hold);
+            Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m: Isometry3::identity() })
+        }
+    }
+
+    #[test]
+    fn frozen_link_repeats_and_lost_link_holds() {
+        let mut side = Disturbed::new(Counting::default());
+        let command = Motion::Pose(Isometry3::identity());
+        let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
+        let mut time_of =
+            |side: &mut Disturbed<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
+        assert_eq!(time_of(&mut side, 1), at(1));
+        side.set_link(Link::Frozen);
+        assert_eq!((time_of(&mut side, 2), side.side().0), (at(1), 2));
+        side.set_link(Link::Lost);
+        assert_eq!((time_of(&mut side, 3), side.side().0), (at(1), 2));
+        side.set_link(Link::Up);
+        assert_eq!((time_of(&mut side, 4), side.side().0), (at(4), 3));
+    }
+
+    #[test]
+    fn broken_sensor_reports_its_value() {
+        let mut side = Disturbed::new(Counting::default());
+        let wrong = Wrench::from_components([1.0; 6]);
+        side.set_sensor_fault(Some(wrong));
+        assert_eq!(side.exchange(Instant::ZERO, &Motion::Hold).unwrap().f_s, wrong);
+        side.set_sensor_fault(None);
+        assert_eq!(side.exchange(Instant::ZERO, &Motion::Hold).unwrap().f_s, Wrench::ZERO);
+    }
+}

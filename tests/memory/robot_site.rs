@@ -1,0 +1,117 @@
+//! Simulated robots at the commanded side, under the control of the room `robot`.
+#![cfg(test)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use config::Config;
+use config::robots::RobotArm;
+use lab::bench::Bench;
+use lab::robot_site::{Equipment, RobotSite};
+use remote::Remote;
+use robot::arm_control::WrenchLimit;
+use sim::scenario::Scenario;
+use sim::wrist_sensor::WristSensorSettings;
+use units::spatial::{Motion, Twist};
+use units::time::Instant;
+
+const ARMS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
+
+/// Returns the configuration kraft_like with an arm in place of the free object, and changes of its text.
+fn config(file: &str, changes: &[(&str, &str)]) -> Config {
+    let path = Path::new("config/kraft_like.toml");
+    let mut text = std::fs::read_to_string(path).unwrap();
+    for (old, new) in changes {
+        assert!(text.contains(old), "{old}");
+        text = text.replacen(old, new, 1);
+    }
+    let config = Config::parse(path, &text).unwrap();
+    config.with_robot(RobotArm::load(Path::new(file)).unwrap())
+}
+
+/// Commands a twist for `cycles` ms; returns the site.
+fn driven(config: &Config, equipment: &Equipment, v_m: Twist, cycles: u32) -> RobotSite {
+    let mut site = RobotSite::new(config, equipment, 1).unwrap();
+    for cycle in 0..cycles {
+        site.exchange(Instant::ZERO + Duration::from_millis(1) * cycle, &Motion::Rate(v_m));
+    }
+    site
+}
+
+/// Twist along the approach axis of {MRF}: into the wall.
+fn ahead(speed: f64) -> Twist {
+    Twist::from_components([0.0, 0.0, speed, 0.0, 0.0, 0.0])
+}
+
+#[test]
+fn simulated_arms_press_with_the_force_of_the_law() {
+    for file in ARMS {
+        let config = config(file, &[]);
+        let k_fa = config.remote.interaction.accommodation.gain()[2];
+        let site = driven(&config, &Equipment::of(&config.remote), ahead(0.06), 8_000);
+        let (felt, law) = (-site.control().contact().force.z, 0.06 / k_fa);
+        assert!((felt / law - 1.0).abs() < 0.01, "{file}: {felt} N, law {law} N");
+    }
+}
+
+#[test]
+fn bias_of_the_sensor_shifts_the_force_by_itself() {
+    let mut bias = [0.0; 6];
+    bias[2] = 1.5;
+    for file in ARMS {
+        let config = config(file, &[]);
+        let ideal = Equipment::of(&config.remote);
+        let sensor = WristSensorSettings { bias, ..WristSensorSettings::default() };
+        let biased = Equipment { sensor, ..ideal.clone() };
+        let force = |equipment: &Equipment| {
+            driven(&config, equipment, ahead(0.06), 8_000).arm().f_m_contact().force.z
+        };
+        let shift = force(&biased) - force(&ideal);
+        assert!((shift + 1.5).abs() < 0.02, "{file}: {shift} N");
+    }
+}
+
+#[test]
+fn known_bias_and_sign_of_the_sensor_are_removed() {
+    let keys =
+        "sensor_sign = -1\nsensor_bias_n = [1.0, -2.0, 3.0]\nsensor_bias_nm = [0.1, 0.0, -0.2]\n";
+    let changed = config(ARMS[0], &[("[remote.wall]", &format!("{keys}[remote.wall]"))]);
+    let plain = config(ARMS[0], &[]);
+    let felt = |config: &Config| {
+        let site = driven(config, &Equipment::of(&config.remote), ahead(0.06), 6_000);
+        *site.control().contact()
+    };
+    let difference = felt(&changed) - felt(&plain);
+    assert!(difference.components().iter().all(|part| part.abs() < 1e-6), "{difference:?}");
+}
+
+#[test]
+fn wrench_limit_stops_the_arm() {
+    let config =
+        config(ARMS[0], &[("accommodation_m_per_ns = 0.01 ", "accommodation_m_per_ns = 0.0 ")]);
+    let limit = WrenchLimit { force: 30.0, moment: 5.0 };
+    let equipment = Equipment { limit, ..Equipment::of(&config.remote) };
+    let site = driven(&config, &equipment, ahead(0.05), 6_000);
+    assert!(site.control().is_stopped());
+    let held = site.arm().f_m_contact().force.norm();
+    assert!((20.0..60.0).contains(&held), "{held} N");
+}
+
+#[test]
+fn simulated_arms_play_the_contact_scenario() {
+    for file in ARMS {
+        let config = config(file, &[]);
+        let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+        let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let scenario = Scenario::parse(&text).unwrap();
+        let mut bench = Bench::with_side(&config, site.into(), scenario, 1, false, ());
+        bench.bring_up().unwrap();
+        let mut most = 0.0_f64;
+        for _ in 0..10_000 {
+            let record = bench.cycle();
+            assert_eq!(record.cause, None, "{file}");
+            most = most.max(bench.side().robot().unwrap().arm().f_m_contact().force.norm());
+        }
+        assert!((2.0..15.0).contains(&most), "{file}: {most} N");
+    }
+}

@@ -23,6 +23,7 @@ mod buses;
 mod control;
 mod devices;
 mod drive_object;
+pub mod dual_peg;
 mod extensions;
 pub mod files;
 pub mod force_cap;
@@ -44,6 +45,7 @@ mod plausibility;
 mod problem;
 mod protection;
 mod raw;
+mod raw_dual_peg;
 mod raw_robot;
 mod remote;
 pub mod robots;
@@ -88,10 +90,12 @@ use crate::problem::Problems;
 use crate::robots::RobotArm;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
+use ::robot::accommodation::Accommodation;
 use canopen::exchange::Exchange;
 use canopen::frame::Channel;
 use controller::Settings;
 use controller::calibration::{Calibration, TorqueCurve};
+use controller::gains::Gains;
 
 /// One hand controller and all around it: the values of a file, and the cyclic exchange that follows from them.
 ///
@@ -192,6 +196,15 @@ impl Config {
         self.parameters.remote.x_b_m = following.pose();
         self.parameters.remote.arm = Some(following);
         self.parameters.robot = Some(robot);
+        self
+    }
+
+    /// The same with another K_T of the reflection, and another K_FA of the accommodation: no PDO depends on them.
+    #[must_use]
+    pub fn with_switches_at(mut self, k_t: Gains, k_fa: Accommodation) -> Self {
+        let reflection = &mut self.parameters.controller.reflection;
+        *reflection = reflection.with_gain(k_t);
+        self.parameters.remote.interaction.accommodation = k_fa;
         self
     }
 

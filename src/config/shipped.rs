@@ -20,6 +20,7 @@ const FILES: &[(&str, &[u8])] = table![
     "config/drives/maxon_epos4.toml",
     "config/drives/nanotec_cl4e.toml",
     "config/drives/technosoft_ipos.toml",
+    "config/experiments/dual_peg.toml",
     "config/robots/eight_r_synthetic.toml",
     "config/robots/puma560.toml",
     "config/scenarios/contact_10s.toml",

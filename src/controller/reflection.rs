@@ -58,6 +58,12 @@ impl Reflection {
         Ok(Self { x_m_s, gain, max_force, max_moment })
     }
 
+    /// Returns the same with another K_T.
+    #[must_use]
+    pub const fn with_gain(self, gain: Gains) -> Self {
+        Self { gain, ..self }
+    }
+
     /// Pose of the sensor in {MRF}.
     pub const fn sensor(&self) -> &Isometry3<f64> {
         &self.x_m_s

@@ -18,6 +18,7 @@ pub mod bench;
 pub mod campaign;
 pub mod comparison;
 mod delivery;
+pub mod dual_peg;
 pub mod explanation;
 pub mod fidelity;
 pub mod question;

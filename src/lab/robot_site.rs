@@ -39,14 +39,20 @@ pub enum NoRobot {
     /// An arm, tool or scene that is invalid.
     #[error(transparent)]
     Invalid(#[from] InvalidManipulator),
+    /// A script of the operator that is invalid.
+    #[error(transparent)]
+    Scenario(#[from] sim::scenario::Problem),
+    /// The drives do not boot.
+    #[error(transparent)]
+    BringUp(#[from] node::BringUpError),
 }
 
-/// What differs from the configuration of a robot.
+/// Tool, scene, sensor and limit of a robot, beside its configuration.
 #[derive(Clone, Debug)]
 pub struct Equipment {
     /// Surface of the tool.
     pub shape: Shape,
-    /// What it can touch.
+    /// Solids around it.
     pub scene: Scene,
     /// Errors of the wrist sensor.
     pub sensor: WristSensorSettings,

@@ -8,7 +8,7 @@ use units::time::Instant;
 
 use crate::robot_site::RobotSite;
 
-/// What follows the commands.
+/// Receiver of the commands.
 #[derive(Clone, Debug)]
 pub enum Side {
     /// The object of a configuration, free or held by the kinematic model of an arm.

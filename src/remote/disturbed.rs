@@ -89,7 +89,7 @@ mod tests {
         let mut side = Disturbed::new(Counting::default());
         let command = Motion::Pose(Isometry3::identity());
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
-        let mut time_of =
+        let time_of =
             |side: &mut Disturbed<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
         assert_eq!(time_of(&mut side, 1), at(1));
         side.set_link(Link::Frozen);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A pose is approached with the gain 1/(4 τ), at which a servo of lag τ does not overshoot. A wrench above the limit stops
-//! the arm, and so does a measurement that is no number; it stays stopped until [`reset`](ArmControl::reset).
+//! the arm, and so does a measurement that is infinite or NaN; it stays stopped until [`reset`](ArmControl::reset).
 
 use nalgebra::Isometry3;
 
@@ -96,7 +96,7 @@ impl ArmControl {
         self.is_stopped = false;
     }
 
-    /// Returns whether the arm has stopped for a wrench above the limit, or a measurement that is no number.
+    /// Returns whether the arm has stopped for a wrench above the limit, or a measurement that is infinite or NaN.
     pub const fn is_stopped(&self) -> bool {
         self.is_stopped
     }
@@ -127,7 +127,7 @@ impl ArmControl {
         self.f_s_felt = self.interaction.felt(&self.tool, reading);
     }
 
-    /// Returns the twist of {MRF} that a command asks for. A command that is no number holds.
+    /// Returns the twist of {MRF} that a command asks for. A command that is infinite or NaN holds.
     fn twist(&self, dt: f64, command: &Motion) -> Twist {
         let v_m = match command {
             Motion::Hold => Twist::ZERO,
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn measurements_that_are_no_numbers_stop_the_arm() {
+    fn invalid_measurements_stop_the_arm() {
         for (part, reading) in [(f64::NAN, 0.0), (0.0, f64::NAN)] {
             let (mut control, mut q) = control(WrenchLimit::NONE);
             q[2] += part;

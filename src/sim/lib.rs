@@ -15,6 +15,7 @@
 //! | [`plant`]             | the arm in motion: friction, end stops, integration         |
 //! | [`operator_model`]    | the operator: a [`hand`] and its [`tremor`]                 |
 //! | [`operator_settings`] | presets of the operator model                               |
+//! | [`peg_operator`]      | the task of an operator who puts pegs into holes by sight   |
 //! | [`scenario`]          | the operator's actions and the faults of a run              |
 //! | [`fault`]             | faults of devices, applied between them and their buses     |
 //! | [`world`]             | all of these as one station on the buses                    |
@@ -49,6 +50,7 @@ pub mod motion;
 mod motors;
 pub mod operator_model;
 pub mod operator_settings;
+pub mod peg_operator;
 pub mod plant;
 pub mod quirks;
 pub mod random;

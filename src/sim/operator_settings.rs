@@ -123,6 +123,11 @@ impl OperatorSettings {
         let stiffened = 1.0 + self.stiffening * (force / self.hand.max_force).min(1.0);
         force / (self.hand.stiffness * stiffened) + self.yielding * force / self.hand.stiffness
     }
+
+    /// Returns the same in rad for a moment in N·m.
+    pub fn turn_deflection(&self, moment: f64) -> f64 {
+        (1.0 + self.yielding) * moment / self.hand.rotational_stiffness
+    }
 }
 
 impl Default for OperatorSettings {

@@ -12,6 +12,7 @@ mod control_law;
 mod coupling;
 mod delayed_link;
 mod drive_hazards;
+mod dual_peg;
 mod energy;
 mod experiments;
 mod faults;

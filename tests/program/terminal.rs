@@ -31,6 +31,7 @@ const PRINTING: &[&str] = &[
     "experiment fidelity --short --config config/jpl_like.toml",
     "experiment return-to-centre --short --config config/jpl_like.toml",
     "experiment torque-curve --short --config config/jpl_like.toml",
+    "experiment dual-peg --short",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
     "ctl status --json --socket SOCKET",

@@ -1,5 +1,6 @@
 //! Options that every experiment has, and the two ways its results leave: standard output, and a folder of files.
 
+use std::ops::Deref;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -16,12 +17,19 @@ use run::results::{self, Force};
 const CONFIGS: [&str; 3] =
     ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
 
-/// Options of every experiment.
+/// Options of an experiment on configurations.
 #[derive(Debug, Args)]
 pub(super) struct Common {
     /// A configuration; repeatable. Default: three of those in config/.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
+    #[command(flatten)]
+    results: Results,
+}
+
+/// Options of every experiment.
+#[derive(Debug, Args)]
+pub(super) struct Results {
     /// First seed of all that is random: the same seed is the same experiment, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
@@ -39,6 +47,14 @@ pub(super) struct Common {
     /// Prints the tables as Markdown.
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
+}
+
+impl Deref for Common {
+    type Target = Results;
+
+    fn deref(&self) -> &Results {
+        &self.results
+    }
 }
 
 /// A configuration with its name in tables.
@@ -67,7 +83,9 @@ impl Common {
         };
         files.iter().map(named).collect()
     }
+}
 
+impl Results {
     /// Refuses a folder that already has one of `files`, before anything runs.
     ///
     /// # Errors

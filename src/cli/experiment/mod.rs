@@ -1,5 +1,4 @@
 //! `frhc experiment`: measurements on the simulation, with a table, and its data and picture as files.
-
 //!
 //! | file        | part                                                        |
 //! |-------------|-------------------------------------------------------------|
@@ -10,6 +9,7 @@
 //! | the others  | one experiment each: its runs, and a `report` of its figures |
 
 mod common;
+mod dual_peg;
 mod fidelity;
 mod picture;
 mod return_to_centre;
@@ -51,6 +51,16 @@ pub(crate) enum Experiment {
             frhc experiment torque-curve --short --config config/kraft_like.toml --markdown"
     )]
     TorqueCurve(torque_curve::Arguments),
+    /// Puts two pegs into two holes with a teleoperated arm, with and without reflection and accommodation (Table I).
+    #[command(
+        after_help = "Three operators, twenty trials each, in four conditions that differ in nothing but two switches; then without \
+            misalignment, and over visual error and misalignment. --out writes trials.csv, figures.json, work.svg and report.md; --short takes \
+            one operator, one trial of each condition, and no sweep. The exit code is 1 when perfectly aligned pegs fail in more than 5 % of the \
+            trials of a condition, or take more than 20 % longer in one than in another.\n\nExamples:\n  \
+            frhc experiment dual-peg --out dual-peg\n  \
+            frhc experiment dual-peg --short --json | jq '.ratios'"
+    )]
+    DualPeg(dual_peg::Arguments),
 }
 
 /// Runs the experiment.
@@ -59,5 +69,6 @@ pub(super) fn run(experiment: &Experiment, quiet: bool) -> Result<(), Failure> {
         Experiment::Fidelity(args) => fidelity::run(args, quiet),
         Experiment::ReturnToCentre(args) => return_to_centre::run(args, quiet),
         Experiment::TorqueCurve(args) => torque_curve::run(args, quiet),
+        Experiment::DualPeg(args) => dual_peg::run(args, quiet),
     }
 }

@@ -68,7 +68,7 @@ fn require_wall(named: &Named) -> Result<(), Failure> {
 }
 
 fn participants(args: &Arguments) -> Participants {
-    let Common { seed, short, .. } = args.common;
+    let (seed, short) = (args.common.seed, args.common.short);
     if short { Participants::short(seed) } else { Participants::full(seed, args.seeds) }
 }
 

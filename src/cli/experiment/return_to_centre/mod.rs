@@ -39,7 +39,7 @@ struct Job<'n> {
 
 /// Runs everything, prints the table and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
-    let Common { seed, short, .. } = args.common;
+    let (seed, short) = (args.common.seed, args.common.short);
     let configs = args.common.configs()?;
     args.common.ensure_free(&FILES)?;
     let jobs: Vec<Job<'_>> = configs.iter().flat_map(|named| jobs(named, short)).collect();

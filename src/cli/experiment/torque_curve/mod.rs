@@ -83,7 +83,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
 
 /// Measures the motors of every configuration and seed.
 fn motors<'n>(args: &Arguments, configs: &'n [Named]) -> Result<Vec<Motors<'n>>, Failure> {
-    let Common { seed, short, .. } = args.common;
+    let (seed, short) = (args.common.seed, args.common.short);
     let count = if short { 1 } else { args.seeds.get() };
     let seeds = || (0..count).map(|place| seed.wrapping_add(place));
     let each = configs.iter().flat_map(|named| seeds().map(move |seed| (named, seed)));

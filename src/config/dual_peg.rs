@@ -1,0 +1,342 @@
+//! `config/experiments/dual_peg.toml`: the settings of the dual-peg experiment.
+//!
+//! Every condition of the experiment has the same values; its two switches are not among them.
+
+use std::path::{Path, PathBuf};
+
+use toml::de::DeTable;
+
+use crate::Config;
+use crate::files;
+use crate::problem::{Invalid, Problems};
+use crate::raw::six;
+use crate::raw_dual_peg as raw;
+use crate::robots::RobotArm;
+use crate::section::{Section, Table};
+use crate::trust::Trust;
+use crate::value::{Placed, Value};
+use controller::gains::Gains;
+use remote::site::Virtual;
+use robot::accommodation::Accommodation;
+use written::List;
+
+/// Highest frequency of a rate servo's lag at which accommodation does not oscillate: K_FA k_e τ_s.
+const MAX_SERVO_SHARE: f64 = 0.25;
+
+/// The experiment.
+#[derive(Clone, Debug)]
+pub struct DualPeg {
+    /// Its file.
+    pub file: PathBuf,
+    /// The hand controller with the robot, accommodation and reflection of the experiment, both switches on.
+    pub config: Config,
+    /// Names of the operators' presets.
+    pub operators: Vec<String>,
+    /// Trials of each operator in each condition.
+    pub trials: u32,
+    /// Time after which a trial has failed, in s.
+    pub max_seconds: f64,
+    /// Radius, length, distance and chamfer of the pegs, in m.
+    pub pegs: PegSizes,
+    /// Radius, chamfer, depth of the plate and of insertion, in m.
+    pub holes: HoleSizes,
+    /// Stiffness of one peg in N/m, damping in N·s/m, friction coefficient.
+    pub contact: [f64; 3],
+    /// Force in N and moment in N·m that stop the arm.
+    pub stop: [f64; 2],
+    /// Standard deviations of the wrist sensor, in N and N·m.
+    pub noise: [f64; 2],
+    /// Sight and task of the operator.
+    pub task: PegTask,
+    /// Height of the start above the plate, in m.
+    pub start_height: f64,
+    /// Range of the misalignment at the start, in m.
+    pub misalignment: [f64; 2],
+    /// The same of orientation, in rad.
+    pub turn: [f64; 2],
+    /// Visual errors and misalignments of the sweeps in m, and their trials.
+    pub sweep: Sweep,
+}
+
+/// Sizes of the pegs, in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PegSizes {
+    /// Radius.
+    pub radius: f64,
+    /// Length.
+    pub length: f64,
+    /// Distance of the axes.
+    pub spacing: f64,
+    /// Width and length of the chamfer.
+    pub chamfer: f64,
+}
+
+/// Sizes of the holes, in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HoleSizes {
+    /// Radius.
+    pub radius: f64,
+    /// Width and depth of the chamfer.
+    pub chamfer: f64,
+    /// Thickness of the plate.
+    pub thickness: f64,
+    /// Depth at which the pegs are inserted.
+    pub insert_depth: f64,
+}
+
+/// Sight and task of the operator, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PegTask {
+    /// Delay of sight, in s.
+    pub visual_delay: f64,
+    /// Error of sight, in m.
+    pub visual_error: f64,
+    /// The same of orientation, in rad.
+    pub visual_turn_error: f64,
+    /// Misalignment that is not corrected, in m.
+    pub tolerance: f64,
+    /// The same of orientation, in rad.
+    pub turn_tolerance: f64,
+    /// Speed far from the plate, in m/s.
+    pub approach_speed: f64,
+    /// Speed near the plate, in m/s.
+    pub insert_speed: f64,
+    /// Height at which the operator slows down, in m.
+    pub near: f64,
+    /// Rate of correction, in 1/s.
+    pub correction: f64,
+    /// Its maximum, in m/s.
+    pub max_correction: f64,
+    /// Its maximum, in rad/s.
+    pub max_turn: f64,
+    /// Rate of pressing harder, in 1/s.
+    pub effort: f64,
+    /// Progress without which pegs count as stopped, in m.
+    pub stall_distance: f64,
+    /// Time without it, in s.
+    pub stall_time: f64,
+    /// Retreat, in m.
+    pub back_off: f64,
+    /// Distance of a new attempt from the last, in m.
+    pub search_step: f64,
+}
+
+/// Values of the sweeps, one at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// Visual errors, in m.
+    pub visual_errors: Vec<f64>,
+    /// Misalignments at the start, in m.
+    pub misalignments: Vec<f64>,
+    /// Trials of each operator.
+    pub trials: u32,
+}
+
+impl DualPeg {
+    /// Reads and checks a file; `config/experiments/dual_peg.toml` is known without it.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, and with the files that it names.
+    pub fn load(file: &Path) -> Result<Self, Invalid> {
+        Self::parse(file, &files::text(Trust::Any, file)?)
+    }
+
+    /// Checks `text`, which stands in `file`; names of other files are seen from there.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, and with the files that it names.
+    pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
+        let mut problems = Problems::new(file, text, Trust::Any);
+        let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
+        let raw = document.ok().map(|document| {
+            let table = Table::root(&document, &problems);
+            raw::DualPegFile::from_table(&table, &mut problems)
+        });
+        let read = raw.and_then(|raw| read(file, &raw, &mut problems));
+        problems.finish()?;
+        read.ok_or_else(|| Invalid(Vec::new()))
+    }
+}
+
+/// `None` where a problem has been noted.
+fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<DualPeg> {
+    let config = config(file, raw, problems);
+    let trials = problems.within(&raw.trials, 1..=10_000);
+    let max_seconds = problems.within(&raw.max_seconds, 5.0..=600.0);
+    let pegs = pegs(&raw.pegs, problems);
+    let holes = holes(raw, problems);
+    let contact = [
+        problems.within(&raw.contact.stiffness_n_per_m, 1e2..=1e6),
+        problems.not_negative(&raw.contact.damping_ns_per_m),
+        problems.within(&raw.contact.friction, 0.0..=2.0),
+    ];
+    let stop = [
+        problems.positive(&raw.control.stop_force_n),
+        problems.positive(&raw.control.stop_moment_nm),
+    ];
+    let noise = [
+        problems.not_negative(&raw.control.sensor_noise_n),
+        problems.not_negative(&raw.control.sensor_noise_nm),
+    ];
+    let task = task(&raw.operator, problems);
+    let start_height = problems.within(&raw.start.height_m, 1e-3..=0.2);
+    let misalignment = range(&raw.start.misalignment_m, 0.02, problems);
+    let turn = range(&raw.start.misalignment_deg, 20.0, problems);
+    let sweep = sweep(&raw.sweep, problems);
+    let operators = raw.operators.as_ref()?.clone();
+    if operators.is_empty() {
+        problems.add(&raw.operators, "must name at least one operator");
+    }
+    let config = config?;
+    check_accommodation(&config, raw, problems);
+    let [stiffness, damping, friction] = contact;
+    let ([stop_force, stop_moment], [noise_force, noise_moment]) = (stop, noise);
+    Some(DualPeg {
+        file: file.to_path_buf(),
+        config,
+        operators,
+        trials: trials?,
+        max_seconds: max_seconds?,
+        pegs: pegs?,
+        holes: holes?,
+        contact: [stiffness?, damping?, friction?],
+        stop: [stop_force?, stop_moment?],
+        noise: [noise_force?, noise_moment?],
+        task: task?,
+        start_height: start_height?,
+        misalignment: misalignment?,
+        turn: turn?.map(f64::to_radians),
+        sweep: sweep?,
+    })
+}
+
+/// The hand controller with robot, accommodation and reflection.
+fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<Config> {
+    let named = |name: &String| files::beside(file, name);
+    let hand = Config::load(&named(raw.hand_controller.as_ref()?));
+    let robot = RobotArm::load(&named(raw.robot.as_ref()?));
+    let hand = hand.map_err(|invalid| problems.absorb(invalid)).ok();
+    let robot = robot.map_err(|invalid| problems.absorb(invalid)).ok();
+    let linear = problems.within(&raw.control.accommodation_m_per_ns, 0.0..=1e3);
+    let angular = problems.within(&raw.control.accommodation_rad_per_nms, 0.0..=1e3);
+    let List([force, moment]) = raw.control.wrench_gain.get()?;
+    let gain = Gains::new(six([force; 3], [moment; 3]), "wrench_gain");
+    let gain = problems.take(&raw.control.wrench_gain, gain);
+    let law = Accommodation::new(six([linear?; 3], [angular?; 3]), [0.0; 6]);
+    let law = problems.take(&raw.control.accommodation_m_per_ns, law);
+    let config = hand?.with_robot(robot?);
+    // The plate is the only thing to touch.
+    let remote = Virtual { wall: None, block: None, sphere: None, ..config.remote.clone() };
+    Some(config.with_remote(remote).with_switches_at(gain?, law?))
+}
+
+/// Notes an accommodation that overtakes the arm's servos (`controller::stability`), at the stiffness of both pegs.
+fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut Problems<'_>) {
+    let Some(stiffness) = raw.contact.stiffness_n_per_m.get() else { return };
+    let lag = config.remote.servo.time_constant();
+    let share = config.remote.interaction.accommodation.gain()[2] * 2.0 * stiffness * lag;
+    if share > MAX_SERVO_SHARE {
+        let most = MAX_SERVO_SHARE / (2.0 * stiffness * lag);
+        let reason = format!(
+            "K_FA k_e τ_s must be at most {MAX_SERVO_SHARE}, got {share:.3} with k_e = {:.0} N/m of both pegs and \
+             τ_s = {lag} s: at most {most:.2e} m/s per N, or a softer contact",
+            2.0 * stiffness
+        );
+        problems.add(&raw.control.accommodation_m_per_ns, reason);
+    }
+}
+
+fn pegs(raw: &raw::Pegs, problems: &mut Problems<'_>) -> Option<PegSizes> {
+    let radius = problems.within(&raw.radius_m, 1e-3..=0.1);
+    let length = problems.within(&raw.length_m, 1e-3..=0.5);
+    let spacing = problems.within(&raw.spacing_m, 2e-3..=1.0);
+    let chamfer = problems.not_negative(&raw.chamfer_m);
+    Some(PegSizes { radius: radius?, length: length?, spacing: spacing?, chamfer: chamfer? })
+}
+
+fn holes(raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<HoleSizes> {
+    let radius = problems.positive(&raw.holes.radius_m);
+    let chamfer = problems.not_negative(&raw.holes.chamfer_m);
+    let thickness = problems.positive(&raw.holes.thickness_m);
+    let insert_depth = problems.positive(&raw.holes.insert_depth_m);
+    if let (Some(hole), Some(peg)) = (radius, raw.pegs.radius_m.get())
+        && hole <= peg
+    {
+        let reason = format!(
+            "must be above pegs.radius_m = {peg}, got {hole}: no peg enters; widen the holes or use thinner pegs"
+        );
+        problems.add(&raw.holes.radius_m, reason);
+    }
+    if let (Some(depth), Some(length)) = (insert_depth, raw.pegs.length_m.get())
+        && depth >= length
+    {
+        let reason = format!("must be below pegs.length_m = {length}, got {depth}");
+        problems.add(&raw.holes.insert_depth_m, reason);
+    }
+    Some(HoleSizes {
+        radius: radius?,
+        chamfer: chamfer?,
+        thickness: thickness?,
+        insert_depth: insert_depth?,
+    })
+}
+
+fn task(raw: &raw::PegOperator, problems: &mut Problems<'_>) -> Option<PegTask> {
+    let visual_delay = problems.within(&raw.visual_delay_s, 0.0..=1.0);
+    let visual_error = problems.within(&raw.visual_error_m, 0.0..=0.05);
+    let visual_turn_error = problems.within(&raw.visual_error_deg, 0.0..=20.0);
+    let tolerance = problems.not_negative(&raw.tolerance_m);
+    let turn_tolerance = problems.not_negative(&raw.tolerance_deg);
+    let approach_speed = problems.within(&raw.approach_m_per_s, 1e-4..=0.5);
+    let insert_speed = problems.within(&raw.insert_m_per_s, 1e-4..=0.5);
+    let near = problems.positive(&raw.near_m);
+    let correction = problems.positive(&raw.correction_per_s);
+    let max_correction = problems.positive(&raw.max_correction_m_per_s);
+    let max_turn = problems.positive(&raw.max_turn_deg_per_s);
+    let effort = problems.within(&raw.effort_per_s, 0.0..=10.0);
+    let stall_distance = problems.positive(&raw.stall_m);
+    let stall_time = problems.positive(&raw.stall_s);
+    let back_off = problems.positive(&raw.back_off_m);
+    let search_step = problems.not_negative(&raw.search_m);
+    Some(PegTask {
+        visual_delay: visual_delay?,
+        visual_error: visual_error?,
+        visual_turn_error: visual_turn_error?.to_radians(),
+        tolerance: tolerance?,
+        turn_tolerance: turn_tolerance?.to_radians(),
+        approach_speed: approach_speed?,
+        insert_speed: insert_speed?,
+        near: near?,
+        correction: correction?,
+        max_correction: max_correction?,
+        max_turn: max_turn?.to_radians(),
+        effort: effort?,
+        stall_distance: stall_distance?,
+        stall_time: stall_time?,
+        back_off: back_off?,
+        search_step: search_step?,
+    })
+}
+
+/// A range from zero to at most `most`.
+fn range(value: &Value<List<f64, 2>>, most: f64, problems: &mut Problems<'_>) -> Option<[f64; 2]> {
+    let List([low, high]) = value.get()?;
+    if !(0.0 <= low && low <= high && high <= most) {
+        let reason = format!("must rise within 0..={most}, got {low} to {high}");
+        problems.add(value, reason);
+    }
+    Some([low, high])
+}
+
+fn sweep(raw: &raw::PegSweep, problems: &mut Problems<'_>) -> Option<Sweep> {
+    let trials = problems.within(&raw.trials, 1..=10_000);
+    let mut list = |value: &Value<Vec<f64>>| {
+        let all = value.as_ref()?.clone();
+        if let Some(wrong) = all.iter().find(|one| !(0.0..=0.05).contains(*one)) {
+            problems.add(value.place(), format_args!("must be within 0..=0.05, got {wrong}"));
+        }
+        Some(all)
+    };
+    let (visual_errors, misalignments) = (list(&raw.visual_error_m), list(&raw.misalignment_m));
+    Some(Sweep { visual_errors: visual_errors?, misalignments: misalignments?, trials: trials? })
+}

@@ -1,0 +1,13 @@
+//! Dual peg: the experiment of Table I (Williams 1997, 4.3) on simulated operators, hand controller and robot.
+//!
+//! | file         | part                                                            |
+//! |--------------|-----------------------------------------------------------------|
+//! | [`condition`]| the two switches: reflection and accommodation                  |
+//! | [`bench`]    | hand controller, robot, pegs and plate of one trial             |
+//! | [`trial`]    | one trial, in figures                                           |
+//! | [`pooled`]   | figures of all trials of an operator in a condition             |
+
+pub mod bench;
+pub mod condition;
+pub mod pooled;
+pub mod trial;

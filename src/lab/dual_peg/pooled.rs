@@ -1,0 +1,91 @@
+//! Figures of all trials of an operator in a condition, and the ratio of the paper's two conditions.
+
+use serde::Serialize;
+
+use crate::dual_peg::condition::Condition;
+use crate::dual_peg::trial::{Outcome, Trial};
+
+/// Trials of one operator in one condition.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pooled {
+    /// The operator.
+    pub operator: String,
+    /// Positions of the switches.
+    pub condition: Condition,
+    /// Number of trials.
+    pub trials: usize,
+    /// Number of them in which both pegs were inserted.
+    pub inserted: usize,
+    /// Mean of Eq. 11 as printed, in J.
+    pub literal_j: f64,
+    /// Its standard deviation, in J.
+    pub literal_deviation_j: f64,
+    /// Means per component of {MRF}, in J.
+    pub literal_parts_j: [f64; 6],
+    /// Mean of `Σ ∫ |F dξ|`, in J.
+    pub absolute_j: f64,
+    /// Mean of the largest force, in N.
+    pub peak_n: f64,
+    /// Mean of the mean force, in N.
+    pub mean_n: f64,
+    /// Mean duration, in s.
+    pub seconds: f64,
+}
+
+impl Pooled {
+    /// Pools trials of one operator in one condition; `None` without any.
+    pub fn of(trials: &[&Trial]) -> Option<Self> {
+        let first = trials.first()?;
+        let mean = |value: &dyn Fn(&Trial) -> f64| mean(trials.iter().map(|trial| value(trial)));
+        let literal_j = mean(&Trial::literal);
+        let variance = mean(&|trial| (trial.literal() - literal_j).powi(2));
+        let parts = [0, 1, 2, 3, 4, 5];
+        Some(Self {
+            operator: first.operator.clone(),
+            condition: first.condition,
+            trials: trials.len(),
+            inserted: trials.iter().filter(|trial| trial.outcome == Outcome::Inserted).count(),
+            literal_j,
+            literal_deviation_j: variance.sqrt(),
+            literal_parts_j: parts.map(|part| mean(&|trial| part_of(&trial.literal_j, part))),
+            absolute_j: mean(&Trial::absolute),
+            peak_n: mean(&|trial| trial.peak_n),
+            mean_n: mean(&|trial| trial.mean_n),
+            seconds: mean(&|trial| trial.seconds),
+        })
+    }
+
+    /// Pools all trials, by operator and condition, in their order.
+    pub fn all(trials: &[Trial], operators: &[String]) -> Vec<Self> {
+        let groups = operators.iter().flat_map(|operator| {
+            Condition::ALL.map(|condition| {
+                let is_of =
+                    |trial: &&Trial| trial.operator == *operator && trial.condition == condition;
+                Self::of(&trials.iter().filter(is_of).collect::<Vec<_>>())
+            })
+        });
+        groups.flatten().collect()
+    }
+}
+
+/// Returns the ratio of Eq. 11 with both switches on to that with both off, per operator.
+pub fn ratios(pooled: &[Pooled], operators: &[String]) -> Vec<(String, f64)> {
+    let of = |operator: &str, condition: Condition| {
+        let is_of = |one: &&Pooled| one.operator == operator && one.condition == condition;
+        pooled.iter().find(is_of).map(|one| one.literal_j)
+    };
+    let ratio = |operator: &String| {
+        let (both, neither) = (of(operator, Condition::BOTH)?, of(operator, Condition::NEITHER)?);
+        (neither > 0.0).then(|| (operator.clone(), both / neither))
+    };
+    operators.iter().filter_map(ratio).collect()
+}
+
+fn part_of(parts: &[f64; 6], part: usize) -> f64 {
+    parts.get(part).copied().unwrap_or_default()
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = u32::try_from(values.len()).map_or(f64::INFINITY, f64::from);
+    values.sum::<f64>() / count.max(1.0)
+}

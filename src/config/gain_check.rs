@@ -132,6 +132,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
         pose_delay: POSE_DELAY + on_link,
         rate_delay: RATE_DELAY + on_link,
         accommodation_delay: ACCOMMODATION_DELAY,
+        link_delay: config.link.simulated.map_or(0.0, |link| link.round_trip().as_secs_f64()),
         servo_lag: config.remote.servo.time_constant(),
         velocity_filter: controller.extensions.velocity_filter.seconds(),
     };

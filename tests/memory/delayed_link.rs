@@ -131,6 +131,18 @@ fn gain_check_counts_the_cycles_of_the_link() {
 }
 
 #[test]
+fn delay_lowers_the_gain_that_a_hand_holds_in_rate_mode() {
+    let most = |link: &str| {
+        let findings = read(link, "0.01").unwrap().findings();
+        let held = findings.iter().filter(|finding| finding.name == "rate reflection, held");
+        held.map(|finding| finding.right.value).fold(f64::INFINITY, f64::min)
+    };
+    let link = |delay: &str| most(&format!("delay_ms = {delay}\nmax_age_ms = 100.0"));
+    let bounds = [most("max_age_ms = 100.0"), link("2.0"), link("8.0"), link("40.0")];
+    assert!(bounds.is_sorted_by(|a, b| a > b), "{bounds:?}");
+}
+
+#[test]
 fn keys_of_the_link_are_read_in_ms_and_percent() {
     let link = "max_age_ms = 60.0\ndelay_ms = 10.0\njitter_ms = 2.5\nloss_percent = 5.0\nreorder = true\n\
         hold_after_ms = 80.0\nseed = 7";

@@ -60,6 +60,8 @@ pub struct Timing {
     pub rate_delay: u32,
     /// Cycles by which the wrench is late that the object gives way to.
     pub accommodation_delay: u32,
+    /// Part of these delays that is a link's, from command to wrench, in s; zero without one.
+    pub link_delay: f64,
     /// τ_s of the object's servo, in s.
     pub servo_lag: f64,
     /// τ of the low pass on the grip's velocity, in s; zero for none.
@@ -302,6 +304,7 @@ mod tests {
             pose_delay: 3,
             rate_delay: 2,
             accommodation_delay: 0,
+            link_delay: 0.0,
             servo_lag: 0.01,
             velocity_filter: 0.0,
         },

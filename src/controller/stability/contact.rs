@@ -88,10 +88,15 @@ impl Axis {
             damping: self.device.damping + self.gains.damping + self.hand.damping,
             stiffness: self.hand.stiffness,
         };
-        let most = reflection.largest_gain(&held);
+        let delay = self.timing.link_delay;
+        let most = reflection.largest_late_gain(&held, delay);
         let unit = self.units().rate_gain;
         let left = Side { symbols: "K_T K_V k_e".to_owned(), value: reflection.gain, unit };
-        let symbols = "Σb/M (K_h + Σb a + M a²)".to_owned();
+        let symbols = if delay > 0.0 {
+            format!("|K_h + Σb s + M s²| |s + a| where {:.1} ms turn it by 180°", delay * 1e3)
+        } else {
+            "Σb/M (K_h + Σb a + M a²)".to_owned()
+        };
         let right = Side { symbols, value: most, unit };
         let verdict = if reflection.gain < most { Verdict::Holds } else { Verdict::Refuses };
         let reason = "contact in rate mode would swing in the operator's hand".to_owned();

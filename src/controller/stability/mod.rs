@@ -9,6 +9,7 @@
 //! | [`device`]     | mass, damping and friction at the grip                                   |
 //! | [`axis`]       | all inequalities of one axis, judged                                     |
 //! | `contact`      | those that contact closes                                                |
+//! | `late`         | reflection in rate mode over a link with delay                           |
 //! | [`push`]       | force with which torques push a hand                                     |
 //! | [`finding`]    | an inequality in words and numbers                                       |
 //!
@@ -23,5 +24,6 @@ pub mod bounds;
 mod contact;
 pub mod device;
 pub mod finding;
+mod late;
 pub mod passivity;
 pub mod push;

@@ -1,4 +1,4 @@
-//! No allocation in ten thousand cycles of node, controller, bus and simulation, nor of a slave arm in contact.
+//! No allocation in ten thousand cycles of node, controller, bus and simulation, with a delayed link too, nor of a slave arm in contact.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -13,13 +13,15 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use common::bench::scenario;
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
-use config::Config;
+use config::{Config, RemoteLink};
 use lab::bench::Bench;
+use remote::delayed::DelaySettings;
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
@@ -69,6 +71,27 @@ fn ten_thousand_cycles_with_every_layer_never_allocate() {
     bench.run(200);
     IS_COUNTED.set(true);
     bench.run(10_000);
+    IS_COUNTED.set(false);
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn node_behind_a_link_with_delay_never_allocates() {
+    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let simulated = Some(DelaySettings {
+        delay: Duration::from_millis(2),
+        jitter: Duration::from_millis(3),
+        loss: 0.05,
+        reorders: true,
+        ..DelaySettings::default()
+    });
+    let link = RemoteLink { simulated, ..config.link };
+    let config = config.with_link(link);
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());
+    bench.bring_up().unwrap();
+    bench.run(200);
+    IS_COUNTED.set(true);
+    bench.run(5_000);
     IS_COUNTED.set(false);
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
 }

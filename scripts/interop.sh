@@ -2,8 +2,8 @@
 # interop.sh [NAME...]: frhc with third-party programs on real vcan, in virtual time.
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
-# frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, and pinocchio computes the
-# robot arms. Runs all tests, or those whose names contain one of the NAMEs.
+# frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
+# robot arms, and MuJoCo the contacts of a peg. Runs all tests, or those whose names contain one of the NAMEs.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail

@@ -5,7 +5,7 @@
 #
 #   tools    can-utils, iproute2, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
-#            (40 MB, 20 s)
+#            (600 MB of disk, a minute)
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.

@@ -1,6 +1,7 @@
-//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, or a robot arm.
+//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, a robot arm, or a peg.
 
 mod input;
+mod peg;
 mod robot;
 
 use std::ffi::OsString;
@@ -10,6 +11,7 @@ use clap::{Args, Subcommand};
 use serde_json::Value as Json;
 
 use crate::cli::explain::input::Flags;
+use crate::cli::explain::peg::Peg;
 use crate::cli::explain::robot::Robot;
 use config::Config;
 use lab::explanation::{self, Entry, Explanation, Value};
@@ -71,6 +73,8 @@ enum Topic {
     Faults(Faults),
     /// Prints pose, Jacobian, gravity torques and mass matrix of a robot arm at given joint positions.
     Robot(Robot),
+    /// Prints the contact of one peg with the plate and its hole, and where a lowered peg ends.
+    Peg(Peg),
 }
 
 /// Computes the cycle and prints it.
@@ -81,6 +85,7 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
             return Ok(());
         }
         Some(Topic::Robot(args)) => return robot::run(args),
+        Some(Topic::Peg(args)) => return peg::run(args),
         None => {}
     }
     if args.question.as_deref().is_some_and(|question| question == "faults") {

@@ -3,10 +3,11 @@
 import contextlib
 import sys
 
+import contact
 import robots
 import runner
 
-TESTS = [*robots.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

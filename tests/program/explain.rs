@@ -299,3 +299,40 @@ fn invalid_posture_of_a_robot_is_refused() {
         assert!(stderr.contains(expected) && output.stdout.is_empty(), "{q}: {stderr}");
     }
 }
+
+#[test]
+fn peg_is_put_and_lowered_as_asked() {
+    let question = serde_json::json!({
+        "poses": [[0.0, 0.0, 0.01, 0.0, 0.0], [0.0007, 0.0, 0.0005, 0.0, 0.0]],
+        "approaches": [[0.0005, 0.0, 0.0, 0.0], [0.003, 0.0, 0.0, 0.0]],
+        "insert_depth_m": 0.01,
+    });
+    let output = explain(&["peg", "-"], &question.to_string());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let answers: Vec<Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(answers.len(), 4, "{text}");
+    assert_eq!(flat(&answers[0]["f_e"]), [0.0; 6]);
+    assert!(answers[1]["points"]["cone"].as_u64() > Some(0), "{text}");
+    let [x, z] = [0, 2].map(|axis| flat(&answers[1]["f_e"])[axis]);
+    assert!(x < 0.0 && z > 0.0, "{text}");
+    assert_eq!([&answers[2]["outcome"], &answers[3]["outcome"]], ["inserted", "rejected"]);
+}
+
+#[test]
+fn invalid_question_about_a_peg_is_refused() {
+    for (question, expected) in [
+        ("{}", "a question must have poses or approaches"),
+        (r#"{"peg_radius": 1}"#, "QUESTION: unknown field `peg_radius`"),
+        (r#"{"poses": [[0, 0, 0]]}"#, "QUESTION: invalid length 3"),
+        (r#"{"poses": [[0,0,0,0,0]], "hole_radius_m": 0.004}"#, "the hole radius must be above"),
+        (r#"{"poses": [[0,0,0,0,0]], "grip_force_n": 0}"#, "grip_force_n must be positive"),
+        (r#"{"poses": [[0,0,0,0,0]], "insert_depth_m": 1}"#, "insert_depth_m must be positive"),
+    ] {
+        let output = explain(&["peg", question], "");
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{question}: {stderr}");
+        assert!(stderr.contains(expected) && stderr.lines().count() == 1, "{question}: {stderr}");
+        assert!(output.stdout.is_empty());
+    }
+}

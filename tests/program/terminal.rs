@@ -45,6 +45,7 @@ const PRINTING: &[&str] = &[
     "explain faults",
     "explain robot config/robots/puma560.toml",
     "explain robot config/robots/puma560.toml --json",
+    "explain peg {\"poses\":[[0,0,0.01,0,0]]}",
     "calib fit DATA",
     "calib fit DATA --json",
     "calib friction SWEEP --config config/kraft_like.toml",

@@ -7,7 +7,8 @@
 //!
 //! Depth and normal are exact at each point; a circle has 36 points, so the deepest place is found within 5°, and its
 //! depth within 0.4 % of the eccentricity. Edges of box, wall or sphere against the side of a peg are not modelled,
-//! nor is the base of a peg: deeper than its length it is not there.
+//! nor is the base of a peg: deeper than its length it is not there. The edge between chamfer and bore pushes a peg's end
+//! upward while the rim passes it, which no rigid edge there can: a stiff or sharp peg may stop where others would not.
 
 mod features;
 mod insertion;

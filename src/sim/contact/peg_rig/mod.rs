@@ -12,7 +12,7 @@ use crate::contact::peg_rig::body::Body;
 use crate::contact::{
     Contact, Features, Holes, InvalidContact, Pegs, Plate, Scene, Shape, Surface,
 };
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Maximum steps of one run.
 const MAX_STEPS: u32 = 3_000_000;
@@ -102,6 +102,15 @@ pub struct Lowered {
     pub features: Features,
 }
 
+/// Contact of a peg at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touched {
+    /// Wrench of the plate on the peg, at the centre of its end in the axes of the plate.
+    pub f_e: Wrench,
+    /// Points in contact.
+    pub features: Features,
+}
+
 /// Wrench on a peg at the centre of its end, in the plane of x and z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Push {
@@ -163,6 +172,14 @@ impl PegRig {
         Ok(Self { settings, contact: Contact::new(Shape::Pegs(pegs), scene)? })
     }
 
+    /// Returns the contact of a peg that was put to `approach` with its end `depth` m below the face; no point sticks.
+    pub fn touched(&self, approach: &Approach, depth: f64) -> Touched {
+        let x_p_e = approach.at(-depth);
+        let mut contact = self.contact.clone();
+        let f_e = contact.wrench(&x_p_e, &Twist::ZERO).turned(&x_p_e.rotation);
+        Touched { f_e, features: *contact.features() }
+    }
+
     /// Returns whether a peg that is pushed at `depth` moves in. It starts in the middle of the hole without tilt, comes
     /// to rest with its depth held, and is then released.
     pub fn moves_in(&self, depth: f64, push: &Push) -> bool {
@@ -192,10 +209,8 @@ impl PegRig {
 
     /// Lowers a peg with `grip` until its end is at `depth`, or it stops.
     pub fn lower(&self, approach: &Approach, grip: &Grip, depth: f64) -> Lowered {
-        let ([x, y], [a, b]) = (approach.offset, approach.tilt);
-        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(a, b, 0.0)) * facing();
-        let height = self.settings.peg_radius * a.hypot(b).sin() + GAP;
-        let start = Isometry3::from_parts(Vector3::new(x, y, height).into(), rotation);
+        let [a, b] = approach.tilt;
+        let start = approach.at(self.settings.peg_radius * a.hypot(b).sin() + GAP);
         let mut body = self.body(start, depth);
         let load = |x_p_e: &Isometry3<f64>| grip.wrench(&start, x_p_e);
         let is_inserted = self.run(&mut body, load, |body| body.depth() >= depth);
@@ -280,6 +295,15 @@ impl Push {
             force: Vector3::new(self.across, 0.0, -self.into),
             moment: Vector3::new(0.0, -self.moment, 0.0),
         }
+    }
+}
+
+impl Approach {
+    /// Returns the pose of the end of the peg in {P}, its centre `height` m above the face.
+    fn at(&self, height: f64) -> Isometry3<f64> {
+        let ([x, y], [a, b]) = (self.offset, self.tilt);
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(a, b, 0.0)) * facing();
+        Isometry3::from_parts(Vector3::new(x, y, height).into(), rotation)
     }
 }
 

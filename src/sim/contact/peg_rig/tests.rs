@@ -126,3 +126,22 @@ fn hole_smaller_than_the_peg_is_refused() {
     let error = PegRig::new(PegRigSettings { hole_radius: 4.9e-3, ..SETTINGS }).unwrap_err();
     assert_eq!(error, InvalidContact::HoleTooSmall { peg: 5e-3, hole: 4.9e-3 });
 }
+
+#[test]
+fn peg_is_pushed_along_the_normal_of_what_it_touches() {
+    let settings = PegRigSettings { hole_chamfer: [1e-3, 1e-3], ..SETTINGS };
+    let rig = PegRig::new(settings).unwrap();
+    let at = |x: f64, depth: f64| {
+        let approach = Approach { offset: [x, 0.0], tilt: [0.0; 2] };
+        rig.touched(&approach, depth)
+    };
+    let free = at(0.0, 5e-3);
+    assert!(!free.features.is_any() && free.f_e == Wrench::ZERO, "{free:?}");
+    let cone = at(0.6e-3, 0.5e-3);
+    assert!(cone.features.cone > 0 && cone.features.bore == 0, "{cone:?}");
+    let [x, z] = [cone.f_e.force.x, cone.f_e.force.z];
+    assert!(x < 0.0 && (x + z).abs() < 0.1 * z, "{cone:?}");
+    let bore = at(0.02e-3, 5e-3);
+    assert!(bore.features.bore > 0 && bore.features.cone == 0, "{bore:?}");
+    assert!(bore.f_e.force.x < 0.0 && bore.f_e.force.z.abs() < 1e-9, "{bore:?}");
+}

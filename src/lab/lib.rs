@@ -21,6 +21,7 @@ mod delivery;
 pub mod dual_peg;
 pub mod explanation;
 pub mod fidelity;
+pub mod ntrfc;
 pub mod question;
 pub mod return_to_centre;
 pub mod robot_explanation;

@@ -32,6 +32,7 @@ const PRINTING: &[&str] = &[
     "experiment return-to-centre --short --config config/jpl_like.toml",
     "experiment torque-curve --short --config config/jpl_like.toml",
     "experiment dual-peg --short",
+    "experiment ntrfc --short",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
     "ctl status --json --socket SOCKET",

@@ -11,6 +11,7 @@
 mod common;
 mod dual_peg;
 mod fidelity;
+mod ntrfc;
 mod picture;
 mod return_to_centre;
 mod runner;
@@ -51,6 +52,16 @@ pub(crate) enum Experiment {
             frhc experiment torque-curve --short --config config/kraft_like.toml --markdown"
     )]
     TorqueCurve(torque_curve::Arguments),
+    /// Presses simulated arms against a wall with rate commands: the force at rest, and the peak of the approach (4.3).
+    #[command(
+        after_help = "Two arms approach a wall with a constant rate and come to rest with the force of the law, with an ideal sensor and with \
+            noise and bias; then over K_FA on both sides of its bound. --out writes presses.csv, figures.json, force.svg and report.md. \
+            The exit code is 1 when a force differs from the law by more than 1 %, or a gain within its bound oscillates.\n\n\
+            Examples:\n  \
+            frhc experiment ntrfc --out ntrfc\n  \
+            frhc experiment ntrfc --short --robot config/robots/puma560.toml --markdown"
+    )]
+    Ntrfc(ntrfc::Arguments),
     /// Puts two pegs into two holes with a teleoperated arm, with and without reflection and accommodation (Table I).
     #[command(
         after_help = "Three operators, twenty trials each, in four conditions that differ in nothing but two switches; then without \
@@ -69,6 +80,7 @@ pub(super) fn run(experiment: &Experiment, quiet: bool) -> Result<(), Failure> {
         Experiment::Fidelity(args) => fidelity::run(args, quiet),
         Experiment::ReturnToCentre(args) => return_to_centre::run(args, quiet),
         Experiment::TorqueCurve(args) => torque_curve::run(args, quiet),
+        Experiment::Ntrfc(args) => ntrfc::run(args, quiet),
         Experiment::DualPeg(args) => dual_peg::run(args, quiet),
     }
 }

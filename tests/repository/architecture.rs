@@ -295,7 +295,8 @@ fn imports(room: &str) -> Imports {
     let imported = |(module, text): (&String, &String)| {
         let production = ungrouped(text.split("#[cfg(test)]").next().unwrap_or_default());
         let lines = production.lines().filter_map(|line| line.trim().strip_prefix("use crate::"));
-        let named = lines.map(|path| file_of(path.trim_end_matches(';'), &texts));
+        let paths = lines.filter_map(|line| line.trim_end_matches(';').split(" as ").next());
+        let named = paths.map(|path| file_of(path, &texts));
         (module.clone(), named.filter(|named| named != module).collect())
     };
     texts.iter().map(imported).collect()

@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     results: Results,
 }
 
-/// What a press is part of.
+/// Part of the experiment that a press belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Part {

@@ -3,7 +3,7 @@
 //! | file         | part                                                            |
 //! |--------------|-----------------------------------------------------------------|
 //! | [`condition`]| the two switches: reflection and accommodation                  |
-//! | [`bench`]    | hand controller, robot, pegs and plate of one trial             |
+//! | `bench`      | hand controller, robot, pegs and plate of one trial             |
 //! | [`trial`]    | one trial, in figures                                           |
 //! | [`pooled`]   | figures of all trials of an operator in a condition             |
 

@@ -21,7 +21,7 @@
 //! | [`assist`]          | Eq. 8, 9      | return to centre, damping                          |
 //! | [`limits`]          | Eq. 10        | what every joint can exert                         |
 //!
-//! [`stability`] says which gains are fit to be felt; [`models`] has arms for the commanded side.
+//! [`stability`] says which gains are fit to be felt.
 //! Beside the paper, each off unless asked for: [`velocity`] (a filter), [`virtual_coupling`],
 //! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`]. [`torque_delay`] says
 //! which torque caused which motion.

@@ -70,21 +70,17 @@ pub(super) fn settings(
     Some((remote, robot))
 }
 
-/// Notes an object that would start inside a surface: the first cycle would throw it out.
+/// Notes an arm whose tool would start inside a surface: a robot does not stand there. A free object may.
 fn refuse_contact_at_start(remote: &Virtual, raw: &raw::Remote, problems: &mut Problems<'_>) {
     let f_m = remote.contact_at_start();
-    if f_m != Wrench::ZERO {
+    if remote.arm.is_some() && f_m != Wrench::ZERO {
         let [x, y, z] = remote.x_b_m.translation.vector.into();
         let reason = format!(
             "the object would start in a surface, at ({x:.3}, {y:.3}, {z:.3}) m with {:.1} N on it: \
-             start farther away, or move the surface",
+             change start_deg or base_m of the robot, or move the surface",
             f_m.force.norm()
         );
-        if raw.robot.is_absent() {
-            problems.add(&raw.start_m, reason);
-        } else {
-            problems.add(&raw.robot, reason);
-        }
+        problems.add(&raw.robot, reason);
     }
 }
 

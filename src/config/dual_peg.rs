@@ -20,7 +20,7 @@ use remote::site::Virtual;
 use robot::accommodation::Accommodation;
 use written::List;
 
-/// Highest frequency of a rate servo's lag at which accommodation does not oscillate: K_FA k_e τ_s.
+/// Highest K_FA k_e τ_s at which accommodation does not oscillate through the lag of its servo.
 const MAX_SERVO_SHARE: f64 = 0.25;
 
 /// The experiment.

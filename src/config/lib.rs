@@ -302,9 +302,9 @@ fn convert(
     let coupling = controller.as_ref().and_then(|law| law.extensions.virtual_coupling.as_ref());
     let remote = remote::settings(raw, file, coupling, problems);
 
-    let (remote, robot) = remote?;
     let link = link::read(raw, period, problems);
 
+    let (remote, robot) = remote?;
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,

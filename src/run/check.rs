@@ -108,7 +108,6 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
         print::line(&report.to_string());
         return Ok(());
     }
-    config.robot.iter().for_each(|arm| print::line(&robot(arm)));
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
     let but = if is_unstable { ", but unstable (gain_check = \"warn\")" } else { "" };
@@ -121,6 +120,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
         ));
     }
     print::line(&gravity(&config));
+    config.robot.iter().for_each(|arm| print::line(&robot(arm)));
     for joint in &config.joints {
         let unit = match joint.plant.link.kind {
             JointKind::Revolute => "N·m",

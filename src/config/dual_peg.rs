@@ -16,12 +16,10 @@ use crate::section::{Section, Table};
 use crate::trust::Trust;
 use crate::value::{Placed, Value};
 use controller::gains::Gains;
+use controller::stability::bounds;
 use remote::site::Virtual;
 use robot::accommodation::Accommodation;
 use written::List;
-
-/// Highest K_FA k_e τ_s at which accommodation does not oscillate through the lag of its servo.
-const MAX_SERVO_SHARE: f64 = 0.25;
 
 /// The experiment.
 #[derive(Clone, Debug)]
@@ -233,14 +231,16 @@ fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> O
 /// Notes an accommodation that overtakes the arm's servos (`controller::stability`), at the stiffness of both pegs.
 fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut Problems<'_>) {
     let Some(stiffness) = raw.contact.stiffness_n_per_m.get() else { return };
-    let lag = config.remote.servo.time_constant();
-    let share = config.remote.interaction.accommodation.gain()[2] * 2.0 * stiffness * lag;
-    if share > MAX_SERVO_SHARE {
-        let most = MAX_SERVO_SHARE / (2.0 * stiffness * lag);
+    let (lag, both) = (config.remote.servo.time_constant(), 2.0 * stiffness);
+    let giving_way = config.remote.interaction.accommodation.gain()[2] * both;
+    let fastest = bounds::fastest_without_swinging(lag);
+    if giving_way > fastest {
         let reason = format!(
-            "K_FA k_e τ_s must be at most {MAX_SERVO_SHARE}, got {share:.3} with k_e = {:.0} N/m of both pegs and \
-             τ_s = {lag} s: at most {most:.2e} m/s per N, or a softer contact",
-            2.0 * stiffness
+            "K_FA k_e τ_s must be at most {}, got {:.3} with k_e = {both:.0} N/m of both pegs and \
+             τ_s = {lag} s: at most {:.2e} m/s per N, or a softer contact",
+            fastest * lag,
+            giving_way * lag,
+            fastest / both
         );
         problems.add(&raw.control.accommodation_m_per_ns, reason);
     }

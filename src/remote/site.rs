@@ -76,11 +76,6 @@ impl VirtualSite {
         Self { object, drawn: remote.coupling.map(GodObject::new), scene, before: None, max_step }
     }
 
-    /// Returns the arm that holds the object, if one does.
-    pub const fn arm(&self) -> Option<&FollowingArm> {
-        self.object.arm()
-    }
-
     /// Returns the pose of the object in its base.
     pub const fn pose(&self) -> &Isometry3<f64> {
         self.object.pose()

@@ -24,11 +24,6 @@ impl FollowingArm {
         Self { law, q, qd: Joints::zeros() }
     }
 
-    /// Returns the law of its joints.
-    pub const fn law(&self) -> &ResolvedRate {
-        &self.law
-    }
-
     /// Returns the joint positions, in rad.
     pub const fn q(&self) -> &Joints {
         &self.q

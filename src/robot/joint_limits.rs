@@ -33,16 +33,6 @@ impl JointLimit {
         max_acceleration: f64::INFINITY,
     };
 
-    /// Returns whether ranges and maxima are not empty, and numbers.
-    pub fn is_valid(&self) -> bool {
-        let Self { range: [low, high], max_rate, max_acceleration } = *self;
-        low.is_finite()
-            && high.is_finite()
-            && low < high
-            && max_rate > 0.0
-            && max_acceleration > 0.0
-    }
-
     /// Returns whether a joint that stands at `q` is within its range, or leaves the wrong side of it.
     fn allows(&self, q: f64, qd: f64) -> bool {
         let [low, high] = self.range;

@@ -80,6 +80,19 @@ pub(super) fn warn_no_switch_box(config: &Config) {
     }
 }
 
+/// Refuses a link that only a simulation has, for a `command` on real buses.
+pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<(), Failure> {
+    if config.link.simulated.is_none() {
+        return Ok(());
+    }
+    let reason = format!(
+        "{}: [remote.link] describes a simulated link, which demo, campaign and experiment have; \
+         for {command}, keep max_age_ms alone",
+        config.file.display()
+    );
+    Err(Failure::new(Kind::Configuration, reason))
+}
+
 /// Loads and thereby validates the configuration, and prints bus load, joints and findings.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;

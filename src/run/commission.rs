@@ -9,7 +9,7 @@ use clap::Args;
 use crate::config_arg::ConfigArg;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
-use crate::{print, signals};
+use crate::{check, print, signals};
 use canopen::master::check::Check;
 use canopen::plan::NodePlan;
 use config::Config;
@@ -44,6 +44,7 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
         return Err(Failure::new(Kind::Usage, reason));
     }
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    check::refuse_simulated_link(&config, "commission")?;
     // --prove overrides `safety.prove_drives = false`.
     let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;

@@ -21,7 +21,6 @@ use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
 use crate::{check, commission, cycle_thread, gains, log_time, print, rings, session};
 use bus::Traced;
-use config::Config;
 use node::Node;
 use remote::site::VirtualSite;
 use telemetry::fidelity::Commanded;
@@ -39,19 +38,6 @@ pub struct Run {
     pub record: Option<PathBuf>,
 }
 
-/// Refuses a link that only a simulation has.
-fn refuse_simulated_link(config: &Config) -> Result<(), Failure> {
-    if config.link.simulated.is_none() {
-        return Ok(());
-    }
-    let reason = format!(
-        "{}: [remote.link] describes a simulated link, which demo, campaign and experiment have; \
-         for run, keep max_age_ms alone",
-        config.file.display()
-    );
-    Err(Failure::new(Kind::Configuration, reason))
-}
-
 /// Runs the node until a stop signal.
 ///
 /// # Errors
@@ -59,7 +45,7 @@ fn refuse_simulated_link(config: &Config) -> Result<(), Failure> {
 pub fn run(args: &Run) -> Result<(), Failure> {
     let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
     let config = args.config.load()?;
-    refuse_simulated_link(&config)?;
+    check::refuse_simulated_link(&config, "run")?;
     gains::warn(&config);
     commission::warn(&config);
     check::warn_no_switch_box(&config);

@@ -48,9 +48,14 @@ fn installation(name: &str, text: &str) -> PathBuf {
 
 /// Runs `frhc run` with the configuration of `folder`.
 fn run_in(folder: &Path, more: &[&str]) -> Ended {
+    command_in(folder, "run", more)
+}
+
+/// Runs a command with the configuration of `folder`.
+fn command_in(folder: &Path, name: &str, more: &[&str]) -> Ended {
     let config = folder.join("config/arm.toml");
     let mut command = Command::new(crate::common::program());
-    command.args(["run", "--config"]).arg(config).args(more);
+    command.args([name, "--config"]).arg(config).args(more);
     for name in ["XDG_RUNTIME_DIR", "XDG_STATE_HOME", "RUNTIME_DIRECTORY", "STATE_DIRECTORY"] {
         command.env(name, folder);
     }
@@ -407,17 +412,19 @@ fn property_16_rewritten_configuration_is_the_same() {
 }
 
 #[test]
-fn simulated_link_is_refused_by_run_alone() {
+fn simulated_link_is_refused_on_real_buses() {
     let text = format!("{TEXT}\n[remote.link]\nmax_age_ms = 50.0\n");
-    let open = run_in(&installation("max_age", &text), &[]);
-    assert_eq!(open.code, 4, "the interface is missing: {}", open.stderr);
     let gains = "wrench_gain = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]";
-    let text = text.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", gains);
-    let refused = run_in(&installation("delay", &format!("{text}delay_ms = 5.0\n")), &[]);
-    assert_eq!(refused.code, 3, "{}", refused.stderr);
-    assert!(
-        refused.stderr.contains("[remote.link] describes a simulated link"),
-        "{}",
-        refused.stderr
-    );
+    let slow = text.replace("wrench_gain = [0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", gains);
+    let (local, linked) =
+        (installation("max_age", &text), installation("delay", &format!("{slow}delay_ms = 5.0\n")));
+    for (name, more) in [("run", [].as_slice()), ("commission", &["--prove"])] {
+        let open = command_in(&local, name, more);
+        assert_eq!(open.code, 4, "{name}, the interface is missing: {}", open.stderr);
+        let refused = command_in(&linked, name, more);
+        assert_eq!(refused.code, 3, "{name}: {}", refused.stderr);
+        for word in ["[remote.link] describes a simulated link", &format!("for {name}, keep")] {
+            assert!(refused.stderr.contains(word), "{word}: {}", refused.stderr);
+        }
+    }
 }

@@ -49,6 +49,8 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         scenario::require_switch_box(&config)?;
     }
     let config = comparison::surrounded(&config, &scenario);
+    // A robot that cannot be simulated is refused before any results are replaced.
+    args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
     gains::warn(&config);
     if scenario.compares_passivity() {
         return compare(args, quiet, &config, &scenario, seconds);
@@ -141,16 +143,8 @@ fn play(
 /// Returns the robot of a configuration, simulated; its tool and scene are those of the free object.
 fn robot(config: &Config, seed: u64) -> Result<Side, Failure> {
     let equipment = Equipment::of(&config.remote);
-    let site = RobotSite::new(config, &equipment, seed).or_fail(Kind::Configuration)?;
-    if site.touches() {
-        let file = config.robot.as_ref().map(|robot| robot.file.display().to_string());
-        let reason = format!(
-            "{}: the tool would start in a surface: change start_deg or base_m, or move the surface",
-            file.unwrap_or_default()
-        );
-        return Err(Failure::new(Kind::Configuration, reason));
-    }
-    Ok(site.into())
+    let site = RobotSite::in_free_space(config, &equipment, seed);
+    site.or_fail(Kind::Configuration).map(Side::from)
 }
 
 /// Settings of one run.

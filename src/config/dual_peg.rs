@@ -180,6 +180,7 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
     let start_height = problems.within(&raw.start.height_m, 1e-3..=0.2);
     let misalignment = range(&raw.start.misalignment_m, 0.02, problems);
     let turn = range(&raw.start.misalignment_deg, 20.0, problems);
+    check_start(start_height, &pegs, turn, raw, problems);
     let sweep = sweep(&raw.sweep, problems);
     let operators = raw.operators.as_ref()?.clone();
     if operators.is_empty() {
@@ -243,6 +244,25 @@ fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut P
             fastest / both
         );
         problems.add(&raw.control.accommodation_m_per_ns, reason);
+    }
+}
+
+/// Notes a start at which turned pegs reach into the plate.
+fn check_start(
+    height: Option<f64>,
+    pegs: &Option<PegSizes>,
+    turn: Option<[f64; 2]>,
+    raw: &raw::DualPegFile,
+    problems: &mut Problems<'_>,
+) {
+    let (Some(height), Some(pegs), Some([_, turn])) = (height, pegs, turn) else { return };
+    let reach = (pegs.spacing / 2.0 + pegs.radius) * turn.to_radians().sin();
+    if height <= reach {
+        let reason = format!(
+            "must be above {reach:.4}, got {height}: pegs that are turned by {turn}° would start in the plate; \
+             start higher, or lower misalignment_deg"
+        );
+        problems.add(&raw.start.height_m, reason);
     }
 }
 

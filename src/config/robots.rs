@@ -120,9 +120,12 @@ impl RobotArm {
 
 /// `None` where a problem has been noted.
 fn read(file: &Path, raw: &raw::RobotFile, problems: &mut Problems<'_>) -> Option<RobotArm> {
+    let before = problems.count();
     let count = raw.joint.all().len();
     if !raw.joint.is_noted() && !(MIN_JOINTS..=MAX_JOINTS).contains(&count) {
-        let reason = format!("an arm must have {MIN_JOINTS} to {MAX_JOINTS} joints, got {count}");
+        let reason = format!(
+            "an arm must have {MIN_JOINTS} to {MAX_JOINTS} joints, got {count}: add or remove [[joint]] tables"
+        );
         problems.add(&raw.joint, reason);
     }
     let x_b_0 = pose(&raw.base_m, &raw.base_deg, problems);
@@ -130,7 +133,6 @@ fn read(file: &Path, raw: &raw::RobotFile, problems: &mut Problems<'_>) -> Optio
     let joints: Vec<Option<RobotJoint>> =
         raw.joint.all().iter().map(|one| joint(one, problems)).collect();
     let joints = joints.into_iter().collect::<Option<Vec<_>>>()?;
-    let before = problems.count();
     let inverse = inverse(&raw.resolved_rate, problems);
     let centring = problems.not_negative(&raw.resolved_rate.centring_per_s.or(CENTRING));
     let name = raw.name.as_ref()?.clone();

@@ -114,7 +114,7 @@ impl Press {
         let [bias, noise] = [self.bias, self.noise].map(|force| [0.0, 0.0, force, 0.0, 0.0, 0.0]);
         let sensor = WristSensorSettings { bias, noise, ..WristSensorSettings::default() };
         let equipment = Equipment { sensor, ..Equipment::of(&config.remote) };
-        let mut site = RobotSite::new(&config, &equipment, self.seed)?;
+        let mut site = RobotSite::in_free_space(&config, &equipment, self.seed)?;
         let command = Motion::Rate(Twist::from_components([0.0, 0.0, self.speed, 0.0, 0.0, 0.0]));
         let (mut now, mut peak) = (Instant::ZERO, 0.0_f64);
         let (mut rest, mut squares, mut count) = (0.0, 0.0, 0.0);

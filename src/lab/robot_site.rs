@@ -8,6 +8,7 @@
 //!
 //! Both know the arm from its file, and nothing of each other. The arm moves with the rates of the exchange before.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use nalgebra::Isometry3;
@@ -39,6 +40,18 @@ pub enum NoRobot {
     /// An arm, tool or scene that is invalid.
     #[error(transparent)]
     Invalid(#[from] InvalidManipulator),
+    /// A start in contact.
+    #[error(
+        "{}: joint.start_deg: the tool would start in a surface, at ({:.3}, {:.3}, {:.3}) m: change start_deg or \
+         base_m, or move the surface",
+        file.display(), at[0], at[1], at[2]
+    )]
+    StartsInContact {
+        /// File of the arm.
+        file: PathBuf,
+        /// Position of {MRF} in {b}, in m.
+        at: [f64; 3],
+    },
     /// A script of the operator that is invalid.
     #[error(transparent)]
     Scenario(#[from] sim::scenario::Problem),
@@ -108,6 +121,23 @@ impl RobotSite {
         Ok(Self { arm, control, qd: Joints::zeros(), before: None, max_step })
     }
 
+    /// Returns the robot of `config` as [`new`](Self::new) does, unless it starts in contact.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and a start in contact.
+    pub fn in_free_space(
+        config: &Config,
+        equipment: &Equipment,
+        seed: u64,
+    ) -> Result<Self, NoRobot> {
+        let site = Self::new(config, equipment, seed)?;
+        if !site.arm.contact().is_touching_at(site.pose()) {
+            return Ok(site);
+        }
+        let file = config.robot.as_ref().map(|robot| robot.file.clone()).unwrap_or_default();
+        Err(NoRobot::StartsInContact { file, at: site.pose().translation.vector.into() })
+    }
+
     /// Returns the simulated arm, as it really is.
     pub const fn arm(&self) -> &Manipulator {
         &self.arm
@@ -116,11 +146,6 @@ impl RobotSite {
     /// Returns its control.
     pub const fn control(&self) -> &ArmControl {
         &self.control
-    }
-
-    /// Returns whether the tool touches something where it stands.
-    pub fn touches(&self) -> bool {
-        self.arm.contact().is_touching_at(self.arm.x_b_m())
     }
 
     /// Returns the pose of {MRF} in {b}, as it really is.

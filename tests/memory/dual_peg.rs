@@ -78,6 +78,7 @@ fn invalid_settings_are_refused_by_key() {
             "misalignment_deg = [2.0, 0.0]",
             "start.misalignment_deg: must rise",
         ),
+        ("height_m = 0.030", "height_m = 0.001", "start.height_m: must be above"),
         ("stall_s = 0.6", "stall = 0.6", "operator.stall: unknown key"),
         ("../robots/puma560.toml", "../robots/absent.toml", "config/robots/absent.toml"),
     ] {

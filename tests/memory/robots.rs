@@ -257,7 +257,8 @@ fn arms_of_five_or_ten_joints_are_refused() {
         let invalid = RobotArm::parse(Path::new("arm.toml"), text).unwrap_err().to_string();
         assert!(
             invalid.starts_with("arm.toml:")
-                && invalid.contains(": joint: an arm must have 6 to 9"),
+                && invalid.matches(": joint: an arm must have 6 to 9").count() == 1
+                && invalid.contains("add or remove [[joint]]"),
             "{invalid}"
         );
     };

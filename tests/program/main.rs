@@ -16,5 +16,6 @@ mod no_switch_box;
 mod plan;
 mod readme;
 mod refused;
+mod robots;
 mod stability;
 mod terminal;

@@ -115,7 +115,7 @@ impl Axis {
         let symbols = format!("2 cos({delay} π/{})", 2 * delay + 1);
         let right = Side { symbols, value: most, unit: "" };
         let verdict = if left.value < right.value { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would swing on the surface, whatever the hand does".to_owned();
+        let reason = "the object would swing on the surface, whatever the hand does: lower K_FA, or soften the surface".to_owned();
         let culprit = Culprit::Accommodation;
         (giving_way > 0.0)
             .then(|| self.finding("accommodation", left, right, verdict, reason, culprit))
@@ -131,7 +131,7 @@ impl Axis {
         let most = bounds::most_given_way(period, servo_lag);
         let right = Side { symbols: "coth(T/2τ_s)".to_owned(), value: most, unit: "" };
         let verdict = if taken < most { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would chatter on the surface, whatever the hand does".to_owned();
+        let reason = "the object would chatter on the surface, whatever the hand does: lower K_FA, or soften the surface".to_owned();
         let culprit = Culprit::Accommodation;
         (gain * damping > 0.0 && accommodation_delay == 0)
             .then(|| self.finding("accommodation, damper", left, right, verdict, reason, culprit))

@@ -113,7 +113,7 @@ impl PegBench {
             sensor: sensor(settings),
             limit: WrenchLimit { force, moment },
         };
-        let site = RobotSite::new(&config, &equipment, situation.seed)?;
+        let site = RobotSite::in_free_space(&config, &equipment, situation.seed)?;
         let scenario = scenario(settings.max_seconds)?.with_operator(operator);
         let bench = Bench::with_side(&config, site.into(), scenario, situation.seed, false, ());
         let sight = PegOperator::new(

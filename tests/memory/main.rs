@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod arm_course;
 mod arms;
 mod boot;
 mod bus_hazards;

@@ -15,6 +15,9 @@ use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
 
+/// Deadband of the accommodation, in N.
+const F_DB: f64 = 1.5;
+
 const ARMS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
 
 /// Returns the configuration kraft_like with an arm in place of the free object, and changes of its text.
@@ -114,5 +117,64 @@ fn simulated_arms_play_the_contact_scenario() {
             most = most.max(bench.side().robot().unwrap().arm().f_m_contact().force.norm());
         }
         assert!((2.0..15.0).contains(&most), "{file}: {most} N");
+    }
+}
+
+/// The hand holds the grip displaced, from 3.5 s on.
+fn displaced(x: f64) -> Scenario {
+    let entries = format!(
+        "seconds = 12.0\n[hand]\ntremor_mm = 0.0\n\
+         [[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+         [[switch]]\nat_s = 2.2\ndeadman = true\n\
+         [[switch]]\nat_s = 2.5\nreflection = true\n\
+         [[switch]]\nat_s = 2.6\nreflection = false\n\
+         [[switch]]\nat_s = 2.8\nreference = true\n\
+         [[switch]]\nat_s = 2.9\nreference = false\n\
+         [[move]]\nat_s = 3.0\nduration_s = 0.5\nto_m = [{x:?}, 0.0, 0.0]\n"
+    );
+    Scenario::parse(&entries).unwrap()
+}
+
+#[test]
+fn held_displacement_presses_with_gain_and_deadband() {
+    // A wall on the other side for the other sign.
+    let behind = [
+        ("point_m = [0.55, 0.0, 0.0]", "point_m = [0.25, 0.0, 0.0]"),
+        ("normal = [-1.0, 0.0, 0.0]", "normal = [1.0, 0.0, 0.0]"),
+    ];
+    let yielding = "accommodation_m_per_ns = 0.01 ";
+    let keys = format!(
+        "accommodation_deadband_n = {F_DB:?}\naccommodation_deadband_nm = 0.02\n{yielding}"
+    );
+    for (file, sign) in ARMS.into_iter().flat_map(|file| [(file, 1.0), (file, -1.0)]) {
+        let mut changes = vec![(yielding, keys.as_str())];
+        changes.extend(behind.iter().filter(|_| sign < 0.0));
+        let config = config(file, &changes);
+        let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let mut bench =
+            Bench::with_side(&config, site.into(), displaced(sign * 0.045), 1, false, ());
+        bench.bring_up().unwrap();
+        let mut x_0_h = None;
+        let (mut law, mut pressed, mut count) = (0.0, 0.0, 0.0);
+        let k_v = config.controller.command.rate_gain.values()[2];
+        let k_fa = config.remote.interaction.accommodation.gain()[2];
+        let deadband = config.controller.channels.deadbands()[2];
+        while bench.elapsed() < Duration::from_secs(12) {
+            let record = bench.cycle();
+            assert_eq!(record.cause, None, "{file}");
+            let x_0_g = *bench.world().plant().x_0_g();
+            if bench.elapsed() < Duration::from_millis(2_850) {
+                x_0_h = Some(x_0_g);
+            }
+            if bench.elapsed() > Duration::from_secs(11) {
+                let dx = (x_0_h.unwrap().inverse() * x_0_g).translation.z;
+                assert!(dx * sign > 1.5 * deadband, "{dx}");
+                law += k_v * (dx - deadband * sign) / k_fa + F_DB * sign;
+                pressed -= bench.side().robot().unwrap().arm().f_m_contact().force.z;
+                count += 1.0;
+            }
+        }
+        let (law, pressed) = (law / count, pressed / count);
+        assert!((pressed / law - 1.0).abs() < 0.01, "{file}: {pressed} N, law {law} N");
     }
 }

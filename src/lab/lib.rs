@@ -17,6 +17,7 @@
 pub mod bench;
 pub mod campaign;
 pub mod comparison;
+pub mod contact_bounds;
 mod delivery;
 pub mod dual_peg;
 pub mod explanation;

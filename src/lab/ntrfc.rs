@@ -1,7 +1,7 @@
 //! Rate control that becomes force control in contact (NTRFC, Williams 1997, 4.3), of a simulated arm against a wall.
 //!
 //! ```text
-//!  at rest   -f_m = K_FA⁻¹ v_m        v_m: commanded rate; f_m: wrench of the wall on the tool
+//!  at rest   -f_m = K_FA⁻¹ v_m + sign F_db     v_m: commanded rate; f_m: wrench of the wall on the tool; F_db: deadband
 //! ```
 //!
 //! The arm approaches with the commanded rate, meets the wall, and comes to rest with the force of the law. Nothing is
@@ -17,6 +17,7 @@ use config::robots::RobotArm;
 use remote::Remote;
 use remote::site::Virtual;
 use robot::accommodation::{Accommodation, InvalidAccommodation};
+use robot::object::InvalidServo;
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
@@ -36,10 +37,12 @@ const CALM: f64 = 5e-4;
 /// One press.
 #[derive(Clone, Copy, Debug)]
 pub struct Press {
-    /// Commanded rate into the wall, in m/s.
+    /// Commanded rate into the wall, in m/s; negative for a wall as far behind the tool as the configuration's is ahead.
     pub speed: f64,
     /// K_FA of translations, in m/s per N.
     pub accommodation: f64,
+    /// Deadband of the accommodation, in N.
+    pub deadband: f64,
     /// Stiffness of the wall, in N/m.
     pub stiffness: f64,
     /// Standard deviation of the sensor's noise, in N.
@@ -61,9 +64,11 @@ pub struct Row {
     pub accommodation_m_per_ns: f64,
     /// K_FA k_e τ_s.
     pub servo_share: f64,
+    /// Deadband of the accommodation, in N.
+    pub deadband_n: f64,
     /// Bias of the sensor, in N.
     pub bias_n: f64,
-    /// Force of the law, in N.
+    /// Force of the law, in N; negative into a wall behind.
     pub law_n: f64,
     /// Force on the wall at rest, in N.
     pub rest_n: f64,
@@ -81,7 +86,7 @@ impl Row {
 
     /// Returns the largest force over that at rest, less one.
     pub fn overshoot(&self) -> f64 {
-        self.peak_n / self.rest_n - 1.0
+        self.peak_n / self.rest_n.abs() - 1.0
     }
 
     /// Returns whether the tool has come to rest.
@@ -99,6 +104,9 @@ pub enum NoPress {
     /// Gain out of range.
     #[error(transparent)]
     Accommodation(#[from] InvalidAccommodation),
+    /// Servo out of range.
+    #[error(transparent)]
+    Servo(#[from] InvalidServo),
     /// An arm or scene that cannot be simulated.
     #[error(transparent)]
     Robot(#[from] NoRobot),
@@ -119,12 +127,12 @@ impl Press {
         let (mut now, mut peak) = (Instant::ZERO, 0.0_f64);
         let (mut rest, mut squares, mut count) = (0.0, 0.0, 0.0);
         let period = config.period.as_secs_f64();
-        let seconds = REACH / self.speed + PRESSED;
+        let seconds = REACH / self.speed.abs() + PRESSED;
         let mut t = 0.0;
         while t < seconds {
             site.exchange(now, &command);
             let force = -site.arm().f_m_contact().force.z;
-            peak = peak.max(force);
+            peak = peak.max(force.abs());
             if t >= seconds - REST {
                 rest += force;
                 squares += site.arm().v_m().linear.z.powi(2);
@@ -139,8 +147,9 @@ impl Press {
             speed_m_per_s: self.speed,
             accommodation_m_per_ns: self.accommodation,
             servo_share: self.accommodation * self.stiffness * lag,
+            deadband_n: self.deadband,
             bias_n: self.bias,
-            law_n: self.speed / self.accommodation,
+            law_n: self.speed / self.accommodation + self.deadband.copysign(self.speed),
             rest_n: rest / count,
             peak_n: peak,
             unrest_m_per_s: (squares / count).sqrt(),
@@ -150,11 +159,17 @@ impl Press {
     /// Returns the configuration with this wall and accommodation.
     fn configured(&self, config: &Config, arm: &RobotArm) -> Result<Config, NoPress> {
         let mut remote: Virtual = config.remote.clone();
-        let (.., contact) = remote.wall.as_mut().ok_or(NoPress::NoWall)?;
+        let (point, normal, contact) = remote.wall.as_mut().ok_or(NoPress::NoWall)?;
         contact.stiffness = self.stiffness;
+        if self.speed < 0.0 {
+            *point = arm.following().pose().translation.vector * 2.0 - *point;
+            *normal = -*normal;
+        }
         let gain = self.accommodation;
         let turn = config.remote.interaction.accommodation.gain()[3];
-        let law = Accommodation::new([gain, gain, gain, turn, turn, turn], [0.0; 6])?;
+        let force = self.deadband;
+        let deadband = [force, force, force, 0.0, 0.0, 0.0];
+        let law = Accommodation::new([gain, gain, gain, turn, turn, turn], deadband)?;
         let k_t = *config.controller.reflection.gain();
         let config = config.clone().with_remote(remote).with_switches_at(k_t, law);
         Ok(config.with_robot(arm.clone()))
@@ -170,6 +185,7 @@ mod tests {
     const PRESS: Press = Press {
         speed: 0.02,
         accommodation: 0.002,
+        deadband: 0.0,
         stiffness: 10_000.0,
         noise: 0.0,
         bias: 0.0,
@@ -195,6 +211,17 @@ mod tests {
     fn bias_shifts_the_force_by_itself() {
         for row in rows(Press { noise: 0.2, bias: 1.0, ..PRESS }) {
             assert!(row.error().abs() < 0.01, "{row:?}");
+        }
+    }
+
+    #[test]
+    fn deadband_adds_to_the_force_of_either_sign() {
+        for press in [0.02, -0.02].map(|speed| Press { speed, deadband: 2.0, ..PRESS }) {
+            for row in rows(press) {
+                assert!(row.error().abs() < 0.01 && row.is_calm(), "{row:?}");
+                assert!((row.rest_n.abs() - 12.0).abs() < 0.12, "{row:?}");
+                assert!(row.rest_n * press.speed > 0.0, "{row:?}");
+            }
         }
     }
 

@@ -8,6 +8,7 @@
 //!
 //! Both know the arm from its file, and nothing of each other. The arm moves with the rates of the exchange before.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -25,7 +26,7 @@ use sim::arm::Load;
 use sim::contact::{Block, HALF_CUBE, Scene, Shape, Sphere, Surface, Wall};
 use sim::manipulator::{InvalidManipulator, Manipulator, ManipulatorSettings, Tool};
 use sim::wrist_sensor::WristSensorSettings;
-use units::spatial::Motion;
+use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
 /// Depth from which the damping of a surface is complete, in m.
@@ -69,8 +70,24 @@ pub struct Equipment {
     pub scene: Scene,
     /// Errors of the wrist sensor.
     pub sensor: WristSensorSettings,
+    /// When the sensor reads.
+    pub reading: ReadingTime,
     /// Wrench that stops the arm.
     pub limit: WrenchLimit,
+}
+
+/// Span and delay of the readings of a wrist sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReadingTime {
+    /// Last part of each cycle that a reading is the mean of, in s; more than the cycle is the whole cycle.
+    pub span: f64,
+    /// Cycles by which the control gets it late.
+    pub late: usize,
+}
+
+impl ReadingTime {
+    /// The mean of the cycle, at its end.
+    pub const MEAN: Self = Self { span: f64::INFINITY, late: 0 };
 }
 
 impl Equipment {
@@ -80,6 +97,7 @@ impl Equipment {
             shape: Shape::Cube { half_edge: HALF_CUBE },
             scene: scene(remote),
             sensor: WristSensorSettings::default(),
+            reading: ReadingTime::MEAN,
             limit: WrenchLimit::NONE,
         }
     }
@@ -91,6 +109,9 @@ pub struct RobotSite {
     arm: Manipulator,
     control: ArmControl,
     qd: Joints,
+    reading: ReadingTime,
+    /// Readings under way to the control.
+    under_way: VecDeque<Wrench>,
     before: Option<Instant>,
     max_step: f64,
 }
@@ -118,7 +139,8 @@ impl RobotSite {
         let start = robot.start();
         let control = ArmControl::new(*robot.law(), servo, interaction, equipment.limit, &start);
         let max_step = 10.0 * config.period.as_secs_f64();
-        Ok(Self { arm, control, qd: Joints::zeros(), before: None, max_step })
+        let (reading, under_way) = (equipment.reading, VecDeque::new());
+        Ok(Self { arm, control, qd: Joints::zeros(), reading, under_way, before: None, max_step })
     }
 
     /// Returns the robot of `config` as [`new`](Self::new) does, unless it starts in contact.
@@ -155,9 +177,22 @@ impl RobotSite {
 
     /// Advances the arm by `dt` s, then takes a command.
     fn advance(&mut self, dt: f64, command: &Motion) {
-        self.arm.step(dt, &self.qd.into());
-        let (q, reading) = (Joints::from(self.arm.q()), *self.arm.f_s_sensed());
+        let unread = (dt - self.reading.span).max(0.0);
+        self.arm.step(unread, &self.qd.into());
+        self.arm.step(dt - unread, &self.qd.into());
+        let reading = self.read();
+        let q = Joints::from(self.arm.q());
         self.qd = self.control.step(dt, command, &q, &reading);
+    }
+
+    /// Returns the reading that reaches the control; the first is there from the start.
+    fn read(&mut self) -> Wrench {
+        let reading = *self.arm.f_s_sensed();
+        self.under_way.push_back(reading);
+        while self.under_way.len() <= self.reading.late {
+            self.under_way.push_back(reading);
+        }
+        self.under_way.pop_front().unwrap_or(reading)
     }
 }
 

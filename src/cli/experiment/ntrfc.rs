@@ -1,5 +1,7 @@
 //! `frhc experiment ntrfc`: rate commands that become forces in contact, and the approach before (section 4.3 of the paper).
 
+mod bounds;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -12,17 +14,22 @@ use crate::cli::experiment::runner;
 use crate::cli::experiment::table::{self, Table};
 use config::Config;
 use config::robots::RobotArm;
+use lab::contact_bounds;
 use lab::ntrfc::{Press, Row};
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
-const FILES: [&str; 4] = ["presses.csv", "figures.json", "force.svg", "report.md"];
+const FILES: [&str; 5] = ["presses.csv", "bounds.csv", "figures.json", "force.svg", "report.md"];
 
 /// The arms without `--robot`.
 const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
 
 /// Commanded rates, in m/s.
 const SPEEDS: [f64; 6] = [0.01, 0.02, 0.03, 0.04, 0.06, 0.08];
+
+/// Commanded rates with a deadband of the accommodation, in m/s, and that deadband, in N.
+const DEADBAND_SPEEDS: [f64; 4] = [-0.06, -0.02, 0.02, 0.06];
+const DEADBAND: f64 = 2.0;
 
 /// K_FA k_e τ_s, on both sides of its bound of 1/4.
 const SHARES: [f64; 6] = [0.1, 0.225, 0.275, 0.5, 1.0, 2.0];
@@ -31,6 +38,7 @@ const SHARES: [f64; 6] = [0.1, 0.225, 0.275, 0.5, 1.0, 2.0];
 const PRESS: Press = Press {
     speed: 0.02,
     accommodation: 0.002,
+    deadband: 0.0,
     stiffness: 10_000.0,
     noise: 0.0,
     bias: 0.0,
@@ -65,8 +73,17 @@ enum Part {
     Ideal,
     /// Sensor with noise and bias.
     Biased,
+    /// Ideal sensor, deadband of the accommodation.
+    Deadband,
     /// Over K_FA k_e τ_s.
     Gain,
+}
+
+/// Everything that was measured.
+#[derive(Serialize)]
+struct Measured {
+    presses: Vec<Figure>,
+    bounds: Vec<contact_bounds::Row>,
 }
 
 /// A press with its part.
@@ -94,15 +111,20 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         Ok(Figure { part: *part, row })
     });
     let figures = figures.into_iter().collect::<Result<Vec<Figure>, Failure>>()?;
-    let tables = [forces(&figures), gains(&figures)];
-    args.results.print(&figures, &tables)?;
+    let bounds = bounds::play(&config, &robots, is_quiet)?;
+    let measured = Measured { presses: figures, bounds };
+    let Measured { presses: figures, bounds } = &measured;
+    let tables = [forces(figures), gains(figures), bounds::table(bounds)];
+    args.results.print(&measured, &tables)?;
     args.results.write(|| {
-        let picture = picture::svg(&panels(&figures), 2).or_fail(Kind::Bus)?;
-        let json = serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?;
-        let contents = [csv(&figures), json, picture, table::markdown(&tables)];
+        let picture = picture::svg(&panels(figures), 2).or_fail(Kind::Bus)?;
+        let json = serde_json::to_string_pretty(&measured).or_fail(Kind::Bus)?;
+        let bounds = bounds::csv(bounds);
+        let contents = [csv(figures), bounds, json, picture, table::markdown(&tables)];
         Ok(FILES.into_iter().zip(contents).collect())
     })?;
-    judge(&figures)
+    judge(figures)?;
+    bounds::judge(bounds)
 }
 
 fn robots(args: &Arguments) -> Result<Vec<RobotArm>, Failure> {
@@ -126,16 +148,21 @@ fn presses(args: &Arguments, lag: f64) -> Vec<(Part, Press)> {
         let speed = 10.0 * accommodation;
         (Part::Gain, Press { accommodation, speed, seed, ..PRESS })
     });
-    speeds.chain(gains).collect()
+    let deadband = DEADBAND_SPEEDS
+        .into_iter()
+        .step_by(every)
+        .map(|speed| (Part::Deadband, Press { speed, deadband: DEADBAND, seed, ..PRESS }));
+    speeds.chain(deadband).chain(gains).collect()
 }
 
 fn forces(figures: &[Figure]) -> Table {
     let of = figures.iter().filter(|figure| figure.part != Part::Gain);
     let row = |figure: &Figure| {
-        let Row { arm, speed_m_per_s, bias_n, law_n, rest_n, peak_n, .. } = &figure.row;
+        let Row { arm, speed_m_per_s, deadband_n, bias_n, law_n, rest_n, peak_n, .. } = &figure.row;
         vec![
             arm.clone(),
             format!("{:.0}", 1e3 * speed_m_per_s),
+            format!("{deadband_n:.1}"),
             format!("{bias_n:.1}"),
             format!("{law_n:.2}"),
             format!("{rest_n:.2}"),
@@ -145,9 +172,18 @@ fn forces(figures: &[Figure]) -> Table {
     };
     Table {
         lead: Some("rate against contact force".to_owned()),
-        columns: vec!["arm", "rate, mm/s", "bias, N", "K_FA⁻¹ v, N", "at rest, N", "error, %", "peak, N"],
+        columns: vec![
+            "arm",
+            "rate, mm/s",
+            "deadband, N",
+            "bias, N",
+            "law, N",
+            "at rest, N",
+            "error, %",
+            "peak, N",
+        ],
         rows: of.map(row).collect(),
-        note: "at rest: force of the tool on the wall, mean of the last second; error: difference from the law and the sensor's bias; peak: at the approach"
+        note: "law: K_FA⁻¹ v + sign F_db; at rest: force of the tool on the wall, mean of the last second; error: difference from the law and the sensor's bias; peak: at the approach"
             .to_owned(),
     }
 }
@@ -218,17 +254,19 @@ fn panels(figures: &[Figure]) -> Vec<Panel> {
 }
 
 fn csv(figures: &[Figure]) -> String {
-    let mut text = "part,arm,speed_m_per_s,accommodation_m_per_ns,servo_share,bias_n,law_n,rest_n,peak_n,unrest_m_per_s\n".to_owned();
+    let mut text = "part,arm,speed_m_per_s,accommodation_m_per_ns,servo_share,deadband_n,bias_n,law_n,rest_n,peak_n,unrest_m_per_s\n".to_owned();
     for Figure { part, row } in figures {
         let part = match part {
             Part::Ideal => "ideal",
             Part::Biased => "biased",
+            Part::Deadband => "deadband",
             Part::Gain => "gain",
         };
         let numbers = [
             row.speed_m_per_s,
             row.accommodation_m_per_ns,
             row.servo_share,
+            row.deadband_n,
             row.bias_n,
             row.law_n,
             row.rest_n,
@@ -244,7 +282,7 @@ fn csv(figures: &[Figure]) -> String {
 /// Refuses forces that are not those of the law, and a gain within its bound that oscillates.
 fn judge(figures: &[Figure]) -> Result<(), Failure> {
     let wrong = figures.iter().find(|Figure { part, row }| match part {
-        Part::Ideal | Part::Biased => row.error().abs() > TOLERANCE,
+        Part::Ideal | Part::Biased | Part::Deadband => row.error().abs() > TOLERANCE,
         Part::Gain => row.servo_share < 0.25 && !row.is_calm(),
     });
     let Some(Figure { row, .. }) = wrong else { return Ok(()) };

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::bench::Bench;
 use crate::dual_peg::condition::Condition;
-use crate::robot_site::{Equipment, NoRobot, RobotSite};
+use crate::robot_site::{Equipment, NoRobot, ReadingTime, RobotSite};
 use config::Config;
 use config::dual_peg::{DualPeg, PegTask};
 use node::record::Record;
@@ -111,6 +111,7 @@ impl PegBench {
             shape: Shape::Pegs(pegs),
             scene: Scene { plate: Some(plate(settings, x_b_p)), ..Scene::default() },
             sensor: sensor(settings),
+            reading: ReadingTime::MEAN,
             limit: WrenchLimit { force, moment },
         };
         let site = RobotSite::in_free_space(&config, &equipment, situation.seed)?;

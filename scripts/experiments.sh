@@ -10,7 +10,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 folder=${1:-experiments}
 cargo build --locked --release --quiet
 failed=0
-for experiment in fidelity return-to-centre torque-curve ntrfc dual-peg; do
+for experiment in fidelity return-to-centre torque-curve ntrfc delay dual-peg; do
   echo "== $experiment"
   target/release/frhc experiment "$experiment" --out "$folder/$experiment" "${@:2}" || failed=1
 done

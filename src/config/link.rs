@@ -6,6 +6,7 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
 use remote::delayed::DelaySettings;
+use written::List;
 
 /// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).
 const MAX_AGE_MS: std::ops::RangeInclusive<f64> = 5.0..=100.0;
@@ -19,6 +20,9 @@ const MAX_DELAY_MS: f64 = 100.0;
 
 /// Range of the time after which the far side holds, in ms.
 const HOLD_AFTER_MS: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
+
+/// Latest end of an outage, in s.
+const MAX_OUTAGE_S: f64 = 86_400.0;
 
 /// Maximum share of datagrams that are lost, in percent.
 const MAX_LOSS_PERCENT: f64 = 90.0;
@@ -63,7 +67,7 @@ pub(super) fn read(
 fn is_simulated(raw: &raw::RemoteLink) -> bool {
     let times = [&raw.delay_ms, &raw.jitter_ms, &raw.loss_percent, &raw.hold_after_ms];
     let is_given = times.into_iter().any(|key| !key.is_absent());
-    is_given || !raw.reorder.is_absent() || !raw.seed.is_absent()
+    is_given || !raw.reorder.is_absent() || !raw.outage_s.is_absent() || !raw.seed.is_absent()
 }
 
 fn simulated(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<DelaySettings> {
@@ -74,15 +78,34 @@ fn simulated(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<Delay
     let loss = at_most(&raw.loss_percent, MAX_LOSS_PERCENT);
     let hold = raw.hold_after_ms.or(usual.hold_after.as_secs_f64() * 1e3);
     let hold_after = problems.within(&hold, HOLD_AFTER_MS);
+    // Outer `None`: a problem. Inner `None`: no outage.
+    let outage = match raw.outage_s.as_ref() {
+        None if raw.outage_s.is_absent() => Some(None),
+        _ => outage(raw, problems).map(Some),
+    };
     Some(DelaySettings {
         delay: millis(delay?),
         jitter: millis(jitter?),
         loss: loss? / 100.0,
         reorders: raw.reorder.or(usual.reorders).get()?,
+        outage: outage?,
         hold_after: millis(hold_after?),
         seed: raw.seed.or(usual.seed).get()?,
         ..usual
     })
+}
+
+/// Returns start and end of the outage.
+fn outage(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<[Duration; 2]> {
+    let List([start, end]) = raw.outage_s.get()?;
+    if !(0.0 <= start && start < end && end <= MAX_OUTAGE_S) {
+        let reason = format_args!(
+            "must ascend within 0..={MAX_OUTAGE_S}, got [{start}, {end}]: start and end in s"
+        );
+        problems.add(&raw.outage_s, reason);
+        return None;
+    }
+    Some([start, end].map(|seconds| millis(1e3 * seconds)))
 }
 
 /// Notes a link whose every sample would be too old: nothing would ever be reflected.

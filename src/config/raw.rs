@@ -282,6 +282,7 @@ sections! {
         jitter_ms: Optional<f64>,
         loss_percent: Optional<f64>,
         reorder: Optional<bool>,
+        outage_s: Optional<List<f64, 2>>,
         hold_after_ms: Optional<f64>,
         seed: Optional<u64>,
     }

@@ -34,8 +34,8 @@ pub struct DelaySettings {
     pub loss: f64,
     /// A datagram may overtake another by its jitter.
     pub reorders: bool,
-    /// Start and end of an outage, in which every datagram that is sent is lost.
-    pub outage: Option<[Instant; 2]>,
+    /// Start and end of an outage, since the first exchange: every datagram that is sent in it is lost.
+    pub outage: Option<[Duration; 2]>,
     /// Cycle of the far side; not zero.
     pub period: Duration,
     /// Time without a new command after which the far side holds.
@@ -65,6 +65,11 @@ impl DelaySettings {
     pub fn round_trip(&self) -> Duration {
         (self.delay + self.jitter) * 2 + self.period
     }
+
+    /// Returns whether the outage lasts at this time since the first exchange.
+    fn is_out(&self, elapsed: Duration) -> bool {
+        self.outage.is_some_and(|[start, end]| (start..end).contains(&elapsed))
+    }
 }
 
 /// Datagrams that were sent, and their fate.
@@ -93,6 +98,8 @@ struct Link {
     settings: DelaySettings,
     there: Way<(Instant, Motion)>,
     back: Way<Sensed>,
+    /// Time of the first exchange.
+    begun: Option<Instant>,
     /// Next cycle of the far side; `None` before the first exchange.
     next: Option<Instant>,
     /// Stamp and content of the newest command at the far side, and its arrival.
@@ -138,7 +145,8 @@ impl<R: Remote> Remote for Delayed<R> {
         match &mut self.link {
             None => self.far.exchange(now, command),
             Some(link) => {
-                link.there.send(now, (now, *command), &link.settings);
+                let elapsed = now.since(*link.begun.get_or_insert(now));
+                link.there.send(now, elapsed, (now, *command), &link.settings);
                 link.run_far_side(now, &mut self.far);
                 link.newest = link.back.receive(now).map(|(_, sensed)| sensed).or(link.newest);
                 link.newest
@@ -157,6 +165,7 @@ impl Link {
             settings,
             there: Way::new(length, seed),
             back: Way::new(length, !seed),
+            begun: None,
             next: None,
             command: None,
             newest: None,
@@ -166,6 +175,7 @@ impl Link {
     /// Runs the cycles of the far side that are due until `now`.
     fn run_far_side(&mut self, now: Instant, far: &mut impl Remote) {
         let DelaySettings { period, hold_after, .. } = self.settings;
+        let begun = self.begun.unwrap_or(now);
         let mut next = self.next.unwrap_or(now);
         if now.since(next) > MAX_CATCH_UP {
             next = now;
@@ -179,7 +189,8 @@ impl Link {
             let sensed = far.exchange(next, &motion).filter(|sensed| sensed.at == next);
             // What the far side repeats is not sent again: it would get a newer stamp.
             if let Some((sensed, (stamp, ..))) = sensed.zip(self.command) {
-                self.back.send(next, Sensed { at: stamp, ..sensed }, &self.settings);
+                let sensed = Sensed { at: stamp, ..sensed };
+                self.back.send(next, next.since(begun), sensed, &self.settings);
             }
             next = next + period;
         }
@@ -220,14 +231,14 @@ impl<T: Copy> Way<T> {
         }
     }
 
-    fn send(&mut self, now: Instant, content: T, settings: &DelaySettings) {
-        let DelaySettings { delay, jitter, loss, reorders, outage, .. } = *settings;
+    /// Sends `content`, `elapsed` after the first exchange.
+    fn send(&mut self, now: Instant, elapsed: Duration, content: T, settings: &DelaySettings) {
+        let DelaySettings { delay, jitter, loss, reorders, .. } = *settings;
         let number = self.counts.sent;
         self.counts.sent += 1;
         // Drawn for every datagram, so that the loss of one changes no other.
         let (is_unlucky, late) = (self.random.unit() < loss, jitter.mul_f64(self.random.unit()));
-        let is_out = outage.is_some_and(|[start, end]| (start..end).contains(&now));
-        if is_unlucky || is_out {
+        if is_unlucky || settings.is_out(elapsed) {
             self.counts.lost += 1;
             return;
         }

@@ -118,6 +118,12 @@ impl OperatorSettings {
         shake: Shake { amplitude: 0.5e-3, band: [8.0, 12.0] },
     };
 
+    /// Returns the same hand without its tremor.
+    #[must_use]
+    pub const fn without_tremor(self) -> Self {
+        Self { shake: Shake { amplitude: 0.0, ..self.shake }, ..self }
+    }
+
     /// Returns how far the script must lead the hand past its place, in m, for it to press with `force` N.
     pub fn deflection(&self, force: f64) -> f64 {
         let stiffened = 1.0 + self.stiffening * (force / self.hand.max_force).min(1.0);

@@ -5,7 +5,7 @@
 use serde::Serialize;
 
 use controller::JointVector;
-use node::record::Record;
+use node::record::{Mode, Record};
 use units::spatial::Wrench;
 
 /// Speed below which the hand is at standstill, in m/s: no reversal.
@@ -42,7 +42,8 @@ impl Contact {
         let ledger = &output.ledger;
         let let_through = ledger.rest_scale * ledger.share;
         self.held = [(ledger.task + ledger.passivity) * let_through, last];
-        if record.f_s.force.norm() < CONTACT_FORCE {
+        // Without reflection the hand feels no contact, and the last wrench may be old.
+        if record.mode != Mode::Engaged || record.f_s.force.norm() < CONTACT_FORCE {
             self.way = 0.0;
             return;
         }

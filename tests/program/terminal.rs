@@ -31,6 +31,7 @@ const PRINTING: &[&str] = &[
     "experiment fidelity --short --config config/jpl_like.toml",
     "experiment return-to-centre --short --config config/jpl_like.toml",
     "experiment torque-curve --short --config config/jpl_like.toml",
+    "experiment delay --short",
     "experiment dual-peg --short",
     "experiment ntrfc --short",
     "ctl status --socket SOCKET",

@@ -1,7 +1,7 @@
 //! Options that every experiment has, and the two ways its results leave: standard output, and a folder of files.
 
 use std::ops::Deref;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::cli::experiment::table::{self, Table};
 use crate::cli::scenario;
 use config::Config;
+use config::robots::RobotArm;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
@@ -16,6 +17,9 @@ use run::results::{self, Force};
 /// The configurations without `--config`.
 const CONFIGS: [&str; 3] =
     ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
+
+/// The arms without `--robot`.
+const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
 
 /// Options of an experiment on configurations.
 #[derive(Debug, Args)]
@@ -54,6 +58,27 @@ impl Deref for Common {
 
     fn deref(&self) -> &Results {
         &self.results
+    }
+}
+
+/// The arms of an experiment.
+#[derive(Debug, Args)]
+pub(super) struct Robots {
+    /// A robot; repeatable. Default: both of config/robots/.
+    #[arg(long, value_name = "FILE")]
+    robot: Vec<PathBuf>,
+}
+
+impl Robots {
+    /// Loads the arms; the shipped ones without `--robot`.
+    ///
+    /// # Errors
+    /// A file that is invalid (exit 3).
+    pub(super) fn load(&self) -> Result<Vec<RobotArm>, Failure> {
+        let shipped = ROBOTS.map(Path::new);
+        let named: Vec<&Path> = self.robot.iter().map(PathBuf::as_path).collect();
+        let files = if named.is_empty() { shipped.as_slice() } else { &named };
+        files.iter().map(|file| RobotArm::load(file).or_fail(Kind::Configuration)).collect()
     }
 }
 

@@ -9,6 +9,7 @@
 //! | the others  | one experiment each: its runs, and a `report` of its figures |
 
 mod common;
+mod delay;
 mod dual_peg;
 mod fidelity;
 mod ntrfc;
@@ -62,6 +63,16 @@ pub(crate) enum Experiment {
             frhc experiment ntrfc --short --robot config/robots/puma560.toml --markdown"
     )]
     Ntrfc(ntrfc::Arguments),
+    /// Rests a hand at a wall over a link with delay, with and without the passivity layer, and says what is given up.
+    #[command(
+        after_help = "For each delay: the largest K_T that frhc check accepts, and contact with it in pose and rate mode, of the free object \
+            and two arms; then a map over K_T and delay; then links that jitter, are too slow, or fail. --out writes runs.csv, \
+            figures.json, map.svg and report.md. The exit code is 1 when a hand with accepted gains does not rest, or a lost link \
+            still reflects.\n\nExamples:\n  \
+            frhc experiment delay --out delay\n  \
+            frhc experiment delay --short --robot config/robots/puma560.toml --markdown"
+    )]
+    Delay(delay::Arguments),
     /// Puts two pegs into two holes with a teleoperated arm, with and without reflection and accommodation (Table I).
     #[command(
         after_help = "Three operators, twenty trials each, in four conditions that differ in nothing but two switches; then without \
@@ -81,6 +92,7 @@ pub(super) fn run(experiment: &Experiment, quiet: bool) -> Result<(), Failure> {
         Experiment::ReturnToCentre(args) => return_to_centre::run(args, quiet),
         Experiment::TorqueCurve(args) => torque_curve::run(args, quiet),
         Experiment::Ntrfc(args) => ntrfc::run(args, quiet),
+        Experiment::Delay(args) => delay::run(args, quiet),
         Experiment::DualPeg(args) => dual_peg::run(args, quiet),
     }
 }

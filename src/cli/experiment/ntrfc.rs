@@ -3,26 +3,22 @@
 mod bounds;
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 
-use crate::cli::experiment::common::Results;
+use crate::cli::experiment::common::{Results, Robots};
 use crate::cli::experiment::picture::{self, Ink, Panel, Series};
 use crate::cli::experiment::runner;
 use crate::cli::experiment::table::{self, Table};
 use config::Config;
-use config::robots::RobotArm;
 use lab::contact_bounds;
 use lab::ntrfc::{Press, Row};
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
 const FILES: [&str; 5] = ["presses.csv", "bounds.csv", "figures.json", "force.svg", "report.md"];
-
-/// The arms without `--robot`.
-const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
 
 /// Commanded rates, in m/s.
 const SPEEDS: [f64; 6] = [0.01, 0.02, 0.03, 0.04, 0.06, 0.08];
@@ -58,9 +54,8 @@ pub(crate) struct Arguments {
     /// Configuration with the wall and the servo's lag.
     #[arg(short, long, value_name = "FILE", default_value = "config/kraft_like.toml")]
     config: PathBuf,
-    /// A robot; repeatable. Default: both of config/robots/.
-    #[arg(long, value_name = "FILE")]
-    robot: Vec<PathBuf>,
+    #[command(flatten)]
+    robots: Robots,
     #[command(flatten)]
     results: Results,
 }
@@ -101,7 +96,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         let reason = format!("{}: {}", args.config.display(), lab::ntrfc::NoPress::NoWall);
         return Err(Failure::new(Kind::Configuration, reason));
     }
-    let robots = robots(args)?;
+    let robots = args.robots.load()?;
     args.results.ensure_free(&FILES)?;
     let presses = presses(args, config.remote.servo.time_constant());
     let jobs: Vec<_> =
@@ -125,13 +120,6 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     })?;
     judge(figures)?;
     bounds::judge(bounds)
-}
-
-fn robots(args: &Arguments) -> Result<Vec<RobotArm>, Failure> {
-    let shipped = ROBOTS.map(Path::new);
-    let named: Vec<&Path> = args.robot.iter().map(PathBuf::as_path).collect();
-    let files = if named.is_empty() { shipped.as_slice() } else { &named };
-    files.iter().map(|file| RobotArm::load(file).or_fail(Kind::Configuration)).collect()
 }
 
 /// Returns the presses of each arm.

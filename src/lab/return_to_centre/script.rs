@@ -9,9 +9,8 @@
 
 use nalgebra::Vector3;
 
-use crate::world;
+use crate::displacement;
 use config::Config;
-use controller::interpretation::Displaced;
 use sim::operator_settings::OperatorSettings;
 use sim::scenario::operator::{Console, Hold, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
@@ -98,13 +97,7 @@ impl Sweep {
         if self.axis >= 3 {
             return Entry::Move(Move::turn(at_s, seconds, along.into()));
         }
-        let plant = config.plant();
-        let arm = world::arm(&plant);
-        let r_0_g = arm.pose(&arm.posture(&world::start(&plant))).rotation;
-        let along = match config.controller.interpretation.displacement {
-            Displaced::InBase => along,
-            Displaced::InReference => r_0_g * along,
-        };
+        let along = displacement::in_base(config, &along);
         Entry::Move(Move::new(at_s, seconds, along.into()))
     }
 }

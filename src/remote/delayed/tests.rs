@@ -142,7 +142,7 @@ fn lost_share_is_that_of_the_settings() {
 fn far_side_holds_in_an_outage_and_goes_on_after_it() {
     let settings = DelaySettings {
         delay: MS * 5,
-        outage: Some([at(100), at(300)]),
+        outage: Some([MS * 100, MS * 300]),
         hold_after: MS * 50,
         ..DelaySettings::default()
     };

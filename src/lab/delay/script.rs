@@ -1,0 +1,145 @@
+//! The hand leads the object to the wall, rests against it, and withdraws.
+//!
+//! ```text
+//!  3 … 5 s     pose mode: approach; rate mode: deflection within 0.5 s, and the object follows
+//!  … 11 s      the hand rests; the last second of it is judged
+//!  11 … 12 s   withdraws to its start
+//! ```
+//!
+//! The hand is that of the gain check: no reaction, no tremor. A tremor would excite what is looked for.
+
+use std::fmt;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::displacement;
+use config::Config;
+use controller::switches::Mode;
+use remote::scene::HALF_CUBE;
+use sim::operator_settings::OperatorSettings;
+use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry, Scenario};
+
+/// Part of the script in which the hand is judged, in s.
+pub const JUDGED_S: [f64; 2] = [10.0, 11.0];
+
+/// Length of the script, in s.
+pub const SECONDS: f64 = 12.5;
+
+/// Force on the hand at rest, in N, where the depth or the wall's force allows for it.
+const FELT: f64 = 9.0;
+
+/// Maximum depth in the wall in pose mode, in m.
+const MAX_DEPTH: f64 = 0.02;
+
+/// Maximum force on the wall in rate mode, in N.
+const MAX_FORCE: f64 = 7.0;
+
+/// Smallest component of a direction that is commanded.
+const MIN_COMPONENT: f64 = 1e-6;
+
+/// Command of the hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Commanded {
+    /// Poses.
+    Pose,
+    /// Rates.
+    Rate,
+}
+
+impl From<Commanded> for Mode {
+    fn from(commanded: Commanded) -> Self {
+        match commanded {
+            Commanded::Pose => Self::Pose,
+            Commanded::Rate => Self::Rate,
+        }
+    }
+}
+
+impl fmt::Display for Commanded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pose => "pose",
+            Self::Rate => "rate",
+        })
+    }
+}
+
+/// Returns the script for the wall and gains of `config`; `None` without a wall, or where a rate would rest at no force.
+pub fn script(config: &Config, commanded: Commanded) -> Option<Scenario> {
+    let operator = OperatorSettings::STEADY.without_tremor();
+    let (dx, seconds) = match commanded {
+        Commanded::Pose => (into_the_wall(config, &operator)?, 2.0),
+        Commanded::Rate => (beyond_the_deadband(config, &operator)?, 0.5),
+    };
+    let to = displacement::in_base(config, &dx);
+    let moves = [
+        Entry::Move(Move::new(3.0, seconds, to.into())),
+        Entry::Move(Move::new(JUDGED_S[1], 1.0, [0.0; 3])),
+    ];
+    let entries = switches(commanded).into_iter().chain(moves);
+    let scenario = Scenario::new(SECONDS, entries).ok()?;
+    Some(scenario.with_operator(operator))
+}
+
+/// Returns the direction of ΔX in which the object meets the wall.
+fn towards_the_wall(config: &Config) -> Option<Vector3<f64>> {
+    let (_, normal, _) = config.remote.wall?;
+    Some(config.remote.x_b_m.rotation.inverse() * -normal.into_inner())
+}
+
+/// Returns ΔX of the hand in pose mode, in m.
+fn into_the_wall(config: &Config, operator: &OperatorSettings) -> Option<Vector3<f64>> {
+    let (point, normal, wall) = config.remote.wall?;
+    let along = towards_the_wall(config)?;
+    let [k_t, ..] = *config.controller.reflection.gain().values();
+    let k_p = translations(config.controller.command.pose_gain.values());
+    let away = (point - config.remote.x_b_m.translation.vector).dot(&-normal.into_inner());
+    let depth = (FELT / (k_t * wall.stiffness)).min(MAX_DEPTH);
+    let felt = k_t * wall.stiffness * depth;
+    let way = along.component_div(&k_p) * (away - HALF_CUBE + depth);
+    (k_p.min() > 0.0).then_some(way + along * operator.deflection(felt))
+}
+
+/// Returns ΔX of the hand in rate mode, in m: the wall's force at rest is K_FA⁻¹ K_V ΔX_db.
+fn beyond_the_deadband(config: &Config, operator: &OperatorSettings) -> Option<Vector3<f64>> {
+    let along = towards_the_wall(config)?;
+    let [k_t, ..] = *config.controller.reflection.gain().values();
+    let k_v = translations(config.controller.command.rate_gain.values());
+    let k_fa = translations(config.remote.interaction.accommodation.gain());
+    let deadband = translations(&config.controller.channels.deadbands());
+    let [plateau, ..] = config.controller.channels.plateaus();
+    let force = (FELT / k_t).min(MAX_FORCE);
+    let commanded = along.component_mul(&k_fa).component_div(&k_v) * force;
+    let edge = along.zip_map(&deadband, |along, edge| {
+        if along.abs() > MIN_COMPONENT { edge.copysign(along) } else { 0.0 }
+    });
+    let held = along * operator.deflection(k_t * force + plateau);
+    (k_fa.min() > 0.0 && k_v.min() > 0.0).then_some(edge + commanded + held)
+}
+
+/// Returns the first three of six numbers.
+const fn translations([x, y, z, ..]: &[f64; 6]) -> Vector3<f64> {
+    Vector3::new(*x, *y, *z)
+}
+
+/// The mode, armed; deadman, reflection and reference in turn.
+fn switches(commanded: Commanded) -> [Entry; 8] {
+    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
+    let mode = match commanded {
+        Commanded::Pose => ConsoleRequest::Pose,
+        Commanded::Rate => ConsoleRequest::Rate,
+    };
+    [
+        request(0.1, mode),
+        request(0.2, ConsoleRequest::Arm),
+        Entry::Switch(Switch::deadman(1.5, true)),
+        Entry::Switch(Switch::reflection(1.6, true)),
+        Entry::Switch(Switch::reflection(1.7, false)),
+        Entry::Switch(Switch::reference(2.0, true)),
+        Entry::Switch(Switch::reference(2.1, false)),
+        Entry::Switch(Switch::deadman(12.2, false)),
+    ]
+}

@@ -27,7 +27,10 @@ const SPEEDS: [f64; 6] = [0.01, 0.02, 0.03, 0.04, 0.06, 0.08];
 const DEADBAND_SPEEDS: [f64; 4] = [-0.06, -0.02, 0.02, 0.06];
 const DEADBAND: f64 = 2.0;
 
-/// K_FA k_e τ_s, on both sides of its bound of 1/4.
+/// K_FA k_e τ_s above which the arm turns back at the wall.
+const MAX_SHARE: f64 = 0.25;
+
+/// K_FA k_e τ_s, on both sides of that bound.
 const SHARES: [f64; 6] = [0.1, 0.225, 0.275, 0.5, 1.0, 2.0];
 
 /// K_FA in m/s per N, stiffness in N/m.
@@ -201,7 +204,7 @@ fn gains(figures: &[Figure]) -> Table {
             "end",
         ],
         rows: of.map(row).collect(),
-        note: "frhc check accepts up to 0.25; unrest: RMS speed of the tool in the last second"
+        note: "frhc check warns above 0.25; unrest: RMS speed of the tool in the last second"
             .to_owned(),
     }
 }
@@ -226,17 +229,25 @@ fn panels(figures: &[Figure]) -> Vec<Panel> {
     });
     let peak = arms
         .iter()
-        .map(|arm| Series::new(*arm, Ink::Line, curve(arm, Part::Ideal, |row| row.peak_n)));
+        .map(|arm| Series::new(*arm, Ink::Line, curve(arm, Part::Gain, |row| row.peak_n)));
+    let gains = figures.iter().filter(|figure| figure.part == Part::Gain);
+    let most = gains.clone().map(|figure| figure.row.peak_n).fold(0.0, f64::max);
+    let bound = gains.last().map(|Figure { row, .. }| {
+        let speed = 1e3 * row.speed_m_per_s * MAX_SHARE / row.servo_share;
+        Series::new("K_FA k_e τ_s = 1/4", Ink::Dashed, vec![[speed, 0.0], [speed, most]])
+    });
     vec![
         Panel {
             title: "force at rest over the commanded rate".to_owned(),
             axes: ["mm/s", "N"],
+            places: Vec::new(),
             series: law.into_iter().chain(rest).collect(),
         },
         Panel {
-            title: "largest force over the approach speed".to_owned(),
+            title: "largest force over the approach speed, the same force at rest".to_owned(),
             axes: ["mm/s", "N"],
-            series: peak.collect(),
+            places: Vec::new(),
+            series: peak.chain(bound).collect(),
         },
     ]
 }
@@ -271,7 +282,7 @@ fn csv(figures: &[Figure]) -> String {
 fn judge(figures: &[Figure]) -> Result<(), Failure> {
     let wrong = figures.iter().find(|Figure { part, row }| match part {
         Part::Ideal | Part::Biased | Part::Deadband => row.error().abs() > TOLERANCE,
-        Part::Gain => row.servo_share < 0.25 && !row.is_calm(),
+        Part::Gain => row.servo_share < MAX_SHARE && !row.is_calm(),
     });
     let Some(Figure { row, .. }) = wrong else { return Ok(()) };
     let Row { arm, speed_m_per_s, law_n, rest_n, servo_share, .. } = row;

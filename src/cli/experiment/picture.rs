@@ -5,7 +5,7 @@ use std::ops::Range;
 use anyhow::anyhow;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
-use plotters::element::{Circle, PathElement};
+use plotters::element::{Circle, IntoDynElement, PathElement};
 use plotters::prelude::{
     BLACK, Cartesian2d, ChartBuilder, ChartContext, Color, DashedLineSeries, DrawingArea,
     IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
@@ -63,6 +63,8 @@ pub(super) struct Panel {
     pub(super) title: String,
     /// Names of the axes, with units.
     pub(super) axes: [&'static str; 2],
+    /// Names of the places 1, 2, … on the axis across, instead of numbers; none for numbers.
+    pub(super) places: Vec<String>,
     /// Its curves; the colours are those of their places.
     pub(super) series: Vec<Series>,
 }
@@ -93,7 +95,11 @@ pub(super) fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
 
 fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Result<()> {
     let points = || panel.series.iter().flat_map(|series| &series.points);
-    let ranges = [range(points().map(|[x, _]| *x)), range(points().map(|[_, y]| *y))];
+    let across = match panel.places.len() {
+        0 => range(points().map(|[x, _]| *x)),
+        places => 0.5..f64::from(u32::try_from(places)?) + 0.5,
+    };
+    let ranges = [across, range(points().map(|[_, y]| *y))];
     let corner = emptiest(&points(), &ranges);
     let [x, y] = panel.axes;
     let [across, up] = ranges;
@@ -106,7 +112,12 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Res
         .map_err(drawn)?;
     let mut mesh = chart.configure_mesh();
     mesh.light_line_style(WHITE).x_desc(x).y_desc(y).axis_desc_style(("sans-serif", 13));
-    mesh.x_labels(8).y_labels(7).draw().map_err(drawn)?;
+    mesh.x_labels(8).y_labels(7);
+    let named = |x: &f64| name(&panel.places, *x);
+    if !panel.places.is_empty() {
+        mesh.x_label_formatter(&named);
+    }
+    mesh.draw().map_err(drawn)?;
     for (series, colour) in panel.series.iter().zip(COLOURS.iter().cycle()) {
         add(&mut chart, series, *colour)?;
     }
@@ -115,7 +126,11 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Res
     labels.border_style(BLACK.mix(0.3)).background_style(WHITE.mix(0.85)).draw().map_err(drawn)
 }
 
-fn add(chart: &mut Chart<'_, '_>, series: &Series, colour: RGBColor) -> anyhow::Result<()> {
+fn add<'b: 'a, 'a>(
+    chart: &mut Chart<'a, 'b>,
+    series: &Series,
+    colour: RGBColor,
+) -> anyhow::Result<()> {
     let points = series.points.iter().map(|[x, y]| (*x, *y));
     let line = colour.stroke_width(2);
     let drawing = match series.ink {
@@ -124,16 +139,23 @@ fn add(chart: &mut Chart<'_, '_>, series: &Series, colour: RGBColor) -> anyhow::
             chart.draw_series(DashedLineSeries::new(points, 6, 4, line)).map_err(drawn)?
         }
         Ink::Marks => {
-            let marks = points.map(|point| Circle::new(point, 2, colour.filled()));
+            let marks = points.map(|point| Circle::new(point, 3, colour.filled()));
             chart.draw_series(marks).map_err(drawn)?
         }
     };
-    let is_dashed = series.ink == Ink::Dashed;
-    drawing.label(&series.name).legend(move |(x, y)| {
-        let end = if is_dashed { x + 8 } else { x + 18 };
-        PathElement::new([(x, y), (end, y)], line)
+    let ink = series.ink;
+    drawing.label(&series.name).legend(move |(x, y)| match ink {
+        Ink::Line => PathElement::new([(x, y), (x + 18, y)], line).into_dyn(),
+        Ink::Dashed => PathElement::new([(x, y), (x + 8, y)], line).into_dyn(),
+        Ink::Marks => Circle::new((x + 9, y), 3, colour.filled()).into_dyn(),
     });
     Ok(())
+}
+
+/// Returns the name of the place at `x`; none between two places.
+fn name(places: &[String], x: f64) -> String {
+    let named = (1_u32..).zip(places).find(|(place, _)| (x - f64::from(*place)).abs() < 1e-6);
+    named.map(|(_, name)| name.clone()).unwrap_or_default()
 }
 
 /// Returns the corner for the legend: the one with the fewest points.
@@ -187,6 +209,18 @@ mod tests {
     }
 
     #[test]
+    fn places_are_named_instead_of_numbered() {
+        let panel = Panel {
+            title: "work".to_owned(),
+            axes: ["operator", "J"],
+            places: vec!["steady".to_owned(), "firm".to_owned()],
+            series: vec![Series::new("both", Ink::Marks, vec![[1.0, 1.0], [2.0, 2.0]])],
+        };
+        let text = svg(&[panel], 1).unwrap();
+        assert!(text.contains("steady") && text.contains("firm"), "{text}");
+    }
+
+    #[test]
     fn legend_is_where_the_curve_is_not() {
         let rising: Vec<[f64; 2]> = [0.0, 1.0, 2.0, 3.0].map(|x| [x, x]).to_vec();
         let falling: Vec<[f64; 2]> = rising.iter().map(|[x, y]| [*x, 3.0 - y]).collect();
@@ -200,6 +234,7 @@ mod tests {
         let panel = |title: &str| Panel {
             title: title.to_owned(),
             axes: ["mm", "N"],
+            places: Vec::new(),
             series: vec![
                 Series::new("felt", Ink::Line, vec![[0.0, 1.0], [1.0, 2.0]]),
                 Series::new("law", Ink::Dashed, vec![[0.0, 1.0], [1.0, 1.0]]),

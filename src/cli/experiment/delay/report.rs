@@ -189,6 +189,7 @@ pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
         Panel {
             title: format!("{commanded} mode: largest K_T at which the hand rests"),
             axes: ["delay of one way, ms", "K_T"],
+            places: Vec::new(),
             series: vec![
                 curve("with the layer", Ink::Line, |pair| pair.with.outcome == Outcome::Calm),
                 curve("without it", Ink::Line, |pair| pair.without.outcome == Outcome::Calm),

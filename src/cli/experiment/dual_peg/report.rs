@@ -163,7 +163,12 @@ pub(super) fn panels(figures: &Figures) -> Vec<Panel> {
             }
         }
         if !series.is_empty() {
-            panels.push(Panel { title: title.to_owned(), axes: ["mm", "ratio"], series });
+            panels.push(Panel {
+                title: title.to_owned(),
+                axes: ["mm", "ratio"],
+                places: Vec::new(),
+                series,
+            });
         }
     }
     panels
@@ -178,6 +183,7 @@ fn work(figures: &Figures) -> Panel {
     Panel {
         title: "work (Eq. 11) of each operator".to_owned(),
         axes: ["operator", "J"],
+        places: figures.ratios.iter().map(|ratio| ratio.operator.clone()).collect(),
         series: series.into(),
     }
 }

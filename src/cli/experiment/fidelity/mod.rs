@@ -107,6 +107,7 @@ fn picture(configs: &[Named], args: &Arguments) -> Result<String, Failure> {
         panels.push(Panel {
             title: format!("{name}, {} hand", participant.0),
             axes: ["s", "N"],
+            places: Vec::new(),
             series: vec![
                 Series::new("force at the hand", Ink::Line, felt),
                 Series::new("K_T times the sensed force", Ink::Line, wanted),

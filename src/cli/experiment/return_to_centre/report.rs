@@ -162,6 +162,7 @@ fn panel(row: &Row) -> Panel {
     Panel {
         title: format!("{}, {}", row.config, row.axis),
         axes,
+        places: Vec::new(),
         series: vec![
             line("at the hand, way out", Ink::Line, |point| point.felt_out),
             line("at the hand, way back", Ink::Line, |point| point.felt_back),

@@ -203,6 +203,7 @@ pub(super) fn panel(config: &str, joint: &JointParameters, bench: &Bench) -> Pan
     Panel {
         title: format!("{config}, {}", joint.name),
         axes: ["joint torque, N·m or N", "target torque, ‰ of rated"],
+        places: Vec::new(),
         series: vec![
             Series::new("polynomial", Ink::Line, curve(&bench.fitted)),
             Series::new("maker's line", Ink::Dashed, curve(&bench.line)),

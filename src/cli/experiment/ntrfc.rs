@@ -230,9 +230,9 @@ fn panels(figures: &[Figure]) -> Vec<Panel> {
     let peak = arms
         .iter()
         .map(|arm| Series::new(*arm, Ink::Line, curve(arm, Part::Gain, |row| row.peak_n)));
-    let gains = figures.iter().filter(|figure| figure.part == Part::Gain);
+    let mut gains = figures.iter().filter(|figure| figure.part == Part::Gain);
     let most = gains.clone().map(|figure| figure.row.peak_n).fold(0.0, f64::max);
-    let bound = gains.last().map(|Figure { row, .. }| {
+    let bound = gains.next_back().map(|Figure { row, .. }| {
         let speed = 1e3 * row.speed_m_per_s * MAX_SHARE / row.servo_share;
         Series::new("K_FA k_e τ_s = 1/4", Ink::Dashed, vec![[speed, 0.0], [speed, most]])
     });

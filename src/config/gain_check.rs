@@ -10,6 +10,8 @@
 //!  SYNC k + 3  it acts
 //! ```
 
+use nalgebra::{Matrix3, Point3};
+
 use crate::operator::Operator;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
@@ -22,6 +24,7 @@ use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
 use controller::stability::device::{Device, JointResistance, Massless};
 use controller::stability::finding::{Culprit, Finding, Verdict};
 use remote::site::Contact;
+use robot::interaction::Interaction;
 use units::numbering::Joint;
 
 /// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.
@@ -154,6 +157,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
                 stiffness: coupling.stiffness().values()[axis],
                 damping: coupling.damping().values()[axis],
             }),
+            yielded_inertia: yielded_inertia(config, axis),
             tank_damping: tank_damping(config, is_rotation),
             gains: AxisGains {
                 rate: controller.command.rate_gain.values()[axis],
@@ -176,6 +180,21 @@ fn link_cycles(config: &Parameters) -> u32 {
     let Some(link) = config.link.simulated else { return 0 };
     let cycles = link.round_trip().as_micros().div_ceil(config.period.as_micros().max(1));
     u32::try_from(cycles).unwrap_or(u32::MAX)
+}
+
+/// Returns the mass of the payload, or its inertia about an axis of {MRF}, that an arm yields to. The free object has an
+/// ideal sensor; so has the kinematic model, but an arm with this file has not.
+fn yielded_inertia(config: &Parameters, axis: usize) -> f64 {
+    let Interaction { sensor, payload, removes_inertia, .. } = &config.remote.interaction;
+    if config.robot.is_none() || *removes_inertia {
+        return 0.0;
+    }
+    let Some(about) = axis.checked_sub(3) else { return payload.mass() };
+    let r = (sensor.x_m_s * Point3::from(*payload.centre_of_mass())).coords;
+    let turned = sensor.x_m_s.rotation.to_rotation_matrix();
+    let inertia = turned.matrix() * payload.inertia() * turned.matrix().transpose();
+    let of_point = (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * payload.mass();
+    (inertia + of_point).diagonal().get(about).copied().unwrap_or_default()
 }
 
 /// Returns the maximum damping of the tank, in N·s/m; it damps translations only.

@@ -1,13 +1,14 @@
-//! Bounds of force accommodation in contact, measured: an arm presses against a wall without damping, with a gain that is
-//! a share of a bound of `controller::stability::bounds`.
+//! Bounds of force accommodation, measured: an arm presses against a wall without damping, or is free with a payload, with a
+//! gain that is a share of a bound of `controller::stability::bounds`.
 //!
 //! ```text
 //!  servo      K_FA k_e τ_s <= 1/4                    from rest at the wall, the tool never turns back
 //!  sampled    K_FA k_e T < 2 cos(n π/(2n + 1))       a disturbance of the force at rest dies out; no lag, force n cycles late
+//!  payload    K_FA m < T/2 coth(T/2τ_s)              a motion in free space dies out; the inertia of m is not removed
 //! ```
 //!
-//! The arm has no payload, which accommodation would yield to, and no dry friction, which would hide small motions. It
-//! starts in contact and stays there, so that the loop is linear.
+//! The arm has no dry friction, which would hide small motions, and no other payload. It starts in contact and stays
+//! there, so that the loop is linear.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -52,6 +53,11 @@ const NO_LAG: f64 = 1e-4;
 const DEPTH: f64 = 5e-3;
 const DISTURBANCE: f64 = 1e-8;
 
+/// Payload, in kg, its distance from the wall in m, and the rate of the first cycle in m/s.
+const MASS: f64 = 1.5;
+const CLEARANCE: f64 = 0.01;
+const KICK: f64 = 1e-6;
+
 /// First and last cycles in which the disturbance is measured, and how many each has.
 const EARLY: usize = 5;
 const LATE: usize = 45;
@@ -68,6 +74,8 @@ pub enum Bound {
     Servo,
     /// K_FA k_e T, with the force this many cycles late.
     Sampled(u32),
+    /// K_FA m.
+    Payload,
 }
 
 /// Model of the arm.
@@ -104,7 +112,7 @@ pub struct Row {
     pub model: Model,
     /// Gain as a share of that at the bound.
     pub share: f64,
-    /// Servo: largest speed backwards over the largest speed. Sampled: growth of the disturbance per cycle.
+    /// Servo: largest speed backwards over the largest speed. Others: growth of the disturbance per cycle.
     pub figure: f64,
     /// The tool never turns back, or the disturbance dies out.
     pub is_calm: bool,
@@ -129,7 +137,11 @@ impl Course {
                 (figure, figure < TURNS_BACK)
             }
             Bound::Sampled(delay) => {
-                let figure = self.growth(config, arm, delay)?;
+                let figure = self.growth_in_contact(config, arm, delay)?;
+                (figure, figure < 1.0)
+            }
+            Bound::Payload => {
+                let figure = self.growth_in_free_space(config, arm)?;
                 (figure, figure < 1.0)
             }
         };
@@ -152,18 +164,27 @@ impl Course {
     }
 
     /// Returns the growth per cycle of a disturbance of the rest.
-    fn growth(&self, config: &Config, arm: &RobotArm, delay: u32) -> Result<f64, NoPress> {
+    fn growth_in_contact(
+        &self,
+        config: &Config,
+        arm: &RobotArm,
+        delay: u32,
+    ) -> Result<f64, NoPress> {
         let lag = if self.model == Model::Kinematic { 0.0 } else { NO_LAG };
         let giving_way = self.share * bounds::fastest_giving_way(CYCLE, delay);
         let servo = Servo::new(lag, 1.0, 1.0)?;
         let mut held = self.held(config, arm, servo, giving_way, DEPTH + DISTURBANCE)?;
-        let speeds: Vec<f64> =
-            (0..LATE + WINDOW).map(|_| held.step(CYCLE, giving_way * DEPTH)).collect();
-        let size = |from: usize| {
-            speeds.iter().skip(from).take(WINDOW).fold(0.0, |most: f64, v| most.max(v.abs()))
-        };
-        let cycles = f64::from(u32::try_from(LATE - EARLY).unwrap_or(u32::MAX));
-        Ok((size(LATE) / size(EARLY)).powf(cycles.recip()))
+        Ok(growth((0..LATE + WINDOW).map(|_| held.step(CYCLE, giving_way * DEPTH))))
+    }
+
+    /// Returns the growth per cycle of a motion in free space.
+    fn growth_in_free_space(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoPress> {
+        let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
+        let most = bounds::most_yielded_inertia(cycle, servo.time_constant());
+        let giving_way = self.share * most / MASS * STIFFNESS;
+        let mut held = self.held(config, arm, servo, giving_way, -CLEARANCE)?;
+        let command = |number| if number == 0 { KICK } else { 0.0 };
+        Ok(growth((0..LATE + WINDOW).map(|number| held.step(cycle, command(number)))))
     }
 
     /// Returns the arm at the wall, at a depth in m.
@@ -180,9 +201,14 @@ impl Course {
         let mut interaction = config.remote.interaction;
         interaction.accommodation =
             Accommodation::new([gain, gain, gain, 0.0, 0.0, 0.0], [0.0; 6])?;
-        interaction.payload = Payload::default();
+        let at_origin = interaction.sensor.x_m_s.inverse().translation.vector.into();
+        interaction.payload = match self.bound {
+            Bound::Payload => Payload::new(MASS, at_origin)?,
+            Bound::Servo | Bound::Sampled(_) => Payload::default(),
+        };
+        interaction.removes_inertia = false;
         let delay = match self.bound {
-            Bound::Servo => 0,
+            Bound::Servo | Bound::Payload => 0,
             Bound::Sampled(delay) => usize::try_from(delay).unwrap_or(usize::MAX),
         };
         if self.model == Model::Kinematic {
@@ -209,6 +235,16 @@ impl Course {
         site.exchange(Instant::ZERO, &Motion::Hold);
         Ok(Held::Simulated { site: Box::new(site), now: Instant::ZERO })
     }
+}
+
+/// Returns the growth per cycle of the speeds of all cycles.
+fn growth(speeds: impl Iterator<Item = f64>) -> f64 {
+    let speeds: Vec<f64> = speeds.collect();
+    let size = |from: usize| {
+        speeds.iter().skip(from).take(WINDOW).fold(0.0, |most: f64, v| most.max(v.abs()))
+    };
+    let cycles = f64::from(u32::try_from(LATE - EARLY).unwrap_or(u32::MAX));
+    (size(LATE) / size(EARLY)).powf(cycles.recip())
 }
 
 /// Returns the arm without dry friction, with joints that centring no longer moves.
@@ -285,6 +321,12 @@ mod tests {
             assert_calm(Bound::Sampled(delay), model, 0.9, true);
             assert_calm(Bound::Sampled(delay), model, 1.1, false);
         }
+    }
+
+    #[test]
+    fn free_arm_shakes_beyond_the_payload_bound_only() {
+        assert_calm(Bound::Payload, Model::SimulatedMean, 0.9, true);
+        assert_calm(Bound::Payload, Model::SimulatedMean, 1.1, false);
     }
 
     #[test]

@@ -18,6 +18,7 @@ use remote::Remote;
 use remote::site::Virtual;
 use robot::accommodation::{Accommodation, InvalidAccommodation};
 use robot::object::InvalidServo;
+use robot::payload::InvalidPayload;
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
@@ -107,6 +108,9 @@ pub enum NoPress {
     /// Servo out of range.
     #[error(transparent)]
     Servo(#[from] InvalidServo),
+    /// Payload out of range.
+    #[error(transparent)]
+    Payload(#[from] InvalidPayload),
     /// An arm or scene that cannot be simulated.
     #[error(transparent)]
     Robot(#[from] NoRobot),

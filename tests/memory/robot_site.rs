@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use config::Config;
 use config::robots::RobotArm;
+use controller::stability::finding::Verdict;
 use lab::bench::Bench;
 use lab::robot_site::{Equipment, RobotSite};
 use remote::Remote;
@@ -85,8 +86,26 @@ fn known_bias_and_sign_of_the_sensor_are_removed() {
         *site.control().contact()
     };
     let difference = felt(&changed) - felt(&plain);
-    // The joints' dry friction holds the arm where rounding of the readings has left it.
-    assert!(difference.components().iter().all(|part| part.abs() < 2e-3), "{difference:?}");
+    assert!(difference.components().iter().all(|part| part.abs() < 1e-6), "{difference:?}");
+}
+
+#[test]
+fn payload_that_would_shake_an_arm_is_warned_of() {
+    let verdicts = |config: &Config| {
+        let of = config.findings();
+        let of = of.into_iter().filter(|finding| finding.name == "accommodation, payload");
+        of.map(|finding| (finding.axis, finding.verdict)).collect::<Vec<_>>()
+    };
+    assert!(verdicts(&config(ARMS[0], &[])).is_empty());
+    let felt = config(ARMS[0], &[("remove_inertia = true", "remove_inertia = false")]);
+    let (warns, holds) = (Verdict::Warns, Verdict::Holds);
+    let found = verdicts(&felt);
+    assert_eq!(found[..3], [("x", warns), ("y", warns), ("z", warns)]);
+    assert!(found[3..].iter().all(|(_, verdict)| *verdict == holds), "{found:?}");
+    let light =
+        [("remove_inertia = true", "remove_inertia = false"), ("mass_kg = 1.5", "mass_kg = 0.9")];
+    let light = verdicts(&config(ARMS[0], &light));
+    assert!(light.iter().all(|(_, verdict)| *verdict == holds), "{light:?}");
 }
 
 #[test]

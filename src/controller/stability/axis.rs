@@ -11,7 +11,8 @@
 //! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
 //! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
 //! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
-//! | s, x_s      | share, presliding distance of friction compensation |   |                              |
+//! | s, x_s      | share, presliding distance of  | m          | payload of an arm                    |
+//! |             | friction compensation          |            |                                      |
 
 use crate::stability::bounds;
 use crate::stability::device::Device;
@@ -83,6 +84,8 @@ pub struct Axis {
     pub environment: Impedance,
     /// Virtual coupling in pose mode, if there is one.
     pub coupling: Option<Impedance>,
+    /// Inertia of the payload that an arm yields to, in kg or kg·m²; zero if it is removed, and without an arm.
+    pub yielded_inertia: f64,
     /// The strongest damper that refills a tank, in N·s/m; zero without one.
     pub tank_damping: f64,
     /// The gains.
@@ -117,6 +120,7 @@ impl Axis {
             self.accommodation(),
             self.accommodation_damper(),
             self.accommodation_servo(),
+            self.accommodation_payload(),
             self.tank_damper(),
         ];
         loops.into_iter().flatten().collect()
@@ -288,6 +292,7 @@ mod tests {
         hand: Impedance { stiffness: 500.0, damping: 15.0 },
         environment: Impedance { stiffness: 2_000.0, damping: 20.0 },
         coupling: None,
+        yielded_inertia: 0.0,
         tank_damping: 0.0,
         gains: AxisGains {
             rate: 2.0,

@@ -83,6 +83,16 @@ pub fn most_given_way(period: f64, lag: f64) -> f64 {
     if lag > 0.0 { (period / (2.0 * lag)).tanh().recip() } else { 1.0 }
 }
 
+/// Maximum `K_FA m`, in s, of an arm whose servo lags by `lag` s and that yields to the inertia of its payload `m`, too:
+/// `(T/2) coth(T/2τ)`. By Jury's test of the sampled loop, with the mean acceleration of the last period
+///
+/// ```text
+///  v' = (1 - p) v + p u,  u = -K_FA m (v - v_before)/T,  p = 1 - exp(-T/τ)
+/// ```
+pub fn most_yielded_inertia(period: f64, lag: f64) -> f64 {
+    period / 2.0 * most_given_way(period, lag)
+}
+
 /// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
 pub fn fastest_without_swinging(lag: f64) -> f64 {
     (4.0 * lag).recip()
@@ -130,6 +140,26 @@ mod tests {
                     x = (x + period * v).clamp(-1e9, 1e9);
                 }
                 prop_assert_eq!(x.abs() < 1e-3, rests, "{} of {}", gain, bound);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn arm_that_yields_to_inertia_rests_within_its_bound_only(
+            mass in 0.1..10.0_f64, lag in 0.0..0.05_f64
+        ) {
+            let period = 1e-3;
+            let part = if lag > 0.0 { 1.0 - (-period / lag).exp() } else { 1.0 };
+            let bound = most_yielded_inertia(period, lag) / mass;
+            for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
+                let (mut v, mut before) = (1e-3_f64, 0.0);
+                for _ in 0..20_000 {
+                    let u = -gain * mass * (v - before) / period;
+                    before = v;
+                    v = ((1.0 - part) * v + part * u).clamp(-1e9, 1e9);
+                }
+                prop_assert_eq!(v.abs() < 1e-3, rests, "{} of {}", gain, bound);
             }
         }
     }

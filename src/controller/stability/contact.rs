@@ -151,6 +151,23 @@ impl Axis {
             .then(|| self.finding("accommodation, servo", left, right, verdict, reason, culprit))
     }
 
+    /// Nor may an arm yield to the inertia of its payload faster than its servo follows, or it shakes in free space.
+    pub(super) fn accommodation_payload(&self) -> Option<Finding> {
+        let Timing { period, servo_lag, .. } = self.timing;
+        let yielded = self.gains.accommodation * self.yielded_inertia;
+        let left = Side { symbols: "K_FA m".to_owned(), value: yielded, unit: "s" };
+        let most = bounds::most_yielded_inertia(period, servo_lag);
+        let right = Side { symbols: "T/2 coth(T/2τ_s)".to_owned(), value: most, unit: "s" };
+        let verdict = if yielded < most { Verdict::Holds } else { Verdict::Warns };
+        let reason =
+            "an arm shakes by the inertia of its payload: set remove_inertia = true, or lower K_FA";
+        let culprit = Culprit::Accommodation;
+        (yielded > 0.0).then(|| {
+            let name = "accommodation, payload";
+            self.finding(name, left, right, verdict, reason.to_owned(), culprit)
+        })
+    }
+
     /// Contact felt through a rate command.
     fn reflected(&self) -> RateReflection {
         let AxisGains { rate, wrench, accommodation, .. } = self.gains;

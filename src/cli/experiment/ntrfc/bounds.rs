@@ -1,4 +1,4 @@
-//! The bounds of accommodation in contact: courses with gains 10 % inside and 10 % outside of each.
+//! The bounds of accommodation: courses with gains 10 % inside and 10 % outside of each.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use run::exit::{Failure, Kind, OrFail};
 /// Gains as shares of the bound.
 const SHARES: [f64; 2] = [0.9, 1.1];
 
-/// Bounds: the servo's, and that of the sampled loop over the cycles by which the force is late.
+/// Bounds in contact: the servo's, and that of the sampled loop over the cycles by which the force is late.
 const BOUNDS: [Bound; 4] = [Bound::Servo, Bound::Sampled(0), Bound::Sampled(1), Bound::Sampled(2)];
 
 /// Plays all courses of each arm.
@@ -23,6 +23,7 @@ pub(super) fn play(
 ) -> Result<Vec<Row>, Failure> {
     let models = [Model::Kinematic, Model::Simulated];
     let courses = BOUNDS.into_iter().flat_map(|bound| models.map(|model| (bound, model)));
+    let courses = courses.chain([(Bound::Payload, Model::SimulatedMean)]);
     let courses =
         courses.flat_map(|(bound, model)| SHARES.map(|share| Course { bound, model, share }));
     let courses: Vec<Course> = courses.collect();
@@ -48,6 +49,11 @@ pub(super) fn table(rows: &[Row]) -> Table {
                 format!("{:.3} per cycle", row.figure),
                 ["dies out", "grows"],
             ),
+            Bound::Payload => (
+                "K_FA m < T/2 coth(T/2τ_s)".to_owned(),
+                format!("{:.3} per cycle", row.figure),
+                ["dies out", "grows"],
+            ),
         };
         vec![
             row.arm.clone(),
@@ -59,22 +65,23 @@ pub(super) fn table(rows: &[Row]) -> Table {
         ]
     };
     Table {
-        lead: Some("bounds of accommodation in contact".to_owned()),
+        lead: Some("bounds of accommodation".to_owned()),
         columns: vec!["arm", "bound", "model", "share", "measured", "end"],
         rows: rows.iter().map(row).collect(),
         note: "share: gain over that at the bound; back: largest speed backwards over the largest speed, from rest at the wall; per cycle: growth of a \
-               disturbance of the force at rest"
+               disturbance of the rest"
             .to_owned(),
     }
 }
 
-/// Returns the courses as CSV; the delay is empty for the servo's bound.
+/// Returns the courses as CSV; the delay is empty but for the sampled bound.
 pub(super) fn csv(rows: &[Row]) -> String {
     let mut text = "arm,bound,delay_cycles,model,share,figure,is_calm\n".to_owned();
     for Row { arm, bound, model: of, share, figure, is_calm } in rows {
         let bound = match bound {
             Bound::Servo => "servo,".to_owned(),
             Bound::Sampled(delay) => format!("sampled,{delay}"),
+            Bound::Payload => "payload,".to_owned(),
         };
         let (arm, model) = (arm.replace(',', ";"), model(*of));
         _ = writeln!(text, "{arm},{bound},{model},{share},{figure:.9e},{is_calm}");

@@ -1,8 +1,8 @@
 """MuJoCo puts the peg of the simulation into a hole of convex wedges, and gets its contacts and its jams.
 
-Both have the same sizes, and the same springs and force at the grip. The rig of `frhc explain peg` has no mass; MuJoCo's
-peg has one, with so much damping that it moves as slowly. Its friction creeps: a peg slower than a hundredth of a free one
-is stuck.
+Both have the same sizes, the same springs and force at the grip, contacts as compliant, and drag alike in all directions.
+The rig of `frhc explain peg` has no mass; MuJoCo's peg has one, and with less drag across the hole than along it its
+momentum carries it over where friction would hold it. Its friction creeps: a peg slower than 1 % of a free one is stuck.
 """
 
 import functools
@@ -26,7 +26,7 @@ SIZES = {
     "hole_chamfer_m": [1e-3, 1e-3],
     "thickness_m": 0.03,
     "friction": 0.3,
-    "stiffness_n_per_m": 3.6e6,
+    "stiffness_n_per_m": 3.6e7,
 }
 OUTSIDE = 0.02
 """Radius of the plate in MuJoCo, in m."""
@@ -38,9 +38,20 @@ GRIP = {
     "insert_depth_m": 0.012,
 }
 CHAMFER = [5e-4, 5e-4]
+SHARP = [0.0, 0.0]
 """Width and length of the chamfer of a lowered peg, in m; a peg that is put somewhere is sharp."""
+POINTS = 36
+"""Points of a circle of ours, which share the stiffness."""
+MASS = 0.5
+"""Of MuJoCo's peg, in kg."""
+IMPEDANCE = 0.99
+"""Of MuJoCo's contacts."""
 SPEED = 0.02
 """Of a free peg in MuJoCo, in m/s."""
+DRAG = GRIP["grip_force_n"] / SPEED
+"""Of MuJoCo's peg in all directions, in N·s/m."""
+TURNING_DRAG = DRAG * GRIP["insert_depth_m"] ** 2
+"""About all axes, in N·m·s/rad: the rig has a lever of the depth."""
 GAP = 1e-4
 """Between peg and plate at the start, as in the rig, in m."""
 WINDOW = 250
@@ -72,16 +83,32 @@ def vertices(corners):
     return " ".join(f"{number:.9g}" for corner in corners for number in corner)
 
 
-def scene(body):
+def tip(chamfer):
+    """Name and mesh of the chamfered end of a peg, as MuJoCo's XML; nothing for a sharp peg."""
+    if chamfer == SHARP:
+        return "", ""
+    radius, (width, length) = SIZES["peg_radius_m"], chamfer
+    turns = [math.tau * place / WEDGES for place in range(WEDGES)]
+    circles = [(radius - width, 0.0), (radius, length)]
+    corners = [(rho * math.cos(at), rho * math.sin(at), z) for rho, z in circles for at in turns]
+    mesh = f'<mesh name="tip" vertex="{vertices(corners)}" inertia="convex"/>'
+    return '<geom type="mesh" mesh="tip"/>', mesh
+
+
+def time_constant(stiffness):
+    """MuJoCo's time constant of a contact that yields as one of our points does.
+
+    At rest it yields by (1 - d) f T² / (d m), with its impedance d.
+    """
+    return math.sqrt(IMPEDANCE / (1.0 - IMPEDANCE) * MASS * POINTS / stiffness)
+
+
+def scene(body, mesh="", yields=4e-4):
     """A plate with its hole, and a body, as MuJoCo's XML. The inner faces of the wedges touch bore and chamfer."""
     (w, c), r, t = SIZES["hole_chamfer_m"], SIZES["hole_radius_m"], SIZES["thickness_m"]
     profile = [(r, -c), (r, -t), (OUTSIDE, -t), (OUTSIDE, 0.0), (r + w, 0.0)]
     slope = math.tan(math.pi / WEDGES)
     wedge = [(rho, rho * side * slope, z) for rho, z in profile for side in (-1.0, 1.0)]
-    radius, (width, length) = SIZES["peg_radius_m"], CHAMFER
-    turns = [math.tau * place / WEDGES for place in range(WEDGES)]
-    circles = [(radius - width, 0.0), (radius, length)]
-    tip = [(rho * math.cos(at), rho * math.sin(at), z) for rho, z in circles for at in turns]
     halves = [math.pi * place / WEDGES for place in range(WEDGES)]
     ring = "".join(
         f'<geom type="mesh" mesh="wedge" quat="{math.cos(half)} 0 0 {math.sin(half)}"/>'
@@ -92,23 +119,23 @@ def scene(body):
       <option gravity="0 0 0" timestep="2e-4" cone="elliptic" impratio="100" integrator="implicitfast"
               ccd_tolerance="1e-9" ccd_iterations="200"/>
       <default>
-        <geom friction="{SIZES["friction"]} 0 0" condim="3" solref="0.0004 1" solimp="0.99 0.99 1e-6"/>
+        <geom friction="{SIZES["friction"]} 0 0" condim="3" solref="{yields} 1"
+              solimp="{IMPEDANCE} {IMPEDANCE} 1e-6"/>
       </default>
       <asset>
-        <mesh name="wedge" vertex="{vertices(wedge)}" inertia="convex"/>
-        <mesh name="tip" vertex="{vertices(tip)}" inertia="convex"/>
+        <mesh name="wedge" vertex="{vertices(wedge)}" inertia="convex"/>{mesh}
       </asset>
       <worldbody>{ring}{body}</worldbody>
     </mujoco>"""
 
 
-def peg(place, joints, chamfer, tip):
+def peg(place, joints, chamfer, end):
     """The peg as a body, whose origin is the centre of its end: a cylinder behind the length of its chamfer."""
     radius, length = SIZES["peg_radius_m"], SIZES["peg_length_m"]
     half, middle = (length - chamfer) / 2, (length + chamfer) / 2
     return f"""<body {place}>{joints}
-      <inertial pos="0 0 0.005" mass="0.5" diaginertia="5e-5 5e-5 5e-5"/>
-      <geom type="cylinder" size="{radius} {half}" pos="0 0 {middle}"/>{tip}
+      <inertial pos="0 0 0.005" mass="{MASS}" diaginertia="5e-5 5e-5 5e-5"/>
+      <geom type="cylinder" size="{radius} {half}" pos="0 0 {middle}"/>{end}
     </body>"""
 
 
@@ -216,74 +243,92 @@ def mujoco_pushes_the_peg_where_we_do(_):
         print(f"   {part}: {math.degrees(worst):.2f}° apart at most", flush=True)
 
 
-def gripped_peg(approach):
+def gripped_peg(approach, chamfer, stiffness):
     """A model whose peg hangs in the springs of the grip."""
     x, y, a, b = approach
     height = SIZES["peg_radius_m"] * math.sin(math.hypot(a, b)) + GAP
     quat = turned(a, b)
     # Axes of the plate, in the peg.
     axes = [" ".join(map(str, axis)) for axis in matrix(quat)]
-    lateral, angular = GRIP["grip_lateral_n_per_m"], GRIP["grip_angular_nm_per_rad"]
     centre = f'pos="0 0 {GRIP["grip_centre_m"]}"'
-    across = f'type="slide" {centre} stiffness="{lateral}" damping="{lateral / 100}"'
+    across = f'type="slide" {centre} stiffness="{GRIP["grip_lateral_n_per_m"]}" damping="{DRAG}"'
     joints = f"""<joint {across} axis="{axes[0]}"/><joint {across} axis="{axes[1]}"/>
-      <joint type="slide" {centre} axis="{axes[2]}" damping="{GRIP["grip_force_n"] / SPEED}"/>
-      <joint type="ball" {centre} stiffness="{angular}" damping="{angular / 100}"/>"""
+      <joint type="slide" {centre} axis="{axes[2]}" damping="{DRAG}"/>
+      <joint type="ball" {centre} stiffness="{GRIP["grip_angular_nm_per_rad"]}" damping="{TURNING_DRAG}"/>"""
     place = f'pos="{x} {y} {height}" quat="{" ".join(map(str, quat))}"'
-    tip = '<geom type="mesh" mesh="tip"/>'
-    return mujoco.MjModel.from_xml_string(scene(peg(place, joints, CHAMFER[1], tip)))
+    end, mesh = tip(chamfer)
+    body = peg(place, joints, chamfer[1], end)
+    return mujoco.MjModel.from_xml_string(scene(body, mesh, time_constant(stiffness)))
 
 
-def is_inserted_in_mujoco(approach):
+def is_inserted_in_mujoco(approach, chamfer, stiffness):
     """Lowers a peg; returns whether it reaches the wanted depth."""
-    model = gripped_peg(approach)
+    model = gripped_peg(approach, chamfer, stiffness)
     data = mujoco.MjData(model)
     data.qfrc_applied[2] = -GRIP["grip_force_n"]
     stuck = 0.01 * SPEED * WINDOW * model.opt.timestep
-    before = math.inf
+    place, quat = data.xpos[1] + math.inf, data.xquat[1].copy()
     for _ in range(200):
         mujoco.mj_step(model, data, WINDOW)
-        height = data.xpos[1][2]
-        if -height >= GRIP["insert_depth_m"]:
+        if -data.xpos[1][2] >= GRIP["insert_depth_m"]:
             return True
-        if before - height < stuck:
+        turn = 2.0 * math.acos(min(1.0, abs(data.xquat[1] @ quat)))
+        moved = np.linalg.norm(data.xpos[1] - place) + SIZES["peg_length_m"] * turn
+        if moved < stuck:
             return False
-        before = height
+        place, quat = data.xpos[1].copy(), data.xquat[1].copy()
     return False
 
 
-def are_inserted_by_us(approaches):
+def are_inserted_by_us(approaches, chamfer, stiffness):
     """Whether `frhc explain peg` gets each to the wanted depth."""
     approaches = [[float(number) for number in approach] for approach in approaches]
-    answers = asked(approaches=approaches, peg_chamfer_m=CHAMFER, **GRIP)
-    return [answer["outcome"] == "inserted" for answer in answers]
+    settings = {"peg_chamfer_m": chamfer, "stiffness_n_per_m": stiffness, **GRIP}
+    return [answer["outcome"] == "inserted" for answer in asked(approaches=approaches, **settings)]
 
 
-def is_near_the_boundary(approach):
+def is_near_the_boundary(approach, chamfer, stiffness):
     """Whether our result is another one within NEAR."""
     x, y, a, b = approach
     around = [(sx, sb) for sx in (-1, 0, 1) for sb in (-1, 0, 1)]
     moved = [[x + sx * NEAR[0], y, a, b + sb * NEAR[1]] for sx, sb in around]
-    return len(set(are_inserted_by_us(moved))) == 2
+    return len(set(are_inserted_by_us(moved, chamfer, stiffness))) == 2
 
 
-def mujoco_inserts_and_jams_the_pegs_that_we_do(_):
+def same_pegs_are_inserted(chamfer, stiffness):
+    """Compares the whole grid with one peg."""
     grid = [[x, 0.0, 0.0, b] for x in OFFSETS for b in TILTS]
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        theirs = list(threads.map(is_inserted_in_mujoco, grid))
-    ours = are_inserted_by_us(grid)
+        theirs = list(threads.map(lambda at: is_inserted_in_mujoco(at, chamfer, stiffness), grid))
+    ours = are_inserted_by_us(grid, chamfer, stiffness)
     inserted = sum(ours)
     check(10 < inserted < len(grid) - 10, f"{inserted} of {len(grid)} inserted: a useless grid")
     pairs = zip(grid, ours, theirs, strict=True)
     different = [list(map(float, at)) for at, one, other in pairs if one != other]
     equal = len(grid) - len(different)
-    print(f"   {inserted} inserted, {equal} of {len(grid)} equal, different at {different}", flush=True)
-    check(equal >= SHARE * len(grid), f"{equal} of {len(grid)} are equal")
+    peg = f"{'sharp' if chamfer == SHARP else 'chamfered'} peg at {stiffness:.1e} N/m"
+    print(f"   {peg}: {inserted} inserted, {equal} of {len(grid)} equal, different at {different}", flush=True)
+    check(equal >= SHARE * len(grid), f"{peg}: {equal} of {len(grid)} are equal")
     for approach in different:
-        check(is_near_the_boundary(approach), f"{approach} differs, far from the boundary")
+        near = is_near_the_boundary(approach, chamfer, stiffness)
+        check(near, f"{peg}: {approach} differs, far from the boundary")
+
+
+def mujoco_inserts_and_jams_chamfered_pegs_that_we_do(_):
+    same_pegs_are_inserted(CHAMFER, 3.6e7)
+
+
+def mujoco_inserts_and_jams_sharp_pegs_that_we_do(_):
+    same_pegs_are_inserted(SHARP, 3.6e7)
+
+
+def mujoco_inserts_and_jams_soft_pegs_that_we_do(_):
+    same_pegs_are_inserted(CHAMFER, 3.6e6)
 
 
 TESTS = [
     mujoco_pushes_the_peg_where_we_do,
-    mujoco_inserts_and_jams_the_pegs_that_we_do,
+    mujoco_inserts_and_jams_chamfered_pegs_that_we_do,
+    mujoco_inserts_and_jams_sharp_pegs_that_we_do,
+    mujoco_inserts_and_jams_soft_pegs_that_we_do,
 ]

@@ -7,8 +7,7 @@
 //!
 //! Depth and normal are exact at each point; a circle has 36 points, so the deepest place is found within 5°, and its
 //! depth within 0.4 % of the eccentricity. Edges of box, wall or sphere against the side of a peg are not modelled,
-//! nor is the base of a peg: deeper than its length it is not there. The edge between chamfer and bore pushes a peg's end
-//! upward while the rim passes it, which no rigid edge there can: a stiff or sharp peg may stop where others would not.
+//! nor is the base of a peg: deeper than its length it is not there.
 
 mod features;
 mod insertion;
@@ -35,6 +34,9 @@ use crate::contact::peg::Peg;
 use crate::contact::plate::Drilled;
 use crate::contact::solid::Solid;
 use units::spatial::{Twist, Wrench};
+
+/// Kinds of edges of a hole: whether each is at the mouth.
+const EDGES: [bool; 2] = [true, false];
 
 /// One solid, and a patch for each set of points of the tool.
 #[derive(Clone, Debug)]
@@ -70,13 +72,14 @@ pub struct Contact {
     scene: Scene,
     /// Points of the tool, in {M}.
     tool_points: Vec<Points>,
-    /// Edges of the holes, in {P}.
-    edges: Vec<Points>,
+    /// Edges of the holes at their mouths, and inside, in {P}.
+    edges: [Vec<Points>; 2],
     wall: Option<Opposite<Wall>>,
     block: Option<Opposite<Block>>,
     sphere: Option<Opposite<Sphere>>,
     plate: Option<Opposite<Drilled>>,
-    pegs: Vec<Opposite<Peg>>,
+    /// Pegs as each kind of edge touches them.
+    pegs: [Vec<Opposite<Peg>>; 2],
     seen: Seen,
 }
 
@@ -89,15 +92,20 @@ impl Contact {
     pub fn new(shape: Shape, scene: Scene) -> Result<Self, InvalidContact> {
         scene::check(&shape, &scene)?;
         let tool_points = tool_points(&shape);
-        let circle = |edge: plate::Edge| Points::circle(&edge.centre.into(), edge.radius);
-        let edges: Vec<Points> =
-            scene.plate.iter().flat_map(|plate| plate.edges().map(circle)).collect();
+        let edges = EDGES.map(|is_mouth| {
+            let edges = scene.plate.iter().flat_map(Plate::edges);
+            let circle = |edge: plate::Edge| Points::circle(&edge.centre.into(), edge.radius);
+            edges.filter(|edge| edge.is_mouth == is_mouth).map(circle).collect::<Vec<_>>()
+        });
         let pegs = match (&shape, &scene.plate) {
-            (Shape::Pegs(pegs), Some(plate)) => pegs
-                .axes()
-                .map(|axis| Opposite::new(pegs.peg(axis), &plate.surface, &edges))
-                .collect(),
-            (Shape::Pegs(_), None) | (Shape::Cube { .. }, _) => Vec::new(),
+            (Shape::Pegs(pegs), Some(plate)) => {
+                let peg = |(is_mouth, edges): (bool, &Vec<Points>)| {
+                    let solids = pegs.axes().map(|axis| pegs.peg(axis, is_mouth));
+                    solids.map(|peg| Opposite::new(peg, &plate.surface, edges)).collect()
+                };
+                [(EDGES[0], &edges[0]), (EDGES[1], &edges[1])].map(peg)
+            }
+            (Shape::Pegs(_), None) | (Shape::Cube { .. }, _) => [Vec::new(), Vec::new()],
         };
         Ok(Self {
             wall: scene.wall.map(|wall| Opposite::new(wall, &wall.surface, &tool_points)),
@@ -151,8 +159,10 @@ impl Contact {
         // The plate moves past the pegs.
         let v_e = v_m.at(&x_m_e.inverse()) * -1.0;
         let mut f_e = Wrench::ZERO;
-        for peg in &mut self.pegs {
-            f_e = f_e - peg.wrench(&self.edges, &x_e_p, &v_e, seen);
+        for (pegs, edges) in self.pegs.iter_mut().zip(&self.edges) {
+            for peg in pegs {
+                f_e = f_e - peg.wrench(edges, &x_e_p, &v_e, seen);
+            }
         }
         f_e.at(&x_m_e)
     }

@@ -2,12 +2,23 @@
 //!
 //! Their frame {E} has its origin in the plane of the ends, midway between the pegs, z out of the pegs, and the pegs on
 //! x. A peg is convex: the distance to its surface is the smallest of those to its planes.
+//!
+//! An edge inside a hole lies between cone and bore, or bore and lower face: no normal of it points out of the hole, so
+//! it cannot bear the end of a peg. The rim bears the peg while it passes the edge; the push of the edge on side
+//! or chamfer grows from zero behind the end, as the gradient of an energy. Depths above L are those of a convex peg:
+//!
+//! ```text
+//!  s = min(side, chamfer)        depth = min(s, end, s end / L)        L = r / 20
+//! ```
 
 use nalgebra::{Isometry3, Vector3};
 
 use crate::contact::plate::places;
 use crate::contact::solid::{Bounds, Solid};
 use crate::contact::surface::{Feature, Touch};
+
+/// Length behind the end, per radius, on which the push of an edge inside a hole grows.
+const RAMP: f64 = 0.05;
 
 /// Equal pegs with parallel axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,12 +62,13 @@ impl Pegs {
         std::iter::once((end, 0.0)).chain(chamfer)
     }
 
-    /// Returns the peg whose axis is at `axis` in {E}.
-    pub(super) fn peg(&self, axis: f64) -> Peg {
+    /// Returns the peg whose axis is at `axis` in {E}, as edges at the mouth of a hole touch it, or those inside.
+    pub(super) fn peg(&self, axis: f64, is_mouth: bool) -> Peg {
         let is_chamfered = self.is_chamfered();
         let width = if is_chamfered { self.chamfer_width } else { 0.0 };
         let length = if is_chamfered { self.chamfer_length } else { 0.0 };
-        Peg { axis, radius: self.radius, base: -self.length, width, length }
+        let ramp = if is_mouth { 0.0 } else { RAMP * self.radius };
+        Peg { axis, radius: self.radius, base: -self.length, width, length, ramp }
     }
 }
 
@@ -70,6 +82,19 @@ pub(super) struct Peg {
     /// Width and length of the chamfer.
     width: f64,
     length: f64,
+    /// Length behind the end on which the push grows; zero where the end bears.
+    ramp: f64,
+}
+
+impl Peg {
+    /// Returns `touch` of side or chamfer with its push grown from zero at the end.
+    fn grown(&self, touch: &Touch, end: f64) -> Touch {
+        let (share, axial) = (end / self.ramp, touch.depth / self.ramp);
+        let gradient = touch.normal * share + Vector3::z() * axial;
+        let steepness = gradient.norm();
+        let depth = touch.depth * share * steepness;
+        Touch { depth, normal: gradient / steepness, feature: touch.feature }
+    }
 }
 
 impl Solid for Peg {
@@ -92,7 +117,10 @@ impl Solid for Peg {
                 (depth, feature) = (chamfer, Feature::PegChamfer);
             }
         }
-        if end < depth {
+        if end < depth.max(self.ramp) && depth > 0.0 {
+            if depth < self.ramp {
+                return Some(self.grown(&Touch { depth, normal, feature }, end));
+            }
             (depth, normal, feature) = (end, Vector3::z(), Feature::PegEnd);
         }
         (depth > 0.0).then_some(Touch { depth, normal, feature })
@@ -110,5 +138,63 @@ impl Solid for Peg {
         let is_outside = offset >= radius + self.radius;
         let is_around = inner - offset >= self.radius;
         is_before_end || is_behind_base || is_outside || is_around
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A peg of 5 mm with a chamfer of `width` and length.
+    fn pegs(width: f64) -> Pegs {
+        Pegs {
+            x_m_t: Isometry3::identity(),
+            count: 1,
+            radius: 5e-3,
+            length: 0.03,
+            spacing: 0.0,
+            chamfer_width: width,
+            chamfer_length: width,
+        }
+    }
+
+    /// Returns the push on a point `inside` the side of a peg and `behind` its end, per stiffness.
+    fn push(peg: &Peg, inside: f64, behind: f64) -> Vector3<f64> {
+        let touch = peg.touch(&Vector3::new(peg.radius - inside, 0.0, -behind));
+        touch.map_or_else(Vector3::zeros, |touch| touch.normal * touch.depth)
+    }
+
+    #[test]
+    fn edge_inside_a_hole_does_not_bear_the_end_of_a_peg() {
+        let [mouth, inner] = [true, false].map(|is_mouth| pegs(0.0).peg(0.0, is_mouth));
+        let inside = 1e-5;
+        let steps = || (1..=1_000).map(|step| f64::from(step) * 1e-6);
+        let up = |peg: &Peg| steps().map(|behind| push(peg, inside, behind).z).fold(0.0, f64::max);
+        assert!((up(&mouth) - inside).abs() < 2e-6, "{} m", up(&mouth));
+        assert!(up(&inner) < 0.05 * inside, "{} m", up(&inner));
+        let side = push(&inner, inside, 1e-3);
+        assert!((side - Vector3::x() * inside).norm() < 1e-12, "{side}");
+    }
+
+    #[test]
+    fn push_is_the_gradient_of_an_energy() {
+        for (width, is_mouth) in [(0.0, true), (0.0, false), (5e-4, true), (5e-4, false)] {
+            let peg = pegs(width).peg(0.0, is_mouth);
+            // Around a square, with and against the side; steps cross every change of feature.
+            let corners =
+                [[-1e-4, -1e-4], [6e-4, -1e-4], [6e-4, 9e-4], [-1e-4, 9e-4], [-1e-4, -1e-4]];
+            let (mut total, mut given) = (0.0, 0.0);
+            for pair in corners.windows(2) {
+                let [[x, z], [x_end, z_end]] = [pair[0], pair[1]];
+                let [dx, dz] = [(x_end - x) / 2e4, (z_end - z) / 2e4];
+                for step in 0..20_000 {
+                    let share = f64::from(step) + 0.5;
+                    let push = push(&peg, x + share * dx, z + share * dz);
+                    let work = -push.x * dx - push.z * dz;
+                    (total, given) = (total + work, given + work.abs());
+                }
+            }
+            assert!(given > 0.0 && total.abs() < 1e-3 * given, "{total} of {given}");
+        }
     }
 }

@@ -60,6 +60,8 @@ pub(super) struct Drilled {
 pub(super) struct Edge {
     pub(super) centre: Vector3<f64>,
     pub(super) radius: f64,
+    /// At the face of the plate, so that a peg's end can rest on it.
+    pub(super) is_mouth: bool,
 }
 
 impl Holes {
@@ -86,10 +88,13 @@ impl Plate {
         let Self { holes, thickness, .. } = *self;
         let is_chamfered = holes.chamfer_width > 0.0 && holes.chamfer_depth > 0.0;
         holes.axes().flat_map(move |axis| {
-            let at = |radius, depth: f64| Edge { centre: Vector3::new(axis, 0.0, -depth), radius };
-            let mouth = is_chamfered.then(|| at(holes.mouth(), 0.0));
-            let inner = if is_chamfered { holes.chamfer_depth } else { 0.0 };
-            mouth.into_iter().chain([at(holes.radius, inner), at(holes.radius, thickness)])
+            let at = |radius, depth: f64, is_mouth| {
+                let centre = Vector3::new(axis, 0.0, -depth);
+                Edge { centre, radius, is_mouth }
+            };
+            let inner = is_chamfered.then(|| at(holes.radius, holes.chamfer_depth, false));
+            let mouth = at(holes.mouth(), 0.0, true);
+            inner.into_iter().chain([mouth, at(holes.radius, thickness, false)])
         })
     }
 }

@@ -357,16 +357,17 @@ fn clear_of_test_never_hides_a_contact() {
             assert!(!(is_inside && drilled.is_clear_of(&bounds)));
             let x_e_p = x_p_m.inverse();
             for edge in solid.edges() {
+                let peg = PEGS.peg(axis, edge.is_mouth);
                 let x = PEGS.x_m_e().inverse() * x_e_p * Isometry3::from(edge.centre);
                 let (centre, axis_e) = (x.translation.vector, Some(x.rotation * Vector3::z()));
                 let bounds = solid::Bounds { centre, radius: edge.radius, axis: axis_e };
                 let is_inside = (0..90_u8).any(|place| {
                     let (sin, cos) = (TAU * f64::from(place) / 90.0).sin_cos();
                     let p = x * Point3::new(edge.radius * cos, edge.radius * sin, 0.0);
-                    PEGS.peg(axis).touch(&p.coords).is_some()
+                    peg.touch(&p.coords).is_some()
                 });
                 touching += u32::from(is_inside);
-                assert!(!(is_inside && PEGS.peg(axis).is_clear_of(&bounds)));
+                assert!(!(is_inside && peg.is_clear_of(&bounds)));
             }
         }
     }

@@ -145,3 +145,29 @@ fn peg_is_pushed_along_the_normal_of_what_it_touches() {
     assert!(bore.features.bore > 0 && bore.features.cone == 0, "{bore:?}");
     assert!(bore.f_e.force.x < 0.0 && bore.f_e.force.z.abs() < 1e-9, "{bore:?}");
 }
+
+#[test]
+fn stiff_pegs_pass_the_edge_between_chamfer_and_bore() {
+    let grip = Grip { centre: 0.0, lateral: 1e3, angular: 5.0, force: 5.0 };
+    for (chamfer, offset, tilt) in [
+        ([0.0; 2], 0.2e-3, -0.02),
+        ([0.0; 2], 0.6e-3, -0.02),
+        ([5e-4; 2], 1.4e-3, -0.01),
+        ([5e-4; 2], 0.6e-3, -0.02),
+    ] {
+        let settings = PegRigSettings {
+            peg_chamfer: chamfer,
+            hole_chamfer: [1e-3; 2],
+            hole_radius: 5.05e-3,
+            stiffness: 3.6e7,
+            ..SETTINGS
+        };
+        let rig = PegRig::new(settings).unwrap();
+        let lower =
+            |tilt| rig.lower(&Approach { offset: [offset, 0.0], tilt: [0.0, tilt] }, &grip, 0.012);
+        let passed = lower(tilt);
+        assert_eq!(passed.outcome, Outcome::Inserted, "{passed:?}");
+        let steep = lower(-0.04);
+        assert_ne!(steep.outcome, Outcome::Inserted, "{steep:?}");
+    }
+}

@@ -295,14 +295,14 @@ def is_near_the_boundary(approach, chamfer, stiffness):
     return len(set(are_inserted_by_us(moved, chamfer, stiffness))) == 2
 
 
-def same_pegs_are_inserted(chamfer, stiffness):
-    """Compares the whole grid with one peg."""
-    grid = [[x, 0.0, 0.0, b] for x in OFFSETS for b in TILTS]
+def same_pegs_are_inserted(chamfer, stiffness, stride=1):
+    """Compares one peg on the whole grid, or at each offset and tilt after a stride."""
+    grid = [[x, 0.0, 0.0, b] for x in OFFSETS[::stride] for b in TILTS[::stride]]
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         theirs = list(threads.map(lambda at: is_inserted_in_mujoco(at, chamfer, stiffness), grid))
     ours = are_inserted_by_us(grid, chamfer, stiffness)
     inserted = sum(ours)
-    check(10 < inserted < len(grid) - 10, f"{inserted} of {len(grid)} inserted: a useless grid")
+    check(len(grid) < 7 * inserted < 6 * len(grid), f"{inserted} of {len(grid)} inserted: a useless grid")
     pairs = zip(grid, ours, theirs, strict=True)
     different = [list(map(float, at)) for at, one, other in pairs if one != other]
     equal = len(grid) - len(different)
@@ -323,7 +323,7 @@ def mujoco_inserts_and_jams_sharp_pegs_that_we_do(_):
 
 
 def mujoco_inserts_and_jams_soft_pegs_that_we_do(_):
-    same_pegs_are_inserted(CHAMFER, 3.6e6)
+    same_pegs_are_inserted(CHAMFER, 3.6e6, stride=2)
 
 
 TESTS = [

@@ -182,11 +182,12 @@ fn link_cycles(config: &Parameters) -> u32 {
     u32::try_from(cycles).unwrap_or(u32::MAX)
 }
 
-/// Returns the mass of the payload, or its inertia about an axis of {MRF}, that an arm yields to. The free object has an
-/// ideal sensor; so has the kinematic model, but an arm with this file has not.
+/// Returns the mass of the payload, or its inertia about an axis of {MRF}, that an arm yields to; removal from the joints'
+/// motion does not reach the frequency in question. The free object has no inertia, nor has the kinematic model: but an
+/// arm with this file has.
 fn yielded_inertia(config: &Parameters, axis: usize) -> f64 {
-    let Interaction { sensor, payload, removes_inertia, .. } = &config.remote.interaction;
-    if config.robot.is_none() || *removes_inertia {
+    let Interaction { sensor, payload, .. } = &config.remote.interaction;
+    if config.robot.is_none() {
         return 0.0;
     }
     let Some(about) = axis.checked_sub(3) else { return payload.mass() };

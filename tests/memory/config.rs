@@ -70,7 +70,7 @@ fn non_finite_number_is_refused_with_its_line() {
 
 #[test]
 fn missing_key_is_named() {
-    let optional = ["start_deg", "contact_fade_n", "torque_rise_s", "one_sided", "remove_inertia"];
+    let optional = ["start_deg", "contact_fade_n", "torque_rise_s", "one_sided"];
     for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
         let refusal = refusal(&with(number, |_| String::new()));
         assert!(refusal.contains(&format!("missing field `{key}`")), "{number}: {refusal}");

@@ -96,16 +96,12 @@ fn payload_that_would_shake_an_arm_is_warned_of() {
         let of = of.into_iter().filter(|finding| finding.name == "accommodation, payload");
         of.map(|finding| (finding.axis, finding.verdict)).collect::<Vec<_>>()
     };
-    assert!(verdicts(&config(ARMS[0], &[])).is_empty());
-    let felt = config(ARMS[0], &[("remove_inertia = true", "remove_inertia = false")]);
     let (warns, holds) = (Verdict::Warns, Verdict::Holds);
-    let found = verdicts(&felt);
+    let found = verdicts(&config(ARMS[0], &[("mass_kg = 0.8", "mass_kg = 1.1")]));
     assert_eq!(found[..3], [("x", warns), ("y", warns), ("z", warns)]);
     assert!(found[3..].iter().all(|(_, verdict)| *verdict == holds), "{found:?}");
-    let light =
-        [("remove_inertia = true", "remove_inertia = false"), ("mass_kg = 1.5", "mass_kg = 0.9")];
-    let light = verdicts(&config(ARMS[0], &light));
-    assert!(light.iter().all(|(_, verdict)| *verdict == holds), "{light:?}");
+    let shipped = verdicts(&config(ARMS[0], &[]));
+    assert!(shipped.iter().all(|(_, verdict)| *verdict == holds), "{shipped:?}");
 }
 
 #[test]

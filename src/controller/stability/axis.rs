@@ -84,7 +84,7 @@ pub struct Axis {
     pub environment: Impedance,
     /// Virtual coupling in pose mode, if there is one.
     pub coupling: Option<Impedance>,
-    /// Inertia of the payload that an arm yields to, in kg or kg·m²; zero if it is removed, and without an arm.
+    /// Inertia of the payload that an arm yields to, in kg or kg·m²; zero without an arm.
     pub yielded_inertia: f64,
     /// The strongest damper that refills a tank, in N·s/m; zero without one.
     pub tank_damping: f64,

@@ -84,7 +84,8 @@ pub fn most_given_way(period: f64, lag: f64) -> f64 {
 }
 
 /// Maximum `K_FA m`, in s, of an arm whose servo lags by `lag` s and that yields to the inertia of its payload `m`, too:
-/// `(T/2) coth(T/2τ)`. By Jury's test of the sampled loop, with the mean acceleration of the last period
+/// `(T/2) coth(T/2τ)`. By Jury's test of the sampled loop, with the mean acceleration of the last period. Differences of
+/// positions do not see a motion of half the cycle rate: removing the inertia they show does not lower the bound.
 ///
 /// ```text
 ///  v' = (1 - p) v + p u,  u = -K_FA m (v - v_before)/T,  p = 1 - exp(-T/τ)

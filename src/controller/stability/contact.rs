@@ -159,8 +159,7 @@ impl Axis {
         let most = bounds::most_yielded_inertia(period, servo_lag);
         let right = Side { symbols: "T/2 coth(T/2τ_s)".to_owned(), value: most, unit: "s" };
         let verdict = if yielded < most { Verdict::Holds } else { Verdict::Warns };
-        let reason =
-            "an arm shakes by the inertia of its payload: set remove_inertia = true, or lower K_FA";
+        let reason = "an arm may shake by the inertia of its payload: lower K_FA or the payload";
         let culprit = Culprit::Accommodation;
         (yielded > 0.0).then(|| {
             let name = "accommodation, payload";

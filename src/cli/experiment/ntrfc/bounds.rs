@@ -23,7 +23,7 @@ pub(super) fn play(
 ) -> Result<Vec<Row>, Failure> {
     let models = [Model::Kinematic, Model::Simulated];
     let courses = BOUNDS.into_iter().flat_map(|bound| models.map(|model| (bound, model)));
-    let courses = courses.chain([(Bound::Payload, Model::SimulatedMean)]);
+    let courses = courses.chain([(Bound::Payload { is_removed: false }, Model::SimulatedMean)]);
     let courses =
         courses.flat_map(|(bound, model)| SHARES.map(|share| Course { bound, model, share }));
     let courses: Vec<Course> = courses.collect();
@@ -49,7 +49,7 @@ pub(super) fn table(rows: &[Row]) -> Table {
                 format!("{:.3} per cycle", row.figure),
                 ["dies out", "grows"],
             ),
-            Bound::Payload => (
+            Bound::Payload { .. } => (
                 "K_FA m < T/2 coth(T/2τ_s)".to_owned(),
                 format!("{:.3} per cycle", row.figure),
                 ["dies out", "grows"],
@@ -81,7 +81,7 @@ pub(super) fn csv(rows: &[Row]) -> String {
         let bound = match bound {
             Bound::Servo => "servo,".to_owned(),
             Bound::Sampled(delay) => format!("sampled,{delay}"),
-            Bound::Payload => "payload,".to_owned(),
+            Bound::Payload { .. } => "payload,".to_owned(),
         };
         let (arm, model) = (arm.replace(',', ";"), model(*of));
         _ = writeln!(text, "{arm},{bound},{model},{share},{figure:.9e},{is_calm}");

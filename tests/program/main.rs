@@ -10,6 +10,7 @@ mod calib_table;
 mod decode;
 mod eds;
 mod ended;
+mod experiments;
 mod explain;
 mod layouts;
 mod no_switch_box;

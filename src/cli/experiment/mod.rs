@@ -67,7 +67,7 @@ pub(crate) enum Experiment {
     #[command(
         after_help = "For each delay: the largest K_T that frhc check accepts, and contact with it in pose and rate mode, of the free object \
             and two arms; then a map over K_T and delay; then links that jitter, are too slow, or fail. --out writes runs.csv, \
-            figures.json, map.svg and report.md. The exit code is 1 when a hand with accepted gains does not rest, or a lost link \
+            figures.json, map.svg and report.md; --short takes three delays, one arm and two gains. The exit code is 1 when a hand with accepted gains does not rest, or a lost link \
             still reflects.\n\nExamples:\n  \
             frhc experiment delay --out delay\n  \
             frhc experiment delay --short --robot config/robots/puma560.toml --markdown"

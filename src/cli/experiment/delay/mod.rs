@@ -117,7 +117,7 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     let Results { seed, short, .. } = args.results;
     let links =
         LINKS.map(|[delay_ms, max_age_ms]| Link { delay_ms, max_age_ms, ..Link::default() });
-    // Short: no delay, 8 ms and 40 ms; one accepted and one refused gain.
+    // Short: no delay, 8 ms and 40 ms; the object and one arm; one accepted and one refused gain.
     let links: Vec<Link> = match short {
         false => links.to_vec(),
         true => {
@@ -125,7 +125,8 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
         }
     };
     let every = if short { 5 } else { 1 };
-    let led: Vec<Led<'a>> = [Led::Object].into_iter().chain(arms.iter().map(Led::Arm)).collect();
+    let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Led::Arm);
+    let led: Vec<Led<'a>> = [Led::Object].into_iter().chain(arms).collect();
     let [k_t, ..] = *config.controller.reflection.gain().values();
     let usual = Trial {
         led: Led::Object,

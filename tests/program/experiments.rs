@@ -1,0 +1,66 @@
+//! Every experiment in its short form: its gates hold, and its files are those of the report.
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
+
+use std::fs;
+
+use crate::common::cli::{folder, frhc};
+
+/// Plays an experiment; its files are complete, and a second run replaces none of them.
+fn passes(experiment: &str, files: &[&str]) {
+    let results = folder("experiments", experiment).join("results");
+    let out = results.to_str().unwrap();
+    let args = ["-q", "experiment", experiment, "--short", "--markdown", "--out", out];
+    let played = frhc(&args);
+    assert_eq!(played.code, 0, "{experiment}: {}", played.stderr);
+    let mut written: Vec<String> = fs::read_dir(&results)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    written.sort();
+    let mut expected = files.to_vec();
+    expected.sort_unstable();
+    assert_eq!(written, expected, "{experiment}");
+    for file in files {
+        let text = fs::read_to_string(results.join(file)).unwrap();
+        assert!(!text.contains("NaN"), "{experiment}, {file}");
+        let (_, extension) = file.rsplit_once('.').unwrap();
+        match extension {
+            "svg" => assert!(text.starts_with("<svg") && text.contains("</svg>"), "{file}"),
+            "csv" => assert!(text.lines().count() > 1, "{file}"),
+            "md" => assert_eq!(text.trim(), played.stdout.trim(), "{file}"),
+            _ => assert!(text.len() > 2, "{file}"),
+        }
+    }
+    let again = frhc(&args);
+    assert!(again.code == 2 && again.stderr.contains("--force"), "{}", again.stderr);
+}
+
+#[test]
+fn fidelity_passes() {
+    passes("fidelity", &["runs.csv", "force.svg", "report.md"]);
+}
+
+#[test]
+fn return_to_centre_passes() {
+    passes("return-to-centre", &["axes.csv", "curves.csv", "force.svg", "report.md"]);
+}
+
+#[test]
+fn torque_curve_passes() {
+    passes("torque-curve", &["joints.csv", "test_forces.csv", "curves.svg", "report.md"]);
+}
+
+#[test]
+fn ntrfc_passes() {
+    passes("ntrfc", &["presses.csv", "bounds.csv", "figures.json", "force.svg", "report.md"]);
+}
+
+#[test]
+fn delay_passes() {
+    passes("delay", &["runs.csv", "figures.json", "map.svg", "report.md"]);
+}
+
+#[test]
+fn dual_peg_passes() {
+    passes("dual-peg", &["trials.csv", "figures.json", "work.svg", "report.md"]);
+}

@@ -64,3 +64,45 @@ fn delay_passes() {
 fn dual_peg_passes() {
     passes("dual-peg", &["trials.csv", "figures.json", "work.svg", "report.md"]);
 }
+
+#[test]
+fn folder_that_cannot_be_created_is_named_before_anything_runs() {
+    let played = frhc(&["experiment", "dual-peg", "--out", "/proc/results"]);
+    assert_eq!((played.code, played.stdout.as_str()), (4, ""), "{}", played.stderr);
+    assert!(played.stderr.starts_with("frhc: /proc/results: "), "{}", played.stderr);
+}
+
+#[test]
+fn delay_is_refused_where_nothing_would_rest() {
+    let folder = folder("experiments", "delay-refused");
+    let shipped = include_str!("../../config/kraft_like.toml");
+    let eds = concat!(env!("CARGO_MANIFEST_DIR"), "/eds/");
+    let shipped = shipped.replace("../eds/", eds);
+    for (old, new, reason) in [
+        (
+            "accommodation_m_per_ns = 0.01 ",
+            "accommodation_m_per_ns = 0.0 ",
+            "the rate command does not come to rest at the wall: raise remote.accommodation_m_per_ns",
+        ),
+        (
+            "wrench_gain = [0.3,",
+            "wrench_gain = [0.0,",
+            "controller.wrench_gain along x must be above 0",
+        ),
+    ] {
+        assert!(shipped.contains(old), "{old}");
+        let file = folder.join("arm.toml");
+        fs::write(&file, shipped.replacen(old, new, 1)).unwrap();
+        let file = file.to_str().unwrap();
+        let played = frhc(&["experiment", "delay", "--short", "--config", file]);
+        assert_eq!((played.code, played.stdout.as_str()), (3, ""), "{}", played.stderr);
+        assert!(played.stderr.contains("arm.toml"), "{}", played.stderr);
+        assert!(played.stderr.contains(reason), "{reason}: {}", played.stderr);
+    }
+    let slow = frhc(&["experiment", "delay", "--config", "config/kraft_like_500hz.toml"]);
+    assert!(
+        slow.code == 3 && slow.stderr.contains("add [controller.passivity]"),
+        "{}",
+        slow.stderr
+    );
+}

@@ -111,14 +111,17 @@ impl Common {
 }
 
 impl Results {
-    /// Refuses a folder that already has one of `files`, before anything runs.
+    /// Creates the folder of `--out`, and refuses one that already has one of `files`, before anything runs.
     ///
     /// # Errors
-    /// A file exists, and `--force` is not given.
+    /// A file exists, and `--force` is not given; or the folder cannot be created.
     pub(super) fn ensure_free(&self, files: &[&str]) -> Result<(), Failure> {
-        let folder = self.out.iter();
-        let mut paths = folder.flat_map(|folder| files.iter().map(|file| folder.join(file)));
-        paths.try_for_each(|path| results::ensure_free(&path, self.force))
+        let Some(folder) = &self.out else { return Ok(()) };
+        for file in files {
+            results::ensure_free(&folder.join(file), self.force)?;
+        }
+        let created = std::fs::create_dir_all(folder);
+        created.map_err(|error| Failure::new(Kind::Bus, format!("{}: {error}", folder.display())))
     }
 
     /// Prints the tables, or `figures` as JSON.
@@ -148,7 +151,6 @@ impl Results {
         let Some(folder) = &self.out else { return Ok(()) };
         let contents = contents()?.into_iter().map(|(file, text)| (folder.join(file), text));
         let contents: Vec<_> = contents.collect();
-        std::fs::create_dir_all(folder).or_fail(Kind::Bus)?;
         results::export_all(&contents, self.force)
     }
 }

@@ -94,6 +94,9 @@ pub enum NoTrial {
     /// Nothing to press against.
     #[error("the experiment presses against a wall: add [remote.wall]")]
     NoWall,
+    /// Nothing is reflected.
+    #[error("the experiment varies K_T: controller.wrench_gain along x must be above 0")]
+    NoReflection,
     /// No script leads to a force at rest.
     #[error(
         "the {commanded} command does not come to rest at the wall: raise remote.accommodation_m_per_ns or \
@@ -109,6 +112,21 @@ pub enum NoTrial {
     /// The drives do not boot.
     #[error(transparent)]
     BringUp(#[from] node::BringUpError),
+}
+
+/// Refuses a configuration with which no run can be played.
+///
+/// # Errors
+/// No wall, no reflection along x, or a command that does not come to rest at the wall.
+pub fn ensure_playable(config: &Config) -> Result<(), NoTrial> {
+    config.remote.wall.ok_or(NoTrial::NoWall)?;
+    let [k_t, ..] = *config.controller.reflection.gain().values();
+    if k_t <= 0.0 {
+        return Err(NoTrial::NoReflection);
+    }
+    let mut commands = [Commanded::Pose, Commanded::Rate].into_iter();
+    let restless = commands.find(|commanded| script::script(config, *commanded).is_none());
+    restless.map_or(Ok(()), |commanded| Err(NoTrial::NoRest { commanded }))
 }
 
 impl Trial<'_> {

@@ -17,7 +17,7 @@ use config::robots::RobotArm;
 use lab::delay::link::{self, Link};
 use lab::delay::measured::Outcome;
 use lab::delay::script::Commanded;
-use lab::delay::trial::{Led, NoTrial, Row, Trial};
+use lab::delay::trial::{self, Led, NoTrial, Row, Trial};
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
@@ -90,9 +90,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         let reason = "the experiment compares passivity layers: add [controller.passivity]";
         return Err(refused(&reason));
     }
-    if config.remote.wall.is_none() {
-        return Err(refused(&NoTrial::NoWall));
-    }
+    trial::ensure_playable(&config).map_err(|reason| refused(&reason))?;
     let arms = args.robots.load()?;
     args.results.ensure_free(&FILES)?;
     let trials = trials(args, &config, &arms);

@@ -37,6 +37,10 @@ const POSE_DELAY: u32 = 3;
 /// As for a pose, but that the object reaches it a cycle later is part of the law of a rate.
 const RATE_DELAY: u32 = 2;
 
+/// A robot's own computer commands the arm a cycle later than the object moves, and reads its sensor's mean over a cycle:
+/// a cycle and a half. Its kinematic model has neither, but an arm with this file has.
+const ROBOT_DELAY: u32 = 2;
+
 /// The object gives way to the wrench where it stands, in the same exchange.
 const ACCOMMODATION_DELAY: u32 = 0;
 
@@ -128,12 +132,12 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     let controller = &config.controller;
     let devices = Device::at_grip(&controller.arm, &resistances(config), &q)?;
     let environment = stiffest(config);
-    let on_link = link_cycles(config);
+    let later = link_cycles(config) + if config.robot.is_some() { ROBOT_DELAY } else { 0 };
     let timing = Timing {
         period: config.period.as_secs_f64(),
         torque_delay: TORQUE_DELAY,
-        pose_delay: POSE_DELAY + on_link,
-        rate_delay: RATE_DELAY + on_link,
+        pose_delay: POSE_DELAY + later,
+        rate_delay: RATE_DELAY + later,
         accommodation_delay: ACCOMMODATION_DELAY,
         link_delay: config.link.simulated.map_or(0.0, |link| link.round_trip().as_secs_f64()),
         servo_lag: config.remote.servo.time_constant(),

@@ -24,6 +24,17 @@ pub enum Led<'a> {
     Arm(&'a RobotArm),
 }
 
+impl Led<'_> {
+    /// Returns the configuration with this object or arm.
+    #[must_use]
+    pub fn of(&self, config: &Config) -> Config {
+        match self {
+            Self::Object => config.clone(),
+            Self::Arm(arm) => config.clone().with_robot((*arm).clone()),
+        }
+    }
+}
+
 impl fmt::Display for Led<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -172,10 +183,7 @@ impl Trial<'_> {
         let config =
             link::with_wrench_gain(config, self.k_t).with_link(self.link.settings(self.seed));
         let config = if self.has_layer { config } else { comparison::without_passivity(&config) };
-        match self.led {
-            Led::Object => config,
-            Led::Arm(arm) => config.with_robot(arm.clone()),
-        }
+        self.led.of(&config)
     }
 
     fn side(&self, config: &Config) -> Result<Side, NoRobot> {
@@ -218,9 +226,10 @@ mod tests {
         let arm = RobotArm::load(Path::new("config/robots/puma560.toml")).unwrap();
         for (delay_ms, max_age_ms) in [(8.0, 20.0), (40.0, 100.0)] {
             let link = Link { delay_ms, max_age_ms, ..Link::default() };
-            let k_t = 0.999 * link::largest_accepted(&config().with_link(link.settings(1)));
+            let led = Led::Arm(&arm);
+            let k_t =
+                0.999 * link::largest_accepted(&led.of(&config().with_link(link.settings(1))));
             for commanded in [POSE, RATE] {
-                let led = Led::Arm(&arm);
                 let trial = Trial { led, link, commanded, k_t, has_layer: true, seed: 1 };
                 let row = trial.play(&config()).unwrap();
                 assert!(row.is_accepted && row.outcome == Outcome::Calm, "{row:?}");

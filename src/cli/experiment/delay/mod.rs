@@ -136,9 +136,10 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     };
     let accepted = links.iter().flat_map(|link| {
         let with_link = config.clone().with_link(link.settings(seed));
-        let k_t = WITHIN * link::largest_accepted(&with_link);
-        let runs =
-            led.iter().flat_map(move |led| both(Trial { led: *led, link: *link, k_t, ..usual }));
+        let runs = led.iter().flat_map(|led| {
+            let k_t = WITHIN * link::largest_accepted(&led.of(&with_link));
+            both(Trial { led: *led, link: *link, k_t, ..usual })
+        });
         runs.collect::<Vec<_>>()
     });
     let map = [(Commanded::Pose, POSE_GAINS), (Commanded::Rate, RATE_GAINS)];

@@ -83,7 +83,7 @@ fn accepted(figures: &[Figure]) -> Table {
             "taken, mJ",
         ],
         rows: pairs.chunks_exact(2).map(row).collect(),
-        note: "given up: of the K_T at no delay; mJ: energy with which contact drove the hand; taken: energy that the \
+        note: "given up: of the free object's K_T at no delay; mJ: energy with which contact drove the hand; taken: energy that the \
                passivity layer took from the hand"
             .to_owned(),
     }

@@ -111,17 +111,14 @@ impl Common {
 }
 
 impl Results {
-    /// Creates the folder of `--out`, and refuses one that already has one of `files`, before anything runs.
+    /// Refuses a folder that already has one of `files`, before anything runs.
     ///
     /// # Errors
-    /// A file exists, and `--force` is not given; or the folder cannot be created.
+    /// A file exists, and `--force` is not given.
     pub(super) fn ensure_free(&self, files: &[&str]) -> Result<(), Failure> {
-        let Some(folder) = &self.out else { return Ok(()) };
-        for file in files {
-            results::ensure_free(&folder.join(file), self.force)?;
-        }
-        let created = std::fs::create_dir_all(folder);
-        created.map_err(|error| Failure::new(Kind::Bus, format!("{}: {error}", folder.display())))
+        let folder = self.out.iter();
+        let mut paths = folder.flat_map(|folder| files.iter().map(|file| folder.join(file)));
+        paths.try_for_each(|path| results::ensure_free(&path, self.force))
     }
 
     /// Prints the tables, or `figures` as JSON.
@@ -143,7 +140,7 @@ impl Results {
     /// Writes the files of the results to the folder of `--out`, all or none; `contents` is not called without one.
     ///
     /// # Errors
-    /// A picture that cannot be drawn, or a file that cannot be written.
+    /// A picture that cannot be drawn, or a folder or file that cannot be written.
     pub(super) fn write<'n>(
         &self,
         contents: impl FnOnce() -> Result<Vec<(&'n str, String)>, Failure>,
@@ -151,6 +148,9 @@ impl Results {
         let Some(folder) = &self.out else { return Ok(()) };
         let contents = contents()?.into_iter().map(|(file, text)| (folder.join(file), text));
         let contents: Vec<_> = contents.collect();
+        let created = std::fs::create_dir_all(folder);
+        created
+            .map_err(|error| Failure::new(Kind::Bus, format!("{}: {error}", folder.display())))?;
         results::export_all(&contents, self.force)
     }
 }

@@ -8,7 +8,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::element::{Circle, IntoDynElement, PathElement};
 use plotters::prelude::{
     BLACK, Cartesian2d, ChartBuilder, ChartContext, Color, DashedLineSeries, DrawingArea,
-    IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
+    IntoDrawingArea, IntoFont, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
 };
 
 /// Width and height of a panel, in px.
@@ -16,6 +16,9 @@ const PANEL: [u32; 2] = [560, 320];
 
 /// Width and height of the corner that a legend takes, as shares of the chart.
 const LEGEND: [f64; 2] = [0.4, 0.4];
+
+/// Room above the marks of named places, as a share of their range.
+const ROOM: f64 = 0.5;
 
 /// Colours of the series of a panel, in order: dark, and apart for people who do not see all colours.
 const COLOURS: [RGBColor; 6] = [
@@ -45,7 +48,7 @@ pub(super) struct Series {
     pub(super) name: String,
     /// Drawing.
     pub(super) ink: Ink,
-    /// Points, in the units of the axes.
+    /// Points, in the units of the axes; a line has a gap where one is NaN.
     pub(super) points: Vec<[f64; 2]>,
 }
 
@@ -99,7 +102,12 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Res
         0 => range(points().map(|[x, _]| *x)),
         places => 0.5..f64::from(u32::try_from(places)?) + 0.5,
     };
-    let ranges = [across, range(points().map(|[_, y]| *y))];
+    let mut up = range(points().map(|[_, y]| *y));
+    if !panel.places.is_empty() {
+        // Room for the legend above marks that stand in every corner.
+        up.end += ROOM * (up.end - up.start);
+    }
+    let ranges = [across, up];
     let corner = emptiest(&points(), &ranges);
     let [x, y] = panel.axes;
     let [across, up] = ranges;
@@ -134,7 +142,13 @@ fn add<'b: 'a, 'a>(
     let points = series.points.iter().map(|[x, y]| (*x, *y));
     let line = colour.stroke_width(2);
     let drawing = match series.ink {
-        Ink::Line => chart.draw_series(LineSeries::new(points, line)).map_err(drawn)?,
+        Ink::Line => {
+            let parts = series.points.split(|[x, y]| !(x.is_finite() && y.is_finite()));
+            let parts = parts.map(|part| part.iter().map(|[x, y]| (*x, *y)).collect::<Vec<_>>());
+            let lines =
+                parts.filter(|part| part.len() > 1).map(|part| PathElement::new(part, line));
+            chart.draw_series(lines).map_err(drawn)?
+        }
         Ink::Dashed => {
             chart.draw_series(DashedLineSeries::new(points, 6, 4, line)).map_err(drawn)?
         }
@@ -236,7 +250,7 @@ mod tests {
             axes: ["mm", "N"],
             places: Vec::new(),
             series: vec![
-                Series::new("felt", Ink::Line, vec![[0.0, 1.0], [1.0, 2.0]]),
+                Series::new("felt", Ink::Line, vec![[0.0, 1.0], [0.5, f64::NAN], [1.0, 2.0]]),
                 Series::new("law", Ink::Dashed, vec![[0.0, 1.0], [1.0, 1.0]]),
                 Series::new("measured", Ink::Marks, vec![[0.5, 1.5]]),
             ],

@@ -185,7 +185,10 @@ pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
         let curve = |name: &str, ink: Ink, is_calm: fn(&Pair<'_>) -> bool| {
             Series::new(name, ink, points(is_calm).into_iter().flatten().collect())
         };
-        let accepted = rows(figures, Part::Accepted).map(|row| [row.link.delay_ms, row.k_t]);
+        let mut accepted: Vec<[f64; 2]> =
+            rows(figures, Part::Accepted).map(|row| [row.link.delay_ms, row.k_t]).collect();
+        // The free object, as in the map, is the first at each delay.
+        accepted.dedup_by(|after, before| same(after[0], before[0]));
         Panel {
             title: format!("{commanded} mode: largest K_T at which the hand rests"),
             axes: ["delay of one way, ms", "K_T"],
@@ -193,7 +196,7 @@ pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
             series: vec![
                 curve("with the layer", Ink::Line, |pair| pair.with.outcome == Outcome::Calm),
                 curve("without it", Ink::Line, |pair| pair.without.outcome == Outcome::Calm),
-                Series::new("frhc check", Ink::Dashed, accepted.collect()),
+                Series::new("frhc check", Ink::Dashed, accepted),
             ],
         }
     };

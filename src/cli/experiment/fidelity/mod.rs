@@ -15,6 +15,7 @@ use lab::fidelity::script::Hand;
 use lab::fidelity::trial::{Arm, NoTrial};
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
+use units::spatial::Wrench;
 
 /// Time between two points of the picture, in s.
 const RESOLUTION: f64 = 5e-3;
@@ -98,9 +99,14 @@ fn picture(configs: &[Named], args: &Arguments) -> Result<String, Failure> {
         let (mut wanted, mut felt) = (Vec::new(), Vec::new());
         let each = |t: f64, sample: Option<&Sample>| {
             let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
-            let Some(sample) = sample.filter(|_| is_due) else { return };
-            wanted.push([t, sample.wanted.force.norm()]);
-            felt.push([t, sample.felt.force.norm()]);
+            if is_due {
+                // A gap where nothing can be compared.
+                let force = |of: fn(&Sample) -> &Wrench| {
+                    sample.map_or(f64::NAN, |one| of(one).force.norm())
+                };
+                wanted.push([t, force(|sample| &sample.wanted)]);
+                felt.push([t, force(|sample| &sample.felt)]);
+            }
         };
         let Some(participant) = participants(args).each().next() else { continue };
         Row::play(name, config, Arm::Identified, participant, each).or_fail(Kind::Drive)?;

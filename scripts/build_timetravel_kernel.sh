@@ -7,8 +7,7 @@
 # ~/.cache/vcan-uml/linux-timetravel) is one file of 7 MB that runs as an ordinary process.
 set -euo pipefail
 output=$(realpath -m "${1:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}")
-as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
-as_root apt-get install -y -q gcc make flex bison bc libelf-dev xz-utils >/dev/null
+"$(dirname "${BASH_SOURCE[0]}")/apt.sh" install gcc libc6-dev make flex bison bc libelf-dev xz-utils
 
 work=$(mktemp -d) && chmod 755 "$work"
 trap 'rm -rf "$work"' EXIT

@@ -10,11 +10,10 @@
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
 #
-# Each step prints what it installs. --missing installs nothing: it lists what is missing, one per line, and exits with
-# 1 if anything is.
+# Each step prints what it installs, and waits while another apt holds a lock (scripts/apt.sh). --missing installs
+# nothing: it lists what is missing, one per line, and exits with 1 if anything is.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
 
 only_list=
 parts=()
@@ -50,8 +49,7 @@ fi
 
 if wanted tools && ((${#packages[@]})); then
   echo "setup: installing ${packages[*]} from Debian" >&2
-  as_root apt-get update -q >/dev/null
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "${packages[@]}" >/dev/null
+  scripts/apt.sh install "${packages[@]}"
 fi
 if wanted tools && ! has_venv; then
   echo "setup: installing $(grep -v '^#' tests/interop/requirements.txt | paste -sd ' ') into $venv" >&2
@@ -62,6 +60,5 @@ if wanted tools && ! has_venv; then
 fi
 if wanted kernel && [[ ! -x $kernel ]]; then
   echo "setup: no kernel with virtual time at $kernel; building one (about 8 minutes, once)" >&2
-  as_root apt-get update -q >/dev/null
   scripts/build_timetravel_kernel.sh "$kernel"
 fi

@@ -51,7 +51,7 @@ need() { # need TOOL:PACKAGE...: installs the packages whose tools are missing
   for pair; do
     command -v "${pair%%:*}" >/dev/null || [[ -x /usr/sbin/${pair%%:*} ]] || missing+=("${pair##*:}")
   done
-  if ((${#missing[@]})); then as_root apt-get install -y -q "${missing[@]}" >/dev/null; fi
+  if ((${#missing[@]})); then "$here/apt.sh" install "${missing[@]}"; fi
 }
 
 # limited COMMAND...: runs it; returns 124 when it was killed because it printed nothing for $limit seconds.

@@ -8,3 +8,4 @@ mod hazards;
 mod keys;
 mod pages;
 mod ranges;
+mod scripts;

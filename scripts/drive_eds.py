@@ -31,16 +31,64 @@ UNSIGNED = {8: 5, 16: 6, 32: 7, 64: 0x1B}
 NAMES = {
     0x1F80: "NMT startup",
     0x6042: "vl target velocity",
+    0x6043: "vl velocity demand",
     0x6044: "vl velocity actual value",
+    0x6046: "vl velocity min max amount",
+    0x6048: "vl velocity acceleration",
+    0x6049: "vl velocity deceleration",
+    0x604A: "vl velocity quick stop",
+    0x604C: "vl dimension factor",
+    0x604F: "vl ramp function time",
     0x6066: "Following error time out",
+    0x6069: "Velocity sensor actual value",
+    0x606A: "Sensor selection code",
+    0x6082: "End velocity",
     0x6088: "Torque profile type",
+    0x6089: "Position notation index",
+    0x608A: "Position dimension index",
+    0x608B: "Velocity notation index",
+    0x608C: "Velocity dimension index",
+    0x608D: "Acceleration notation index",
+    0x608E: "Acceleration dimension index",
     0x6090: "Velocity encoder resolution",
+    0x6093: "Position factor",
+    0x6094: "Velocity encoder factor",
     0x6096: "Velocity factor",
     0x6097: "Acceleration factor",
+    0x60A4: "Profile jerk",
+    0x60B8: "Touch probe function",
+    0x60B9: "Touch probe status",
+    0x60BA: "Touch probe 1 positive edge",
+    0x60BB: "Touch probe 1 negative edge",
+    0x60BC: "Touch probe 2 positive edge",
+    0x60BD: "Touch probe 2 negative edge",
+    0x60C0: "Interpolation sub mode select",
     0x60C1: "Interpolation data record",
+    0x60C3: "Interpolation sync definition",
+    0x60C4: "Interpolation data configuration",
+    0x60D0: "Touch probe source",
+    0x60D5: "Touch probe 1 positive edge counter",
+    0x60D6: "Touch probe 1 negative edge counter",
+    0x60E4: "Additional position actual value",
+    0x60E5: "Additional velocity actual value",
+    0x60E6: "Additional position encoder increments",
+    0x60E8: "Additional gear motor revolutions",
+    0x60E9: "Additional feed",
+    0x60EB: "Additional position encoder revolutions",
+    0x60ED: "Additional gear shaft revolutions",
+    0x60EE: "Additional feed revolutions",
+    0x60F2: "Position option code",
+    0x60F6: "Torque control parameters",
+    0x60F8: "Max slippage",
+    0x60F9: "Velocity control parameter set",
+    0x60FA: "Control effort",
+    0x60FB: "Position control parameter set",
     0x6402: "Motor type",
     0x6403: "Motor catalogue number",
     0x6404: "Motor manufacturer",
+    0x6410: "Motor data",
+    0x6503: "Drive catalogue number",
+    0x6505: "http drive catalogue address",
     0x6510: "Drive data",
 }
 
@@ -122,7 +170,7 @@ def device_sections(device, path):
 
 
 def object_section(names, row, count):
-    index, sub = int(row["index"], 16), int(row["sub"]) if row["sub"] else None
+    index, sub = int(row["index"], 16), int(row["sub"], 16) if row["sub"] else None
     title = f"{index:04X}" if sub is None else f"{index:04X}sub{sub:X}"
     kind = int(row["object_type"], 0)
     entries = [("ParameterName", name_of(names, index, sub)), ("ObjectType", f"0x{kind:X}")]
@@ -137,7 +185,7 @@ def object_section(names, row, count):
 
 def mapped_only(rows):
     """Rows of the objects in default mappings that the facts do not describe otherwise."""
-    known = {(int(row["index"], 16), int(row["sub"] or 0)) for row in rows}
+    known = {(int(row["index"], 16), int(row["sub"] or "0", 16)) for row in rows}
     heads = {index for index, _ in known}
     found = {}
     for row in rows:
@@ -159,7 +207,7 @@ def mapped_only(rows):
             yield {**empty, "index": f"{index:X}", "sub": "", "object_type": "9"}
             yield {**empty, "index": f"{index:X}", "sub": "0", "object_type": "7", "data_type": "5", "access": "ro", "default": str(last)}
         yield {
-            **empty, "index": f"{index:X}", "sub": "" if is_single else str(sub), "object_type": "7",
+            **empty, "index": f"{index:X}", "sub": "" if is_single else f"{sub:X}", "object_type": "7",
             "data_type": str(UNSIGNED[bits]), "access": access, "pdo_mapping": "1",
         }
 
@@ -182,7 +230,7 @@ def eds(device, rows, names):
     for title, listed in lists:
         numbered = [(str(place), f"0x{index:04X}") for place, index in enumerate(listed, 1)]
         sections.append((title, [("SupportedObjects", str(len(listed))), *numbered]))
-    place = lambda row: (int(row["index"], 16), int(row["sub"]) if row["sub"] else -1)
+    place = lambda row: (int(row["index"], 16), int(row["sub"], 16) if row["sub"] else -1)
     sections += [object_section(names, row, subs[int(row["index"], 16)]) for row in sorted(rows, key=place)]
     text = "\n".join("\n".join([f"[{title}]", *(f"{key}={value}" for key, value in entries), ""]) for title, entries in sections)
     return path, text

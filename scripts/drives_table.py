@@ -60,7 +60,8 @@ def configuration(slug, folder):
 def reason(stderr):
     """The reasons of a refusal for the first joint, without file, line and joint."""
     reasons = []
-    for line in stderr.strip().splitlines():
+    # Not the log, but the reasons of the exit code.
+    for line in (line for line in stderr.splitlines() if re.match("frhc: (?!warning: )", line)):
         line = re.sub(r"^frhc: (\S+: )?", "", line)
         line = re.sub(r"^joint\[\d\]\.\w+: ", "", line)
         line = re.sub(r"^joint \d \(\w+\)(, node \d+)?: ", "", line)
@@ -71,7 +72,7 @@ def reason(stderr):
 
 def run(path, folder):
     """Simulates, arms and ends an arm on vcan0: what became of it."""
-    own = {**os.environ, "XDG_RUNTIME_DIR": folder}
+    own = {**os.environ, "XDG_RUNTIME_DIR": folder, "STATE_DIRECTORY": folder}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, "env": own}
     sim = subprocess.Popen([PROGRAM, "-q", "sim", "--config", path], **quiet)
     node = subprocess.Popen([PROGRAM, "-q", "run", "--config", path], **quiet)

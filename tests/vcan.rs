@@ -657,7 +657,7 @@ fn promise_15_stop_without_a_recording_is_in_the_state_folder() {
     candump.until(|line| line.nanos > killed + 1_500_000_000);
     let outcome = run.terminate();
     assert_eq!(outcome.code, Some(6), "{}", outcome.stderr);
-    let folder = scratch.path("state/frhc/faults");
+    let folder = scratch.path("state/faults");
     let record = only(&folder);
     assert!(outcome.stderr.contains(&format!("fault record: {}", record.display())));
     let fault = fs::read_to_string(record.join("fault.json")).unwrap();

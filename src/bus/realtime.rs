@@ -37,6 +37,13 @@ pub fn ask() -> Granted {
     }
 }
 
+impl Granted {
+    /// Returns whether no setting was refused.
+    pub const fn is_all(self) -> bool {
+        self.is_fifo && self.is_locked && self.is_exact
+    }
+}
+
 impl fmt::Display for Granted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let word = |is: bool| if is { "yes" } else { "refused" };

@@ -101,6 +101,20 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     predefined(node, vec![sample], vec![target])
 }
 
+/// TPDO service of the torque demand (6074h) at every tenth SYNC: it shows which target a drive without an RPDO timer
+/// has taken.
+pub fn torque_demand() -> Service {
+    Service {
+        transmission: Transmission(DEMAND_SYNCS),
+        inhibit_100us: None,
+        event_timer_ms: None,
+        mapping: vec![Mapped { object: Object::TORQUE_DEMAND, bits: 16 }],
+    }
+}
+
+/// Transmission type of the torque demand.
+pub const DEMAND_SYNCS: u8 = 10;
+
 /// Group of drives that share one RPDO of target torques.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Group {

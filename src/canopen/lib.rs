@@ -35,6 +35,7 @@ pub mod eds;
 pub mod emcy;
 pub mod error_codes;
 pub mod exchange;
+pub mod fact;
 pub mod frame;
 pub mod guarding;
 pub mod heartbeat;

@@ -13,12 +13,19 @@
 //! | 6092h        | feed constant of the plan                             |
 //! | 6090h        | anything: only that it does not change                |
 //! | 6075h, 6076h | ratings of the plan, to within 1 % or one unit        |
+//! | 60E0h, 60E1h | the capacity of the joint, or more                    |
+//! | 60AAh        | anything, and it is not read again                    |
 //! | 6502h        | cyclic synchronous torque                             |
+//!
+//! [`units`] has 60A8h, 60A9h, 6093h, 6094h and 607Bh.
+
+pub mod units;
 
 use std::fmt;
 
 use thiserror::Error;
 
+use crate::nameplate::units::{SiUnit, Units};
 use crate::object::Object;
 use crate::sdo::Content;
 
@@ -104,6 +111,10 @@ pub struct Nameplate {
     pub rated_current: Option<Rating>,
     /// Rated torque (6076h).
     pub rated_torque: Rating,
+    /// Capacity of the joint in per mille of rated torque, which 60E0h and 60E1h must allow; `None` compares neither.
+    pub capacity: Option<u16>,
+    /// Units and range of positions (60A8h, 60A9h, 607Bh).
+    pub units: Units,
     /// Supported modes (6502h) as the configuration states them; `None` expects cyclic synchronous torque among them.
     pub modes: Option<u32>,
 }
@@ -119,11 +130,23 @@ pub struct Held {
     pub size: u8,
 }
 
+/// `60A8h = 00B50000h`
+impl fmt::Display for Held {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { object, value, size } = *self;
+        write!(f, "{object} = {value:0digits$X}h", digits = usize::from(2 * size))
+    }
+}
+
 impl Held {
     /// Returns the content of an object; `None` unless it has one to four bytes. A reply of unknown size is cut to that
     /// of the object: what follows means nothing.
     pub fn of(object: Object, content: &Content) -> Option<Self> {
-        let size = if object == Object::POLARITY { 1 } else { 4 };
+        let size = match object {
+            Object::POLARITY => 1,
+            Object::POSITIVE_TORQUE_LIMIT | Object::NEGATIVE_TORQUE_LIMIT => 2,
+            _ => 4,
+        };
         Self::of_bytes(object, content.exactly(size).unwrap_or(content.bytes()))
     }
 
@@ -133,9 +156,9 @@ impl Held {
         Some(Self { object, value, size })
     }
 
-    /// Returns whether it may change while the drive runs.
+    /// Returns whether it may change while the drive runs, and matters then.
     pub fn may_change(&self) -> bool {
-        self.object != Object::SUPPORTED_MODES
+        ![Object::SUPPORTED_MODES, Object::ACCELERATION_UNIT].contains(&self.object)
     }
 }
 
@@ -165,12 +188,14 @@ const FEED: &str = "set it with the maker's tool or [[joint.boot.write]], or sta
 const CURRENT: &str = "set it with the maker's tool, or correct rated_current_a";
 const TORQUE: &str =
     "set it with the maker's tool, or correct rated_torque_nm or rated_torque_unit";
+const TORQUE_LIMIT: &str =
+    "raise it with the maker's tool, or lower max_torque_nm (max_force_n of a sliding joint)";
 const MODE: &str = "this drive lists no cyclic synchronous torque; if it has it all the same, state its value as \
     drive_modes";
 
 impl Nameplate {
     /// Objects to read, in order.
-    pub const OBJECTS: [Object; 12] = [
+    pub const OBJECTS: [Object; 23] = [
         Object::POLARITY,
         Object::ENCODER_INCREMENTS,
         Object::ENCODER_REVOLUTIONS,
@@ -182,6 +207,17 @@ impl Nameplate {
         Object::FEED_REVOLUTIONS,
         Object::RATED_CURRENT,
         Object::RATED_TORQUE,
+        Object::POSITIVE_TORQUE_LIMIT,
+        Object::NEGATIVE_TORQUE_LIMIT,
+        Object::POSITION_UNIT,
+        Object::VELOCITY_UNIT,
+        Object::ACCELERATION_UNIT,
+        Object::POSITION_FACTOR,
+        Object::POSITION_FACTOR_DIVISOR,
+        Object::VELOCITY_FACTOR,
+        Object::VELOCITY_FACTOR_DIVISOR,
+        Object::MIN_POSITION_RANGE,
+        Object::MAX_POSITION_RANGE,
         Object::SUPPORTED_MODES,
     ];
 
@@ -190,6 +226,7 @@ impl Nameplate {
     /// # Errors
     /// The first value that differs.
     pub fn judge(&self, held: &[Held]) -> Result<(), Misfit> {
+        self.units.judge(held)?;
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let ratio = |of: Object| {
             Some(Ratio(value(of)?, value(Object { sub: of.sub + 1, ..of }).unwrap_or(1)))
@@ -228,6 +265,16 @@ impl Nameplate {
                 return misfit(name, object, format!("{found} {unit}"), expected, remedy);
             }
         }
+        for (name, object) in [
+            ("positive torque limit", Object::POSITIVE_TORQUE_LIMIT),
+            ("negative torque limit", Object::NEGATIVE_TORQUE_LIMIT),
+        ] {
+            let limits = value(object).zip(self.capacity);
+            if let Some((found, least)) = limits.filter(|(found, least)| *found < (*least).into()) {
+                let expected = format!("at least {least} ‰");
+                return misfit(name, object, format!("{found} ‰"), expected, TORQUE_LIMIT);
+            }
+        }
         let Some(found) = value(Object::SUPPORTED_MODES) else { return Ok(()) };
         let (is_right, expected) = match self.modes {
             Some(modes) => (found == modes, format!("{modes:08X}h")),
@@ -246,6 +293,70 @@ fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+const POSITION_UNIT: &str = "set it with the maker's tool or [[joint.boot.write]], or state it as drive_position_unit and give \
+    encoder_counts_per_rev in units of 6064h";
+const VELOCITY_UNIT: &str = "set it with the maker's tool or [[joint.boot.write]]: max_speed_rad_per_s (max_speed_m_per_s) is \
+    written to 6080h in rpm";
+const FACTOR: &str = "set both numbers alike with the maker's tool or [[joint.boot.write]], and give \
+    encoder_counts_per_rev in units of 6064h";
+const RANGE: &str = "widen it, or set both to 0, with the maker's tool or [[joint.boot.write]], or correct limit_deg \
+    (limit_m) or zero_counts";
+
+impl Units {
+    /// Compares what a drive holds; what it does not have passes.
+    ///
+    /// # Errors
+    /// The first value that differs.
+    fn judge(&self, held: &[Held]) -> Result<(), Misfit> {
+        let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
+        let misfit = |name, object: Object, found, expected, remedy| {
+            let object = Object { sub: 0, ..object };
+            Err(Misfit { name, object, found, expected, remedy })
+        };
+        for (name, object, expected, remedy) in [
+            ("position unit", Object::POSITION_UNIT, Some(self.position), POSITION_UNIT),
+            ("velocity unit", Object::VELOCITY_UNIT, self.velocity, VELOCITY_UNIT),
+        ] {
+            let units = value(object).map(SiUnit).zip(expected);
+            if let Some((found, expected)) = units.filter(|(found, expected)| found != expected) {
+                return misfit(name, object, found.to_string(), expected.to_string(), remedy);
+            }
+        }
+        for (name, object) in [
+            ("position factor", Object::POSITION_FACTOR),
+            ("velocity encoder factor", Object::VELOCITY_FACTOR),
+        ] {
+            let divisor = value(Object { sub: 2, ..object }).unwrap_or(1);
+            let factor = value(object).map(|of| Ratio(of, divisor));
+            let is_set = |Ratio(of, to): &Ratio| *of != 0 && *to != 0;
+            if let Some(found) = factor.filter(|found| is_set(found) && *found != Ratio::ONE) {
+                return misfit(name, object, found.to_string(), Ratio::ONE.to_string(), FACTOR);
+            }
+        }
+        let signed = |object, absent| value(object).map_or(absent, u32::cast_signed);
+        let found = [
+            signed(Object::MIN_POSITION_RANGE, i32::MIN),
+            signed(Object::MAX_POSITION_RANGE, i32::MAX),
+        ];
+        match self.range {
+            Some(range) if found != [0, 0] && !contains(found, range) => {
+                let expected = format!("at least {}", range_text(range));
+                let found = range_text(found);
+                misfit("position range limit", Object::MIN_POSITION_RANGE, found, expected, RANGE)
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+}
+
+const fn contains([low, high]: [i32; 2], [least, most]: [i32; 2]) -> bool {
+    low <= least && most <= high
+}
+
+fn range_text([low, high]: [i32; 2]) -> String {
+    format!("{low} to {high}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -258,6 +369,8 @@ mod tests {
             feed: vec![Ratio::ONE, Ratio(16_384, 1)],
             rated_current: None,
             rated_torque: Rating { value: 176.5, unit: "mN·m" },
+            capacity: Some(800),
+            units: Units::default(),
             modes: None,
         }
     }
@@ -329,6 +442,20 @@ mod tests {
     }
 
     #[test]
+    fn torque_limit_below_the_capacity_is_refused() {
+        for object in [Object::POSITIVE_TORQUE_LIMIT, Object::NEGATIVE_TORQUE_LIMIT] {
+            assert_eq!(
+                (judged(&[held(object, 800)]), judged(&[held(object, 65_535)])),
+                Default::default()
+            );
+            let text = judged(&[held(object, 799)]);
+            assert!(text.contains("is 799 ‰, expected at least 800 ‰: raise it"), "{text}");
+            let open = Nameplate { capacity: None, ..nameplate() };
+            assert_eq!(open.judge(&[held(object, 0)]), Ok(()));
+        }
+    }
+
+    #[test]
     fn drive_without_cyclic_torque_is_refused() {
         let stated = Nameplate { modes: Some(0x6D), ..nameplate() };
         assert_eq!(stated.judge(&[held(Object::SUPPORTED_MODES, 0x6D)]), Ok(()));
@@ -347,5 +474,75 @@ mod tests {
         assert_eq!(of(&[0x80]), Some((0x80, 1)));
         assert_eq!(of(&[1, 2, 3, 4]), Some((0x0403_0201, 4)));
         assert_eq!((of(&[]), of(&[0; 5])), (None, None));
+    }
+
+    fn judged_units(held: &[(Object, u32)]) -> String {
+        let held: Vec<_> =
+            held.iter().map(|&(object, value)| Held { object, value, size: 4 }).collect();
+        let units =
+            Units { velocity: Some(SiUnit::RPM), range: Some([-200, 300]), ..Units::default() };
+        units.judge(&held).map_or_else(|misfit| misfit.to_string(), |()| String::new())
+    }
+
+    #[test]
+    fn drive_without_any_unit_passes() {
+        assert_eq!(judged_units(&[]), "");
+        assert_eq!(judged_units(&[(Object::ACCELERATION_UNIT, 7)]), "", "it is printed only");
+    }
+
+    #[test]
+    fn tenth_of_a_degree_is_no_increment() {
+        assert_eq!(judged_units(&[(Object::POSITION_UNIT, 0x00B5_0000)]), "");
+        let text = judged_units(&[(Object::POSITION_UNIT, 0xFF41_0000)]);
+        assert!(
+            text.starts_with(
+                "position unit (60A8h) is FF410000h (10^-1 °), expected 00B50000h (increments): set it"
+            ),
+            "{text}"
+        );
+        assert!(text.contains("drive_position_unit"), "{text}");
+        let stated = Units { position: SiUnit(0xFF41_0000), ..Units::default() };
+        let held = |value| [Held { object: Object::POSITION_UNIT, value, size: 4 }];
+        assert_eq!(stated.judge(&held(0xFF41_0000)), Ok(()));
+        assert!(stated.judge(&held(0x00B5_0000)).is_err());
+    }
+
+    #[test]
+    fn velocity_unit_counts_where_a_speed_is_written() {
+        let text = judged_units(&[(Object::VELOCITY_UNIT, 0xFDB4_4700)]);
+        assert!(text.contains("is FDB44700h (10^-3 rpm), expected 00B44700h (rpm)"), "{text}");
+        let held = [Held { object: Object::VELOCITY_UNIT, value: 0, size: 4 }];
+        assert_eq!(Units::default().judge(&held), Ok(()));
+    }
+
+    #[test]
+    fn factors_are_ratios_and_zeros_are_unset() {
+        for (object, name) in [
+            (Object::POSITION_FACTOR, "position factor (6093h)"),
+            (Object::VELOCITY_FACTOR, "velocity encoder factor (6094h)"),
+        ] {
+            let of =
+                |over, under| judged_units(&[(object, over), (Object { sub: 2, ..object }, under)]);
+            assert_eq!((of(4_096, 4_096), of(0, 0)), (String::new(), String::new()));
+            assert_eq!((of(0, 5), of(5, 0)), (String::new(), String::new()));
+            assert!(of(4_096, 360).starts_with(&format!("{name} is 4096:360, expected 1:1: ")));
+        }
+    }
+
+    #[test]
+    fn range_contains_that_of_the_joint_or_is_unset() {
+        let of = |low: i32, high: i32| {
+            judged_units(&[
+                (Object::MIN_POSITION_RANGE, low.cast_unsigned()),
+                (Object::MAX_POSITION_RANGE, high.cast_unsigned()),
+            ])
+        };
+        assert_eq!((of(0, 0), of(-200, 300)), (String::new(), String::new()));
+        assert_eq!(of(i32::MIN, i32::MAX), "");
+        for text in [of(-199, 300), of(-200, 299), of(0, 1)] {
+            assert!(text.contains("(607Bh) is"), "{text}");
+            assert!(text.contains("expected at least -200 to 300: widen it"), "{text}");
+        }
+        assert_eq!(judged_units(&[(Object::MAX_POSITION_RANGE, 300)]), "", "no lower end");
     }
 }

@@ -126,6 +126,8 @@ impl Object {
     pub const CURRENT_ACTUAL: Self = var(0x6078);
     pub const LINK_VOLTAGE: Self = var(0x6079);
     pub const TARGET_POSITION: Self = var(0x607A);
+    pub const MIN_POSITION_RANGE: Self = Self { index: 0x607B, sub: 1 };
+    pub const MAX_POSITION_RANGE: Self = Self { index: 0x607B, sub: 2 };
     pub const HOME_OFFSET: Self = var(0x607C);
     pub const MIN_POSITION_LIMIT: Self = Self { index: 0x607D, sub: 1 };
     pub const MAX_POSITION_LIMIT: Self = Self { index: 0x607D, sub: 2 };
@@ -145,10 +147,17 @@ impl Object {
     pub const GEAR_SHAFT_REVOLUTIONS: Self = Self { index: 0x6091, sub: 2 };
     pub const FEED: Self = Self { index: 0x6092, sub: 1 };
     pub const FEED_REVOLUTIONS: Self = Self { index: 0x6092, sub: 2 };
+    pub const POSITION_FACTOR: Self = Self { index: 0x6093, sub: 1 };
+    pub const POSITION_FACTOR_DIVISOR: Self = Self { index: 0x6093, sub: 2 };
+    pub const VELOCITY_FACTOR: Self = Self { index: 0x6094, sub: 1 };
+    pub const VELOCITY_FACTOR_DIVISOR: Self = Self { index: 0x6094, sub: 2 };
     pub const HOMING_METHOD: Self = var(0x6098);
     pub const HOMING_SPEED_SWITCH: Self = Self { index: 0x6099, sub: 1 };
     pub const HOMING_SPEED_ZERO: Self = Self { index: 0x6099, sub: 2 };
     pub const HOMING_ACCELERATION: Self = var(0x609A);
+    pub const POSITION_UNIT: Self = var(0x60A8);
+    pub const VELOCITY_UNIT: Self = var(0x60A9);
+    pub const ACCELERATION_UNIT: Self = var(0x60AA);
     pub const POSITION_OFFSET: Self = var(0x60B0);
     pub const VELOCITY_OFFSET: Self = var(0x60B1);
     pub const TORQUE_OFFSET: Self = var(0x60B2);

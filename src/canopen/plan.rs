@@ -14,7 +14,7 @@ use crate::master::commission::{BOOT_TIMEOUT, REPLY_TIMEOUT};
 use crate::master::configuration::Stamp;
 use crate::nameplate::Nameplate;
 use crate::object::Object;
-use crate::setting::{Need, Setting, interpolation_time};
+use crate::setting::{self, Need, OFFSETS, Setting, interpolation_time};
 use crate::{drive, emcy};
 
 /// Required identity of a node (1000h and 1018h).
@@ -186,7 +186,8 @@ impl NodePlan {
         max_torque: u16,
     ) -> Self {
         let consumer = u32::from(watch.master.raw()) << 16 | u32::from(watch.master_lost_ms);
-        let safety = vec![
+        let mut safety = setting::no_offsets().to_vec();
+        safety.extend([
             (Object::CONSUMER_HEARTBEAT, Value::Unsigned32(consumer)),
             (Object::ABORT_CONNECTION, MALFUNCTION),
             (Object::QUICK_STOP_OPTION, DISABLE_DRIVE),
@@ -195,7 +196,7 @@ impl NodePlan {
             (Object::HALT_OPTION, SLOW_DOWN),
             (Object::FAULT_REACTION, DISABLE_DRIVE),
             (Object::MAX_TORQUE, Value::Unsigned16(max_torque)),
-        ];
+        ]);
         let mode = Some(drive::CYCLIC_SYNCHRONOUS_TORQUE);
         Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, watch) }
     }
@@ -246,11 +247,11 @@ impl NodePlan {
         self
     }
 
-    /// Limits the torque by an object of the maker in place of 6072h.
+    /// Limits the torque by these objects in place of 6072h; without any, by nothing that the master writes.
     #[must_use]
-    pub fn limited_by(mut self, object: Object, value: Value) -> Self {
+    pub fn limited_by(mut self, limits: &[(Object, Value)]) -> Self {
         self.safety.retain(|(limit, _)| *limit != Object::MAX_TORQUE);
-        self.safety.push((object, value));
+        self.safety.extend_from_slice(limits);
         self
     }
 
@@ -269,11 +270,14 @@ impl NodePlan {
         self
     }
 
-    /// Removes means that the device `lacks`, and the heartbeat consumer: another watchdog may stop the drive.
+    /// Removes means that the device `lacks`, and the heartbeat consumer: another watchdog may stop the drive. Offsets
+    /// stay: a data sheet that omits one says nothing about the drive.
     #[must_use]
     pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
-        let is_dispensable =
-            |object| object == Object::CONSUMER_HEARTBEAT || !Need::of(object).is_must();
+        let is_dispensable = |object| {
+            let is_means = !Need::of(object).is_must() && !OFFSETS.contains(&object);
+            object == Object::CONSUMER_HEARTBEAT || is_means
+        };
         self.safety.retain(|(object, _)| !(is_dispensable(*object) && lacks(*object)));
         self
     }
@@ -304,6 +308,7 @@ impl NodePlan {
     pub fn demands(&self) -> impl Iterator<Item = Object> + '_ {
         let first = self.first_writes.iter().map(|(object, _)| *object);
         let safety = self.safety.iter().map(|(object, _)| *object);
+        let safety = safety.filter(|object| !OFFSETS.contains(object));
         let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
         let watch = self.watch_settings();
         let watch = watch.into_iter().filter(|setting| setting.need.is_must());

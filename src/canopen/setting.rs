@@ -42,6 +42,19 @@ const MEANS: [Object; 10] = [
     Object::INTERPOLATION_TIME_INDEX,
 ];
 
+/// Offsets that a drive adds to its set-points from enabling on (CiA 402-2): zero, as the controller knows of none.
+pub(crate) const OFFSETS: [Object; 3] =
+    [Object::TORQUE_OFFSET, Object::VELOCITY_OFFSET, Object::POSITION_OFFSET];
+
+/// Writes that clear the offsets.
+pub(crate) const fn no_offsets() -> [(Object, Value); 3] {
+    [
+        (Object::TORQUE_OFFSET, Value::Integer16(0)),
+        (Object::VELOCITY_OFFSET, Value::Integer32(0)),
+        (Object::POSITION_OFFSET, Value::Integer32(0)),
+    ]
+}
+
 /// Returns why no write of a configuration may precede the plan at an object; `None` if one may.
 pub const fn reserved(object: Object) -> Option<&'static str> {
     match object.index {
@@ -65,8 +78,37 @@ pub const fn reserved(object: Object) -> Option<&'static str> {
         | 0x6072
         | 0x6080
         | 0x60C2 => Some("is written by the plan, whose value follows from other keys"),
+        0x60B0..=0x60B2 => Some(
+            "is written 0 by the plan, as an offset acts from enabling on: leave it out; gravity and friction are keys of \
+             [[joint]] and [controller.friction]",
+        ),
+        0x60E0 | 0x60E1 => Some(
+            "is compared with the capacity of the joint, not written: set it with the maker's tool, or limit the joint by \
+             max_torque_nm (max_force_n)",
+        ),
         _ => None,
     }
+}
+
+/// Returns what to do about a value that a drive keeps, to be appended to the message; empty for most objects.
+pub(crate) const fn remedy(object: Object) -> &'static str {
+    match object.index {
+        0x60B0..=0x60B2 => ": an offset acts from enabling on; clear it with the maker's tool",
+        _ => "",
+    }
+}
+
+/// Returns whether an object can limit torque inside a drive: 6072h, 6073h, 60E0h, 60E1h, or one of the maker (2000h to
+/// 5FFFh). No other object of CiA 301 or CiA 402-2 does; 6087h, for one, is the slope of a profile.
+pub fn can_limit_torque(object: Object) -> bool {
+    let is_of_maker = (0x2000..=0x5FFF).contains(&object.index);
+    let standard = [
+        Object::MAX_TORQUE,
+        Object::MAX_CURRENT,
+        Object::POSITIVE_TORQUE_LIMIT,
+        Object::NEGATIVE_TORQUE_LIMIT,
+    ];
+    is_of_maker || standard.contains(&object)
 }
 
 impl Need {
@@ -75,6 +117,7 @@ impl Need {
         match object {
             _ if MEANS.contains(&object) => Self::IfAccepted,
             Object::MAX_MOTOR_SPEED => Self::IfPresent,
+            _ if OFFSETS.contains(&object) => Self::IfPresent,
             _ => Self::Must,
         }
     }
@@ -117,8 +160,36 @@ mod tests {
         for index in [0x1005, 0x1016, 0x1400, 0x1A03, 0x605A, 0x6071, 0x6072, 0x1010, 0x1F51] {
             assert!(of(index).is_some(), "{index:04X}h");
         }
+        for index in [0x60B0, 0x60B1, 0x60B2] {
+            assert!(of(index).unwrap().contains("leave it out"), "{index:04X}h");
+        }
+        for index in [0x60E0, 0x60E1] {
+            assert!(of(index).unwrap().contains("max_torque_nm"), "{index:04X}h");
+        }
         for index in [0x2182, 0x6065, 0x607E, 0x6076, 0x6091, 0x60C5] {
             assert_eq!(of(index), None, "{index:04X}h");
+        }
+    }
+
+    #[test]
+    fn only_limits_and_objects_of_the_maker_limit_torque() {
+        let can = |index, sub| can_limit_torque(Object { index, sub });
+        for (index, sub) in
+            [(0x6072, 0), (0x6073, 0), (0x60E0, 0), (0x60E1, 0), (0x2000, 0), (0x5FFF, 9)]
+        {
+            assert!(can(index, sub), "{index:04X}h:{sub}");
+        }
+        for (index, sub) in [
+            (0x6087, 0),
+            (0x6071, 0),
+            (0x6075, 0),
+            (0x6872, 0),
+            (0x1FFF, 0),
+            (0x6000, 0),
+            (0x9FFF, 0),
+            (0x6072, 1),
+        ] {
+            assert!(!can(index, sub), "{index:04X}h:{sub}");
         }
     }
 
@@ -126,6 +197,7 @@ mod tests {
     fn option_codes_are_means_and_limits_are_not() {
         assert_eq!(Need::of(Object::FAULT_REACTION), Need::IfAccepted);
         assert_eq!(Need::of(Object::MAX_MOTOR_SPEED), Need::IfPresent);
+        assert_eq!(OFFSETS.map(Need::of), [Need::IfPresent; 3]);
         for object in [Object::MAX_TORQUE, Object::CONSUMER_HEARTBEAT, Object::LIFE_TIME_FACTOR] {
             assert!(Need::of(object).is_must(), "{object}");
         }

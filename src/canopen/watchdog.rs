@@ -147,10 +147,11 @@ mod tests {
         };
         let of_all = ["6007h", "605Ah", "605Bh", "605Ch", "605Dh", "605Eh", "6072h"];
         let elbow = objects(elbow().no_faster_than(3_000));
-        for object in of_all.iter().chain(&["1400h:5", "1016h:1", "1029h:1", "6080h"]) {
+        let rest = ["1400h:5", "1016h:1", "1029h:1", "6080h", "60B0h", "60B1h", "60B2h"];
+        for object in of_all.iter().chain(&rest) {
             assert!(elbow.iter().any(|protection| protection == object), "{object}: {elbow:?}");
         }
-        assert_eq!(elbow.len(), 11);
+        assert_eq!(elbow.len(), 14);
         let guarded = objects(guarded_elbow());
         for object in of_all.iter().chain(&["1400h:5", "1029h:1", "100Ch", "100Dh"]) {
             assert!(guarded.iter().any(|protection| protection == object), "{object}");

@@ -67,10 +67,11 @@ fn measures(config: &Config, place: usize, joint: &JointParameters) -> Vec<(Obje
         (Object::POSITION_ACTUAL, position),
         (Object::TORQUE_ACTUAL, torque(largest, "torque")),
         (Object::TARGET_TORQUE, torque(most, "target_torque")),
+        (Object::TORQUE_DEMAND, torque(most, "torque_demand")),
     ]
 }
 
-/// Resolution of 6071h and 6077h, in parts of the rated torque.
+/// Resolution of 6071h, 6074h and 6077h, in parts of the rated torque.
 const PER_MILLE: f64 = 1_000.0;
 
 /// Relation of an actuator to its joint.

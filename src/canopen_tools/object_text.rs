@@ -64,7 +64,7 @@ const OBJECTS: &[(Object, &str, u16)] = &[
     (Object::VELOCITY_ACTUAL, "velocity", I32),
     (Object::TARGET_TORQUE, "target torque", I16),
     (Object::MAX_TORQUE, "maximum torque", U16),
-    (at(0x6074, 0), "torque demand", I16),
+    (Object::TORQUE_DEMAND, "torque demand", I16),
     (at(0x6075, 0), "rated current, mA", U32),
     (Object::RATED_TORQUE, "rated torque, mN·m", U32),
     (Object::TORQUE_ACTUAL, "torque", I16),

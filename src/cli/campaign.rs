@@ -16,6 +16,7 @@ use crate::cli::scenario;
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use config::Config;
+use config::shipped::HAND_CONTROLLERS;
 use lab::bench::Bench;
 use lab::campaign::case::Case;
 use lab::campaign::monitor::Monitor;
@@ -30,10 +31,6 @@ use run::results::{self, Force};
 use telemetry::fidelity::{Fidelity, Judged};
 use units::time::Instant;
 
-/// The hand controllers of a campaign without `--config`.
-const CONFIGS: [&str; 3] =
-    ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
-
 /// Most failed cases that leave a log.
 const MAX_LOGS: usize = 20;
 
@@ -46,7 +43,7 @@ pub(crate) struct Campaign {
     /// Number of faults to inject.
     #[arg(long, value_name = "N", default_value = "200")]
     faults: NonZero<usize>,
-    /// A configuration; repeatable. Default: three of those in config/.
+    /// A configuration; repeatable. Default: the nine in config/ and config/drives/.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     /// Only kinds of fault whose name contains this.
@@ -77,7 +74,7 @@ pub(crate) struct Campaign {
 /// Plays the campaign and prints its verdicts.
 pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     let configs = match &*args.config {
-        [] => CONFIGS.iter().map(PathBuf::from).collect(),
+        [] => HAND_CONTROLLERS.iter().map(PathBuf::from).collect(),
         named => named.to_vec(),
     };
     let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();

@@ -11,7 +11,6 @@ use crate::value::Placed;
 use canopen::ByteString;
 use canopen::eds::Eds;
 use canopen::guarding::Guarding;
-use canopen::object::Object;
 use canopen::plan::{Admission, NodePlan, Revisions, Timeouts};
 
 /// Boot of one node.
@@ -38,8 +37,8 @@ pub(super) struct Given<'a> {
     pub(super) lost_ms: Option<u16>,
     /// Its data sheet.
     pub(super) eds: Option<&'a Eds>,
-    /// Object that limits its torque.
-    pub(super) limit: Option<Object>,
+    /// Objects that limit its torque.
+    pub(super) limits: &'a [Written],
 }
 
 impl BootSettings {
@@ -102,7 +101,7 @@ pub(super) fn of_node(
         writes: boot_writes::read(
             raw.write.as_ref().map(Sections::all).unwrap_or_default(),
             given.eds,
-            given.limit,
+            given.limits,
             problems,
         ),
     }

@@ -4,19 +4,21 @@ use crate::drive_object::{self, Written};
 use crate::problem::Problems;
 use crate::raw;
 use canopen::eds::Eds;
-use canopen::object::Object;
 use canopen::setting;
 
-/// Reads the writes of one node. `limit` is the object that limits its torque.
+/// Reads the writes of one node, whose torque `limits` limit.
 pub(super) fn read(
     raw: &[raw::BootWrite],
     eds: Option<&Eds>,
-    limit: Option<Object>,
+    limits: &[Written],
     problems: &mut Problems<'_>,
 ) -> Vec<Written> {
     let one = |write: &raw::BootWrite| {
         let (object, content) = drive_object::read(&write.object, &write.value, eds, problems)?;
-        let is_limit = (limit == Some(object)).then_some("is the object of [joint.torque_limit]");
+        let is_limit = limits
+            .iter()
+            .any(|(limit, _)| *limit == object)
+            .then_some("is the object of [joint.torque_limit]");
         if let Some(reason) = setting::reserved(object).or(is_limit) {
             problems.add(&write.object, format_args!("{object} {reason}"));
             return None;

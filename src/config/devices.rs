@@ -95,7 +95,9 @@ fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Proble
 /// Returns what to do about an object that a drive lacks.
 const fn remedy(object: Object) -> &'static str {
     match object {
-        Object::MAX_TORQUE => "; name what limits its torque in [joint.torque_limit]",
+        Object::MAX_TORQUE => {
+            "; name what limits its torque in [joint.torque_limit], or the limit that its maker's tool has set"
+        }
         Object::PRODUCER_HEARTBEAT => "; guard the node by guard_time_ms and life_time_factor",
         _ => "",
     }

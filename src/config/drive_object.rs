@@ -13,9 +13,9 @@ pub(crate) type Content = canopen::Value;
 pub(crate) type Written = (Object, Content);
 
 /// Reads an object that the drive has by its EDS, and a value that it can take.
-pub(super) fn read(
-    object: &Value<String>,
-    value: &Value<i64>,
+pub(super) fn read<const NEEDED: bool>(
+    object: &Value<String, NEEDED>,
+    value: &Value<i64, NEEDED>,
     eds: Option<&Eds>,
     problems: &mut Problems<'_>,
 ) -> Option<Written> {

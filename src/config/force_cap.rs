@@ -29,6 +29,8 @@ pub struct ForceCap {
     pub max_speed: f64,
     /// Mass of hand and grip, in kg: `[safety] effective_mass_kg`.
     pub effective_mass: f64,
+    /// Set if a fact of a drive is stated only: half of the force is allowed.
+    pub is_halved: bool,
 }
 
 /// Forces at the grip, in N.
@@ -92,8 +94,8 @@ impl fmt::Display for Forces {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
     "{forces}{} for the {:.1} ms until a drive stops by itself would make {mass} kg of hand and grip \
-     {speed:.2} m/s fast, more than {MAX_RUNAWAY_SPEED} m/s: at most {max_force:.1} N in all",
-    dampers(.damping), millis(.reaction_time)
+     {speed:.2} m/s fast, more than {}: at most {max_force:.1} N in all",
+    dampers(.damping), millis(.reaction_time), bound(.is_halved)
 )]
 pub struct ForceAboveCap {
     /// Requested forces.
@@ -108,6 +110,8 @@ pub struct ForceAboveCap {
     pub speed: f64,
     /// Maximum sum of forces, in N, rounded down to a tenth.
     pub max_force: f64,
+    /// Set if only half of the force is allowed, because a fact of a drive is stated only.
+    pub is_halved: bool,
 }
 
 impl ForceCap {
@@ -120,19 +124,27 @@ impl ForceCap {
         let seconds = reaction_time.as_secs_f64();
         let reversed = self.reversed(reaction_time);
         let speed = forces.total() * seconds / mass + reversed;
+        let max_speed = reversed + self.share() * (MAX_RUNAWAY_SPEED - reversed).max(0.0);
         // NaN allows nothing.
-        if mass > 0.0 && speed <= MAX_RUNAWAY_SPEED {
+        if mass > 0.0 && speed <= max_speed && speed <= MAX_RUNAWAY_SPEED {
             return Ok(());
         }
         let max_force = self.max_force(reaction_time);
         let damping = (reversed > 0.0).then_some(damping);
-        Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force })
+        let is_halved = self.is_halved;
+        Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force, is_halved })
     }
 
     /// Returns the maximum sum of forces with a time until drives stop by themselves, in N, rounded down to a tenth.
     pub fn max_force(&self, reaction_time: Duration) -> f64 {
         let left = (MAX_RUNAWAY_SPEED - self.reversed(reaction_time)).max(0.0);
-        (left * self.effective_mass / reaction_time.as_secs_f64() * 10.0).floor() / 10.0
+        (self.share() * left * self.effective_mass / reaction_time.as_secs_f64() * 10.0).floor()
+            / 10.0
+    }
+
+    /// Returns the share of the force that the timers allow.
+    const fn share(&self) -> f64 {
+        if self.is_halved { 0.5 } else { 1.0 }
     }
 
     /// Returns the speed that dampers which reverse the motion add, in m/s.
@@ -144,6 +156,14 @@ impl ForceCap {
 
 fn dampers(damping: &Option<f64>) -> String {
     damping.map(|damping| format!(" and dampers of {damping} N·s/m")).unwrap_or_default()
+}
+
+fn bound(is_halved: &bool) -> String {
+    if *is_halved {
+        format!("half of {MAX_RUNAWAY_SPEED} m/s, as facts of a drive are stated only")
+    } else {
+        format!("{MAX_RUNAWAY_SPEED} m/s")
+    }
 }
 
 fn millis(span: &Duration) -> f64 {
@@ -158,7 +178,7 @@ mod tests {
 
     fn cap(reflected: f64) -> ForceCap {
         let forces = Forces { reflected, centring: 0.0, soft_stops: 0.0 };
-        ForceCap { forces, damping: 0.0, max_speed: 1.0, effective_mass: 1.0 }
+        ForceCap { forces, damping: 0.0, max_speed: 1.0, effective_mass: 1.0, is_halved: false }
     }
 
     #[test]
@@ -197,6 +217,27 @@ mod tests {
         let refused = with(60.0).unwrap_err();
         assert!((refused.speed - 0.75).abs() < 1e-9);
         assert!(refused.to_string().contains("and dampers of 60 N·s/m for the 25.0 ms"));
+    }
+
+    #[test]
+    fn stated_facts_halve_the_allowed_force() {
+        let heartbeat = Duration::from_millis(25);
+        let half = |reflected| ForceCap { is_halved: true, ..cap(reflected) };
+        assert_eq!(half(10.0).check(heartbeat), Ok(()));
+        let refused = half(10.1).check(heartbeat).unwrap_err();
+        assert!(
+            refused.to_string().ends_with(
+                "0.25 m/s fast, more than half of 0.5 m/s, as facts of a drive are stated only: at most 10.0 N in all"
+            ),
+            "{refused}"
+        );
+        // Dampers that reverse the motion take their share first.
+        let damped = ForceCap { damping: 48.0, ..half(0.0) };
+        assert!(
+            (damped.max_force(heartbeat) - 6.0).abs() < 0.11,
+            "{}",
+            damped.max_force(heartbeat)
+        );
     }
 
     #[test]

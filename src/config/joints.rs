@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use crate::boot::{self, BootSettings, Given};
-use crate::drive_object::{self, Written};
 use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
+use crate::torque_limit::{self, TorqueLimit};
 use crate::units::Units;
 use crate::value::Value;
 use crate::{joint_plant, lookup, nameplate, names, plausibility, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
+use canopen::fact::Fact;
 use canopen::frame::Channel;
 use canopen::nameplate::Nameplate;
 use canopen::plan::Identity;
@@ -34,8 +35,10 @@ pub struct JointParameters {
     pub eds: Eds,
     /// Sign, scale and ratings that its drive is meant to hold.
     pub nameplate: Nameplate,
-    /// Object that limits its drive's torque in place of 6072h, with its value.
-    pub torque_limit: Option<Written>,
+    /// Facts of its drive that are accepted although nothing but the configuration states them.
+    pub accepted: Vec<Fact>,
+    /// Limit of its drive's torque in place of 6072h.
+    pub torque_limit: Option<TorqueLimit>,
     /// Maximum speed before torque goes off, in rad/s or m/s.
     pub max_speed: f64,
     /// Encoder and torque curve, as the controller uses them.
@@ -74,15 +77,15 @@ fn read_one(
     let node = lookup::node_id(&joint.node_id, problems);
     let eds = lookup::eds(&joint.eds, file, problems);
     let limit = joint.torque_limit.as_ref();
-    let limit =
-        limit.and_then(|it| drive_object::read(&it.object, &it.value, eds.as_ref(), problems));
+    let limit = limit.and_then(|limit| torque_limit::read(limit, eds.as_ref(), problems));
     let given = Given {
         lost_ms: raw.safety.drive_lost_ms.get(),
         eds: eds.as_ref(),
-        limit: limit.map(|(object, _)| object),
+        limits: limit.as_ref().map_or(&[], TorqueLimit::writes),
     };
     let boot = boot::of_drive(joint.boot.as_ref(), given, problems);
     let nameplate = nameplate::read(joint, problems);
+    let accepted = nameplate::accepted(joint, problems);
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = problems.one_of(&joint.kind.or("revolute".to_owned()), &kinds)?;
 
@@ -106,6 +109,7 @@ fn read_one(
         boot,
         eds: eds?,
         nameplate: nameplate?,
+        accepted,
         torque_limit: limit,
         max_speed: max_speed?,
         calibration: calibration?,

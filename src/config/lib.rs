@@ -25,9 +25,11 @@ mod devices;
 mod drive_object;
 pub mod dual_peg;
 mod extensions;
+pub mod facts;
 pub mod files;
 pub mod force_cap;
 mod gain_check;
+mod held_torque;
 mod interpretation;
 mod joint_plant;
 mod joints;
@@ -58,6 +60,7 @@ mod stopping;
 mod switch_box;
 pub mod switch_inputs;
 pub mod torque_data;
+mod torque_limit;
 pub mod trust;
 mod units;
 mod value;
@@ -65,6 +68,7 @@ mod value_limits;
 
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
+pub use held_torque::{HeldTorque, SeenBy, TAKEN_CYCLES};
 pub use joints::JointParameters;
 pub use link::RemoteLink;
 pub use operator::Operator;
@@ -76,6 +80,7 @@ pub use protection::timer_tolerance;
 pub use safety::{Protection, Safety};
 pub use stopping::Stopping;
 pub use switch_box::{NoSwitchBox, SwitchBox};
+pub use torque_limit::{StatedLimit, TorqueLimit};
 pub use value_limits::Caution;
 
 use std::ops::Deref;
@@ -332,6 +337,7 @@ fn convert(
     let exchange = devices::check(&config, raw, problems);
     start::check(&config, raw, problems);
     stopping::check(&config, raw, problems);
+    facts::check_config(&config, raw, problems);
     protection::check(&config, raw, problems);
     gain_check::check(&config, refuses, raw, problems);
     Some((config, exchange))

@@ -5,6 +5,8 @@
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
+use canopen::fact::Fact;
+use canopen::nameplate::units::{SiUnit, Units};
 use canopen::nameplate::{Nameplate, Rating, Ratio};
 use written::List;
 
@@ -15,12 +17,13 @@ const UNITS: [(&str, (f64, &str)); 2] = [("mNm", (1e3, "mN·m")), ("uNm", (1e6, 
 pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Nameplate> {
     let counts = joint.encoder_counts_per_rev.get()?;
     let unit = joint.rated_torque_unit.or("mNm".to_owned());
-    let (scale, unit) = problems.one_of(&unit, &UNITS)?;
+    let (scale, torque_unit) = problems.one_of(&unit, &UNITS)?;
     let encoder = ratio(&joint.drive_encoder, problems);
     let gear = ratio(&joint.drive_gear, problems);
     let feed = ratio(&joint.drive_feed, problems);
     // The key counts 6064h, which is behind the gear: the shaft of 6092h has so many counts per revolution.
     let shaft = gear.unwrap_or(Ratio::ONE).times(counts).into_iter();
+    let unit = joint.drive_position_unit.or(SiUnit::INCREMENTS.0).get()?;
     let current = problems.within(&joint.rated_current_a, 1e-3..=1e4);
     Some(Nameplate {
         polarity: joint.drive_polarity.or(0).get()?,
@@ -29,8 +32,30 @@ pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Na
         feed: stated(feed, || [Ratio::ONE].into_iter().chain(shaft.clone()).collect()),
         rated_current: current.map(|amperes| Rating { value: amperes * 1e3, unit: "mA" }),
         modes: joint.drive_modes.get(),
-        rated_torque: Rating { value: joint.rated_torque_nm.get()? * scale, unit },
+        rated_torque: Rating { value: joint.rated_torque_nm.get()? * scale, unit: torque_unit },
+        capacity: None,
+        units: Units { position: SiUnit(unit), ..Units::default() },
     })
+}
+
+/// Reads the facts that are accepted although nothing but the configuration states them.
+pub(super) fn accepted(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<Fact> {
+    let given = joint.accept_stated_only.as_ref().map(Vec::as_slice).unwrap_or_default();
+    let mut accepted = Vec::new();
+    for name in given {
+        match Fact::ALL.into_iter().find(|fact| fact.key() == name) {
+            Some(fact) => accepted.push(fact),
+            None => {
+                let [first, second, third] = Fact::ALL.map(Fact::key);
+                let name = name.escape_debug();
+                let reason = format!(
+                    "unknown fact \"{name}\"; expected \"{first}\", \"{second}\" or \"{third}\""
+                );
+                problems.add(&joint.accept_stated_only, reason);
+            }
+        }
+    }
+    accepted
 }
 
 /// Returns a stated value alone, or the usual ones.

@@ -8,8 +8,11 @@ use crate::parameters::Parameters;
 use crate::switch_box::SwitchBox;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
-use canopen::layout::{self, Group};
+use canopen::layout::{self, Direction, Group, Pdo};
 use canopen::listening::{self, Pattern};
+use canopen::load::lacks;
+use canopen::nameplate::Nameplate;
+use canopen::nameplate::units::{SiUnit, Units};
 use canopen::object::Object;
 use canopen::plan::{NodePlan, Watch};
 use canopen::{NodeId, emcy};
@@ -53,14 +56,17 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
     };
     layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
     layout::keep_bit_30(&mut pdos, |object| default(&joint.eds, object, joint.node));
+    if group.is_none() && timer.is_none_or(|millis| millis == 0) {
+        send_demand(&mut pdos, joint);
+    }
     let most = joint.calibration.max_target().0.unsigned_abs();
     let watch = watch(config, place);
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
     let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
-    let nameplate = Some(joint.nameplate.clone());
+    let nameplate = Some(nameplate(config, place, joint, most));
     let plan = NodePlan { standstill_counts: Some(rest), nameplate, ..plan };
-    let plan = match joint.torque_limit {
-        Some((object, value)) => plan.limited_by(object, value),
+    let plan = match &joint.torque_limit {
+        Some(limit) => plan.limited_by(limit.writes()),
         None => plan,
     };
     let plan = plan.no_faster_than(motor_speed(config, place, joint));
@@ -71,6 +77,47 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
     let plan = plan.every(config.period_us().into());
     let plan = as_far_as_it_has(plan, joint);
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
+}
+
+/// Has the drive send its torque demand in the first free TPDO that it can have, by its EDS. The bus of a group has no
+/// room for it.
+fn send_demand(pdos: &mut [Pdo], joint: &JointParameters) {
+    let is_free = |pdo: &&mut Pdo| {
+        pdo.direction == Direction::Transmit && pdo.service.is_none() && pdo.cob_id != 0
+    };
+    for pdo in pdos.iter_mut().filter(is_free) {
+        pdo.service = Some(layout::torque_demand());
+        if lacks::lacks(&joint.eds, joint.node, std::slice::from_ref(pdo)).is_empty() {
+            return;
+        }
+        pdo.service = None;
+    }
+}
+
+/// Returns the values that the drive of a joint must hold, by the whole configuration.
+fn nameplate(config: &Parameters, place: usize, joint: &JointParameters, most: u16) -> Nameplate {
+    let writes_speed = is_writable(&joint.eds, Object::MAX_MOTOR_SPEED);
+    let units = Units {
+        velocity: writes_speed.then_some(SiUnit::RPM),
+        range: counts_of_range(config, place),
+        ..joint.nameplate.units.clone()
+    };
+    Nameplate { capacity: Some(most), units, ..joint.nameplate.clone() }
+}
+
+/// Lowest and highest count of the drive at `place` where every joint is within its range: at the corners of the ranges,
+/// as a coupling is linear.
+fn counts_of_range(config: &Parameters, place: usize) -> Option<[i32; 2]> {
+    let ranges = config.joints.each_ref().map(|joint| joint.plant.link.range);
+    let corners = (0..1_u32 << ranges.len()).filter_map(|corner| {
+        let ends = (0..)
+            .zip(ranges)
+            .map(|(at, [low, high])| if corner >> at & 1 == 0 { low } else { high });
+        let q = JointVector::from_iterator(ends);
+        config.controller.calibration.counts(&q).get(place).map(|counts| counts.0)
+    });
+    let (low, high) = corners.clone().min().zip(corners.max())?;
+    Some([low, high])
 }
 
 /// The drives that share a joint's frame of targets; `None` where each has its own.

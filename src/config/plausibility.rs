@@ -16,8 +16,9 @@ pub struct Plausibility {
     pub limit_margin_revolute: f64,
     /// Margin beyond the range of a prismatic joint, in m.
     pub limit_margin_prismatic: f64,
-    /// Maximum difference of actual (6077h) and target torque (6071h), in ‰ of rated torque.
-    pub torque_tolerance: u16,
+    /// Maximum difference of actual (6077h) and target torque (6071h), in ‰ of rated torque; `None` if it follows the
+    /// targets.
+    pub torque_tolerance: Option<u16>,
     /// Time for which a larger difference is tolerated.
     pub torque_differs: Duration,
     /// Time for which a position may be constant under torque.
@@ -46,7 +47,10 @@ pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Pla
     let grip = problems.within(&raw.max_grip_speed_m_per_s.or(1.0), 0.01..=10.0);
     let turning = problems.within(&raw.limit_margin_rad.or(0.02), 0.0..=0.5);
     let sliding = problems.within(&raw.limit_margin_m.or(0.01), 0.0..=0.1);
-    let tolerance = problems.within(&raw.torque_tolerance_per_mille.or(150), 1..=1_000);
+    let tolerance = match &raw.torque_tolerance_per_mille {
+        given if given.is_absent() => Some(None),
+        given => problems.within(&given.or(1), 1..=1_000).map(Some),
+    };
     let missing = problems.within(&raw.max_missing_percent.or(5), 1..=50);
     Some(Plausibility {
         max_grip_speed: grip?,

@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use crate::facts::Facts;
 use crate::force_cap::{ForceCap, ForceKind, Forces};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
@@ -47,6 +48,7 @@ impl Parameters {
             damping: self.strongest_damping(),
             max_speed: self.plausibility.max_grip_speed,
             effective_mass: mass,
+            is_halved: !self.facts().iter().all(Facts::is_verified),
         }
     }
 

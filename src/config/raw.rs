@@ -53,8 +53,10 @@ sections! {
 
     /// Limit of a drive's torque in place of 6072h.
     TorqueLimit {
-        object: Value<String>,
-        value: Value<i64>,
+        object: Optional<String>,
+        value: Optional<i64>,
+        makers_tool_per_mille: Optional<f64>,
+        makers_tool_ma: Optional<f64>,
     }
 
     Bus {
@@ -118,7 +120,9 @@ sections! {
         drive_encoder: Optional<List<u32, 2>>,
         drive_gear: Optional<List<u32, 2>>,
         drive_feed: Optional<List<u32, 2>>,
+        drive_position_unit: Optional<u32>,
         drive_modes: Optional<u32>,
+        accept_stated_only: Optional<Vec<String>>,
         torque_limit: Option<TorqueLimit>,
         boot: Option<Boot>,
         simulated: OrEmpty<Simulated>,

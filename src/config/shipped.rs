@@ -61,6 +61,7 @@ const FILES: &[(&str, &[u8])] = table![
     "config/scenarios/quirks/deaf-to-master.toml",
     "config/scenarios/quirks/double-replies.toml",
     "config/scenarios/quirks/emcy-storm.toml",
+    "config/scenarios/quirks/filtered-torque.toml",
     "config/scenarios/quirks/fixed-mapping.toml",
     "config/scenarios/quirks/forgetful.toml",
     "config/scenarios/quirks/heartbeat-liar.toml",
@@ -101,6 +102,19 @@ const FILES: &[(&str, &[u8])] = table![
     "eds/frhc_switches.eds",
 ];
 
+/// Configurations of hand controllers: those of the arms, and the complete ones of drives by their data sheets.
+pub const HAND_CONTROLLERS: [&str; 9] = [
+    "config/kraft_like.toml",
+    "config/kraft_like_500hz.toml",
+    "config/jpl_like.toml",
+    "config/sixr_spherical.toml",
+    "config/drives/elmo_gold.toml",
+    "config/drives/ingenia_eve.toml",
+    "config/drives/maxon_epos4.toml",
+    "config/drives/nanotec_cl4e.toml",
+    "config/drives/technosoft_ipos.toml",
+];
+
 /// The folder of the scenarios, and the end of their names.
 const SCENARIOS: (&str, &str) = ("config/scenarios/", ".toml");
 
@@ -132,6 +146,19 @@ mod tests {
         names
             .flat_map(|(is_folder, name)| if is_folder { below(&name) } else { vec![name] })
             .collect()
+    }
+
+    #[test]
+    fn every_hand_controller_in_config_is_listed() {
+        let mut files = below("config");
+        files.retain(|name| {
+            let folder = Path::new(name).parent().and_then(Path::to_str);
+            name.ends_with(".toml") && ["config", "config/drives"].map(Some).contains(&folder)
+        });
+        let mut listed = HAND_CONTROLLERS.to_vec();
+        files.sort();
+        listed.sort_unstable();
+        assert_eq!(files, listed);
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub(super) fn read(
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let given = Given { lost_ms, eds: eds.as_ref(), limit: None };
+    let given = Given { lost_ms, eds: eds.as_ref(), limits: &[] };
     let boot = boot::of_node(switches.boot.as_ref(), given, problems);
     let identity = Identity {
         vendor: switches.vendor_id.get()?,

@@ -187,9 +187,14 @@ impl<const N: usize> Slew<N> {
         &self.rise
     }
 
+    /// Makes the next torques rise from zero.
+    pub fn reset(&mut self) {
+        self.before = SVector::zeros();
+    }
+
     /// Sets all torques to zero without a ramp: a fault does not wait.
     pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
-        self.before = SVector::zeros();
+        self.reset();
         (self.before, None)
     }
 

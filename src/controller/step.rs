@@ -9,7 +9,7 @@ use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
 use crate::intake::Trusted;
 use crate::interpretation::{Centring, Felt, Weight};
-use crate::limits::{Asked, Limited, Limits};
+use crate::limits::{Asked, Limited, Limits, Slew};
 use crate::port::{Passed, Port};
 use crate::reference::{Displacement, Reference};
 use crate::switches::{Mode, Pressed, SwitchLogic};
@@ -122,6 +122,10 @@ impl Controller {
             share: given.reflection_share,
             ..Ledger::nothing()
         };
+        if input.held == Some([PerMille(0); 6]) {
+            // Targets withdrawn after a stall: torques rise from zero again.
+            self.layers.slew.iter_mut().for_each(Slew::reset);
+        }
         let (tau, ledger, broken) = self.limit(asked); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
         self.last.1 = targets;

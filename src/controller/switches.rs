@@ -51,6 +51,8 @@ pub struct Pressed {
     pub engaged: bool,
     /// Commanding in this mode starts with a new reference, so that the object does not jump.
     pub latches: bool,
+    /// The reflection switch has turned reflection on, with the deadman held or not.
+    pub reflects: bool,
 }
 
 impl Pressed {
@@ -63,6 +65,7 @@ impl Pressed {
         reference: false,
         engaged: false,
         latches: false,
+        reflects: false,
     };
 }
 
@@ -98,6 +101,7 @@ impl SwitchLogic {
             reference: now.reference && (mode == Mode::Pose || !before.reference),
             engaged: held && (!held_before || mode != mode_before),
             latches: mode == Mode::Pose && (latches || mode != mode_before),
+            reflects: reflecting,
         }
     }
 }

@@ -29,6 +29,10 @@ pub enum DeviceFault {
     DriveFault(u16),
     /// Safe torque off is requested at the drive's input.
     SafeTorqueOff,
+    /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
+    ControlwordIgnored,
+    /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
+    TorqueOffset(i16),
 }
 
 /// A wrong measurement of a drive.
@@ -69,10 +73,12 @@ pub enum Input {
 
 impl DeviceFault {
     /// Returns whether it is over as soon as it has happened.
-    pub(super) const fn is_momentary(self) -> bool {
+    pub const fn is_momentary(self) -> bool {
         match self {
-            Self::Reboot | Self::Emergency { .. } | Self::DriveFault(_) => true,
-            Self::SafeTorqueOff => false,
+            Self::Reboot | Self::Emergency { .. } | Self::DriveFault(_) | Self::TorqueOffset(_) => {
+                true
+            }
+            Self::SafeTorqueOff | Self::ControlwordIgnored => false,
         }
     }
 }
@@ -114,6 +120,8 @@ impl fmt::Display for DeviceFault {
             Self::Emergency { code, .. } => write!(f, "emergency {code:04X}h"),
             Self::DriveFault(code) => write!(f, "fault {code:04X}h"),
             Self::SafeTorqueOff => f.write_str("safe torque off"),
+            Self::ControlwordIgnored => f.write_str("controlword ignored"),
+            Self::TorqueOffset(per_mille) => write!(f, "torque offset of {per_mille} ‰"),
         }
     }
 }

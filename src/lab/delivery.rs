@@ -22,7 +22,8 @@ pub(super) struct Delivered {
 impl Delivered {
     /// Returns what `joint` has, with the objects of `dictionary`.
     pub(super) fn of(joint: &JointParameters, dictionary: &Dictionary) -> Self {
-        let Nameplate { polarity, gear, rated_torque, rated_current, modes, .. } = &joint.nameplate;
+        let Nameplate { polarity, gear, rated_torque, rated_current, modes, units, .. } =
+            &joint.nameplate;
         let Factors { increments, encoder, feed } = Factors::of(joint, dictionary);
         let mut stored = vec![
             (Object::POLARITY, u32::from(*polarity)),
@@ -35,6 +36,7 @@ impl Delivered {
             (Object::FEED, feed.0),
             (Object::FEED_REVOLUTIONS, feed.1),
             (Object::RATED_TORQUE, rated_torque.rounded()),
+            (Object::POSITION_UNIT, units.position.0),
         ];
         stored.extend(rated_current.map(|current| (Object::RATED_CURRENT, current.rounded())));
         stored.extend(modes.map(|modes| (Object::SUPPORTED_MODES, modes)));

@@ -75,6 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.plausibility.restart();
         self.proof_test.restart();
         self.drives.rpdos.restart();
+        self.power_off.restart();
         self.listen_before_boot()?;
         let booted = self.boot(give_up);
         if booted.is_err() {

@@ -144,6 +144,10 @@ causes! {
         description "actual torque (6077h) of a drive differs from its target torque (6071h)",
         message ("joint {joint}: actual torque differs from the target torque"),
         reaction always(ZeroTorque, Node, false, &[10]);
+    TargetNotTaken { joint: Joint }
+        description "drive holds another torque than its targets: its RPDOs no longer arrive",
+        message ("joint {joint}: drive no longer takes its target torque"),
+        reaction always(ZeroTorque, Node, true, &[13]);
     Overspeed { joint: Joint }
         description "joint speed above its limit",
         message ("joint {joint}: speed above its limit"),
@@ -248,10 +252,30 @@ causes! {
         description "drive does not reach operation enabled in time",
         message ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
         reaction always(ZeroTorque, Node, true, &[16]);
+    NotOff { joint: Joint, statusword: u16 }
+        description "drive still on although disable voltage was sent to it by RPDO and by SDO",
+        message ("joint {joint}: drive still on after disable voltage (6041h = {statusword:04X}h)"),
+        reaction always(DrivesOff, Node, true, &[46]);
     AwaitsReset { reason: ResetReason }
         description "last run without an orderly end, or this run without a latch",
         message ("{reason}: waiting for a reset"),
         reaction always(DrivesOff, Node, true, &[27]);
+}
+
+impl Cause {
+    /// Returns the joint whose drive does not follow its targets. With zero torque for `is_stopping`, another actual
+    /// torque is enough.
+    pub(crate) const fn unfollowing(self, is_stopping: bool) -> Option<Joint> {
+        if let Self::TargetNotTaken { joint } = self {
+            return Some(joint);
+        }
+        if let Self::TorqueDiffers { joint } = self
+            && is_stopping
+        {
+            return Some(joint);
+        }
+        None
+    }
 }
 
 /// Reason why a run starts stopped.

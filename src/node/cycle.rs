@@ -15,7 +15,7 @@
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
-use crate::record::{Record, SdoCounters};
+use crate::record::{Mode, Record, SdoCounters};
 use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;
@@ -100,7 +100,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let operator = self.operator.check(now, permit, output, input.restart);
         let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
         let samples = self.plausibility.check(&self.samples.sampled(), output, gravity_is_on);
-        self.raise(now, [controller, operator, samples]);
+        self.keep_off_unfollowing(samples);
+        let beyond = self.operator.check_limit(permit, samples);
+        self.raise(now, [controller, operator, beyond, samples]);
+    }
+
+    /// Keeps off a drive that no longer takes its targets, and one whose torque does not follow the zero torque of a
+    /// stop, instead of waiting for the end of the stop.
+    pub(super) fn keep_off_unfollowing(&mut self, cause: Option<Cause>) {
+        let is_stopping = self.safety.mode() == Mode::ZeroTorque;
+        if let Some(joint) = cause.and_then(|cause| cause.unfollowing(is_stopping)) {
+            self.drives.power.keep_off(joint);
+        }
     }
 
     /// Returns the first joint whose drive is not enabled, with its statusword.
@@ -138,6 +149,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             x_b_m: input.x_b_m,
             output,
             targets: targets.map(|PerMille(target)| target),
+            not_off: self.power_off.not_off(),
             sdo: SdoCounters {
                 foreign_uploads: self.network.master.foreign_uploads(),
                 unread_settings: self.proof_test.unread(),
@@ -150,7 +162,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
 mod tests {
     use super::*;
     use crate::cause::Kind;
-    use crate::record::Mode;
     use crate::silent_bus::node;
     use bus::SendError;
 

@@ -24,11 +24,7 @@ impl Drives {
     /// Returns the drives at zero torque, not enabled.
     pub(super) fn new(config: &Config, rpdos: RpdoImage) -> Self {
         let max_targets = config.joints.each_ref().map(|joint| joint.calibration.max_target());
-        Self {
-            rpdos,
-            power: PowerStages::new(config.safety.missing_samples),
-            limiter: TargetLimiter::new(max_targets),
-        }
+        Self { rpdos, power: PowerStages::default(), limiter: TargetLimiter::new(max_targets) }
     }
 
     /// Sets the targets, and the controlwords for the drives' states, in the RPDOs.

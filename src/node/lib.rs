@@ -27,6 +27,7 @@ pub mod operator;
 pub mod permit;
 mod plausibility;
 mod power;
+mod power_off;
 pub mod proof_test;
 pub mod reaction;
 mod receive;
@@ -42,6 +43,7 @@ mod send;
 mod silent_bus;
 mod stop;
 mod target_limiter;
+mod target_readings;
 mod targets;
 mod transmission;
 mod unpowered;
@@ -58,6 +60,7 @@ use crate::drives::Drives;
 use crate::network::Network;
 use crate::operator::Operator;
 use crate::plausibility::Plausibility;
+use crate::power_off::PowerOff;
 use crate::proof_test::{ProofTest, ProofTestReport};
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
@@ -68,6 +71,7 @@ use bus::Bus;
 use canopen::exchange::Exchange;
 use canopen::master::event::Event;
 use config::Config;
+use config::facts::Facts;
 use remote::Remote;
 
 /// The node of one hand controller, on its buses.
@@ -79,6 +83,7 @@ pub struct Node<B, R> {
     proof_test: ProofTest,
     samples: Samples,
     drives: Drives,
+    power_off: PowerOff,
     remote: RemoteSide<R>,
     control: Control,
     operator: Operator,
@@ -107,6 +112,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 config.joints.each_ref().map(|joint| joint.channel),
                 config.safety.missing_samples,
             ),
+            power_off: PowerOff::new(
+                config.exchange(),
+                config.period,
+                config.safety.missing_samples,
+            ),
             drives: Drives::new(config, rpdos),
             remote: RemoteSide::new(config, now, remote),
             control: Control::new(config),
@@ -129,6 +139,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns the results of the proof test; empty before a test, or if none is configured.
     pub const fn proof_test_report(&self) -> &ProofTestReport {
         self.proof_test.report()
+    }
+
+    /// Returns the facts of the drives, verified or stated only, in the order of the joints: as the last boot found them.
+    pub fn facts(&self) -> &[Facts] {
+        self.proof_test.facts()
     }
 
     /// Takes the oldest network event that was not taken yet, for the log.

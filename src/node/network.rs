@@ -3,12 +3,14 @@
 use std::collections::VecDeque;
 
 use crate::sdo_pacer::SdoPacer;
-use canopen::frame::Channel;
+use crate::target_readings::TargetReadings;
+use canopen::frame::{Channel, Frame};
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::plan::NodePlan;
 use canopen::{NmtState, heartbeat, sync, time_stamp};
 use config::Config;
+use units::time::Instant;
 
 /// Maximum number of queued notices; further ones are dropped.
 const MAX_NOTICES: usize = 64;
@@ -22,6 +24,10 @@ pub(super) struct Network {
     /// Producer of TIME, if configured.
     pub(super) time_stamp: Option<time_stamp::Producer>,
     pub(super) sdo_pacer: SdoPacer,
+    /// Turn of the drives whose target torque is read.
+    pub(super) targets: TargetReadings,
+    /// Heartbeat and guarding have ended for all nodes, until the next boot.
+    is_silent: bool,
     /// Network events for the log, oldest first.
     notices: VecDeque<Event>,
 }
@@ -31,7 +37,7 @@ impl Network {
     pub(super) fn new(config: &Config, plans: Vec<(Channel, NodePlan)>) -> Self {
         let producer = |period| time_stamp::Producer::new(time_stamp::COB_ID, period);
         Self {
-            master: Master::new(plans),
+            master: Master::new(plans).with_node_id(config.node_id),
             heartbeat: heartbeat::Producer::new(
                 config.node_id,
                 config.heartbeat,
@@ -40,12 +46,31 @@ impl Network {
             sync: sync::Counter::new(config.sync_counter),
             time_stamp: config.time_period.map(producer),
             sdo_pacer: SdoPacer::new(),
+            targets: TargetReadings::new(&config.exchange().tpdos),
+            is_silent: false,
             notices: VecDeque::with_capacity(MAX_NOTICES),
         }
     }
 
-    /// Restarts the master's boot and the SYNC counter.
+    /// Returns the heartbeat if one is due, unless error control has ended.
+    pub(super) fn heartbeat(&mut self, now: Instant) -> Option<Frame> {
+        if self.is_silent { None } else { self.heartbeat.due(now) }
+    }
+
+    /// Ends heartbeat and guarding for all nodes until the next boot, so that the drives' watchdogs expire.
+    pub(super) fn end_error_control(&mut self) {
+        self.is_silent = true;
+        self.master.end_guarding();
+    }
+
+    /// Returns whether heartbeat and guarding have ended for all nodes.
+    pub(super) const fn is_silent(&self) -> bool {
+        self.is_silent
+    }
+
+    /// Restarts the master's boot, error control and the SYNC counter.
     pub(super) fn restart(&mut self) {
+        self.is_silent = false;
         self.master.restart();
         self.sync.restart();
     }

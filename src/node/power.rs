@@ -1,8 +1,7 @@
 //! Goal and controlword of each drive's power stage (CiA 402), and the drives that stay off.
 //!
 //! Drives are enabled only in `Boot`. A drive that leaves `Operation enabled` later stays off until a reset, so a
-//! released emergency stop enables no drive. A drive with missing samples may still apply torque: a synchronous RPDO
-//! acts only at a SYNC, which the drive may not receive. An SDO download to it acts at once and disables its voltage.
+//! released emergency stop enables no drive. [`power_off`](crate::power_off) confirms that drives are off.
 
 use crate::record::Mode;
 use canopen::drive::{Controlword, Goal, PowerStage, State, Statusword};
@@ -28,39 +27,22 @@ pub(super) const fn may_apply_torque(statusword: Statusword) -> bool {
 }
 
 /// The power stages of the six drives.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct PowerStages {
     stages: [PowerStage; 6],
     /// The next fault while the drive is enabled is reset.
     may_reset: [bool; 6],
     /// Drives that stay off while others may be on.
     kept_off: [bool; 6],
-    /// Drives to which disable voltage was sent by SDO.
-    power_off_sent: [bool; 6],
-    /// Cycles in a row without a sample.
-    missed: [u32; 6],
-    /// Cycles without a sample from which disable voltage is sent by SDO.
-    max_missed: u32,
+    /// Drives of which the newest controlword disables voltage.
+    must_be_off: [bool; 6],
 }
 
 impl PowerStages {
-    /// Returns power stages without a goal. After `max_missed` cycles without a sample, disable voltage is sent by SDO.
-    pub(super) fn new(max_missed: u32) -> Self {
-        Self {
-            stages: Default::default(),
-            may_reset: [false; 6],
-            kept_off: [false; 6],
-            power_off_sent: [false; 6],
-            missed: [0; 6],
-            max_missed,
-        }
-    }
-
     /// Permits one fault reset per drive, at its next fault while being enabled, and enabling of drives kept off.
     pub(super) fn reset_faults(&mut self) {
         self.may_reset = [true; 6];
         self.kept_off = [false; 6];
-        self.power_off_sent = [false; 6];
     }
 
     /// Keeps the drive of this joint off until [`reset_faults`](Self::reset_faults).
@@ -68,23 +50,9 @@ impl PowerStages {
         *joint.entry_mut(&mut self.kept_off) = true;
     }
 
-    /// Counts the samples missing in this cycle. If the node `is_stopped`, returns the next joint whose drive must be sent
-    /// disable voltage by SDO: each once.
-    pub(super) fn next_to_power_off(
-        &mut self,
-        fresh: [bool; 6],
-        is_stopped: bool,
-    ) -> Option<Joint> {
-        let max_missed = self.max_missed;
-        for (missed, is_fresh) in self.missed.iter_mut().zip(fresh) {
-            *missed = if is_fresh { 0 } else { missed.saturating_add(1) };
-        }
-        let mut joints = Joint::each(self.missed.iter().zip(&mut self.power_off_sent));
-        let (joint, (_, is_sent)) = joints
-            .find(|(_, (missed, is_sent))| is_stopped && **missed >= max_missed && !**is_sent)?;
-        *is_sent = true;
-        self.keep_off(joint);
-        Some(joint)
+    /// Returns the drives of which the newest controlword disables voltage.
+    pub(super) const fn must_be_off(&self) -> [bool; 6] {
+        self.must_be_off
     }
 
     /// Returns the goal of a drive in `state`, with the node in `mode`.
@@ -111,6 +79,7 @@ impl PowerStages {
         state: Option<State>,
         goal: Goal,
     ) -> Controlword {
+        *joint.entry_mut(&mut self.must_be_off) = goal == Goal::VoltageDisabled;
         let stage = joint.entry_mut(&mut self.stages);
         let may_reset = joint.entry_mut(&mut self.may_reset);
         let is_enabling = goal == Goal::OperationEnabled;
@@ -130,7 +99,7 @@ mod tests {
 
     #[test]
     fn drives_are_enabled_only_in_boot() {
-        let stages = PowerStages::new(3);
+        let stages = PowerStages::default();
         for mode in Mode::ALL {
             for state in [None, Some(State::SwitchOnDisabled), Some(State::SwitchedOn)] {
                 let is_enabled = stages.goal(FIRST, state, mode, true) == Goal::OperationEnabled;
@@ -143,7 +112,7 @@ mod tests {
 
     #[test]
     fn first_fault_while_enabling_is_reset_and_the_second_is_not() {
-        let mut stages = PowerStages::new(3);
+        let mut stages = PowerStages::default();
         stages.reset_faults();
         let mut word = |state| stages.controlword(FIRST, Some(state), Goal::OperationEnabled);
         assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
@@ -154,7 +123,7 @@ mod tests {
 
     #[test]
     fn drive_kept_off_stays_off_alone_until_a_reset() {
-        let mut stages = PowerStages::new(3);
+        let mut stages = PowerStages::default();
         stages.keep_off(Joint::of::<3>());
         let goals = |stages: &PowerStages| {
             Joint::ALL.map(|joint| stages.goal(joint, ENABLED, Mode::ZeroTorque, true))
@@ -163,17 +132,5 @@ mod tests {
         assert_eq!(goals(&stages), [on, on, off, on, on, on]);
         stages.reset_faults();
         assert_eq!(goals(&stages), [on; 6]);
-    }
-
-    #[test]
-    fn drives_without_samples_are_powered_off_once_one_per_cycle() {
-        let mut stages = PowerStages::new(3);
-        let fresh = [true, false, true, false, true, true];
-        let mut cycle = |is_stopped| stages.next_to_power_off(fresh, is_stopped);
-        assert_eq!([cycle(false), cycle(false), cycle(false)], [None; 3], "not stopped");
-        let (second, fourth) = (Joint::of::<2>(), Joint::of::<4>());
-        assert_eq!([cycle(true), cycle(true), cycle(true)], [Some(second), Some(fourth), None]);
-        assert_eq!(stages.goal(second, ENABLED, Mode::ZeroTorque, true), Goal::VoltageDisabled);
-        assert_eq!(stages.goal(FIRST, ENABLED, Mode::ZeroTorque, true), Goal::OperationEnabled);
     }
 }

@@ -8,6 +8,7 @@ use crate::{Node, lateness};
 use bus::{Bus, BusEvent, Received};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
+use canopen::object::Object;
 use remote::Remote;
 use units::time::Instant;
 
@@ -101,6 +102,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Logs an event of the master; returns its cause, if it is a fault.
     fn on_event(&mut self, now: Instant, event: Event) -> Option<Cause> {
+        if let Event::ReadBack { node, object: Object::TARGET_TORQUE, read } = event
+            && let Some(joint) = node.joint()
+        {
+            return self.on_target_read(joint, read, event);
+        }
         let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
             Relation::Part => return None,
@@ -111,6 +117,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
             && let Some(joint) = node.joint()
         {
             self.drives.power.keep_off(joint);
+        }
+        if let (Relation::Unrelated, &Event::Statusword { node, statusword }) = (relation, &event) {
+            // Read to confirm power off, again and again: the steps are in the log.
+            self.samples.set_statusword(node, statusword);
+            return None;
         }
         self.network.note(event);
         cause

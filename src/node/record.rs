@@ -110,6 +110,8 @@ pub struct Record {
     pub output: Output,
     /// Target torques (6071h) that the drives hold, in ‰ of rated torque.
     pub targets: [i16; 6],
+    /// Joints whose drives do not report that they are off, although disable voltage was sent by RPDO and by SDO.
+    pub not_off: [bool; 6],
     /// Counters of SDO transfers.
     pub sdo: SdoCounters,
 }

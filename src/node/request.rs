@@ -6,6 +6,7 @@ use crate::record::Mode;
 use crate::safety::Refusal;
 use crate::{BringUpError, Node};
 use bus::Bus;
+use config::facts::FactsRefused;
 use config::force_cap::ForceAboveCap;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
@@ -30,6 +31,9 @@ pub enum RequestError {
     /// Refused in this mode.
     #[error(transparent)]
     Mode(#[from] Refusal),
+    /// Facts of drives are stated only, by what the boot found.
+    #[error("{}", listed(.0))]
+    Facts(Vec<FactsRefused>),
     /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
     Force(#[from] ForceAboveCap),
@@ -42,7 +46,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Executes a request and returns the mode after it. A reset may boot the network, until `give_up` returns true.
     ///
     /// # Errors
-    /// When the mode does not allow it, the force exceeds its cap, or the boot of a reset fails or is given up.
+    /// When the mode does not allow it, a fact of a drive is stated only, the force exceeds its cap, or the boot of a reset fails or is given up.
     pub fn request(
         &mut self,
         request: Request,
@@ -53,6 +57,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Arm => {
                 // A latched stop is refused by its cause, not by a proof test that its boot has not run.
                 if !self.mode().is_latched() {
+                    self.proof_test.check_facts().map_err(RequestError::Facts)?;
                     self.proof_test.check_force()?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
@@ -72,15 +77,26 @@ impl<B: Bus, R: Remote> Node<B, R> {
     ) -> Result<(), RequestError> {
         let stop = self.safety.reset(now)?;
         self.drives.power.reset_faults();
+        let was_silent = self.network.is_silent();
+        self.power_off.restart();
         if stop.must_boot || self.wire.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
                 self.safety.restore(self.wire.now(), stop);
+                if was_silent {
+                    // A drive that did not confirm power off may still be on.
+                    self.network.end_error_control();
+                }
             }
             booted?;
         }
         Ok(())
     }
+}
+
+fn listed(refused: &[FactsRefused]) -> String {
+    let reasons: Vec<_> = refused.iter().map(FactsRefused::to_string).collect();
+    reasons.join("; ")
 }
 
 #[cfg(test)]

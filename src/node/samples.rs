@@ -9,7 +9,8 @@ use canopen::exchange::{TpdoMap, TpdoSample};
 use canopen::frame::{Channel, Telegram};
 use canopen::pdo::DriveSample;
 use config::switch_inputs::SwitchInputs;
-use units::numbering::Joint;
+use units::drive::PerMille;
+use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
 /// Maximum age of the switch inputs: three periods of 5 ms.
@@ -38,6 +39,8 @@ pub(super) struct Samples {
     fresh: [bool; 6],
     /// Joints whose actual torque was received since the last call of [`sampled`](Self::sampled).
     torques: [bool; 6],
+    /// Torque demands received since the last call of [`sampled`](Self::sampled).
+    demands: [Option<PerMille>; 6],
     /// Cycles in a row without a sample of each joint.
     missing: [u32; 6],
     /// Cause of the first position that the filters rejected as a fault.
@@ -67,6 +70,7 @@ impl Samples {
             sync_at: Instant::ZERO,
             fresh: [false; 6],
             torques: [false; 6],
+            demands: [None; 6],
             missing: [0; 6],
             implausible: None,
             inputs: None,
@@ -92,9 +96,13 @@ impl Samples {
         true
     }
 
-    /// Drops a stale frame. Its position counts as late, not as lost.
+    /// Drops a stale frame. Its position counts as late, not as lost. Its statusword is taken: frames keep their order, and
+    /// one that is sent on change comes once.
     pub(super) fn discard(&mut self, telegram: &Telegram) {
         let Some(Ok(tpdo)) = self.tpdos.read(telegram) else { return };
+        if let Some(statusword) = tpdo.statusword {
+            self.set_statusword(tpdo.node, statusword);
+        }
         if let (Some(_), Some(joint)) = (tpdo.position, tpdo.node.joint()) {
             joint.entry_mut(&mut self.filters).discard();
         }
@@ -110,6 +118,9 @@ impl Samples {
             sample.torque = torque;
             *joint.entry_mut(&mut self.torques) = true;
         }
+        if tpdo.demand.is_some() {
+            *joint.entry_mut(&mut self.demands) = tpdo.demand;
+        }
         if let Some(word) = tpdo.statusword {
             sample.statusword = word;
             *joint.entry_mut(&mut self.status_at) = Some(at);
@@ -123,6 +134,13 @@ impl Samples {
                 Filtered::Ignored => {}
                 Filtered::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
             }
+        }
+    }
+
+    /// Takes a statusword that was read by SDO.
+    pub(super) fn set_statusword(&mut self, node: NodeIndex, statusword: Statusword) {
+        if let Some(joint) = node.joint() {
+            joint.entry_mut(&mut self.latest).statusword = statusword;
         }
     }
 
@@ -181,6 +199,7 @@ impl Samples {
         self.clear_missing();
         self.fresh = [false; 6];
         self.torques = [false; 6];
+        self.demands = [None; 6];
         self.status_at = [None; 6];
         self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
@@ -191,10 +210,11 @@ impl Samples {
         &self.latest
     }
 
-    /// Returns the samples of this window, with the actual torques received since the last call.
+    /// Returns the samples of this window, with the torques received since the last call.
     pub(super) fn sampled(&mut self) -> Sampled<'_> {
         let torques = std::mem::take(&mut self.torques);
-        Sampled { at: self.sync_at, latest: &self.latest, fresh: self.fresh, torques }
+        let demands = std::mem::take(&mut self.demands);
+        Sampled { at: self.sync_at, latest: &self.latest, fresh: self.fresh, torques, demands }
     }
 
     /// Returns the joints whose sample was received in this window.

@@ -26,12 +26,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         self.send_time(now);
         self.recheck(now);
-        self.send_request();
+        self.read_target(now);
+        self.send_request(sync_at);
     }
 
     /// Sends the node's heartbeat if due. No other thread sends it, so it stops when the loop stalls.
     pub(super) fn send_heartbeat(&mut self, now: Instant) {
-        if let Some(frame) = self.network.heartbeat.due(now) {
+        if let Some(frame) = self.network.heartbeat(now) {
             self.send_on_every_bus(frame);
         }
     }
@@ -45,11 +46,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Sends at most one SDO request, at the rate assumed in the bus load. Disable voltage for a drive with missing samples
-    /// comes first.
-    pub(super) fn send_request(&mut self) {
+    /// Sends at most one SDO request, at the rate assumed in the bus load. A step towards a drive that does not confirm
+    /// power off comes first.
+    pub(super) fn send_request(&mut self, sync_at: Instant) {
         let now = self.wire.now();
-        if self.power_off_missing_drive()
+        if self.confirm_power_off(sync_at)
             || self.mode() != Mode::Boot && !self.network.sdo_pacer.may_send(now)
         {
             return;
@@ -58,19 +59,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.network.sdo_pacer.on_sent(now);
             self.send(telegram);
         }
-    }
-
-    /// Sends disable voltage by SDO to one drive with missing samples; returns false if none is left.
-    fn power_off_missing_drive(&mut self) -> bool {
-        let is_stopped = self.safety.mode().is_stopped();
-        let Some(joint) = self.drives.power.next_to_power_off(self.samples.fresh(), is_stopped)
-        else {
-            return false;
-        };
-        let now = self.wire.now();
-        self.network.master.power_off(now, joint.into(), &mut self.wire.out);
-        self.send_queued();
-        true
     }
 
     pub(super) fn send_on_every_bus(&mut self, frame: Frame) {

@@ -27,17 +27,23 @@ const MONITORING_OFF_TIMEOUT: Duration = Duration::from_millis(300);
 /// Maximum time of one wait for a frame while monitoring is ended.
 const MAX_RECEIVE_WAIT: Duration = Duration::from_millis(1);
 
-/// A drive that did not confirm that its power stage is off.
+/// Drives that did not confirm that their power stages are off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error(
-    "joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h); \
-     all drives keep their watchdogs and end in fault 8130h"
-)]
+#[error("{}; all drives keep their watchdogs and end in fault 8130h", lines(.statuswords))]
 pub struct NotConfirmed {
-    /// The first such joint.
-    pub joint: Joint,
-    /// Its last statusword.
-    pub statusword: u16,
+    /// Last statusword of each such joint.
+    pub statuswords: [Option<u16>; 6],
+}
+
+/// Returns `joint 3: drive did not confirm that it is off (6041h = 1237h)` for each drive, separated by semicolons.
+fn lines(statuswords: &[Option<u16>; 6]) -> String {
+    let line = |(joint, statusword): (Joint, &Option<u16>)| {
+        let statusword = (*statusword)?;
+        Some(format!(
+            "joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h)"
+        ))
+    };
+    Joint::each(statuswords).filter_map(line).collect::<Vec<_>>().join("; ")
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -64,32 +70,29 @@ impl<B: Bus, R: Remote> Node<B, R> {
     ) -> Result<(), NotConfirmed> {
         self.safety.shut_down(self.wire.now());
         let until = self.wire.now() + POWER_OFF_TIMEOUT;
-        let mut on = self.first_powered();
-        while on.is_some() && self.wire.now() < until {
+        while !self.is_off() && self.wire.now() < until {
             self.cycle();
-            on = self.first_powered();
         }
+        let statuswords = self.powered();
         self.enter_pre_operational();
-        match on {
-            None => {
-                self.end_monitoring(is_urgent);
-                Ok(())
-            }
-            Some((joint, statusword)) => Err(NotConfirmed { joint, statusword }),
+        if statuswords != [None; 6] {
+            return Err(NotConfirmed { statuswords });
         }
+        self.end_monitoring(is_urgent);
+        Ok(())
     }
 
     /// Returns whether the latest statusword of every drive reports its power stage off.
     pub fn is_off(&self) -> bool {
-        self.first_powered().is_none()
+        self.powered() == [None; 6]
     }
 
-    /// Returns the first joint whose drive may still apply torque, with its statusword.
-    fn first_powered(&self) -> Option<(Joint, u16)> {
-        let mut joints = Joint::each(self.samples.latest());
-        let (joint, sample) =
-            joints.find(|(_, sample)| power::may_apply_torque(sample.statusword))?;
-        Some((joint, sample.statusword.0))
+    /// Returns the statuswords of the joints whose drives may still apply torque.
+    fn powered(&self) -> [Option<u16>; 6] {
+        self.samples
+            .latest()
+            .each_ref()
+            .map(|sample| power::may_apply_torque(sample.statusword).then_some(sample.statusword.0))
     }
 
     /// Sets all nodes pre-operational, so that no PDO of this master acts any more.

@@ -5,6 +5,7 @@
 
 use controller::JointVector;
 use units::drive::PerMille;
+use units::numbering::Joint;
 
 /// Maximum rise of a target per cycle: its maximum divided by this.
 const MAX_RISE_DIVISOR: i16 = 10;
@@ -48,6 +49,11 @@ impl TargetLimiter {
             *sent = before;
         }
         self.sent.map(PerMille)
+    }
+
+    /// Notes that the target of `joint` was replaced by zero after it was sent.
+    pub(super) const fn withdraw(&mut self, joint: Joint) {
+        *joint.entry_mut(&mut self.sent) = 0;
     }
 }
 

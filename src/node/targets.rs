@@ -6,12 +6,13 @@
 //!
 //! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire.
 //!
-//! A stall between the clock and the bus is not seen, and no accepted frame can be recalled. The drives' RPDO timers
-//! alone bound the age of a target then.
+//! No accepted frame can be recalled. So the clock is read once more after the last one: if it was too late, zero
+//! targets follow in the same cycle, and act at the next SYNC in place of the late ones.
 
 use crate::Node;
 use crate::permit::Permit;
 use bus::Bus;
+use canopen::frame::Telegram;
 use controller::Output;
 use remote::Remote;
 use units::drive::PerMille;
@@ -66,9 +67,36 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         self.wire.out = out;
         let is_late = self.is_late(sync_at);
+        if is_late {
+            self.withdraw_targets(was_sent);
+        }
         self.drives.rpdos.changed(is_late, &mut self.wire.out);
         self.send_queued();
         was_sent
+    }
+
+    /// Replaces all target torques by zero if any was sent: the process has stalled before the last of them, or since.
+    fn withdraw_targets(&mut self, was_sent: [bool; 6]) {
+        let mut out = std::mem::take(&mut self.wire.out);
+        self.drives.rpdos.cyclic(&mut out);
+        out.retain(|telegram| self.drives.rpdos.has_torque(telegram));
+        let is_sent = |telegram: &Telegram| {
+            let mut joints = self.drives.rpdos.nodes_with_torque(telegram);
+            joints.any(|node| node.joint().is_some_and(|joint| *joint.entry(&was_sent)))
+        };
+        if !out.iter().any(is_sent) {
+            out.clear();
+        } else {
+            self.timing.lateness.on_dropped_target();
+        }
+        for telegram in out.drain(..) {
+            let zero = self.drives.rpdos.zeroed(&telegram);
+            if zero.is_some_and(|zero| self.send(zero)) {
+                let nodes = self.drives.rpdos.nodes_with_torque(&telegram);
+                nodes.filter_map(NodeIndex::joint).for_each(|it| self.drives.limiter.withdraw(it));
+            }
+        }
+        self.wire.out = out;
     }
 
     /// Returns whether targets from the samples of the SYNC sent at `sync_at` are too old.

@@ -114,6 +114,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "gains": gains::json(&config.findings()),
             "eds": eds::faulty_json(&config),
             "stopping": stopping::json(&config),
+            "facts": stopping::facts_json(&config.facts()),
             "cautions": stopping::cautions_json(&config),
             "switches": config.switches.is_some(),
             "robot": config.robot.as_ref().map(robot_json),

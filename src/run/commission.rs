@@ -11,6 +11,7 @@ use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::{check, print, signals};
 use canopen::master::check::Check;
+use canopen::nameplate::Held;
 use canopen::plan::NodePlan;
 use config::Config;
 use node::proof_test::{DriveResult, ProofTestReport, Trip};
@@ -117,6 +118,8 @@ impl Report<'_> {
             });
             let held = plan.protections().into_iter().map(|check| read_back(drive, &check));
             lines.push(format!("  read back: {}", held.collect::<Vec<_>>().join(", ")));
+            let holds: Vec<_> = drive.held.iter().map(Held::to_string).collect();
+            lines.push(format!("  holds: {}", holds.join(", ")));
         }
         lines.push(self.verdict());
         lines.join("\n")
@@ -125,9 +128,11 @@ impl Report<'_> {
     fn verdict(&self) -> String {
         let max_force = self.config.controller.reflection.max_force();
         match self.proof.reaction_time() {
-            None => {
-                "at least one drive does not stop by itself: the arm cannot be armed".to_owned()
+            None if self.proof.drives.is_empty() => {
+                "no drive was tested, nothing is proven: the arm cannot be armed".to_owned()
             }
+            None => "at least one drive is not proven to stop by itself: the arm cannot be armed"
+                .to_owned(),
             Some(lasting) => match self.config.force_cap().check(lasting) {
                 Ok(()) => format!(
                     "a drive that loses its master exerts torque for at most {:.1} ms: max_force_n = {max_force} is allowed",
@@ -152,6 +157,7 @@ impl Report<'_> {
                 "heartbeat": drive.heartbeat.map(timer),
                 "guarding": drive.guarding.map(timer),
                 "read_back": held.collect::<serde_json::Map<_, _>>(),
+                "holds": drive.held.iter().map(Held::to_string).collect::<Vec<_>>(),
             })
         };
         let lasting = self.proof.reaction_time();
@@ -190,4 +196,33 @@ fn timer(Trip { watchdog, measured }: Trip) -> serde_json::Value {
 
 fn millis(span: Duration) -> f64 {
     span.as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use canopen::NodeId;
+
+    #[test]
+    fn hazard_16_verdict_without_tested_drives_accuses_none() {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let verdict = |results| {
+            let proof = ProofTestReport { drives: results };
+            Report { config: &config, plans: drives(&config), proof }.verdict()
+        };
+        let reason = "no drive was tested, nothing is proven: the arm cannot be armed";
+        assert_eq!(verdict(Vec::new()), reason);
+        let untested = DriveResult {
+            name: "joint 1 (azimuth)".to_owned(),
+            node: NodeId::new(1).unwrap(),
+            rpdo: None,
+            heartbeat: None,
+            guarding: None,
+            missing: Vec::new(),
+            held: Vec::new(),
+        };
+        assert!(verdict(vec![untested]).starts_with("at least one drive is not proven"));
+    }
 }

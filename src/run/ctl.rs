@@ -24,6 +24,9 @@ const RESET_TIMEOUT: Duration = Duration::from_secs(120);
 /// Interval between two attempts while the node is busy or boots.
 const RETRY_INTERVAL: Duration = Duration::from_millis(20);
 
+/// Maximum number of connections for a request that the node may execute twice.
+const MAX_ATTEMPTS: u32 = 100;
+
 /// `frhc ctl`.
 #[derive(Debug, Args)]
 pub struct Ctl {
@@ -162,8 +165,33 @@ async fn wait_for_boot(paths: &[PathBuf], seconds: u64) -> anyhow::Result<()> {
     })
 }
 
-/// Sends one request; returns the line of the response.
+/// Sends one request; returns the line of the response. A node with too many clients may close the connection: a
+/// request that may be executed twice is then sent again.
 async fn send(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<String> {
+    let is_repeatable = matches!(ask, ConsoleCommand::Disarm | ConsoleCommand::Status);
+    let attempts = if is_repeatable { MAX_ATTEMPTS } else { 1 };
+    for _ in 1..attempts {
+        match send_once(paths, ask).await? {
+            Answer::Line(line) => return Ok(line),
+            Answer::Closed(_) => sleep(RETRY_INTERVAL).await,
+        }
+    }
+    match send_once(paths, ask).await? {
+        Answer::Line(line) => Ok(line),
+        Answer::Closed(reason) => bail!(reason),
+    }
+}
+
+/// Outcome of a request on one connection.
+enum Answer {
+    /// Line of the response.
+    Line(String),
+    /// The node closed the connection first; text for people.
+    Closed(String),
+}
+
+/// Sends one request on a new connection.
+async fn send_once(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<Answer> {
     let (mut stream, path) = connect_to_first(paths).await?;
     let path = path.display();
     let limit = if ask == ConsoleCommand::Reset { RESET_TIMEOUT } else { RESPONSE_TIMEOUT };
@@ -175,9 +203,12 @@ async fn send(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<String> 
         BufReader::new(&mut stream).read_line(&mut line).await
     };
     match timeout(limit, exchange).await {
-        Ok(Ok(length)) if length > 0 => Ok(line),
-        Ok(Ok(_)) => bail!("the node at {path} closed the connection"),
-        Ok(Err(error)) => bail!("the node at {path} closed the connection: {}", reason(&error)),
+        Ok(Ok(length)) if length > 0 => Ok(Answer::Line(line)),
+        Ok(Ok(_)) => Ok(Answer::Closed(format!("the node at {path} closed the connection"))),
+        Ok(Err(error)) => {
+            let reason = reason(&error);
+            Ok(Answer::Closed(format!("the node at {path} closed the connection: {reason}")))
+        }
         Err(_) => bail!("the node at {path} did not respond within {} s", limit.as_secs()),
     }
 }
@@ -223,22 +254,64 @@ fn reason(error: &io::Error) -> String {
     }
 }
 
+/// Units of members that have no unit in their name. Torques of a prismatic joint are in N.
+const UNITS: [(&str, &str); 4] = [
+    ("f_g_task", "N, N·m"),
+    ("p_b_m", "m"),
+    ("budget", "N·m; N of a prismatic joint"),
+    ("joints", "position, torque, target torque of rated"),
+];
+
+/// Members that the rows of the joints repeat with names and units.
+const IN_JOINTS: [&str; 3] = ["q", "tau", "targets"];
+
 /// Formats a status as rows of name and value; members of an object follow it, indented.
 fn table(status: &serde_json::Value) -> String {
-    rows(status, 0).join("\n")
+    let mut status = status.clone();
+    let joints = status.get("joints").and_then(|joints| joints.as_array().cloned());
+    let joints = joints.unwrap_or_default();
+    if let Some(members) = status.as_object_mut().filter(|_| !joints.is_empty()) {
+        IN_JOINTS.iter().for_each(|name| drop(members.remove(*name)));
+    }
+    rows(&status, 0, &joints).join("\n")
 }
 
-fn rows(object: &serde_json::Value, indent: usize) -> Vec<String> {
+fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value]) -> Vec<String> {
     let members = object.as_object().into_iter().flatten();
     let members = members.filter(|(_, value)| !value.is_null());
     let of_member = |(name, value): (&String, &serde_json::Value)| {
+        let unit = UNITS.iter().find(|(member, _)| member == name).map(|(_, unit)| *unit);
         let name = format!("{:indent$}{name}", "");
-        match value.is_object() {
-            true => [vec![name], rows(value, indent + 2)].concat(),
-            false => vec![row(&name, &plain(value))],
+        let headed = || unit.map_or_else(|| name.clone(), |unit| format!("{name}, {unit}"));
+        let items = value.as_array().filter(|list| list.iter().any(serde_json::Value::is_object));
+        if let Some(list) = items {
+            [vec![headed()], list.iter().map(joint_row).collect()].concat()
+        } else if let Some(members) = value.as_object() {
+            // A list is of all joints.
+            let has_lists = members.values().any(serde_json::Value::is_array);
+            let joints_shown = if has_lists { joints } else { &[] };
+            let names = joints_shown.iter().filter_map(|joint| joint.get("name")?.as_str());
+            let names: String = names.map(|name| format!("{name:>8.8} ")).collect();
+            let columns = (!names.is_empty()).then(|| row("", &names));
+            let columns = columns.into_iter().collect();
+            [vec![headed()], columns, rows(value, indent + 2, joints)].concat()
+        } else {
+            vec![row(&headed(), &plain(value))]
         }
     };
     members.flat_map(of_member).collect()
+}
+
+/// Formats position, torque and target of a joint with their units.
+fn joint_row(joint: &serde_json::Value) -> String {
+    let member = |name: &str| joint.get(name).map(plain).unwrap_or_default();
+    let value = |name: &str| {
+        let unit = member(&format!("{name}_unit"));
+        format!("{:>8} {unit:4}", member(name))
+    };
+    let values =
+        format!("{} {} {:>5} ‰", value("position"), value("torque"), member("target_per_mille"));
+    row(&format!("  {}", member("name")), &values)
 }
 
 fn row(name: &str, value: &str) -> String {
@@ -273,10 +346,38 @@ mod tests {
         });
         let rows = "mode             armed\n\
             q                   0.500   -1.000 \n\
-            budget\n\
+            budget, N·m; N of a prismatic joint\n\
             \x20 task              0.000    1.500 \n\
             \x20 assist_scale   1.000";
         assert_eq!(table(&status), rows);
+    }
+
+    #[test]
+    fn joints_have_names_and_units() {
+        let joint = |name: &str, units: [&str; 2]| {
+            serde_json::json!({
+                "joint": 1, "name": name, "position": 0.5, "position_unit": units[0],
+                "torque": -1.25, "torque_unit": units[1], "target_per_mille": -12,
+            })
+        };
+        let status = serde_json::json!({
+            "reflection": "off", "q": [0.5, 0.5], "p_b_m": [0.1, 0.2, 0.3],
+            "joints": [joint("azimuth", ["rad", "N·m"]), joint("lift", ["m", "N"])],
+            "budget": { "gravity": [0.0, 1.5] }, "lost": { "frames": 0 },
+        });
+        let table = table(&status);
+        for line in [
+            "reflection       off",
+            "  azimuth           0.500 rad    -1.250 N·m    -12 ‰",
+            "  lift              0.500 m      -1.250 N      -12 ‰",
+            "p_b_m, m            0.100    0.200    0.300 ",
+            "                  azimuth     lift ",
+            "  gravity           0.000    1.500 ",
+        ] {
+            assert!(table.lines().any(|one| one == line), "{line:?} in\n{table}");
+        }
+        assert!(!table.lines().any(|line| line.starts_with("q ")), "{table}");
+        assert_eq!(table.matches("azimuth").count(), 2, "{table}");
     }
 
     #[test]
@@ -296,6 +397,38 @@ mod tests {
             error.contains(&format!("no node at {}: no process", service.display())),
             "{error}"
         );
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_30_disarm_is_sent_again_after_a_close_and_arm_is_not() {
+        let folder = crate::scratch::path("closing");
+        fs::create_dir_all(&folder).unwrap();
+        let paths = [folder.join("node.sock")];
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let sent = |ask| {
+            runtime.block_on(async {
+                fs::remove_file(&paths[0]).ok();
+                let node = tokio::net::UnixListener::bind(&paths[0]).unwrap();
+                let answers = async {
+                    drop(node.accept().await.unwrap());
+                    let (mut client, _) = node.accept().await.unwrap();
+                    client.write_all(b"{\"ok\":true}\n").await.unwrap();
+                    std::future::pending::<()>().await;
+                };
+                tokio::select! {
+                    line = send(&paths, ask) => line,
+                    () = answers => panic!("pending"),
+                }
+            })
+        };
+        for ask in [ConsoleCommand::Disarm, ConsoleCommand::Status] {
+            assert_eq!(sent(ask).unwrap(), "{\"ok\":true}\n");
+        }
+        for ask in [ConsoleCommand::Arm, ConsoleCommand::Reset, ConsoleCommand::Rate] {
+            let error = sent(ask).unwrap_err().to_string();
+            assert!(error.contains("closed the connection"), "{error}");
+        }
         fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -1,13 +1,24 @@
 //! The thread of the cycle: priority, bring-up, cycles, stop.
 
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
+
 use crate::console::{AcceptedRequest, RequestReceiver};
+use crate::disk_writers::STACK;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::latch::Latch;
+use crate::print;
 use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
-use bus::{Bus, Traced, realtime};
+use crate::stopping;
+use bus::realtime::{self, Granted};
+use bus::{Bus, Traced};
 use node::{BringUpError, Node, Request};
 use remote::Remote;
+
+/// Time allowed for the end of the latch, so that a disk that hangs does not keep the process.
+const LATCH_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Result of the cycle thread.
 struct Ended {
@@ -30,15 +41,47 @@ pub(super) fn run<B: Bus, R: Remote>(
     mut latch: Latch,
 ) -> Result<(), Failure> {
     let granted = realtime::ask();
-    tracing::info!(%granted, "priority");
+    match warning(granted) {
+        None => tracing::info!(%granted, "priority"),
+        // Also with `-q`, which leaves errors only in the log.
+        Some(warning) => print::error(&warning),
+    }
     let stopping = || signals.is_stop_requested();
     let is_urgent = || signals.is_urgent();
     let Ended { is_orderly, outcome } =
         run_node(&mut node, &mut requests, &mut latch, &stopping, &is_urgent);
     let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
-    let message = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
-    message.iter().for_each(|line| tracing::warn!("{line}"));
+    let end = if is_orderly { Ok(()) } else { Err(reason()) };
+    match within(LATCH_TIMEOUT, move || latch.end(end)) {
+        Some(message) => message.iter().for_each(|line| tracing::warn!("{line}")),
+        None => tracing::warn!(
+            "the disk of the latch does not respond: the next run may wait for a reset"
+        ),
+    }
     outcome
+}
+
+/// Returns the warning of real-time settings that the kernel refused.
+fn warning(granted: Granted) -> Option<String> {
+    let warning = || {
+        format!(
+            "warning: real-time settings refused, so cycles may be late: {granted}; LimitRTPRIO=80 and \
+             LimitMEMLOCK=512M of systemd/frhc.service allow them"
+        )
+    };
+    (!granted.is_all()).then(warning)
+}
+
+/// Runs `task` on a thread of its own; returns `None` if it takes longer than `limit`.
+fn within<T: Send + 'static>(
+    limit: Duration,
+    task: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let (sender, result) = channel();
+    let thread = thread::Builder::new().name("frhc-latch".to_owned()).stack_size(STACK);
+    // Without a thread the sender is dropped: nothing is received.
+    thread.spawn(move || sender.send(task()).ok()).ok();
+    result.recv_timeout(limit).ok()
 }
 
 /// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
@@ -127,8 +170,10 @@ fn execute_requests<B: Bus, R: Remote>(
     let Some(accepted) = requests.next(node.bus().now()) else { return };
     let AcceptedRequest { request, .. } = accepted;
     let mut has_booted = false;
-    if request == Request::Reset {
-        latch.before_reset();
+    if request == Request::Reset
+        && let Err(reason) = latch.before_reset()
+    {
+        return accepted.refuse_without_latch(reason);
     }
     let outcome = node.request(request, &mut || {
         has_booted = true;
@@ -139,8 +184,16 @@ fn execute_requests<B: Bus, R: Remote>(
     if has_booted {
         requests.end_boot(node.bus().now());
     }
-    if request == Request::Reset && outcome.is_ok() {
-        latch.release();
+    if request == Request::Reset {
+        match &outcome {
+            Ok(_) => latch.release(),
+            Err(_) if node.is_off() => latch.restore(),
+            // A drive may be enabled: the latch says that this run has not ended in order.
+            Err(_) => {}
+        }
+    }
+    if request == Request::Arm && outcome.is_ok() {
+        stopping::facts(node.facts()).iter().for_each(|line| tracing::info!("{line}"));
     }
     accepted.answer(outcome);
 }
@@ -189,7 +242,7 @@ mod tests {
         /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
         fn of(name: &str, crashed: bool, stations: S) -> Self {
             let folder = crate::scratch::path(name);
-            let set = || Latch::set_in(Some(folder.clone()), &["can0".to_owned()]);
+            let set = || Latch::set_in(folder.clone(), None, &["can0".to_owned()]);
             if crashed {
                 drop(set());
             }
@@ -248,6 +301,22 @@ mod tests {
         fn deadline(&self) -> Option<Instant> {
             None
         }
+    }
+
+    #[test]
+    fn refused_real_time_setting_is_a_warning() {
+        let all = Granted { is_fifo: true, is_locked: true, is_exact: true };
+        assert_eq!(warning(all), None);
+        let warned = warning(Granted { is_locked: false, ..all }).unwrap();
+        assert!(warned.starts_with("warning: ") && warned.contains("memory locked refused"));
+    }
+
+    #[test]
+    fn hazard_32_hung_disk_of_the_latch_keeps_no_thread() {
+        assert_eq!(within(Duration::from_secs(60), || 7), Some(7));
+        let (release, hangs) = channel::<()>();
+        assert_eq!(within(Duration::ZERO, move || hangs.recv().is_ok()), None);
+        drop(release);
     }
 
     #[test]
@@ -334,5 +403,24 @@ mod tests {
         assert!(reset.blocking_recv().unwrap().is_err());
         assert_eq!(bench.latch.cause(), Some(cause));
         assert!(bench.node.mode().is_stopped() && bench.node.is_off());
+    }
+
+    #[test]
+    fn hazard_27_reset_without_a_writable_latch_enables_no_drive() {
+        let mut bench = bench("run-no-latch", true);
+        fs::remove_dir_all(&bench.folder).unwrap();
+        // Not a folder.
+        fs::write(&bench.folder, "").unwrap();
+        let cause = bench.latch.cause().unwrap();
+        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+        let now = bench.node.bus().now();
+        bench.requests.end_boot(now);
+        let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
+        bench.execute_requests();
+        let refused = reset.blocking_recv().unwrap().unwrap_err().to_string();
+        assert!(refused.contains("cannot be written"), "{refused}");
+        assert_eq!(bench.latch.cause(), Some(cause));
+        assert!(bench.node.mode().is_stopped() && bench.node.is_off());
+        fs::remove_file(&bench.folder).unwrap();
     }
 }

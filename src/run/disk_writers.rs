@@ -3,10 +3,15 @@
 //! The recorder thread hands every entry to both in batches, to the fault records first. The fault records' thread
 //! keeps the last 2 s in memory, so a trip is complete even when the session's disk stalls. After about 5 s of
 //! stall the queue is full; further batches are dropped and counted.
+//!
+//! Each thread closes its recording itself at the end of the run, so that a disk that hangs keeps no other thread, and
+//! the process for a limited time only.
 
+use std::marker::PhantomData;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::Context;
 
@@ -88,46 +93,136 @@ impl DiskWriters {
         message.or_else(|| self.session.as_ref().and_then(Writer::next_message))
     }
 
-    /// Waits for the threads and returns their sinks.
+    /// Lets each thread close its recording, and waits for both until `deadline`, on the clock `now`. Returns a line that
+    /// names the fault records of this run.
     ///
     /// # Errors
-    /// When a thread has panicked.
-    pub(super) fn close(mut self) -> anyhow::Result<RunRecorder> {
+    /// When a recording is incomplete, or its disk did not respond in time: it is given up then.
+    pub(super) fn finish(
+        mut self,
+        summary: &Summary,
+        deadline: Instant,
+        now: impl Fn() -> Instant,
+    ) -> (Option<String>, anyhow::Result<()>) {
         self.flush();
-        let faults = self.faults.map(Writer::close).transpose()?;
-        let session = self.session.map(Writer::close).transpose()?;
-        Ok(RunRecorder { faults, session, message: self.message })
-    }
-
-    /// Waits for the threads and closes their recordings, as [`RunRecorder::finish`] does.
-    ///
-    /// # Errors
-    /// As [`RunRecorder::finish`], or when a thread has panicked.
-    pub(super) fn finish(self, summary: &Summary) -> (Option<String>, anyhow::Result<()>) {
-        match self.close() {
-            Ok(recorder) => recorder.finish(summary),
-            Err(error) => (None, Err(error)),
+        let faults = self.faults.map(|writer| writer.close(summary));
+        let session = self.session.map(|writer| writer.close(summary));
+        let mut closed = Outcome::default();
+        let mut given_up = Vec::new();
+        for closing in [faults, session].into_iter().flatten() {
+            match closing.wait(deadline.since(now())) {
+                Some(Outcome { line, result }) => {
+                    closed.line = closed.line.or(line);
+                    closed.result = closed.result.and(result);
+                }
+                None => given_up.push(closing.name),
+            }
         }
+        if !given_up.is_empty() {
+            let recordings = given_up.join(" and ");
+            closed.result = Err(anyhow::anyhow!(
+                "{recordings} given up: the disk did not respond before the end of the process"
+            ));
+        }
+        (closed.line, closed.result)
     }
 }
 
-/// A thread that writes batches to its sink, and the queue to it.
+/// Outcome of a recording.
+#[derive(Debug)]
+struct Outcome {
+    /// Line for people.
+    line: Option<String>,
+    result: anyhow::Result<()>,
+}
+
+impl Default for Outcome {
+    fn default() -> Self {
+        Self { line: None, result: Ok(()) }
+    }
+}
+
+/// A recording that can be closed with the summary of its run.
+trait Recording: RecordSink {
+    /// Returns its name for people, with its folder.
+    fn name(&self) -> String;
+    fn close(self, summary: &Summary) -> Outcome;
+}
+
+impl Recording for FaultRecords {
+    fn name(&self) -> String {
+        format!("fault records {}", self.folder().display())
+    }
+
+    fn close(self, _: &Summary) -> Outcome {
+        Outcome { line: self.finish(), result: Ok(()) }
+    }
+}
+
+impl Recording for Session {
+    fn name(&self) -> String {
+        format!("session {}", self.folder().display())
+    }
+
+    fn close(self, summary: &Summary) -> Outcome {
+        Outcome { line: None, result: self.finish(summary) }
+    }
+}
+
+/// A thread that closes its recording.
+#[derive(Debug)]
+struct ClosingThread {
+    /// Name of its recording.
+    name: String,
+    messages: Receiver<String>,
+    closed: Receiver<Outcome>,
+}
+
+impl ClosingThread {
+    /// Waits for at most `limit`; `None` if the recording is not closed by then.
+    fn wait(&self, limit: Duration) -> Option<Outcome> {
+        let closed = match self.closed.recv_timeout(limit) {
+            Ok(closed) => closed,
+            Err(RecvTimeoutError::Timeout) => return None,
+            Err(RecvTimeoutError::Disconnected) => {
+                let error = anyhow::anyhow!("the thread of {} panicked", self.name);
+                Outcome { line: None, result: Err(error) }
+            }
+        };
+        self.messages.try_iter().for_each(|message| tracing::warn!("{message}"));
+        Some(closed)
+    }
+}
+
+/// A thread that writes batches to its recording, and the queue to it.
 #[derive(Debug)]
 struct Writer<T> {
-    name: &'static str,
+    /// Name of its recording.
+    name: String,
     batches: SyncSender<Batch>,
     messages: Receiver<String>,
-    thread: JoinHandle<T>,
+    summary: Sender<Summary>,
+    closed: Receiver<Outcome>,
+    recording: PhantomData<T>,
 }
 
-impl<T: RecordSink> Writer<T> {
-    fn spawn(name: &'static str, sink: T) -> anyhow::Result<Self> {
+impl<T: Recording> Writer<T> {
+    fn spawn(thread: &'static str, recording: T) -> anyhow::Result<Self> {
+        let name = recording.name();
         let (batches, received) = sync_channel(QUEUE_CAPACITY);
         let (sender, messages) = channel();
-        let thread = thread::Builder::new().name(name.to_owned()).stack_size(STACK);
-        let thread = thread.spawn(move || write(sink, &received, &sender));
-        let thread = thread.with_context(|| format!("cannot start thread {name}"))?;
-        Ok(Self { name, batches, messages, thread })
+        let (summary, summaries) = channel();
+        let (ended, closed) = channel();
+        let builder = thread::Builder::new().name(thread.to_owned()).stack_size(STACK);
+        let spawned = builder.spawn(move || {
+            let recording = write(recording, &received, &sender);
+            // Without a summary the end is not awaited.
+            if let Ok(summary) = summaries.recv() {
+                ended.send(recording.close(&summary)).ok();
+            }
+        });
+        spawned.with_context(|| format!("cannot start thread {thread}"))?;
+        Ok(Self { name, batches, messages, summary, closed, recording: PhantomData })
     }
 
     /// Queues a batch without blocking; returns the number of entries dropped when the queue is full.
@@ -140,15 +235,15 @@ impl<T: RecordSink> Writer<T> {
         self.messages.try_recv().ok()
     }
 
-    fn close(self) -> anyhow::Result<T> {
-        drop(self.batches);
-        let sink = self.thread.join();
-        self.messages.try_iter().for_each(|message| tracing::warn!("{message}"));
-        sink.map_err(|_| anyhow::anyhow!("thread {} panicked", self.name))
+    /// Lets the thread write what is queued, and then close its recording.
+    fn close(self, summary: &Summary) -> ClosingThread {
+        // The thread is gone after a panic; its receiver reports that.
+        self.summary.send(summary.clone()).ok();
+        ClosingThread { name: self.name, messages: self.messages, closed: self.closed }
     }
 }
 
-/// Writes batches until the sender is dropped; returns the sink.
+/// Writes batches until the sender is dropped; returns the recording.
 fn write<T: RecordSink>(mut sink: T, batches: &Receiver<Batch>, messages: &Sender<String>) -> T {
     for batch in batches {
         for entry in &*batch {
@@ -171,7 +266,6 @@ mod tests {
     use std::io::{Read, pipe};
     use std::os::fd::OwnedFd;
     use std::path::Path;
-    use std::time::Duration;
 
     use super::*;
     use crate::provenance::Provenance;
@@ -240,9 +334,9 @@ mod tests {
             unread.read_to_string(&mut log).unwrap();
             log
         });
-        let RunRecorder { session: closed, faults, .. } = writers.close().unwrap();
-        assert!(faults.unwrap().finish().unwrap().contains("001-2000-samples-missing"));
-        drop(closed);
+        let (records, finished) = finish(writers, LIMIT);
+        finished.unwrap();
+        assert!(records.unwrap().contains("001-2000-samples-missing"));
         let log = fs::read_to_string(folder.join("001-2000-samples-missing/bus.log")).unwrap();
         let frames = |log: &str| log.lines().filter(|line| line.contains(" can0 ")).count();
         // From 2 s before the last frame of the cycle that tripped to 1 s after its SYNC.
@@ -266,7 +360,31 @@ mod tests {
         assert!(of_session > 0 && of_session % (5 * (FRAMES + 1)) == 0, "{of_session}");
         // The disk is gone: the thread ends and reports why the recording stopped.
         drop(unread);
-        let mut session = writers.close().unwrap().session.unwrap();
-        assert_eq!(session.next_message(), None, "already reported");
+        let error = finish(writers, LIMIT).1.unwrap_err().to_string();
+        assert!(error.ends_with("hangs: incomplete"), "reported already: {error}");
+    }
+
+    #[test]
+    fn hazard_32_disk_that_hangs_at_the_end_is_given_up_in_time() {
+        let folder = crate::scratch::path("hangs-at-end");
+        let (unread, disk) = pipe().unwrap();
+        let disk = File::from(OwnedFd::from(disk));
+        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
+        let recorder = RunRecorder { session, faults, message: None };
+        let mut writers = DiskWriters::start(recorder, LossCounters::default()).unwrap();
+        push_cycles(&mut writers, 0..2_000, &any_record());
+        let (records, finished) = finish(writers, Duration::from_millis(50));
+        let error = finished.unwrap_err().to_string();
+        assert!(records.is_none() && error.lines().count() == 1, "{error}");
+        assert!(error.starts_with("session /"), "{error}");
+        assert!(error.contains("hangs-at-end given up: the disk did not respond"), "{error}");
+        drop(unread);
+        fs::remove_dir_all(&folder).ok();
+    }
+
+    /// Closes the recordings within `limit` on the wall clock; the clock of the run stands still.
+    fn finish(writers: DiskWriters, limit: Duration) -> (Option<String>, anyhow::Result<()>) {
+        writers.finish(&Summary::default(), Instant::ZERO + limit, || Instant::ZERO)
     }
 }

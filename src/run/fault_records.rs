@@ -3,10 +3,8 @@
 //!
 //! A record that cannot be written is reported once; the run goes on.
 
-use std::collections::BTreeMap;
-use std::fs::{self, DirBuilder};
+use std::fs;
 use std::io::{self, BufWriter};
-use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -23,7 +21,7 @@ use node::safety::table;
 use telemetry::fault_record::{FaultWatch, Observation, Trip};
 use telemetry::losses::Losses;
 use telemetry::session::{Brief, SessionLog};
-use telemetry::status::Status;
+use telemetry::status::{Status, joints};
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -45,8 +43,6 @@ pub(super) struct FaultRecords {
     folder: PathBuf,
     provenance: Provenance,
     watch: FaultWatch,
-    /// Records in the folder, by number.
-    records: BTreeMap<u64, PathBuf>,
     open: Option<Open>,
     has_failed: bool,
     /// Records that this run has written.
@@ -62,22 +58,22 @@ struct Open {
     document: Value,
     tripped: Instant,
     latest: Instant,
+    /// Joints whose drives did not confirm that they are off.
+    not_off: [bool; 6],
 }
 
 impl FaultRecords {
-    /// Opens or creates `folder`, and reads which records it has.
+    /// Opens or creates `folder`, so that one that cannot be written is reported at the start.
     ///
     /// # Errors
     /// When the folder cannot be created or read.
     pub(super) fn open(folder: &Path, provenance: &Provenance) -> io::Result<Self> {
         results::private_folder(folder)?;
-        let records = fs::read_dir(folder)?.flatten();
-        let records = records.filter_map(|entry| Some((number(&entry.file_name())?, entry.path())));
+        fs::read_dir(folder)?;
         Ok(Self {
             folder: folder.to_path_buf(),
             provenance: provenance.clone(),
             watch: FaultWatch::default(),
-            records: records.collect(),
             open: None,
             has_failed: false,
             written: Vec::new(),
@@ -85,10 +81,15 @@ impl FaultRecords {
         })
     }
 
+    /// Returns the folder of the records.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Closes the open record; returns a line that names the records of this run, if any.
     pub(super) fn finish(mut self) -> Option<String> {
         self.close();
-        // Removes the folder only if it is empty.
+        // Removes the folder only if it is empty. Another run creates it again for its next record.
         fs::remove_dir(&self.folder).ok();
         match self.written.as_slice() {
             [] => None,
@@ -118,11 +119,9 @@ impl FaultRecords {
 
     fn create(&mut self, trip: &Trip, record: &Record) -> io::Result<Open> {
         self.make_room();
-        let next = self.records.last_key_value().map_or(1, |(last, _)| last.saturating_add(1));
         let cause = hyphenated(&format!("{:?}", trip.cause.kind()));
-        let folder = self.folder.join(format!("{next:03}-{}-{cause}", trip.cycle));
-        DirBuilder::new().mode(0o700).create(&folder)?;
-        self.records.insert(next, folder.clone());
+        let name = |number| format!("{number:03}-{}-{cause}", trip.cycle);
+        let folder = results::create_numbered(&self.folder, name)?;
         let seconds_before = self.watch.reach().as_secs_f64();
         let document = document(trip, record, &self.provenance, seconds_before);
         write_document(&folder, &document)?;
@@ -136,15 +135,19 @@ impl FaultRecords {
                 Observation::Cycle(brief) => log.cycle(brief),
             }
         }
-        Ok(Open { folder, log, document, tripped: trip.at, latest: trip.at })
+        let (at, not_off) = (trip.at, record.not_off);
+        Ok(Open { folder, log, document, tripped: at, latest: at, not_off })
     }
 
-    /// Removes the oldest records. Files of other origin in them stay.
-    fn make_room(&mut self) {
-        while self.records.len() >= MAX_RECORDS {
-            let Some((_, oldest)) = self.records.pop_first() else { return };
-            discard(&oldest);
-        }
+    /// Removes the oldest records, also those of other runs. Files of other origin in them stay.
+    fn make_room(&self) {
+        let Ok(entries) = fs::read_dir(&self.folder) else { return };
+        let entries = entries.flatten();
+        let mut records: Vec<_> =
+            entries.filter_map(|it| Some((number(&it.file_name())?, it.path()))).collect();
+        records.sort_unstable();
+        let surplus = (records.len() + 1).saturating_sub(MAX_RECORDS);
+        records.iter().take(surplus).for_each(|(_, oldest)| discard(oldest));
     }
 
     fn close_if_over(&mut self, now: Instant) {
@@ -154,12 +157,14 @@ impl FaultRecords {
     }
 
     fn close(&mut self) {
-        let Some(Open { folder, log, mut document, tripped, latest }) = self.open.take() else {
+        let Some(Open { folder, log, mut document, tripped, latest, not_off }) = self.open.take()
+        else {
             return;
         };
         let ended = log.finish();
         if let Some(members) = document.as_object_mut() {
             members.insert("seconds_after".to_owned(), latest.since(tripped).as_secs_f64().into());
+            members.insert("not_off".to_owned(), joints(&not_off).into());
             members.insert("is_complete".to_owned(), ended.is_ok().into());
         }
         let written = write_document(&folder, &document);
@@ -188,6 +193,7 @@ impl RecordSink for FaultRecords {
         } else if let Some(open) = &mut self.open {
             open.latest = open.latest.max(record.at);
             open.log.cycle(&brief);
+            open.not_off.iter_mut().zip(record.not_off).for_each(|(known, now)| *known |= now);
         }
     }
 
@@ -203,7 +209,8 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
     let row = kind.row();
     let reaction = table::reaction(kind, trip.from).mode();
     let joint = trip.cause.joint();
-    let name = joint.and_then(|joint| provenance.joints.get(joint.index()));
+    let names = provenance.joint_names();
+    let name = joint.and_then(|joint| names.get(joint.index()));
     json!({
         "cause": trip.cause.to_string(),
         "kind": hyphenated(&format!("{kind:?}")),
@@ -219,9 +226,10 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
         "hazards": row.hazards,
         "seconds_before": seconds_before,
         "seconds_after": 0.0,
+        "not_off": joints(&record.not_off),
         "is_complete": false,
-        "joints": provenance.joints,
-        "status": Status::of(record, 0, Losses::default()),
+        "joints": names,
+        "status": Status::of(record, 0, Losses::default()).with_joints(&provenance.joints),
     })
 }
 
@@ -360,15 +368,34 @@ mod tests {
     }
 
     #[test]
+    fn hazard_32_record_survives_the_end_of_another_run() {
+        let (folder, record) = (scratch("two-runs"), any_record());
+        let open = || FaultRecords::open(&folder, &provenance()).unwrap();
+        let (mut faults, mut others) = (open(), open());
+        // Without a record its folder is empty, and removed.
+        assert_eq!(open().finish(), None);
+        assert!(!folder.exists());
+        faults.begin(&TRIP, &record);
+        assert!(faults.next_message().unwrap().starts_with("fault record: "));
+        // The same cycle and cause: names differ by their number.
+        others.begin(&TRIP, &record);
+        assert!(others.next_message().unwrap().ends_with("002-4213-samples-missing"));
+        assert!(faults.finish().unwrap().ends_with("001-4213-samples-missing"));
+        assert!(others.finish().is_some());
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
     fn hazard_32_unwritable_fault_folder_is_reported_once() {
         let (folder, record) = (scratch("gone"), any_record());
         let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
         fs::remove_dir(&folder).unwrap();
+        fs::write(&folder, "").unwrap();
         faults.begin(&TRIP, &record);
         assert!(faults.next_message().unwrap().starts_with("no fault record in "));
         faults.begin(&TRIP, &record);
         assert_eq!((faults.next_message(), faults.finish()), (None, None));
-        fs::write(&folder, "").unwrap();
         assert!(FaultRecords::open(&folder.join("faults"), &provenance()).is_err());
         fs::remove_file(&folder).unwrap();
     }

@@ -1,25 +1,40 @@
-//! The persistent latch: a file that exists while drives may be enabled (ADR 17).
+//! The persistent latch: a file that exists while drives may be enabled (ADR 17, 30).
 //!
 //! It is on disk before the first controlword that enables a drive, and only an orderly end removes it. A node that
-//! finds it, or cannot write it, enables no drive before a reset. Its name contains the interfaces, which identify
-//! the arm: nodes on other interfaces have other latches.
+//! finds it, or cannot write it, enables no drive before a reset; without a latch that can be written a reset is refused.
+//!
+//! All users share its folder. Its name contains the interfaces, which identify the arm: nodes on other interfaces have
+//! other latches.
 
 use std::fmt::Write as _;
-use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io::{self, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 
+use nix::unistd::Group;
+
+use crate::results::{self, Access};
 use crate::state;
 use node::cause::{Cause, ResetReason};
+
+/// Group whose members may enable drives.
+const GROUP: &str = "frhc";
+
+/// Permissions of the folder where this program creates it: new files have its group.
+const FOLDER_PERMISSIONS: u32 = 0o2770;
 
 /// The latch of one run.
 #[derive(Debug)]
 pub(super) struct Latch {
-    folder: Option<PathBuf>,
+    folder: PathBuf,
     name: String,
+    /// Latch that an earlier release left in the user's home.
+    earlier: Option<PathBuf>,
     /// Reason why the node starts in a stop, if it does.
     awaits: Option<ResetReason>,
+    /// The same as text: content of the latch until a reset succeeds.
+    reason: String,
     /// Description of that reason, with the path.
     remark: Option<String>,
 }
@@ -27,33 +42,51 @@ pub(super) struct Latch {
 impl Latch {
     /// Creates the latch of the node on these interfaces, or finds it left by the last run.
     pub(super) fn set(interfaces: &[String]) -> Self {
-        Self::set_in(state::folder(), interfaces)
+        Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces)
     }
 
-    /// Does the same in `folder`.
-    pub(super) fn set_in(folder: Option<PathBuf>, interfaces: &[String]) -> Self {
-        let latch = Self { folder, name: name(interfaces), awaits: None, remark: None };
-        let Some(path) = latch.path() else {
-            let reason = "neither STATE_DIRECTORY nor HOME names a folder for the node's state";
-            return latch.awaiting(ResetReason::NoLatch, reason);
+    /// Does the same in `folder`, and looks for one in the `earlier` folder, too.
+    pub(super) fn set_in(folder: PathBuf, earlier: Option<PathBuf>, interfaces: &[String]) -> Self {
+        let name = name(interfaces);
+        // One that cannot be inspected counts as left.
+        let is_left = |path: &PathBuf| match fs::symlink_metadata(path) {
+            Err(error) => ![ErrorKind::NotFound, ErrorKind::NotADirectory].contains(&error.kind()),
+            Ok(_) => true,
         };
+        let earlier = earlier.map(|folder| folder.join(&name)).filter(is_left);
+        let latch =
+            Self { folder, name, earlier, awaits: None, reason: String::new(), remark: None };
+        let path = latch.path();
         match latch.create() {
-            Ok(true) => latch,
-            Ok(false) => {
-                let left = fs::read_to_string(&path).unwrap_or_default();
-                let left = left.lines().next().unwrap_or_default().to_owned();
-                let reason = format!("{} is left by an earlier run: {left}", path.display());
-                latch.awaiting(ResetReason::UncleanEnd, &reason)
-            }
+            Ok(true) => match latch.earlier.clone() {
+                None => latch,
+                Some(earlier) => {
+                    let latch = latch.left_at(&earlier);
+                    latch.restore();
+                    latch
+                }
+            },
+            Ok(false) => latch.left_at(&path),
             Err(error) => {
-                latch.awaiting(ResetReason::NoLatch, &format!("{}: {error}", path.display()))
+                let reason = format!("the latch could not be written: {error}");
+                let remark = format!("{}; {}", latch.failed(&error), latch.remedy());
+                latch.awaiting(ResetReason::NoLatch, &reason, &remark)
             }
         }
     }
 
-    fn awaiting(mut self, awaits: ResetReason, reason: &str) -> Self {
+    /// Awaits a reset because of the latch at `path`. One that cannot be read counts as well.
+    fn left_at(self, path: &Path) -> Self {
+        let left = fs::read_to_string(path).unwrap_or_else(|error| format!("unreadable: {error}"));
+        let left = left.lines().next().unwrap_or("empty").to_owned();
+        let remark = format!("{} is left by an earlier run: {left}", path.display());
+        self.awaiting(ResetReason::UncleanEnd, &left, &remark)
+    }
+
+    fn awaiting(mut self, awaits: ResetReason, reason: &str, remark: &str) -> Self {
         self.awaits = Some(awaits);
-        self.remark = Some(format!("no drive is enabled before `frhc ctl reset`: {reason}"));
+        reason.clone_into(&mut self.reason);
+        self.remark = Some(format!("no drive is enabled before `frhc ctl reset`: {remark}"));
         self
     }
 
@@ -68,72 +101,116 @@ impl Latch {
     }
 
     /// Makes the latch that of this run, when a reset is requested with the drives off. Retries one that could not be
-    /// created at the start; the reset goes on either way.
-    pub(super) fn before_reset(&self) {
-        let written = match (self.awaits, self.path()) {
-            (None, _) => return,
-            (Some(ResetReason::UncleanEnd), Some(path)) => fs::write(path, running_text()),
-            (Some(ResetReason::NoLatch), _) | (Some(ResetReason::UncleanEnd), None) => {
-                self.create().map(drop)
-            }
-        };
-        if let Err(error) = written {
-            tracing::warn!(%error, "cannot write the latch: after a crash the next run will not know of it");
+    /// created at the start.
+    ///
+    /// # Errors
+    /// The reason why no drive may be enabled: the latch cannot be written.
+    pub(super) fn before_reset(&self) -> Result<(), String> {
+        if self.awaits.is_none() {
+            return Ok(());
+        }
+        let written = self.create_folder().and_then(|()| self.write(&running_text()));
+        written.map_err(|error| format!("{}; {}", self.failed(&error), self.remedy()))
+    }
+
+    /// Writes the reason of the stop again, after a reset that has failed with all drives off.
+    pub(super) fn restore(&self) {
+        if self.awaits.is_none() {
+            return;
+        }
+        if let Err(error) = self.write(&format!("{}\n", self.reason)) {
+            tracing::warn!(%error, "the latch keeps another reason than that of its stop");
         }
     }
 
     /// Clears the stop after a successful reset.
-    pub(super) const fn release(&mut self) {
+    pub(super) fn release(&mut self) {
         self.awaits = None;
+        let Some(path) = self.earlier.take() else { return };
+        if let Err(error) = fs::remove_file(&path) {
+            tracing::warn!("{}: {error}; the next run waits for a reset", path.display());
+        }
     }
 
     /// Removes the latch after an orderly end, or writes the reason into it. Returns a message to log.
     pub(super) fn end(self, outcome: Result<(), String>) -> Option<String> {
-        let path = self.path()?;
         // Keeps the reason of the earlier run.
         if self.awaits.is_some() {
             return None;
         }
+        let path = self.path();
         match outcome {
             Ok(()) => match fs::remove_file(&path).and_then(|()| self.sync()) {
                 Ok(()) => None,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+                Err(error) if error.kind() == ErrorKind::NotFound => None,
                 Err(error) => {
                     Some(format!("{}: {error}; the next run waits for a reset", path.display()))
                 }
             },
             Err(reason) => {
                 let reason = reason.replace('\n', "; ");
-                fs::write(&path, format!("{reason}\n")).ok();
+                // It exists with another text otherwise.
+                self.write(&format!("{reason}\n")).ok();
                 Some("the next run enables no drive before `frhc ctl reset`".to_owned())
             }
         }
     }
 
-    fn path(&self) -> Option<PathBuf> {
-        Some(self.folder.as_ref()?.join(&self.name))
+    fn path(&self) -> PathBuf {
+        self.folder.join(&self.name)
     }
 
     /// Creates the file and syncs it to disk. Returns false if it existed.
     fn create(&self) -> io::Result<bool> {
-        let path = self.path().ok_or(io::Error::from(io::ErrorKind::NotFound))?;
-        if let Some(folder) = &self.folder {
-            DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
-        }
-        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path);
+        self.create_folder()?;
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(self.path());
         let mut file = match file {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(false),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(false),
             file => file?,
         };
+        // Whatever the umask: each member of the group may reset.
+        file.set_permissions(Access::Group.permissions())?;
         file.write_all(running_text().as_bytes())?;
         file.sync_all()?;
         self.sync()?;
         Ok(true)
     }
 
+    /// Replaces the file, which may belong to another user, and syncs it to disk.
+    fn write(&self, text: &str) -> io::Result<()> {
+        results::replace(&self.path(), text.as_bytes(), Access::Group)
+    }
+
+    /// Creates the folder for the group, where this user may; keeps an existing one as it is.
+    fn create_folder(&self) -> io::Result<()> {
+        if self.folder.is_dir() {
+            return Ok(());
+        }
+        DirBuilder::new().recursive(true).mode(0o700).create(&self.folder)?;
+        if let Ok(Some(group)) = Group::from_name(GROUP) {
+            // Only root and members of the group may; for others the folder is theirs alone.
+            chown(&self.folder, None, Some(group.gid.as_raw())).ok();
+        }
+        fs::set_permissions(&self.folder, Permissions::from_mode(FOLDER_PERMISSIONS))
+    }
+
     /// Syncs the folder.
     fn sync(&self) -> io::Result<()> {
-        File::open(self.folder.as_deref().unwrap_or(Path::new(".")))?.sync_all()
+        File::open(&self.folder)?.sync_all()
+    }
+
+    fn failed(&self, error: &io::Error) -> String {
+        format!("the latch {} cannot be written: {error}", self.path().display())
+    }
+
+    /// Describes how to get a folder that this user may write.
+    fn remedy(&self) -> String {
+        format!(
+            "its folder must be writable for users who may enable drives; once, as root: groupadd --system --force {GROUP} && \
+             install -d -o root -g {GROUP} -m 2770 {} && usermod -aG {GROUP} USER, then log in again (with simulated drives \
+             alone, set STATE_DIRECTORY to another folder)",
+            self.folder.display()
+        )
     }
 }
 
@@ -157,13 +234,11 @@ fn name(interfaces: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::PermissionsExt;
-
     use super::*;
     use crate::scratch::path as scratch;
 
     fn set(folder: &Path, interface: &str) -> Latch {
-        Latch::set_in(Some(folder.to_path_buf()), &[interface.to_owned()])
+        Latch::set_in(folder.to_path_buf(), None, &[interface.to_owned()])
     }
 
     #[test]
@@ -171,9 +246,9 @@ mod tests {
         let folder = scratch("latch");
         let latch = set(&folder, "can0");
         assert_eq!((latch.cause(), latch.remark()), (None, None));
-        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o7777;
         let file = folder.join("running-can0");
-        assert_eq!((mode(&folder), mode(&file)), (0o700, 0o600));
+        assert_eq!((mode(&folder), mode(&file)), (0o2770, 0o660));
         // A crash: `end` is not called.
         drop(latch);
         let latch = set(&folder, "can0");
@@ -201,7 +276,7 @@ mod tests {
         let latch = set(&folder, "can0");
         assert!(latch.end(Err("stopped by joint 3".to_owned())).is_some());
         let mut latch = set(&folder, "can0");
-        latch.before_reset();
+        latch.before_reset().unwrap();
         assert!(folder.join("running-can0").exists());
         latch.release();
         // A crash.
@@ -218,12 +293,71 @@ mod tests {
         let latch = set(&folder, "can0");
         let reason = ResetReason::NoLatch;
         assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+        let refused = latch.before_reset().unwrap_err();
+        for part in ["running-can0 cannot be written: ", "install -d -o root -g frhc -m 2770 /"] {
+            assert!(refused.contains(part) && latch.remark().unwrap().contains(part), "{refused}");
+        }
         // The folder has become writable.
         fs::remove_file(&folder).unwrap();
-        latch.before_reset();
+        latch.before_reset().unwrap();
         assert!(folder.join("running-can0").exists());
+        // The reset fails.
+        latch.restore();
+        assert_eq!(latch.end(Ok(())), None);
+        let latch = set(&folder, "can0");
+        assert!(latch.remark().unwrap().contains("the latch could not be written: "));
         fs::remove_dir_all(&folder).unwrap();
-        assert_eq!(Latch::set_in(None, &[]).cause(), Some(Cause::AwaitsReset { reason }));
+    }
+
+    #[test]
+    fn hazard_27_failed_reset_keeps_the_reason_of_the_stop() {
+        let folder = scratch("latch-failed-reset");
+        assert!(set(&folder, "can0").end(Err("stopped by joint 3".to_owned())).is_some());
+        let latch = set(&folder, "can0");
+        latch.before_reset().unwrap();
+        latch.restore();
+        assert_eq!(latch.end(Ok(())), None);
+        let latch = set(&folder, "can0");
+        assert!(latch.remark().unwrap().ends_with("stopped by joint 3"), "{:?}", latch.remark());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_27_unreadable_latch_counts_as_left() {
+        let folder = scratch("latch-unreadable");
+        fs::create_dir_all(folder.join("running-can0")).unwrap();
+        let latch = set(&folder, "can0");
+        let reason = ResetReason::UncleanEnd;
+        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+        assert!(latch.remark().unwrap().contains("unreadable: "), "{:?}", latch.remark());
+        assert!(latch.before_reset().is_err(), "it cannot be written either");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_27_latch_of_an_earlier_release_in_the_home_is_found() {
+        let (folder, home) = (scratch("latch-shared"), scratch("latch-home"));
+        let set = || Latch::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()]);
+        let latch = set();
+        assert_eq!((latch.cause(), latch.end(Ok(()))), (None, None), "no home, no latch");
+        fs::create_dir_all(&home).unwrap();
+        fs::write(home.join("running-can0"), "stopped by joint 3\n").unwrap();
+        for _ in 0..2 {
+            // Another user, without this home, finds it as well once it was found.
+            let latch = set();
+            let reason = ResetReason::UncleanEnd;
+            assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+            assert!(latch.remark().unwrap().ends_with("stopped by joint 3"));
+            assert_eq!(latch.end(Ok(())), None);
+            assert!(fs::read_to_string(folder.join("running-can0")).unwrap().contains("joint 3"));
+        }
+        let mut latch = set();
+        latch.before_reset().unwrap();
+        latch.release();
+        assert!(!home.join("running-can0").exists());
+        assert_eq!(latch.end(Ok(())), None);
+        assert_eq!(set().cause(), None);
+        [folder, home].iter().for_each(|it| fs::remove_dir_all(it).unwrap());
     }
 
     #[test]

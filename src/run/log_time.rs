@@ -22,6 +22,11 @@ pub fn set_clock(clock: impl Fn() -> Instant + Send + Sync + 'static) {
     CLOCK.get_or_init(|| Box::new(clock));
 }
 
+/// Returns the time on the bus, once [`set_clock`] was called.
+pub(super) fn now() -> Option<Instant> {
+    CLOCK.get().map(|clock| clock())
+}
+
 /// Runs `write` with its lines stamped `moment`: the time of an event may be some milliseconds ago.
 pub(super) fn stamp_with(moment: Instant, write: impl FnOnce()) {
     EVENT_TIME.set(Some(moment));
@@ -40,7 +45,7 @@ pub struct TimestampedWriter(pub Box<dyn Write>);
 
 impl Write for TimestampedWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match EVENT_TIME.get().or_else(|| CLOCK.get().map(|clock| clock())) {
+        match EVENT_TIME.get().or_else(now) {
             None => self.0.write_all(bytes)?,
             Some(moment) => {
                 // One write, so that lines of several threads do not mix.

@@ -1,15 +1,17 @@
 //! Metadata that every recording of a run contains.
 
-use config::Config;
+use config::{Config, JointParameters};
+use controller::arm::JointKind;
 use telemetry::origin::Origin;
+use telemetry::status::JointLabel;
 
 /// Buses, joints and origin of time.
 #[derive(Clone, Debug, Default)]
 pub struct Provenance {
     /// SocketCAN interfaces of the buses, in the order of the channels.
     pub(super) interfaces: Vec<String>,
-    /// Names of the joints, base first.
-    pub(super) joints: Vec<String>,
+    /// Names and units of the joints, base first.
+    pub(super) joints: Vec<JointLabel>,
     /// Time from which all times of the run count.
     pub(super) origin: Origin,
 }
@@ -17,7 +19,20 @@ pub struct Provenance {
 impl Provenance {
     /// Returns the metadata of a run of `config` on these interfaces.
     pub fn of(config: &Config, interfaces: &[String], origin: Origin) -> Self {
-        let joints = config.joints.iter().map(|joint| joint.name.clone()).collect();
-        Self { interfaces: interfaces.to_vec(), joints, origin }
+        Self { interfaces: interfaces.to_vec(), joints: joint_labels(config), origin }
     }
+
+    /// Returns the names of the joints, base first.
+    pub(super) fn joint_names(&self) -> Vec<&str> {
+        self.joints.iter().map(|joint| joint.name.as_str()).collect()
+    }
+}
+
+/// Returns names and units of the joints, base first.
+pub(super) fn joint_labels(config: &Config) -> Vec<JointLabel> {
+    let label = |joint: &JointParameters| JointLabel {
+        name: joint.name.clone(),
+        is_prismatic: joint.plant.link.kind == JointKind::Prismatic,
+    };
+    config.joints.iter().map(label).collect()
 }

@@ -12,7 +12,7 @@ use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use node::record::{Mode, Record};
 use telemetry::fidelity::{Commanded, Fidelity, Judged};
-use telemetry::status::Status;
+use telemetry::status::{JointLabel, Status};
 use telemetry::summary::Summary;
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
@@ -57,13 +57,22 @@ impl LatestStatus {
     }
 }
 
-/// Records entries until the cycle thread has ended; returns the summary of the run. `names` are those of the nodes,
-/// in the order of their plans; `commanded` judges the commanded wrench, because the drives' truth is unknown.
+/// Names that the log and the status show.
+#[derive(Clone, Debug)]
+pub(super) struct Names {
+    /// Nodes, in the order of their plans.
+    pub(super) nodes: Vec<String>,
+    /// Joints with their units, base first.
+    pub(super) joints: Vec<JointLabel>,
+}
+
+/// Records entries until the cycle thread has ended; returns the summary of the run. `commanded` judges the commanded
+/// wrench, because the drives' truth is unknown.
 pub(super) fn run(
     mut entries: EntryConsumer,
     writers: &mut DiskWriters,
     latest: &LatestStatus,
-    names: &[String],
+    names: &Names,
     commanded: Commanded,
     lost: &LossCounters,
 ) -> Summary {
@@ -96,7 +105,7 @@ pub(super) fn run(
 #[derive(Debug)]
 struct Recorder<'a> {
     writers: &'a mut DiskWriters,
-    names: &'a [String],
+    names: &'a Names,
     commanded: Commanded,
     fidelity: Fidelity,
     summary: Summary,
@@ -126,7 +135,7 @@ impl EntryHandler for Recorder<'_> {
 
     fn on_event(&mut self, event: &Event) {
         log_time::stamp_with(self.now, || {
-            self.event_log.log(self.now, self.mode, event, self.names);
+            self.event_log.log(self.now, self.mode, event, &self.names.nodes);
         });
     }
 }
@@ -136,8 +145,8 @@ impl Recorder<'_> {
     fn flush(&mut self, latest: &LatestStatus, lost: &LossCounters) {
         self.writers.flush();
         if let Some(record) = self.newest.take() {
-            latest
-                .set(record.at, Status::of(&record, self.summary.missing_samples, lost.snapshot()));
+            let status = Status::of(&record, self.summary.missing_samples, lost.snapshot());
+            latest.set(record.at, status.with_joints(&self.names.joints));
         }
     }
 
@@ -198,6 +207,7 @@ fn log_event(event: &Event, names: &[String]) {
         | Event::Configured { .. }
         | Event::Joined { .. }
         | Event::MonitoringEnded { .. }
+        | Event::PowerOffConfirmed { .. }
         | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),
         Event::Emergency { emergency, .. } if emergency.is_reset() => {
             tracing::info!("{name}: {event}");
@@ -212,6 +222,7 @@ fn log_event(event: &Event, names: &[String]) {
         | Event::ReadBack { .. }
         | Event::ReadByAnother { .. }
         | Event::MonitoringKept { .. }
+        | Event::StillOn { .. }
         | Event::HeartbeatLost { .. }
         | Event::Rebooted { .. }
         | Event::Duplicate { .. }

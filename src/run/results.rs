@@ -15,6 +15,9 @@ use tempfile::NamedTempFile;
 
 use crate::exit::{Failure, Kind, OrFail};
 
+/// Maximum number of attempts at a folder that other runs interfere with.
+const MAX_ATTEMPTS: u32 = 100;
+
 /// Permission to replace existing results.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Force {
@@ -28,14 +31,17 @@ pub struct Force {
 pub(super) enum Access {
     /// Owner only: 0600.
     Owner,
+    /// Owner and group, whatever the umask: 0660.
+    Group,
     /// 0666 less the umask.
     Umask,
 }
 
 impl Access {
-    fn permissions(self) -> Permissions {
+    pub(super) fn permissions(self) -> Permissions {
         Permissions::from_mode(match self {
             Self::Owner => 0o600,
+            Self::Group => 0o660,
             Self::Umask => 0o666,
         })
     }
@@ -56,18 +62,21 @@ pub(super) fn private_file(path: &Path) -> io::Result<File> {
 
 /// Creates a folder for its owner only in `parent`, with the next free number; `name` formats it as `001-…`.
 pub(super) fn create_numbered(parent: &Path, name: impl Fn(u64) -> String) -> io::Result<PathBuf> {
-    private_folder(parent)?;
-    let taken = fs::read_dir(parent)?.flatten();
-    let taken = taken.filter_map(|entry| number(&entry.file_name()));
-    let mut next = taken.max().map_or(1, |last| last.saturating_add(1));
-    loop {
-        let folder = parent.join(name(next));
-        match DirBuilder::new().mode(0o700).create(&folder) {
-            // Another run has taken the number meanwhile.
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => next += 1,
-            created => return created.map(|()| folder),
+    let mut created = Err(ErrorKind::NotFound.into());
+    for _ in 0..MAX_ATTEMPTS {
+        private_folder(parent)?;
+        let taken = fs::read_dir(parent)?.flatten();
+        let taken = taken.filter_map(|entry| number(&entry.file_name()));
+        let folder = parent.join(name(taken.max().map_or(1, |last| last.saturating_add(1))));
+        created = DirBuilder::new().mode(0o700).create(&folder).map(|()| folder);
+        match &created {
+            // Another run has taken the number or removed the empty parent meanwhile.
+            Err(error)
+                if [ErrorKind::AlreadyExists, ErrorKind::NotFound].contains(&error.kind()) => {}
+            Ok(_) | Err(_) => break,
         }
     }
+    created
 }
 
 /// Returns the number at the start of a name: 1 of `001-…`.
@@ -156,6 +165,9 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
         .permissions(access.permissions())
         .tempfile_in(folder_of(path));
     let mut file = beside?;
+    if access == Access::Group {
+        file.as_file().set_permissions(access.permissions())?;
+    }
     file.write_all(content)?;
     file.as_file().sync_all()?;
     Ok(file)

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
@@ -15,8 +16,8 @@ use crate::disk_writers::{self, DiskWriters};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
-use crate::provenance::Provenance;
-use crate::recorder_thread::{self, LatestStatus};
+use crate::provenance::{self, Provenance};
+use crate::recorder_thread::{self, LatestStatus, Names};
 use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
 use crate::{check, commission, cycle_thread, gains, log_time, print, rings, session};
@@ -25,6 +26,12 @@ use node::Node;
 use remote::site::VirtualSite;
 use telemetry::fidelity::Commanded;
 use telemetry::origin::Origin;
+
+/// Time from the stop signal to the end of the recordings: the process ends within a second, its last lines included.
+const END_LIMIT: Duration = Duration::from_millis(900);
+
+/// Time allowed for the recordings to end, however late the drives have stopped.
+const MIN_CLOSE_TIME: Duration = Duration::from_millis(100);
 
 /// `frhc run`.
 #[derive(Debug, Args)]
@@ -82,7 +89,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let (writers, latest) = (&mut writers, latest);
-        let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        let nodes = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        let names = Names { nodes, joints: provenance::joint_labels(&config) };
         let commanded = Commanded::new(&config.controller);
         let recording = thread::Builder::new()
             .name("frhc-recorder".to_owned())
@@ -110,12 +118,19 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         Ok((outcome, summary))
     })?;
     summary.origin = origin;
-    let (records, finished) = writers.finish(&summary);
+    let stopped = signals.stop_requested_at().unwrap_or_else(clock);
+    let deadline = (stopped + END_LIMIT).max(clock() + MIN_CLOSE_TIME);
+    let (records, finished) = writers.finish(&summary, deadline, clock);
     if summary.cycles > 0 {
         print::note(&summary.to_string());
     }
     records.iter().for_each(|line| print::note(line));
-    outcome.and(finished.or_fail(Kind::Bus))
+    let finished = finished.or_fail(Kind::Bus);
+    if let (Err(_), Err(incomplete)) = (&outcome, &finished) {
+        // The exit code is that of the stop.
+        print::error(&incomplete.to_string());
+    }
+    outcome.and(finished)
 }
 
 /// Opens the recordings: fault records and, if `parent` is given, a session in a numbered folder of it.

@@ -58,6 +58,11 @@ impl Session {
         Self { folder, log: SessionLog::new(writer), is_reported: false }
     }
 
+    /// Returns its folder.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Closes the log and writes the summary, even if the log has failed.
     pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
         let Self { folder, log, is_reported } = self;

@@ -1,21 +1,97 @@
-//! The folder of a node's persistent state: systemd's, else the user's.
+//! Folders of a node's persistent state: one for the latches of all users, and one for the records of each.
 
 use std::env;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// Returns `STATE_DIRECTORY`, `XDG_STATE_HOME/frhc` or `HOME/.local/state/frhc`; `None` if no variable is set.
+/// Folder of the service's state, in which every user who may enable drives writes the latches.
+const SHARED: &str = "/var/lib/frhc";
+
+/// Returns the folder of the latches: `STATE_DIRECTORY`, else `/var/lib/frhc`. It depends on no user.
+pub(super) fn latch_folder() -> PathBuf {
+    Variables(env::var_os).latch_folder()
+}
+
+/// Returns the folder in which earlier releases left the latches of this user: that in the home. `None` if no variable
+/// is set, or if `STATE_DIRECTORY` was and is the folder.
+pub(super) fn earlier_latch_folder() -> Option<PathBuf> {
+    Variables(env::var_os).earlier_latch_folder()
+}
+
+/// Returns the folder of this user's records: `STATE_DIRECTORY`, `XDG_STATE_HOME/frhc` or `HOME/.local/state/frhc`; `None`
+/// if no variable is set.
 pub(super) fn folder() -> Option<PathBuf> {
-    let of = |name, below: &str| {
-        let value = env::var_os(name).filter(|value| !value.is_empty())?;
+    Variables(env::var_os).folder()
+}
+
+/// Environment variables, by name.
+struct Variables<F>(F);
+
+impl<F: Fn(&'static str) -> Option<OsString>> Variables<F> {
+    fn latch_folder(&self) -> PathBuf {
+        self.service().unwrap_or_else(|| PathBuf::from(SHARED))
+    }
+
+    fn earlier_latch_folder(&self) -> Option<PathBuf> {
+        if self.service().is_some() { None } else { self.user() }
+    }
+
+    fn folder(&self) -> Option<PathBuf> {
+        self.service().or_else(|| self.user())
+    }
+
+    fn service(&self) -> Option<PathBuf> {
+        self.path("STATE_DIRECTORY")
+    }
+
+    fn user(&self) -> Option<PathBuf> {
+        let xdg = || self.path("XDG_STATE_HOME").map(|folder| folder.join("frhc"));
+        xdg().or_else(|| self.path("HOME").map(|folder| folder.join(".local/state/frhc")))
+    }
+
+    fn path(&self, name: &'static str) -> Option<PathBuf> {
+        let value = (self.0)(name).filter(|value| !value.is_empty())?;
         // systemd separates several folders by colons.
         let first = env::split_paths(&value).next()?;
         // The XDG Base Directory Specification ignores relative paths.
-        if !first.is_absolute() {
-            return None;
+        first.is_absolute().then_some(first)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn hazard_27_latch_folder_is_the_same_for_every_user() {
+        for (home, state) in
+            [(Some("/home/a"), None), (Some("/root"), Some("/x")), (None, None), (None, Some("x"))]
+        {
+            let user = Variables(|name| match name {
+                "HOME" => home.map(OsString::from),
+                "XDG_STATE_HOME" => state.map(OsString::from),
+                _ => None,
+            });
+            assert_eq!(user.latch_folder(), Path::new("/var/lib/frhc"), "{home:?} {state:?}");
         }
-        Some(if below.is_empty() { first } else { first.join(below) })
-    };
-    of("STATE_DIRECTORY", "")
-        .or_else(|| of("XDG_STATE_HOME", "frhc"))
-        .or_else(|| of("HOME", ".local/state/frhc"))
+        let service = Variables(|name| match name {
+            "STATE_DIRECTORY" => Some(OsString::from("/var/lib/frhc:/var/lib/other")),
+            "HOME" => Some(OsString::from("/home/frhc")),
+            _ => None,
+        });
+        assert_eq!(service.latch_folder(), Path::new("/var/lib/frhc"));
+        assert_eq!(service.folder().unwrap(), Path::new("/var/lib/frhc"));
+        assert_eq!(service.earlier_latch_folder(), None);
+    }
+
+    #[test]
+    fn records_and_earlier_latches_are_in_the_home() {
+        let home = Variables(|name| (name == "HOME").then(|| OsString::from("/home/a")));
+        let expected = Some(PathBuf::from("/home/a/.local/state/frhc"));
+        assert_eq!((home.folder(), home.earlier_latch_folder()), (expected.clone(), expected));
+        let nothing = Variables(|_| None);
+        assert_eq!((nothing.folder(), nothing.earlier_latch_folder()), (None, None));
+    }
 }

@@ -5,12 +5,15 @@
 //! blocked, signals of a program error, and 32 and 33, which the C library reserves.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::{io, thread};
 
 use nix::sys::signal::{SigSet, Signal, raise};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
+
+use crate::log_time;
+use units::time::Instant;
 
 /// Signals of a program error: the process must end with a core dump.
 const PROGRAM_ERRORS: [Signal; 7] = [
@@ -59,6 +62,8 @@ struct State {
     stop: AtomicBool,
     /// Set by the second stop signal.
     is_urgent: AtomicBool,
+    /// Time of the first orderly stop signal.
+    stopped_at: OnceLock<Instant>,
 }
 
 impl StopSignals {
@@ -86,6 +91,11 @@ impl StopSignals {
         self.0.stop.load(Ordering::Acquire)
     }
 
+    /// Returns the time at which the stop signal was received, on the bus clock.
+    pub(super) fn stop_requested_at(&self) -> Option<Instant> {
+        self.0.stopped_at.get().copied()
+    }
+
     /// Returns whether a second stop signal was received: the stop waits for nothing but the drives' power.
     pub(super) fn is_urgent(&self) -> bool {
         self.0.is_urgent.load(Ordering::Acquire)
@@ -107,6 +117,9 @@ fn read(signals: &SignalFd, state: &State) {
         match signal.filter(|signal| STOP_SIGNALS.contains(signal)) {
             Some(signal) if !state.is_orderly.load(Ordering::Acquire) => end_at_once(signal),
             Some(_) => {
+                if let Some(now) = log_time::now() {
+                    state.stopped_at.get_or_init(|| now);
+                }
                 let is_new = !state.stop.swap(true, Ordering::AcqRel);
                 state.is_urgent.fetch_or(!is_new, Ordering::AcqRel);
                 if is_new {

@@ -1,6 +1,8 @@
 //! Timers that stop each drive without its master, and planned values that a data sheet excludes: as text and as JSON.
 
-use config::{Caution, Config, JointParameters, Stopping};
+use canopen::fact::Fact;
+use config::facts::Facts;
+use config::{Caution, Config, HeldTorque, JointParameters, Stopping};
 
 /// Returns one line for each joint, and one for each planned value beyond the limits of a data sheet.
 pub fn lines(config: &Config) -> Vec<String> {
@@ -9,10 +11,38 @@ pub fn lines(config: &Config) -> Vec<String> {
     for (joint, stopping) in config.joints.iter().zip(config.stopping()) {
         let force = stopping.reaction_time().map_or(0.0, |time| cap.max_force(time));
         let name = &joint.name;
-        lines.push(format!("stops {name:16} by {stopping}: at most {force:.1} N at the grip"));
+        let half = if cap.is_halved { ", half of what the timers allow" } else { "" };
+        lines
+            .push(format!("stops {name:16} by {stopping}: at most {force:.1} N at the grip{half}"));
     }
+    for (joint, held) in config.joints.iter().zip(config.held_torques()) {
+        let HeldTorque { seen_by, time } = held;
+        let (name, millis) = (&joint.name, time.as_millis());
+        lines.push(format!(
+            "rpdos {name:16} that no longer arrive are seen within {millis} ms by {seen_by}"
+        ));
+    }
+    lines.extend(facts(&config.facts()));
     lines.extend(cautions(config));
     lines
+}
+
+/// Returns one line for each joint: which facts its drive verifies, and which are stated only.
+pub fn facts(facts: &[Facts]) -> Vec<String> {
+    facts.iter().map(|facts| format!("facts {:16} {facts}", facts.joint)).collect()
+}
+
+/// Returns the facts of each joint.
+pub fn facts_json(facts: &[Facts]) -> serde_json::Value {
+    let one = |facts: &Facts| {
+        let stated = facts.stated_only().into_iter().map(Fact::key);
+        serde_json::json!({
+            "joint": facts.joint,
+            "stated_only": stated.collect::<Vec<_>>(),
+            "stated_torque_limit": facts.torque_limit.map(|limit| limit.to_string()),
+        })
+    };
+    facts.iter().map(one).collect()
 }
 
 /// Returns one line for each planned value beyond the limits of a data sheet.
@@ -23,14 +53,17 @@ pub fn cautions(config: &Config) -> Vec<String> {
 /// Returns the timers of each joint, with the sum of forces that follows.
 pub fn json(config: &Config) -> serde_json::Value {
     let cap = config.force_cap();
-    let one = |(joint, stopping): (&JointParameters, Stopping)| {
+    let one = |((joint, stopping), held): ((&JointParameters, Stopping), HeldTorque)| {
         serde_json::json!({
             "joint": joint.name,
             "stops_by": stopping.to_string(),
             "max_force_n": stopping.reaction_time().map(|time| cap.max_force(time)),
+            "held_torque_seen_by": held.seen_by.to_string(),
+            "held_torque_ms": held.time.as_secs_f64() * 1e3,
         })
     };
-    config.joints.iter().zip(config.stopping()).map(one).collect()
+    let stopping = config.joints.iter().zip(config.stopping());
+    stopping.zip(config.held_torques()).map(one).collect()
 }
 
 /// Returns the planned values beyond the limits of a data sheet.

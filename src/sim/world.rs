@@ -40,8 +40,8 @@ const LEADING: Channel = Channel(0);
 
 /// A drive as the plant sees it.
 pub trait Motor: Breakable {
-    /// Updates the motor and encoder values.
-    fn sense(&mut self, sensed: &Sensed);
+    /// Updates the motor and encoder values at `now`.
+    fn sense(&mut self, now: Instant, sensed: &Sensed);
 
     /// Returns the torque demand, in ‰ of rated torque.
     fn demand(&self) -> f64;
@@ -240,10 +240,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Updates each drive with its motor values.
     fn show(&mut self) {
         self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
+        let now = self.now;
         for (joint, (drive, sensed)) in
             Joint::each(self.drives.iter_mut().zip(self.motors.sensed()))
         {
-            drive.sense(&self.faults.sensed(joint, sensed));
+            drive.sense(now, &self.faults.sensed(joint, sensed));
         }
     }
 }
@@ -300,8 +301,8 @@ fn devices<'a, M: Motor, I: Inputs>(
 }
 
 impl Motor for Drive {
-    fn sense(&mut self, sensed: &Sensed) {
-        self.sense(sensed);
+    fn sense(&mut self, now: Instant, sensed: &Sensed) {
+        self.sense_at(now, sensed);
     }
 
     fn demand(&self) -> f64 {
@@ -378,7 +379,7 @@ mod tests {
     }
 
     impl Motor for FakeMotor {
-        fn sense(&mut self, sensed: &Sensed) {
+        fn sense(&mut self, _: Instant, sensed: &Sensed) {
             self.motion = (sensed.position, sensed.velocity);
         }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::losses::Losses;
 use controller::Ledger;
-use node::record::Record;
+use node::record::{Mode, Record};
 use units::numbering::Joint;
 
 /// A snapshot of the node.
@@ -14,6 +14,8 @@ pub struct Status {
     pub mode: &'static str,
     /// Cause of the stop, while stopped.
     pub stopped_by: Option<String>,
+    /// Joints whose drives do not report that they are off, although disable voltage was sent to them: do not touch the arm.
+    pub not_off: Vec<u8>,
     /// Cycles run.
     pub cycle: u64,
     /// Cycles over time: torques too late to be sent, or a skipped SYNC.
@@ -26,6 +28,11 @@ pub struct Status {
     pub foreign_uploads: u64,
     /// Objects verified at boot that could not be read again, at present.
     pub unread_settings: usize,
+    /// Reflection of the wrench: `off` and `on` by its switch; `on when engaged` before it acts.
+    pub reflection: &'static str,
+    /// Joints with their names and units; empty where these are not known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<JointStatus>,
     /// Joint positions, in rad (m for a prismatic joint).
     pub q: [f64; 6],
     /// Torques commanded to the joints, in N·m.
@@ -40,6 +47,34 @@ pub struct Status {
     pub p_b_m: [f64; 3],
     /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
     pub switches_online: Option<bool>,
+}
+
+/// Name of a joint, and its kind, which decides its units.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JointLabel {
+    /// Name for people.
+    pub name: String,
+    /// True for a prismatic joint: m and N instead of rad and N·m.
+    pub is_prismatic: bool,
+}
+
+/// Position and torque of one joint, with their units.
+#[derive(Clone, Debug, Serialize)]
+pub struct JointStatus {
+    /// Number, from 1 at the base.
+    pub joint: u8,
+    /// Name for people.
+    pub name: String,
+    /// Position, in `position_unit`.
+    pub position: f64,
+    /// `rad` or `m`.
+    pub position_unit: &'static str,
+    /// Torque commanded, in `torque_unit`.
+    pub torque: f64,
+    /// `N·m` or `N`.
+    pub torque_unit: &'static str,
+    /// Target torque sent (6071h), in ‰ of rated torque.
+    pub target_per_mille: i16,
 }
 
 /// Torque budget of the newest cycle, in N·m or N; joints count from 1.
@@ -94,12 +129,15 @@ impl Status {
         Self {
             mode: record.mode.name(),
             stopped_by: record.cause.map(|cause| cause.to_string()),
+            not_off: joints(&record.not_off),
             cycle: record.cycle,
             overruns: record.overruns,
             missing_samples,
             lost,
             foreign_uploads: record.sdo.foreign_uploads,
             unread_settings: record.sdo.unread_settings,
+            reflection: reflection(record),
+            joints: Vec::new(),
             q: record.output.q.into(),
             tau: record.output.tau.into(),
             targets: record.targets,
@@ -109,4 +147,41 @@ impl Status {
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
         }
     }
+
+    /// Adds the joints with these names and units, base first.
+    #[must_use]
+    pub fn with_joints(mut self, labels: &[JointLabel]) -> Self {
+        let values = self.q.into_iter().zip(self.tau).zip(self.targets);
+        let joints = Joint::each(labels).zip(values);
+        let joint = |((joint, label), ((position, torque), target)): ((Joint, &JointLabel), _)| {
+            let (position_unit, torque_unit) =
+                if label.is_prismatic { ("m", "N") } else { ("rad", "N·m") };
+            JointStatus {
+                joint: joint.number(),
+                name: label.name.clone(),
+                position,
+                position_unit,
+                torque,
+                torque_unit,
+                target_per_mille: target,
+            }
+        };
+        self.joints = joints.map(joint).collect();
+        self
+    }
+}
+
+/// Returns the state of reflection: its switch, and the deadman that lets it act.
+fn reflection(record: &Record) -> &'static str {
+    let pressed = record.output.pressed;
+    match (pressed.reflects, pressed.task && record.mode == Mode::Engaged) {
+        (false, _) => "off",
+        (true, false) => "on when engaged",
+        (true, true) => "on",
+    }
+}
+
+/// Returns the numbers of the joints that are set.
+pub fn joints(set: &[bool; 6]) -> Vec<u8> {
+    Joint::each(set).filter(|(_, is_set)| **is_set).map(|(joint, _)| joint.number()).collect()
 }

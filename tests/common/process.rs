@@ -258,9 +258,8 @@ impl Scratch {
     fn at_home<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command
             .env("XDG_RUNTIME_DIR", &self.0)
-            .env("XDG_STATE_HOME", self.0.join("state"))
+            .env("STATE_DIRECTORY", self.0.join("state"))
             .env_remove("RUNTIME_DIRECTORY")
-            .env_remove("STATE_DIRECTORY")
     }
 
     pub(crate) fn ctl(&self, request: &str) -> Outcome {

@@ -64,7 +64,7 @@ class Bench:
     def __enter__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="frhc-interop-", dir="/dev/shm"))
         self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
-        self.environment["XDG_STATE_HOME"] = str(self.folder / "state")
+        self.environment["STATE_DIRECTORY"] = str(self.folder / "state")
         self.environment.pop("RUNTIME_DIRECTORY", None)
         self.processes = []
         self.network = None

@@ -345,7 +345,7 @@ fn hazard_26_receive_filter_passes_configured_cob_ids_alone() {
     let patterns = config(KRAFT).patterns();
     let passes = |cob_id: u16| patterns[0].iter().any(|pattern| pattern.has(cob_id));
     let of_its_nodes = [0x081, 0x083, 0x183, 0x283, 0x583, 0x703];
-    let of_foreign_masters = [0x000, 0x080, 0x201, 0x603];
+    let of_foreign_masters = [0x000, 0x080, 0x201, 0x603, 0x77F];
     let of_unknown_nodes = [0x08F, 0x70F];
     for cob_id in [&of_its_nodes[..], &of_foreign_masters, &of_unknown_nodes].concat() {
         assert!(passes(cob_id), "{cob_id:03X}");

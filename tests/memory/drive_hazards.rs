@@ -260,6 +260,38 @@ fn hazard_26_download_by_another_client_switches_all_off() {
 }
 
 #[test]
+fn hazard_26_own_heartbeat_from_another_node_switches_all_off() {
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let moved = text.replace("node_id = 127 ", "node_id = 126 ");
+    assert_ne!(moved, text);
+    for (text, own, others) in [(&text, "0x77F", "0x77E"), (&moved, "0x77E", "0x77F")] {
+        let config = Config::parse(Path::new(KRAFT), text).unwrap();
+        for (cob_id, is_ours) in [(own, true), (others, false)] {
+            let fault = foreign_frame("0.9", cob_id, "05");
+            let (mut bench, _) = bench_of(&config, &fault, &[]);
+            bench.bring_up().unwrap();
+            arm(&mut bench);
+            let start = bench.node().bus().stations().scenario_start().unwrap();
+            let from = start + Duration::from_millis(900);
+            let end = from + Duration::from_millis(2);
+            let mut record = bench.cycle();
+            while record.at < end && record.cause.is_none() {
+                record = bench.cycle();
+            }
+            let cause = is_ours.then_some(Cause::ForeignMaster);
+            assert_eq!(record.cause, cause, "{cob_id}, own {own}");
+            if is_ours {
+                assert!(
+                    record.at + config.period >= from && record.mode == Mode::DrivesOff,
+                    "{record:?}"
+                );
+                assert_eq!(record.targets, [0; 6]);
+            }
+        }
+    }
+}
+
+#[test]
 fn hazard_26_foreign_download_response_switches_all_off() {
     let (mut bench, _) = armed();
     download_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);

@@ -170,3 +170,30 @@ fn hazard_28_zero_torques_are_sent_however_late() {
     });
     assert_eq!(zeros.count(), 2, "late, in the same cycle");
 }
+
+#[test]
+fn promise_10_stall_after_the_last_torque_withdraws_all_targets() {
+    for (name, last, frames) in [(GROUPED, 0x204, 2), (PER_DRIVE, 0x206, 6)] {
+        let run = Run::with(name, &[(0, last, 16)]).cycles(10);
+        let (before, stalled) = (&run.records[0], &run.records[1]);
+        assert_eq!(stalled.targets, [0; 6], "{name}");
+        assert_eq!(stalled.overruns - before.overruns, 1, "{name}: counted once");
+        let accepted = run.accepted.since(stalled.at);
+        // The next SYNC may follow in the same microsecond.
+        let in_cycle = accepted.iter().skip(1).take_while(|(_, frame)| frame.cob_id != 0x080);
+        let targets: Vec<_> = in_cycle
+            .map(|(_, frame)| frame)
+            .filter(|frame| (0x201..=0x206).contains(&frame.cob_id))
+            .collect();
+        let torques = targets.iter().filter(|frame| asks(frame)).count();
+        assert!(torques > 0 && targets.len() == frames + torques, "{name}: {targets:?}");
+        assert!(targets[frames..].iter().all(|frame| !asks(frame)), "{name}: {targets:?}");
+        let rise = config(name).controller.extensions.slew.unwrap().rise().amax();
+        let after = run.records[2].output.tau.amax();
+        assert!(after <= 1.01 * rise, "{name}: {after} N·m in the first cycle after zero");
+        // One late cycle is no stop, and the torques rise again.
+        let end = run.records.last().unwrap();
+        assert_eq!((end.mode, end.cause), (Mode::Engaged, None), "{name}");
+        assert_ne!(end.targets, [0; 6], "{name}");
+    }
+}

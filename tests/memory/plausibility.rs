@@ -15,6 +15,7 @@ use config::Config;
 use lab::bench::Bench;
 use node::cause::Cause;
 use node::record::{Mode, Record};
+use sim::quirks::Quirk;
 use sim::scenario::Scenario;
 use units::numbering::Joint;
 
@@ -240,6 +241,47 @@ fn promise_14_single_losses_of_one_per_mille_never_stop() {
         let lost = records.iter().filter(|record| record.sampled != [true; 6]).count();
         assert!((5..60).contains(&lost), "{name}: {lost}");
     }
+}
+
+/// Returns every shipped configuration of an arm.
+fn shipped() -> Vec<String> {
+    let files = |folder: &str| {
+        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let files = entries.filter(|path| path.extension().is_some_and(|it| it == "toml"));
+        files.map(|path| path.to_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let mut shipped = [files("config"), files("config/drives")].concat();
+    shipped.sort();
+    assert!(shipped.len() >= 9, "{shipped:?}");
+    shipped
+}
+
+#[test]
+fn promise_14_filtered_6077h_of_any_drive_never_stops() {
+    for name in shipped() {
+        for quirk in ["filtered-torque:5", "filtered-torque:-5"] {
+            let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+            let mut script = Scenario::parse(&text).unwrap();
+            for joint in Joint::ALL {
+                script.quirks_mut().add(joint, [quirk.parse::<Quirk>().unwrap()]);
+            }
+            let mut bench = Bench::new(&config(&name), script, 1, false, ());
+            bench.bring_up().unwrap();
+            while bench.elapsed().as_secs_f64() < 4.0 {
+                let record = bench.cycle();
+                assert_eq!(record.cause, None, "{name}, {quirk}: {:?}", bench.elapsed());
+            }
+        }
+    }
+}
+
+#[test]
+fn hazard_10_torque_30_percent_too_low_is_seen() {
+    // The elbow holds some 250 ‰, and reports 175 ‰.
+    let fault = "kind = \"torque_actual_scale\"\njoint = 3\nscale = 0.7\n";
+    let records = run(&config("config/kraft_like_500hz.toml"), &with_fault(fault), 1.0);
+    let cause = records.iter().find_map(|record| record.cause);
+    assert_eq!(cause, Some(Cause::TorqueDiffers { joint: ELBOW }));
 }
 
 #[test]

@@ -28,10 +28,13 @@ const SCRIPT: &str = "seconds = 5\n\
 /// Largest difference between the node's sample and the plant, half a period later, in rad.
 const TOLERANCE: f64 = 2e-3;
 
-/// Returns the arm with `keys` in place of the elbow's encoder_counts_per_rev.
+/// Returns the arm with `keys` in place of the elbow's encoder_counts_per_rev. 1:1 in 608Fh verifies no scale, so that
+/// is accepted, and the arm is weak.
 fn arm(keys: &str) -> Config {
-    let (before, elbow) = ARM.split_once("name = \"elbow\"").unwrap();
-    let elbow = elbow.replacen("encoder_counts_per_rev = 16384", keys, 1);
+    let weak = ARM.replace("max_force_n = 40.0 ", "max_force_n = 5.0 ");
+    let (before, elbow) = weak.split_once("name = \"elbow\"").unwrap();
+    let keys = format!("accept_stated_only = [\"position_scale\"]\n{keys}");
+    let elbow = elbow.replacen("encoder_counts_per_rev = 16384", &keys, 1);
     let text = format!("{before}name = \"elbow\"{elbow}");
     Config::parse(Path::new("config/test.toml"), &text).unwrap()
 }
@@ -62,6 +65,9 @@ fn stated_factors_are_read_as_the_angle_of_the_joint() {
         "encoder_counts_per_rev = 8192\ndrive_gear = [2, 1]\ndrive_feed = [1, 1]",
         "encoder_counts_per_rev = 5000\ndrive_encoder = [1, 1]\ndrive_feed = [5, 1]",
         "encoder_counts_per_rev = 3333\ndrive_gear = [7, 3]",
+        // Millidegrees of the shaft, by 60A8h.
+        "encoder_counts_per_rev = 360000\ndrive_encoder = [16384, 1]\ndrive_position_unit = 0xFD410000",
+        "encoder_counts_per_rev = 10000\ndrive_encoder = [65536, 1]\ndrive_gear = [36, 1]\ndrive_position_unit = 0xFD410000",
     ] {
         let mut bench = bench(keys);
         bench.bring_up().unwrap_or_else(|error| panic!("{keys}: {error}"));
@@ -104,6 +110,33 @@ fn gear_scales_the_usual_encoder_and_feed() {
     assert!(encoder.contains("608Fh) is 8192:1, expected 16384:1 or 1:1"), "{encoder}");
     let feed = refused(keys, "stored:6092h:1=8192");
     assert!(feed.contains("6092h) is 8192:1, expected 1:1 or 16384:1"), "{feed}");
+}
+
+#[test]
+fn drive_that_counts_tenths_of_a_degree_is_refused() {
+    let refusal = |config: &Config, quirk: &str| {
+        let mut scenario = Scenario::parse(SCRIPT).unwrap();
+        scenario.quirks_mut().add(ELBOW, [quirk.parse().unwrap()]);
+        let mut bench = Bench::new(config, scenario, 1, false, Wire::default());
+        if let Err(error) = bench.bring_up() {
+            return error.to_string();
+        }
+        let record = until(&mut bench, |record| record.mode == Mode::Armed);
+        let angle = bench.world_mut().plant().q()[ELBOW.index()];
+        format!(
+            "armed: the elbow is at {angle} rad, and read as {}",
+            record.output.q[ELBOW.index()]
+        )
+    };
+    let nanotec = crate::common::bench::config("config/drives/nanotec_cl4e.toml");
+    for config in [arm("encoder_counts_per_rev = 16384"), nanotec] {
+        assert_eq!(
+            refusal(&config, "stored:60A8h=FF410000h"),
+            "joint 3 (elbow), node 3: position unit (60A8h) is FF410000h (10^-1 °), expected 00B50000h (increments): \
+             set it with the maker's tool or [[joint.boot.write]], or state it as drive_position_unit and give \
+             encoder_counts_per_rev in units of 6064h"
+        );
+    }
 }
 
 #[test]

@@ -89,6 +89,8 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("polarity-reversed", Refused(POLARITY), Refused(POLARITY)),
     ("slow-first-answer:300", Runs, Runs),
     ("slow-first-answer:2100", Refused(ABSENT), Refused(ABSENT)),
+    ("filtered-torque", Runs, Runs),
+    ("filtered-torque:-5", Runs, Runs),
     ("stored:6091h:1=2", Refused(GEAR), Refused(GEAR)),
     ("stored:608Fh:1=32768", Refused(ENCODER), Refused(ENCODER)),
     ("stored:6076h=176500", Refused(TORQUE), Refused(TORQUE)),
@@ -97,6 +99,13 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("stored:6092h:1=3600", Refused(FEED), Refused(FEED)),
     ("stored:6075h=2100", Refused(CURRENT), Refused(CURRENT)),
     ("stored:6502h=0x6D", Refused(MODES), Refused(MODES)),
+    ("stored:60B2h=100", Runs, Runs),
+    ("stored:60E0h=867", Refused(TORQUE_LIMIT), Refused(TORQUE_LIMIT)),
+    ("stored:60A8h=FF410000h", Refused(POSITION_UNIT), Refused(POSITION_UNIT)),
+    ("stored:60A9h=00B40300h", Refused(VELOCITY_UNIT), Refused(VELOCITY_UNIT)),
+    // No acceleration is read or written.
+    ("stored:60AAh=0", Runs, Runs),
+    ("stored:607Bh:2=1000", Refused(RANGE), Refused(RANGE)),
 ];
 
 const DEAF: &str = "1016h:1 is 00000000h, expected 007F0016h";
@@ -135,6 +144,15 @@ const CURRENT: &str = "rated current (6075h) is 2100 mA, expected 4200 mA: set i
     rated_current_a";
 const MODES: &str = "supported modes (6502h) is 0000006Dh, expected bit 9: this drive lists no cyclic synchronous \
     torque; if it has it all the same, state its value as drive_modes";
+const TORQUE_LIMIT: &str = "positive torque limit (60E0h) is 867 ‰, expected at least 868 ‰: raise it with the \
+    maker's tool, or lower max_torque_nm (max_force_n of a sliding joint)";
+const POSITION_UNIT: &str = "position unit (60A8h) is FF410000h (10^-1 °), expected 00B50000h (increments): set it with \
+    the maker's tool or [[joint.boot.write]], or state it as drive_position_unit and give encoder_counts_per_rev in \
+    units of 6064h";
+const VELOCITY_UNIT: &str = "velocity unit (60A9h) is 00B40300h (revolutions/s), expected 00B44700h (rpm): set it with \
+    the maker's tool or [[joint.boot.write]]: max_speed_rad_per_s (max_speed_m_per_s) is written to 6080h in rpm";
+const RANGE: &str = "position range limit (607Bh) is 0 to 1000, expected at least -3400 to 225976: widen it, or set both to 0, \
+    with the maker's tool or [[joint.boot.write]], or correct limit_deg (limit_m) or zero_counts";
 const OTHER: &str = "1018h:2 is FBFDFFEFh, expected 04020010h";
 
 /// The arm of `text`, whose elbow states its rated current.

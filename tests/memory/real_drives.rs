@@ -1,5 +1,6 @@
 //! Rehearsal: the arms of config/drives, whose drives are made from the data sheets of real ones.
 #![allow(
+    clippy::indexing_slicing,
     clippy::panic,
     clippy::unwrap_used,
     reason = "what a test cannot do without has failed the test"
@@ -10,6 +11,7 @@ use std::path::Path;
 use crate::common::bench::{Wire, config};
 use bus::Bus;
 use canopen::drive::State;
+use canopen::object::Object;
 use config::Config;
 use lab::bench::Bench;
 use lab::campaign::monitor::{Answer, Monitor};
@@ -85,6 +87,22 @@ fn stored_values_are_found_in_drives_of_elmo() {
         let error = booted.err().map_or(String::new(), |error| error.to_string());
         assert!(error.contains("joint 3 (elbow)") && error.contains(object), "{quirk}: {error}");
     }
+}
+
+#[test]
+fn simulated_drives_hold_what_the_makers_tool_must_set() {
+    let nanotec = config("config/drives/nanotec_cl4e.toml");
+    let eds = &nanotec.joints[2].eds;
+    let default = eds.object(Object::POSITION_UNIT).unwrap().number.unwrap();
+    assert_eq!(
+        default.resolve(nanotec.joints[2].node),
+        0xFF41_0000,
+        "tenths of a degree at delivery"
+    );
+    let mut bench = bench(&nanotec, &[]);
+    let drive = bench.world_mut().drive_mut(Joint::of::<3>()).unwrap();
+    assert_eq!(drive.dictionary().unsigned(Object::POSITION_UNIT), 0x00B5_0000);
+    assert_eq!(drive.dictionary().unsigned(Object::VELOCITY_UNIT), 0x00B4_4700);
 }
 
 #[test]

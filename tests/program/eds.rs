@@ -202,16 +202,16 @@ fn each_error_is_found_at_its_entry() {
             ": error: [MandatoryObjects] SupportedObjects: 4, but 3 are listed",
         ),
         (
-            "108=0x67FF",
-            "108=0x6800",
-            ": error: [OptionalObjects] 108: 6800h is listed, but there is no [6800]",
+            "112=0x67FF",
+            "112=0x6800",
+            ": error: [OptionalObjects] 112: 6800h is listed, but there is no [6800]",
         ),
         (
-            "108=0x67FF",
-            "109=0x67FF",
-            ": error: [OptionalObjects] SupportedObjects: number 108 is missing, next is 109",
+            "112=0x67FF",
+            "113=0x67FF",
+            ": error: [OptionalObjects] SupportedObjects: number 112 is missing, next is 113",
         ),
-        ("108=0x67FF", "108=0x6800", ": warning: 67FFh: is in no list of objects"),
+        ("112=0x67FF", "112=0x6800", ": warning: 67FFh: is in no list of objects"),
         ("[1001]\n", "[1002]\n", "1: error: 1001h: is mandatory, but not described"),
         ("Dummy0003=1", "Dummy0003=2", ": warning: [DummyUsage] Dummy0003: neither 0 nor 1"),
         ("NrOfRXPDO=4", "NrOfRXPDO=3", ": warning: [DeviceInfo] NrOfRXPDO: 3, but 4 are described"),
@@ -452,7 +452,7 @@ fn findings_are_written_as_json() {
     assert_eq!((&report["errors"], &report["warnings"]), (&errors.into(), &warnings.into()));
     assert_eq!(report["files"][0]["findings"].as_array().unwrap().len(), errors + warnings);
     assert_eq!(report["files"][1]["findings"].as_array().unwrap().len(), 0);
-    assert_eq!(report["files"][1]["objects"].as_u64(), Some(254));
+    assert_eq!(report["files"][1]["objects"].as_u64(), Some(260));
 }
 
 #[test]

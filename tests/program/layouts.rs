@@ -70,7 +70,7 @@ fn drives_without_rpdo_timer_allow_less_force() {
     assert!(
         layouts
             .iter()
-            .all(|it| it.ends_with("500 Hz, 75 % of joints, 0 N (20 N with weaker dampers)")),
+            .all(|it| it.ends_with("500 Hz, 77 % of joints, 0 N (20 N with weaker dampers)")),
         "{layouts:#?}"
     );
     // The configured force is too large with any layout, and said once; the timer contradicts the EDS.

@@ -19,4 +19,5 @@ mod readme;
 mod refused;
 mod robots;
 mod stability;
+mod stated;
 mod terminal;

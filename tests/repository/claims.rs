@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 45] = [
+pub(crate) const HAZARDS: [Claim; 46] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -50,7 +50,8 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         13,
         "A drive no longer receives its RPDOs",
-        "it is off by its own timer within 6 ms, the others follow",
+        "it is off by its own timer within 6 ms, the others follow; a drive without that timer is seen within 120 ms, \
+         and disabled",
     ),
     (14, "A device with another identity than configured", "no drive is started"),
     (
@@ -93,7 +94,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         27,
         "The node is killed or crashes",
-        "the drives are free of torque within 6 ms by their own timers",
+        "the drives are free of torque by their own timers, within the times of promise 2",
     ),
     (
         28,
@@ -158,6 +159,12 @@ pub(crate) const HAZARDS: [Claim; 45] = [
         "The control loop oscillates",
         "reflection ends within 400 ms of undamped oscillation, or of 20 W into the hand",
     ),
+    (
+        46,
+        "A drive stays on after disable voltage",
+        "disabled by SDO after 2 cycles (25 ms where controlwords take turns), stopped by NMT 10 ms later, named; 30 ms \
+         after that heartbeat and guarding end for all drives",
+    ),
 ];
 
 pub(crate) const PROMISES: [Claim; 15] = [
@@ -165,7 +172,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
     (
         2,
         "A node that is killed, stopped or crashes leaves drives without torque",
-        "6 ms by the RPDO timer, 25 ms by the heartbeat alone",
+        "6 ms by the RPDO timer, 25 ms by the heartbeat alone, 33 ms by guarding",
     ),
     (
         3,
@@ -190,7 +197,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
         10,
         "Never an old torque frame",
         "none is sent later than 1.5 periods after its SYNC; what an adapter held back acts no later than the \
-         RPDO timer and a period",
+         RPDO timer and a period; without that timer, the time of heartbeat or guarding, 3 ms and a period",
     ),
     (11, "An invalid configuration is refused", "no frame, exit code 3, within 1 s"),
     (12, "An orderly stop is confirmed", "drives off, exit code 0, within 1 s"),

@@ -23,12 +23,12 @@ const ENDS: [Signal; 9] = [
 ];
 
 #[test]
-fn hazard_30_signals_1_to_64_at_torque_end_nothing_else() {
+fn hazard_30_signals_1_to_64_but_32_and_33_end_nothing_else() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("all-signals", &Setup::default());
     for number in 1..=64_u8 {
         let signal = Signal::try_from(i32::from(number)).ok();
-        // The C library reserves 32 and 33: programs cannot block them.
+        // The C library reserves 32 and 33: programs cannot block them. They end it, and the drives stop alone.
         let is_left_out = matches!(number, 32 | 33);
         if !is_left_out && !signal.is_some_and(|it| STOPS.contains(&it) || ENDS.contains(&it)) {
             rig.node.as_ref().unwrap().signal_number(number);

@@ -7,6 +7,7 @@
 //!             per-drive                                grouped
 //!  TPDO1   { statusword, position, torque }         { position }                      every SYNC
 //!  TPDO2                                            { statusword }                    on change
+//!  TPDO2   { torque demand }, without RPDO timer                                      every 10th SYNC
 //!  TPDO3                                            { torque }                        every 100th SYNC
 //!  RPDO1   { controlword, target }                  { target a, target b, target c }  every SYNC
 //!  RPDO2                                            { controlword }                   on change
@@ -21,6 +22,8 @@ mod tpdos;
 
 pub use rpdos::RpdoImage;
 pub use tpdos::{TpdoMap, TpdoSample};
+
+use std::time::Duration;
 
 use thiserror::Error;
 
@@ -69,6 +72,19 @@ pub struct Exchange {
     pub rpdos: RpdoImage,
 }
 
+impl Exchange {
+    /// Maximum time from the SYNC after which "disable voltage" is set in a drive's RPDO until its statusword reports it,
+    /// if no frame is lost: 2 T with one synchronous PDO each way.
+    ///
+    /// A controlword in an RPDO of its own takes its turn among the n on its bus, one in every other cycle: (2 n + 1) T
+    /// more. A statusword in a TPDO of its own waits for its inhibit time.
+    pub fn power_off_time(&self, node: NodeIndex, period: Duration) -> Duration {
+        let turns = self.rpdos.controlword_turns(node);
+        let wait = if turns > 0 { 2 * turns + 1 } else { 0 };
+        period * (2 + wait) + self.tpdos.status_inhibit(node)
+    }
+}
+
 /// Resolves both directions. A [`NodeIndex`] is the index in `plans`.
 ///
 /// # Errors
@@ -89,4 +105,34 @@ pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<Exchange, ExchangeError>
         }
     }
     Ok(Exchange { tpdos, rpdos })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NodeId;
+    use crate::layout::{self, Group};
+    use crate::testing::plans::elbow;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn power_off_time(count: u8, period: Duration, is_grouped: bool) -> Duration {
+        let nodes: Vec<NodeId> = (1..=count).map(|raw| NodeId::new(raw).unwrap()).collect();
+        let plan = |(node, group): (&NodeId, &Group)| {
+            let pdos = match is_grouped {
+                true => layout::grouped(*node, 0, *group, Some(5)),
+                false => layout::per_drive(*node, None),
+            };
+            (Channel(0), NodePlan { node: *node, pdos, ..elbow() })
+        };
+        let plans: Vec<_> = nodes.iter().zip(&Group::threes(&nodes)).map(plan).collect();
+        resolve(&plans).unwrap().power_off_time(NodeIndex(2), period)
+    }
+
+    #[test]
+    fn hazard_46_statusword_follows_in_2_cycles_or_25_ms() {
+        assert_eq!(power_off_time(6, MS * 2, false), MS * 4, "two cycles");
+        assert_eq!(power_off_time(6, MS, true), MS * 25);
+        assert_eq!(power_off_time(3, MS, true), MS * 19);
+    }
 }

@@ -104,6 +104,17 @@ impl RpdoImage {
         }
     }
 
+    /// Returns whether a [synchronous](Self::cyclic) RPDO has a target torque other than zero.
+    pub fn has_torque(&self, telegram: &Telegram) -> bool {
+        self.cyclic_of(telegram).is_some_and(Rpdo::has_torque)
+    }
+
+    /// Returns the [synchronous](Self::cyclic) RPDO with zero target torques and its other content.
+    pub fn zeroed(&self, telegram: &Telegram) -> Option<Telegram> {
+        let rpdo = self.cyclic_of(telegram)?;
+        rpdo.telegram_of(rpdo.without_torque())
+    }
+
     /// Returns the nodes with a target torque in a synchronous RPDO.
     pub fn nodes_with_torque(&self, telegram: &Telegram) -> impl Iterator<Item = NodeIndex> + '_ {
         let rpdo = self.cyclic_of(telegram).into_iter();
@@ -142,6 +153,16 @@ impl RpdoImage {
     /// Marks all event-driven RPDOs as not sent, after a restart of the drives.
     pub fn restart(&mut self) {
         self.event_driven.iter_mut().for_each(|rpdo| rpdo.sent = None);
+    }
+
+    /// Returns the number of event-driven RPDOs on a node's bus if its controlword is in one of them, else 0.
+    pub(super) fn controlword_turns(&self, node: NodeIndex) -> u32 {
+        let has_word = |rpdo: &&Rpdo| rpdo.of(Object::CONTROLWORD).any(|field| field.node == node);
+        let Some(channel) = self.event_driven.iter().find(has_word).map(|rpdo| rpdo.channel) else {
+            return 0;
+        };
+        let count = self.event_driven.iter().filter(|rpdo| rpdo.channel == channel).count();
+        u32::try_from(count).unwrap_or(u32::MAX)
     }
 
     /// Returns the number of RPDOs on a bus, synchronous and event-driven.

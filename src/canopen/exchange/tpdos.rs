@@ -23,6 +23,8 @@ pub struct TpdoSample {
     pub statusword: Option<Statusword>,
     /// Torque actual value (6077h).
     pub torque: Option<PerMille>,
+    /// Torque demand (6074h): the target that the drive has taken.
+    pub demand: Option<PerMille>,
     /// First eight digital inputs (6000h:1).
     pub inputs: Option<u8>,
 }
@@ -42,9 +44,12 @@ struct Tpdo {
     bytes: usize,
     /// Event timer; `None` if the TPDO is synchronous.
     event_timer: Option<Duration>,
+    /// Minimum time between two; zero if the TPDO is synchronous.
+    inhibit: Duration,
     position: Option<Slot>,
     statusword: Option<Slot>,
     torque: Option<Slot>,
+    demand: Option<Slot>,
     inputs: Option<Slot>,
 }
 
@@ -70,6 +75,17 @@ impl TpdoMap {
     /// Returns the event timer of the TPDO with a node's statusword; `None` if it is synchronous.
     pub fn status_repeated(&self, node: NodeIndex) -> Option<Duration> {
         self.of(node).find(|tpdo| tpdo.statusword.is_some())?.event_timer
+    }
+
+    /// Returns whether a node sends its torque demand (6074h).
+    pub fn has_demand(&self, node: NodeIndex) -> bool {
+        self.of(node).any(|tpdo| tpdo.demand.is_some())
+    }
+
+    /// Returns the inhibit time of the TPDO with a node's statusword; zero if it is synchronous.
+    pub(super) fn status_inhibit(&self, node: NodeIndex) -> Duration {
+        let tpdo = self.of(node).find(|tpdo| tpdo.statusword.is_some());
+        tpdo.map_or(Duration::ZERO, |tpdo| tpdo.inhibit)
     }
 
     /// Returns whether a node sends its statusword periodically, by SYNC or by event timer.
@@ -98,15 +114,19 @@ impl Tpdo {
             slots(service).find_map(|(mapped, slot)| (mapped == expected).then_some(slot))
         };
         let timer = Duration::from_millis(u64::from(service.event_timer_ms.unwrap_or(0)));
+        let is_event_driven = service.transmission.syncs().is_none();
+        let inhibit = Duration::from_micros(100) * u32::from(service.inhibit_100us.unwrap_or(0));
         Some(Self {
             channel,
             cob_id: pdo.cob_id,
             node,
             bytes: usize::try_from(service.bytes()).unwrap_or(usize::MAX),
-            event_timer: service.transmission.syncs().is_none().then_some(timer),
+            event_timer: is_event_driven.then_some(timer),
+            inhibit: if is_event_driven { inhibit } else { Duration::ZERO },
             position: slot_of(Object::POSITION_ACTUAL, 32),
             statusword: slot_of(Object::STATUSWORD, 16),
             torque: slot_of(Object::TORQUE_ACTUAL, 16),
+            demand: slot_of(Object::TORQUE_DEMAND, 16),
             inputs: slot_of(Object::DIGITAL_INPUTS, 8),
         })
     }
@@ -117,13 +137,15 @@ impl Tpdo {
         }
         let content = content(data);
         let at = |slot: Option<Slot>| slot.map(|slot| slot.read(content));
+        let per_mille = |slot| at(slot).map(|[a, b, ..]| PerMille(i16::from_le_bytes([a, b])));
         Ok(TpdoSample {
             node: self.node,
             position: at(self.position)
                 .map(|[a, b, c, d, ..]| Counts(i32::from_le_bytes([a, b, c, d]))),
             statusword: at(self.statusword)
                 .map(|[a, b, ..]| Statusword(u16::from_le_bytes([a, b]))),
-            torque: at(self.torque).map(|[a, b, ..]| PerMille(i16::from_le_bytes([a, b]))),
+            torque: per_mille(self.torque),
+            demand: per_mille(self.demand),
             inputs: at(self.inputs).map(|[bits, ..]| bits),
         })
     }

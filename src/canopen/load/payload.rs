@@ -82,7 +82,7 @@ fn value(slot: &Slot, known: Known<'_>, random: &mut Random) -> i64 {
         Object::DIGITAL_INPUTS => INPUTS,
         Object::MODE_DISPLAY => i64::from(drive::CYCLIC_SYNCHRONOUS_TORQUE),
         Object::POSITION_ACTUAL => random.about(signals.home.into(), signals.travel),
-        Object::TARGET_TORQUE | Object::TORQUE_ACTUAL => {
+        Object::TARGET_TORQUE | Object::TORQUE_DEMAND | Object::TORQUE_ACTUAL => {
             random.about(signals.holding.into(), signals.effort.into())
         }
         _ => i64::from_le_bytes(random.next().to_le_bytes()),

@@ -12,6 +12,7 @@ use crate::nameplate::Misfit;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::{Content, SdoError};
+use crate::setting::remedy;
 
 /// Error of a failed boot.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -38,7 +39,7 @@ pub enum Problem {
     #[error("{0}: no answer")]
     Timeout(Object),
     /// An object differs: another device, or a write without effect.
-    #[error("{object} is {found}, expected {expected}")]
+    #[error("{object} is {found}, expected {expected}{}", remedy(*object))]
     Differs {
         /// Object.
         object: Object,
@@ -51,7 +52,7 @@ pub enum Problem {
     #[error(transparent)]
     Misfit(#[from] Misfit),
     /// The node aborted a transfer.
-    #[error("{0} refused: {1}")]
+    #[error("{0} refused: {1}{remedy}", remedy = remedy(*.0))]
     AbortedByServer(Object, AbortCode),
     /// The node does not let its PDO mapping be written, and an entry is not as planned.
     #[error("{0} refused: {1}; {2}: choose a layout that the device has")]

@@ -6,6 +6,7 @@ use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NmtState;
+use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 
 use crate::abort::AbortCode;
@@ -83,6 +84,22 @@ pub enum Event {
         /// Value read.
         statusword: Statusword,
     },
+    /// A drive did not report in time that its power stage is off, so the next step follows.
+    StillOn {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Last statusword received.
+        statusword: Statusword,
+        /// Step that follows.
+        step: PowerOffStep,
+    },
+    /// A drive that did not follow disable voltage in its RPDO reports that its power stage is off.
+    PowerOffConfirmed {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Last step before.
+        step: PowerOffStep,
+    },
     /// An object that the boot has verified was read again.
     ReadBack {
         /// Index of the node in the list of plans.
@@ -146,10 +163,35 @@ pub enum Event {
     ForeignMaster {
         /// Bus it is on.
         channel: Channel,
-        /// An NMT command, a SYNC, an RPDO or an SDO download that only the master may send, or the
-        /// confirmation of such a download.
+        /// An NMT command, a SYNC, an RPDO, an SDO download or a heartbeat that only the master may send, or
+        /// the confirmation of such a download.
         frame: Frame,
     },
+}
+
+/// Step to a power stage that is off, mildest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PowerOffStep {
+    /// 6040h = 0 by SDO, and 6041h read.
+    Download,
+    /// NMT stop of the node, on which its abort connection option (6007h) acts.
+    NmtStop,
+    /// NMT pre-operational of the node, in which it answers SDO again, and 6041h read.
+    PreOperational,
+    /// End of heartbeat and guarding for all nodes: the watchdogs of all drives expire.
+    NoErrorControl,
+}
+
+/// As in `NMT stop`.
+impl fmt::Display for PowerOffStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Download => "6040h = 0 by SDO",
+            Self::NmtStop => "NMT stop",
+            Self::PreOperational => "NMT pre-operational",
+            Self::NoErrorControl => "end of heartbeat and guarding for all nodes",
+        })
+    }
 }
 
 impl Event {
@@ -165,6 +207,8 @@ impl Event {
             | Self::Emergency { node, .. }
             | Self::ErrorHistory { node, .. }
             | Self::Statusword { node, .. }
+            | Self::StillOn { node, .. }
+            | Self::PowerOffConfirmed { node, .. }
             | Self::HeartbeatLost { node }
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
@@ -202,6 +246,14 @@ impl fmt::Display for Event {
             Self::Statusword { statusword, .. } => {
                 write!(f, "6041h = {:04X}h", statusword.0)
             }
+            Self::StillOn { statusword, step, .. } => {
+                write!(
+                    f,
+                    "does not report power off after disable voltage (6041h = {:04X}h); next: {step}",
+                    statusword.0
+                )
+            }
+            Self::PowerOffConfirmed { step, .. } => write!(f, "confirmed power off after {step}"),
             Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
             Self::MonitoringEnded { .. } => f.write_str("no longer monitors this master"),
             Self::MonitoringKept { object, error, .. } => {
@@ -228,6 +280,13 @@ impl fmt::Display for Event {
                 }
                 SDO_RESPONSE_COB_BASE => {
                     write!(f, "bus {}: a write of another master is confirmed: {frame}", channel.0)
+                }
+                HEARTBEAT_COB_BASE => {
+                    write!(
+                        f,
+                        "bus {}: another master sent this node's heartbeat: {frame}",
+                        channel.0
+                    )
                 }
                 _ => write!(f, "bus {}: another master sent {frame}", channel.0),
             },

@@ -1,5 +1,5 @@
 //! SDO requests to a running node, one at a time: read its error history, read its statusword, switch its
-//! power off, end its monitoring of the master.
+//! power off and read its statusword, end its monitoring of the master.
 //!
 //! The owner of the [master](crate::master) decides which and when.
 
@@ -32,6 +32,8 @@ pub(super) struct Inquiry {
     repeats: u8,
     /// Requested again after no answer.
     is_read_again: bool,
+    /// Its frames precede those of all other nodes.
+    is_urgent: bool,
 }
 
 /// Object that is read or written.
@@ -41,7 +43,7 @@ enum Task {
     History(HistoryReader),
     /// Reads 6041h.
     Statusword(Transfer),
-    /// Writes 6040h = 0.
+    /// Writes 6040h = 0; 6041h is read next.
     PowerOff(Transfer),
     /// Writes 1016h:1 = 0, or 100Dh and 100Ch.
     MonitoringOff(MonitoringOff),
@@ -56,7 +58,7 @@ pub(super) enum Answer {
     Statusword(Statusword),
     /// Outcome of the end of its monitoring.
     Monitoring(Ended),
-    /// No content: the write is confirmed, or the node did not reply.
+    /// No content: the node did not reply, or refused.
     Nothing,
 }
 
@@ -72,12 +74,23 @@ impl Inquiry {
         Self::new(node, Task::Statusword(transfer))
     }
 
-    /// Sends "disable voltage" to `node`. Never `None`: two bytes fit an expedited download.
+    /// Sends "disable voltage" to `node` ahead of all other requests, then reads its statusword. Never `None`: two bytes
+    /// fit an expedited download.
     pub(super) fn power_off(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
         let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
         let transfer =
             Transfer::write(node, Object::CONTROLWORD, off, REPLY_TIMEOUT, now, out).ok()?;
-        Some(Self::new(node, Task::PowerOff(transfer)))
+        Some(Self::new(node, Task::PowerOff(transfer)).urgent())
+    }
+
+    /// Sends its frames ahead of those of all other nodes.
+    pub(super) fn urgent(self) -> Self {
+        Self { is_urgent: true, ..self }
+    }
+
+    /// Returns whether its frames precede those of all other nodes.
+    pub(super) const fn is_urgent(&self) -> bool {
+        self.is_urgent
     }
 
     /// Ends the node's monitoring of its master; `None` if it monitors none.
@@ -92,7 +105,7 @@ impl Inquiry {
     }
 
     const fn new(node: NodeId, task: Task) -> Self {
-        Self { node, task, is_disturbed: false, repeats: 0, is_read_again: false }
+        Self { node, task, is_disturbed: false, repeats: 0, is_read_again: false, is_urgent: false }
     }
 
     /// Marks the inquiry as disturbed: another client has sent a request to the same server.
@@ -131,7 +144,8 @@ impl Inquiry {
         let outcome = outcome?;
         let is_upload = matches!(self.task, Task::History(_) | Task::Statusword(_));
         if outcome.is_err() && is_upload && !self.is_read_again {
-            *self = Self { is_read_again: true, ..self.again(now, out)? };
+            *self =
+                Self { is_read_again: true, is_urgent: self.is_urgent, ..self.again(now, out)? };
             return None;
         }
         self.conclude(now, outcome, out)
@@ -154,12 +168,16 @@ impl Inquiry {
         out: &mut Vec<Frame>,
     ) -> Option<Answer> {
         let (Ok(answer) | Err(answer)) = outcome;
+        if outcome.is_ok() && matches!(self.task, Task::PowerOff(_)) {
+            *self = Self::statusword(self.node, now, out).urgent();
+            return None;
+        }
         if outcome.is_ok() || !self.is_disturbed || self.repeats >= MAX_REPEATS {
             return Some(answer);
         }
         let Some(again) = self.again(now, out) else { return Some(answer) };
-        let Self { repeats, is_read_again, .. } = *self;
-        *self = Self { repeats: repeats + 1, is_read_again, ..again };
+        let Self { repeats, is_read_again, is_urgent, .. } = *self;
+        *self = Self { repeats: repeats + 1, is_read_again, is_urgent, ..again };
         None
     }
 
@@ -228,6 +246,19 @@ mod tests {
         let inquiry = Inquiry::power_off(node(), Instant::ZERO, &mut out).unwrap();
         assert_eq!(out, [Frame::new(0x603, [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0])]);
         assert!(inquiry.deadline().is_some());
+    }
+
+    #[test]
+    fn confirmed_power_off_is_followed_by_a_read_of_the_statusword() {
+        let mut out = Vec::new();
+        let mut inquiry = Inquiry::power_off(node(), Instant::ZERO, &mut out).unwrap();
+        let confirmed = Frame::new(0x583, [0x60, 0x40, 0x60, 0, 0, 0, 0, 0]);
+        assert_eq!(inquiry.on_frame(Instant::ZERO, &confirmed, &mut out), None);
+        assert_eq!(out.last(), Some(&Frame::new(0x603, [0x40, 0x41, 0x60, 0, 0, 0, 0, 0])));
+        assert!(inquiry.is_urgent());
+        let read = Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 0x12, 0, 0]);
+        let answer = inquiry.on_frame(Instant::ZERO, &read, &mut out);
+        assert_eq!(answer, Some(Answer::Statusword(Statusword(0x1237))));
     }
 
     #[test]

@@ -17,6 +17,7 @@ pub mod event;
 mod inquiry;
 mod monitoring_off;
 mod phase;
+mod power_off;
 pub mod read_back;
 mod sdo_traffic;
 mod slave;
@@ -27,9 +28,9 @@ mod watch;
 
 use std::collections::VecDeque;
 
-use canopen_rs::NmtCommand;
-use canopen_rs::nmt::HEARTBEAT_COB_BASE;
+use canopen_rs::nmt::{HEARTBEAT_COB_BASE, heartbeat_cob_id};
 use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
+use canopen_rs::{NmtCommand, NodeId};
 
 use crate::emcy::{self, Emergency};
 use crate::frame::{Channel, FUNCTION_CODE, Frame, Telegram};
@@ -55,6 +56,8 @@ const MAX_QUEUED: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Master {
     slaves: Vec<Slave>,
+    /// Node-ID of this master, if it produces a heartbeat.
+    own: Option<NodeId>,
     unknown_nodes: UnknownNodes,
     /// Number of uploads that other clients have initiated.
     foreign_uploads: u64,
@@ -87,6 +90,7 @@ impl Master {
         let slaves = plans.into_iter().map(|(channel, plan)| Slave::new(channel, plan));
         Self {
             slaves: slaves.collect(),
+            own: None,
             unknown_nodes,
             foreign_uploads: 0,
             phase: Phase::Booting,
@@ -95,6 +99,12 @@ impl Master {
             transmit_queue: VecDeque::with_capacity(MAX_QUEUED),
             events: VecDeque::with_capacity(MAX_QUEUED),
         }
+    }
+
+    /// Sets the node-ID of this master: once the network runs, its heartbeat from another sender is a foreign master's.
+    #[must_use]
+    pub fn with_node_id(self, own: NodeId) -> Self {
+        Self { own: Some(own), ..self }
     }
 
     /// Boots every node again, as after power-up.
@@ -130,6 +140,10 @@ impl Master {
             // TPDO1 to TPDO4 of the predefined connection set belong to the cyclic exchange.
             0x180 | 0x280 | 0x380 | 0x480 => return None,
             _ if frame.is_remote() => return None,
+            // It would keep drives enabled that monitor nothing else, after this master has ended.
+            HEARTBEAT_COB_BASE if self.is_own_heartbeat(&frame) => {
+                self.report(Event::ForeignMaster { channel, frame });
+            }
             SDO_RESPONSE_COB_BASE | HEARTBEAT_COB_BASE => self.answer(now, channel, &frame, out),
             SDO_REQUEST_COB_BASE => self.request_of_another(now, channel, &frame),
             _ if self.is_ours_alone(channel, &frame) => {
@@ -169,6 +183,11 @@ impl Master {
     /// Takes the oldest frame from the transmit queue.
     pub fn release(&mut self) -> Option<Telegram> {
         self.transmit_queue.pop_front()
+    }
+
+    /// Returns whether frames wait in the transmit queue.
+    pub fn has_queued(&self) -> bool {
+        !self.transmit_queue.is_empty()
     }
 
     /// Starts to read the error history (1003h) of a node, reported as [`Event::ErrorHistory`]. Does nothing
@@ -219,16 +238,6 @@ impl Master {
             self.after(now, node, None, out);
         }
         is_requested
-    }
-
-    /// Sends "disable voltage" (6040h = 0) to a drive by SDO at once, ahead of all queued frames.
-    pub fn power_off(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node.0) {
-            slave.power_off(now, &mut self.frames);
-            self.frames.iter().for_each(|frame| slave.on_sent(frame));
-            let channel = slave.channel;
-            out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
-        }
     }
 
     /// Starts to end a node's monitoring of this master (1016h:1 or 100Dh and 100Ch set to zero), reported as
@@ -326,6 +335,12 @@ impl Master {
     /// Returns whether only a master sends this frame, SDO excepted: an NMT command, a SYNC or an RPDO.
     pub fn is_foreign(&self, Telegram { channel, frame }: &Telegram) -> bool {
         !frame.is_remote() && self.is_ours_alone(*channel, frame)
+    }
+
+    /// Returns whether the frame has the COB-ID of this master's heartbeat while the network runs.
+    fn is_own_heartbeat(&self, frame: &Frame) -> bool {
+        let is_running = self.phase == Phase::Running;
+        is_running && self.own.is_some_and(|own| frame.cob_id == heartbeat_cob_id(own))
     }
 
     /// Returns whether only this master may send the frame.

@@ -25,6 +25,7 @@ impl Master {
         let Some(slave) = self.slaves.get_mut(node.0) else { return };
         self.frames.iter().for_each(|frame| slave.on_sent(frame));
         let (channel, is_late) = (slave.channel, slave.is_late);
+        let is_urgent = slave.has_urgent_request();
         let is_configured = matches!(report, Some(Report::Configured(_)));
         if is_configured && is_late && self.phase != Phase::Booting {
             slave.resume_guarding(now);
@@ -33,7 +34,7 @@ impl Master {
         }
         for frame in self.frames.drain(..) {
             let telegram = Telegram { channel, frame };
-            if self.phase != Phase::Running || frame.is_remote() {
+            if self.phase != Phase::Running || frame.is_remote() || is_urgent {
                 out.push(telegram);
             } else if self.transmit_queue.len() < MAX_QUEUED {
                 self.transmit_queue.push_back(telegram);

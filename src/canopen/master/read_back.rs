@@ -1,4 +1,4 @@
-//! Read-back of one object of a running node: compares it with the value its boot has verified.
+//! Read-back of one object of a running node: compares it with the value its boot has verified, or returns it.
 //!
 //! One request and one expedited reply of at most four bytes, so that a cycle allocates nothing. The owner
 //! of the [master](crate::master) chooses object and time.
@@ -34,6 +34,8 @@ pub struct Setting {
     mask: u32,
     /// Number of bytes, 1 to 4.
     size: u8,
+    /// Set if the value is compared, not returned.
+    is_compared: bool,
 }
 
 impl Setting {
@@ -45,17 +47,26 @@ impl Setting {
         four.iter_mut().zip(&expected).for_each(|(to, from)| *to = *from);
         let [a, b, c, d, ..] = check.mask.to_le_bytes();
         let mask = u32::from_le_bytes([a, b, c, d]) & (u32::MAX >> (32 - 8 * u32::from(size)));
-        Some(Self { object: check.object, value: u32::from_le_bytes(four), mask, size })
+        let value = u32::from_le_bytes(four);
+        Some(Self { object: check.object, value, mask, size, is_compared: true })
     }
 
     /// Returns a value that a drive holds, to be found again.
     pub const fn held(held: &Held) -> Self {
         let Held { object, value, size } = *held;
-        Self { object, value, mask: u32::MAX, size }
+        Self { object, value, mask: u32::MAX, size, is_compared: true }
+    }
+
+    /// Returns an object of `size` bytes, 1 to 4, whose value is not known before.
+    pub const fn unknown(object: Object, size: u8) -> Self {
+        Self { object, value: 0, mask: 0, size, is_compared: false }
     }
 
     /// Compares the value of an expedited reply; `size` is absent where the reply does not indicate it.
     fn compare(&self, found: u32, size: Option<u8>) -> ReadBack {
+        if !self.is_compared {
+            return ReadBack::Value(found);
+        }
         let is_sized = size.is_none_or(|size| size == self.size);
         if is_sized && (found ^ self.value) & self.mask == 0 {
             ReadBack::Unchanged
@@ -77,6 +88,8 @@ pub enum ReadBack {
         /// Value now.
         found: u32,
     },
+    /// The object, of which no value is expected, holds this one.
+    Value(u32),
     /// The object could not be read: its value is unknown.
     Unread(SdoError),
 }
@@ -89,6 +102,7 @@ impl fmt::Display for ReadBack {
             Self::Changed { expected, found } => {
                 write!(f, "is {found:X}h, was {expected:X}h at boot")
             }
+            Self::Value(value) => write!(f, "is {value:X}h"),
             Self::Unread(error) => write!(f, "cannot be read again: {error}"),
         }
     }

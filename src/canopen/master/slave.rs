@@ -295,12 +295,34 @@ impl Slave {
         }
     }
 
-    /// Sends "disable voltage" and abandons any request under way.
+    /// Sends "disable voltage", abandons any request under way, and reads the statusword next.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
             *reading = None;
             *inquiry = Inquiry::power_off(self.plan.node, now, out).map(Box::new);
         }
+    }
+
+    /// Reads the statusword ahead of all other requests, unless an urgent one is under way.
+    pub(super) fn read_statusword_at_once(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage
+            && !inquiry.as_ref().is_some_and(|inquiry| inquiry.is_urgent())
+        {
+            *reading = None;
+            *inquiry = Some(Box::new(Inquiry::statusword(self.plan.node, now, out).urgent()));
+        }
+    }
+
+    /// Abandons any request under way: the node no longer answers.
+    pub(super) fn abandon_requests(&mut self) {
+        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
+            (*inquiry, *reading) = (None, None);
+        }
+    }
+
+    /// Returns whether an urgent request is under way.
+    pub(super) fn has_urgent_request(&self) -> bool {
+        matches!(&self.stage, Stage::Watched { inquiry: Some(inquiry), .. } if inquiry.is_urgent())
     }
 
     /// Ends its monitoring of the master, and abandons any request under way. Returns false if there is nothing to end.

@@ -33,6 +33,7 @@ pub(super) fn of(report: &Report<'_>, config: &Config) -> String {
         },
         "buses": buses.collect::<Vec<_>>(),
         "stopping": stopping::json(config),
+        "facts": stopping::facts_json(&config.facts()),
         "cautions": stopping::cautions_json(config),
         "proposals": report.proposals.iter().map(proposal).collect::<Vec<_>>(),
         "not_grouped_because": report.obstacles.iter().map(|obstacle| json!({

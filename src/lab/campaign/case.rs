@@ -36,12 +36,11 @@ pub struct Case {
 }
 
 impl Case {
-    /// Case `number` of a campaign on these hand controllers.
+    /// Case `number` of a campaign on these hand controllers. Each round of the kinds is played on one of them, in turn.
     pub fn of(seed: u64, number: u32, configs: &[Config]) -> Option<Self> {
         let kind = catalogue::kind_of(number)?;
         let mut random = Random::of(seed, number);
-        let count = u64::try_from(configs.len()).ok()?;
-        let config = usize::try_from(random.below(count)).ok()?;
+        let config = catalogue::round_of(number)?.checked_rem(configs.len())?;
         let situation = *random.one_of(kind.situations)?;
         let onset_s = situation.reached_s() + random.within(0.005, SPREAD_S);
         let onset =
@@ -59,6 +58,11 @@ impl Case {
     pub fn scenario(&self) -> Result<Scenario, Problem> {
         let end = seconds(self.onset + self.injection.observed_for) + MARGIN_S;
         let entries = self.situation.entries().into_iter();
-        Scenario::new(rounded(end, 3), entries.chain(self.injection.entries.iter().cloned()))
+        let entries = entries.chain(self.injection.entries.iter().cloned());
+        let mut scenario = Scenario::new(rounded(end, 3), entries)?;
+        if let Some((joint, quirk)) = self.injection.quirk {
+            scenario.quirks_mut().add(joint, [quirk]);
+        }
+        Ok(scenario)
     }
 }

@@ -33,6 +33,11 @@ pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
     kinds().nth(place.checked_rem(count)?)
 }
 
+/// Returns the round of case `number`, from 0: each has every kind once.
+pub(super) fn round_of(number: u32) -> Option<usize> {
+    usize::try_from(number).ok()?.checked_sub(1)?.checked_div(kinds().count())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

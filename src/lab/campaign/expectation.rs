@@ -7,8 +7,9 @@ use std::fmt;
 use std::time::Duration;
 
 use EndState::{DrivesOff, ReflectionOff, ZeroTorque};
-use Limit::{Cycles, DriveTimer, HeartbeatTime, Millis, Unstated};
+use Limit::{Cycles, DriveTimer, HeartbeatTime, Millis, RpdoTimer, Unstated};
 
+use crate::campaign::timers;
 use config::Config;
 use node::cause::Kind as Cause;
 use node::record::Mode;
@@ -20,6 +21,8 @@ pub struct Expectation {
     pub hazard: u8,
     /// Time from what goes wrong on the bus until the torque has ended.
     pub limit: Limit,
+    /// The same for a drive without an RPDO timer, where it is another one.
+    pub without_timer: Option<Limit>,
     /// Causes that the hazard raises, with the state that each leads to.
     pub reactions: &'static [(Cause, EndState)],
 }
@@ -33,8 +36,10 @@ pub enum Limit {
     Millis(u64),
     /// The configured heartbeat time, `drive_lost_ms`.
     HeartbeatTime,
-    /// The drives' own RPDO timer, and 1 ms.
+    /// The timer by which the slowest drive stops without its master: of its timers the quickest, with its tolerance.
     DriveTimer,
+    /// The drives' RPDO timer, and 1 ms.
+    RpdoTimer,
     /// No figure is promised.
     Unstated,
 }
@@ -73,7 +78,10 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(10, Millis(55), &[(Cause::TorqueDiffers, ZeroTorque)]),
     row(11, Cycles(3), &[(Cause::Overspeed, ZeroTorque), (Cause::GripOverspeed, ZeroTorque)]),
     row(12, Cycles(2), &[(Cause::PositionJumped, ZeroTorque)]),
-    row(13, DriveTimer, &[(Cause::Emergency, ZeroTorque)]),
+    Expectation {
+        without_timer: Some(Millis(120)),
+        ..row(13, RpdoTimer, &[(Cause::Emergency, ZeroTorque), (Cause::TargetNotTaken, ZeroTorque)])
+    },
     row(16, Unstated, &[(Cause::EnableTimeout, ZeroTorque)]),
     row(21, Cycles(6), &[(Cause::QueueFull, ZeroTorque)]),
     row(22, DriveTimer, &[(Cause::TransmitUnconfirmed, DrivesOff)]),
@@ -96,10 +104,11 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(43, Cycles(1), &[(Cause::BeyondLimit, ReflectionOff)]),
     row(44, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
     row(45, Millis(400), &[(Cause::Unstable, ReflectionOff)]),
+    row(46, Unstated, &[(Cause::NotOff, DrivesOff)]),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {
-    Expectation { hazard, limit, reactions }
+    Expectation { hazard, limit, without_timer: None, reactions }
 }
 
 /// Returns the expectation of a hazard.
@@ -120,7 +129,8 @@ impl Limit {
             Cycles(count) => config.period * count,
             Millis(millis) => Duration::from_millis(millis),
             HeartbeatTime => config.safety.drive_lost,
-            DriveTimer => Duration::from_millis(u64::from(config.safety.rpdo_timer_ms) + 1),
+            DriveTimer => timers::slowest(config),
+            RpdoTimer => timers::rpdo(config).unwrap_or_default(),
             Unstated => Duration::ZERO,
         }
     }
@@ -134,7 +144,7 @@ impl fmt::Display for Limit {
             Cycles(count) => write!(f, "{count} cycles"),
             Millis(millis) => write!(f, "{millis} ms"),
             HeartbeatTime => f.write_str("its configured time"),
-            DriveTimer => f.write_str("timer"),
+            DriveTimer | RpdoTimer => f.write_str("timer"),
             Unstated => Ok(()),
         }
     }

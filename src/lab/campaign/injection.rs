@@ -6,8 +6,10 @@ use crate::campaign::criterion::Criterion;
 use crate::campaign::expectation;
 use crate::campaign::situation::Situation;
 use crate::world;
+use canopen::watchdog::Awaited;
 use config::Config;
 use faults::{Fault, Kind, Target};
+use sim::quirks::Quirk;
 use sim::scenario::Entry;
 use sim::scenario::operator::Switch;
 use units::numbering::Joint;
@@ -19,6 +21,12 @@ pub struct Injection {
     pub entries: Vec<Entry>,
     /// The onset is when the grip is faster than this, in m/s.
     pub onset_speed: Option<f64>,
+    /// The onset is when targets of this joint differ from the one that its drive holds.
+    pub cut_off: Option<Joint>,
+    /// A drive does not receive its controlwords.
+    pub loses_commands: bool,
+    /// Departure of a drive since before its boot.
+    pub quirk: Option<(Joint, Quirk)>,
     /// Demanded reaction of node or drives.
     pub criterion: Criterion,
     /// Time for which the case is observed after its onset.
@@ -47,6 +55,20 @@ impl Conditions<'_> {
     /// Returns the limit of the hazard.
     pub(super) fn limit(&self) -> Duration {
         self.limit_of(self.hazard)
+    }
+
+    /// Returns the limit of the hazard for the drive of one joint: another one where it has no RPDO timer.
+    pub(super) fn limit_for(&self, joint: Joint) -> Duration {
+        let row = expectation::of_hazard(self.hazard);
+        let without = row.and_then(|row| row.without_timer).filter(|_| !self.has_rpdo_timer(joint));
+        without.map_or_else(|| self.limit(), |limit| limit.time(self.config))
+    }
+
+    /// Returns whether a joint's drive has an RPDO timer.
+    pub(super) fn has_rpdo_timer(&self, joint: Joint) -> bool {
+        let plans = self.config.node_plans();
+        let plan = plans.get(joint.index()).map(|(_, plan)| plan);
+        plan.is_some_and(|plan| plan.watchdog(Awaited::Rpdo).is_some())
     }
 
     /// Returns the limit of another hazard; zero where none is stated.
@@ -94,7 +116,15 @@ impl Conditions<'_> {
 impl Injection {
     /// An injection of these entries, observed for 150 ms.
     pub(super) fn of(entries: impl Into<Vec<Entry>>, criterion: Criterion) -> Self {
-        Self { entries: entries.into(), onset_speed: None, criterion, observed_for: OBSERVED }
+        Self {
+            entries: entries.into(),
+            onset_speed: None,
+            cut_off: None,
+            loses_commands: false,
+            quirk: None,
+            criterion,
+            observed_for: OBSERVED,
+        }
     }
 
     /// Returns the injection observed for this long.

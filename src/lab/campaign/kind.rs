@@ -35,14 +35,24 @@ impl std::fmt::Debug for Kind {
     }
 }
 
-/// A kind that is injected in any situation.
+/// A kind that is injected before the operator has armed.
+pub(super) const fn ready(
+    hazard: u8,
+    name: &'static str,
+    causes: &'static [Cause],
+    injection: MakeInjection,
+) -> Kind {
+    Kind { name, hazard, causes, situations: &[Situation::Ready], injection }
+}
+
+/// A kind that is injected in any situation in which the arm is carried.
 pub(super) const fn kind(
     hazard: u8,
     name: &'static str,
     causes: &'static [Cause],
     injection: MakeInjection,
 ) -> Kind {
-    Kind { name, hazard, causes, situations: &Situation::ALL, injection }
+    Kind { name, hazard, causes, situations: &Situation::ARMED, injection }
 }
 
 /// A kind that is injected while the arm is armed with the deadman open.

@@ -9,21 +9,24 @@
 //! | `catalogue`   | every kind of fault, its hazard and its criterion                 |
 //! | `criterion`   | the acceptance criterion of a case                                |
 //! | `expectation` | one row for each hazard: limit, causes, end state of the drives   |
+//! | `held`        | torque that a drive without its RPDOs holds                       |
 //! | `injection`   | faults and actions of a case, and what they demand                |
 //! | `kind`        | one kind of fault: hazard, situations, causes that may stop       |
-//! | `monitor`     | the judge: invariants I1 to I12                                   |
+//! | `monitor`     | the judge: invariants I1 to I13                                   |
 //! | `play`        | one case from its onset to its end                                |
 //! | `random`      | random joints, durations, bytes                                   |
 //! | `run`         | all cases, on every core                                          |
 //! | `situation`   | armed, free motion, in contact                                    |
 //! | `soak`        | long runs in which nothing may stop                               |
 //! | `table`       | the figures by kind                                               |
+//! | `timers`      | times within which the drives stop by themselves                  |
 //! | `verdict`     | the outcome of a case                                             |
 
 pub mod case;
 pub mod catalogue;
 pub mod criterion;
 pub mod expectation;
+mod held;
 pub mod injection;
 pub mod kind;
 pub mod monitor;
@@ -33,4 +36,5 @@ pub mod run;
 pub mod situation;
 pub mod soak;
 pub mod table;
+pub mod timers;
 pub mod verdict;

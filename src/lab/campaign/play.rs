@@ -7,9 +7,13 @@ use nalgebra::Vector3;
 
 use crate::bench::Bench;
 use crate::campaign::case::Case;
+use crate::campaign::criterion::Criterion;
 use crate::campaign::expectation::EndState;
+use crate::campaign::held::Held;
+use crate::campaign::injection::Injection;
 use crate::campaign::monitor::{self, Answer, Exemption, Monitor};
 use crate::campaign::situation::Situation;
+use crate::campaign::timers;
 use crate::campaign::verdict::{Observation, Verdict};
 use canopen::drive::State;
 use config::Config;
@@ -17,7 +21,9 @@ use faults::{Disturbance, Fault, HostFault, Kind, Target};
 use node::record::{Mode, Record};
 use node::{BringUpError, Request};
 use sim::drive::Drive;
+use sim::quirks::Quirk;
 use sim::scenario::{Problem, Scenario};
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Time after the onset in which speed and displacement of the grip are measured.
@@ -75,28 +81,38 @@ impl std::error::Error for StageError {}
 /// A function that is called after every cycle.
 pub(super) type OnCycle<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
 
-/// Brings a bench into a situation; `seed` is that of the hand's tremor.
+/// Brings a bench into a situation; `seed` is that of the hand's tremor. No drive may exert torque before it is armed,
+/// the proof test included (promise 9).
 pub(super) fn bring_to(
     config: &Config,
     situation: Situation,
     seed: u64,
     monitor: Monitor,
+    quirk: Option<(Joint, Quirk)>,
 ) -> Result<Bench<Monitor>, StageError> {
     let seconds = situation.reached_s() + 2.0;
-    let scenario = Scenario::new(seconds, situation.entries()).map_err(StageError::Scenario)?;
+    let mut scenario = Scenario::new(seconds, situation.entries()).map_err(StageError::Scenario)?;
+    if let Some((joint, quirk)) = quirk {
+        scenario.quirks_mut().add(joint, [quirk]);
+    }
     let mut bench = Bench::new(config, scenario, seed, false, monitor);
     bring_up(&mut bench)?;
-    let mut last = None;
+    let (mut last, mut is_unarmed) = (None, true);
     // Without a first SYNC the scenario never begins.
     let end = bench.now() + BOOT_TIMEOUT;
     while bench.elapsed().as_secs_f64() < situation.reached_s() && bench.now() < end {
         make_requests(&mut bench);
         let record = bench.cycle();
         report_mode(&mut bench, record.mode);
+        is_unarmed &= matches!(record.mode, Mode::Boot | Mode::Ready);
+        if is_unarmed && bench.node().bus().stations().zero_torque_since() != Some(Instant::ZERO) {
+            return Err(StageError::Violated("a drive exerts torque, and is not armed".to_owned()));
+        }
         last = Some((record.mode, record.f_s.force.norm()));
     }
     let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
     let is_there = match situation {
+        Situation::Ready => mode == Mode::Ready,
         Situation::Armed => mode == Mode::Armed,
         Situation::Free => mode == Mode::Engaged,
         Situation::Contact => mode == Mode::Engaged && force > MIN_CONTACT,
@@ -172,7 +188,8 @@ pub(super) fn play(
             .for_each(|exemption| bench.tap_mut().exempt(exemption));
     }
     let mut onset = zero + case.onset;
-    let mut observer = Observer::new(bench);
+    let mut held = case.injection.cut_off.map(Held::new);
+    let mut observer = Observer::new(bench, off_tolerance(config, &case.injection));
     let observed_for = case.injection.observed_for;
     let (mut is_tried, mut is_fast) = (false, false);
     while bench.now() < onset + observed_for {
@@ -192,13 +209,40 @@ pub(super) fn play(
         if case.injection.onset_speed.is_some_and(|limit| !is_fast && speed > limit) {
             (is_fast, onset) = (true, now);
         }
+        let is_on = now >= onset && !observer.is_latched();
+        for held in held.iter_mut().filter(|_| is_on) {
+            held.update(now, bench.tap_mut().target(held.joint()));
+        }
         on_cycle(bench, &record);
     }
+    let criterion = match &held {
+        Some(held) if !observer.is_latched() && held.longest() <= held_limit(&case.injection) => {
+            Criterion::Either("the held torque hardly differs from the targets")
+        }
+        Some(held) => {
+            onset = held.since().unwrap_or(onset);
+            case.injection.criterion
+        }
+        None => case.injection.criterion,
+    };
     if !observer.is_latched() {
         // A failed drive may not confirm the stop; the monitor judges the order of the frames all the same.
         bench.stop().ok();
     }
-    Ok(Verdict::of(case, config.period, observer.finish(bench, onset)))
+    Ok(Verdict::of(case, criterion, config, observer.finish(bench, onset)))
+}
+
+/// Returns the time for which a held torque may differ unseen.
+fn held_limit(injection: &Injection) -> Duration {
+    match injection.criterion {
+        Criterion::Stop(within) | Criterion::TorqueFree(within) => within,
+        Criterion::ZeroTorque(_)
+        | Criterion::BusAbandoned(..)
+        | Criterion::ReflectionOff(_)
+        | Criterion::Disengaged(..)
+        | Criterion::GoesOn
+        | Criterion::Either(_) => Duration::MAX,
+    }
 }
 
 /// Returns the exemption from I5 that a fault of bus or host grants.
@@ -245,9 +289,29 @@ struct Observer {
     observed: Observation,
 }
 
+/// Returns the time beyond "drives off" at which every power stage must be off. A node that has abandoned its bus leaves
+/// that to the drives' own timers; a drive without its RPDOs is switched off by SDO.
+fn off_tolerance(config: &Config, injection: &Injection) -> Duration {
+    if injection.loses_commands {
+        return OFF_TOLERANCE + timers::power_off_by_sdo(config);
+    }
+    match injection.criterion {
+        Criterion::BusAbandoned(..) | Criterion::TorqueFree(_) => {
+            OFF_TOLERANCE.max(timers::slowest(config))
+        }
+        Criterion::Stop(_)
+        | Criterion::ZeroTorque(_)
+        | Criterion::ReflectionOff(_)
+        | Criterion::Disengaged(..)
+        | Criterion::GoesOn
+        | Criterion::Either(_) => OFF_TOLERANCE,
+    }
+}
+
 /// Power stages of the drives after a stop.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct PowerStages {
+    tolerance: Duration,
     stopped: Option<Instant>,
     /// Time by which every power stage must be off.
     due: Option<Instant>,
@@ -256,6 +320,10 @@ struct PowerStages {
 }
 
 impl PowerStages {
+    const fn new(tolerance: Duration) -> Self {
+        Self { tolerance, stopped: None, due: None, off: None }
+    }
+
     /// Takes the node's mode and the drives' own states after a cycle.
     fn update(&mut self, now: Instant, mode: Mode, drives: &[Drive]) {
         if mode.is_stopped() {
@@ -276,7 +344,7 @@ impl PowerStages {
 
     /// Returns whether a power stage was on after it had to be off, until the end of the observation.
     fn is_left_on(&self, until: Instant) -> bool {
-        let is_late = |due: Instant| self.off.unwrap_or(until) > due + OFF_TOLERANCE;
+        let is_late = |due: Instant| self.off.unwrap_or(until) > due + self.tolerance;
         self.due.is_some_and(is_late)
     }
 }
@@ -296,7 +364,7 @@ const fn has_voltage(state: State) -> bool {
 }
 
 impl Observer {
-    fn new(bench: &Bench<Monitor>) -> Self {
+    fn new(bench: &Bench<Monitor>, off_tolerance: Duration) -> Self {
         let grip = grip(bench);
         Self {
             before: bench.now(),
@@ -304,7 +372,7 @@ impl Observer {
             last: grip,
             felt_until: None,
             detected: None,
-            power: PowerStages::default(),
+            power: PowerStages::new(off_tolerance),
             drives_off: None,
             observed: Observation::default(),
         }

@@ -28,7 +28,7 @@ pub struct Campaign {
 pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
 
 /// A bench for each hand controller and situation that the cases need.
-type Stages = Vec<[Option<Bench<Monitor>>; 3]>;
+type Stages = Vec<[Option<Bench<Monitor>>; 4]>;
 
 impl Campaign {
     /// The first `faults` cases of a seed, of those whose kind's name contains `only`.
@@ -90,7 +90,8 @@ impl Campaign {
             return Ok(None);
         };
         let monitor = Monitor::new(config).keeping_frames();
-        let mut bench = play::bring_to(config, case.situation, self.seed, monitor)?;
+        let mut bench =
+            play::bring_to(config, case.situation, self.seed, monitor, case.injection.quirk)?;
         let verdict = play::play(&mut bench, config, case, on_cycle)?;
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
     }
@@ -98,6 +99,12 @@ impl Campaign {
     fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
         let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.index()));
         match (stage, self.configs.get(case.config)) {
+            // A drive that differs since before its boot needs a boot of its own.
+            (_, Some(config)) if case.injection.quirk.is_some() => {
+                let (monitor, quirk) = (Monitor::new(config), case.injection.quirk);
+                let mut bench = play::bring_to(config, case.situation, self.seed, monitor, quirk)?;
+                play::play(&mut bench, config, case, &mut |_, _| {})
+            }
             (Some(Some(bench)), Some(config)) => {
                 play::play(&mut bench.clone(), config, case, &mut |_, _| {})
             }
@@ -115,9 +122,9 @@ impl Campaign {
         });
         let reached = each(threads, &wanted, &|(config, situation)| {
             let config = self.configs.get(*config)?;
-            Some(play::bring_to(config, *situation, self.seed, Monitor::new(config)))
+            Some(play::bring_to(config, *situation, self.seed, Monitor::new(config), None))
         });
-        let mut stages: Stages = self.configs.iter().map(|_| [None, None, None]).collect();
+        let mut stages: Stages = self.configs.iter().map(|_| [const { None }; 4]).collect();
         for ((config, situation), bench) in wanted.into_iter().zip(reached) {
             let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.index()));
             if let (Some(stage), Some(bench)) = (stage, bench) {

@@ -1,4 +1,4 @@
-//! The situation at the onset of a fault: armed, moving freely, or pressing against a wall.
+//! The situation at the onset of a fault: ready, armed, moving freely, or pressing against a wall.
 
 use std::fmt;
 
@@ -11,6 +11,8 @@ use sim::scenario::{ConsoleRequest, Entry};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Situation {
+    /// The drives are enabled at zero torque; the operator has not armed.
+    Ready,
     /// The arm is carried, the deadman open.
     Armed,
     /// The hand moves, and commands the object.
@@ -21,7 +23,10 @@ pub enum Situation {
 
 impl Situation {
     /// All situations.
-    pub const ALL: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
+    pub const ALL: [Self; 4] = [Self::Ready, Self::Armed, Self::Free, Self::Contact];
+
+    /// The situations in which the arm is carried.
+    pub const ARMED: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
 
     /// The situations in which the deadman is pressed.
     pub const ENGAGED: [Self; 2] = [Self::Free, Self::Contact];
@@ -34,7 +39,7 @@ impl Situation {
     /// Returns whether the deadman is pressed.
     pub const fn is_engaged(self) -> bool {
         match self {
-            Self::Armed => false,
+            Self::Ready | Self::Armed => false,
             Self::Free | Self::Contact => true,
         }
     }
@@ -42,6 +47,7 @@ impl Situation {
     /// Returns the time at which it is reached, in s after the first SYNC.
     pub(super) const fn reached_s(self) -> f64 {
         match self {
+            Self::Ready => 0.3,
             Self::Armed | Self::Free => 1.3,
             Self::Contact => 5.0,
         }
@@ -52,6 +58,7 @@ impl Situation {
         let request = |at_s, request| Entry::Console(Console::new(at_s, request));
         let mut entries = vec![request(0.05, ConsoleRequest::Arm)];
         match self {
+            Self::Ready => entries.clear(),
             Self::Armed => {}
             Self::Free => {
                 entries.extend(engage([0.3, 0.4, 0.45, 0.5, 0.55]));
@@ -82,6 +89,7 @@ fn engage([deadman, on, off, press, release]: [f64; 5]) -> [Entry; 5] {
 impl fmt::Display for Situation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Ready => "ready",
             Self::Armed => "armed",
             Self::Free => "free motion",
             Self::Contact => "in contact",

@@ -1,5 +1,6 @@
 //! Long runs in which nothing may stop: one message in a hundred of the link is lost and one sample in a thousand of
-//! each drive, while the operator works, touches, releases and comes back.
+//! each drive, while the operator works, touches, releases and comes back. Every drive reports its torque (6077h) behind
+//! a low pass of 10 ms, and 5 % off.
 
 use std::num::NonZero;
 use std::time::Duration;
@@ -13,6 +14,7 @@ use crate::fidelity::truth::Truth;
 use config::Config;
 use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
 use node::cause::Cause;
+use sim::quirks::Quirk;
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
 use telemetry::fidelity::{Fidelity, Judged};
@@ -26,6 +28,9 @@ const LINK_LOSS: f64 = 0.01;
 
 /// Share of each drive's samples that are lost.
 const TPDO_LOSS: f64 = 0.001;
+
+/// Error of each drive's torque actual value, in percent: too large in one lap, too small in the next.
+const TORQUE_ERROR: i8 = 5;
 
 /// Result of one lap.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +98,11 @@ fn lap(
     most: u64,
 ) -> Result<Lap, StageError> {
     let mut random = Random::of(seed, number);
-    let scenario = scenario(&mut random, config).map_err(StageError::Scenario)?;
+    let mut scenario = scenario(&mut random, config).map_err(StageError::Scenario)?;
+    let percent = if number % 2 == 0 { -TORQUE_ERROR } else { TORQUE_ERROR };
+    for joint in Joint::ALL {
+        scenario.quirks_mut().add(joint, [Quirk::FilteredTorque(percent)]);
+    }
     let mut bench = Bench::new(config, scenario, random.bits(), false, Monitor::new(config));
     play::bring_up(&mut bench)?;
     let mut truth = Truth::new(config);

@@ -274,7 +274,7 @@ impl Table {
             "stopped by another cause than demanded: {wrong_causes}; in a milder state: {wrong_states}; \
              a drive left on: {left_on}"
         ));
-        notes.push(format!("invariants I1 to I12 broken: {breaches}"));
+        notes.push(format!("invariants I1 to I13 broken: {breaches}"));
         notes.push(format!("targets not zero while not armed: {unarmed_targets}"));
         notes.push(format!(
             "stale targets (not zero, older than two periods) on the wire: {stale_targets}; cycles in which a \

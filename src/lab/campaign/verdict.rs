@@ -6,7 +6,10 @@ use std::time::Duration;
 use crate::campaign::case::Case;
 use crate::campaign::criterion::{Criterion, MayStop};
 use crate::campaign::expectation::{self, EndState};
-use crate::campaign::monitor::Violation;
+use crate::campaign::injection::Injection;
+use crate::campaign::monitor::{Violation, stale};
+use crate::campaign::timers;
+use config::Config;
 use node::cause::{Cause, Kind as CauseKind};
 
 /// Observation of one case. Times count from its onset.
@@ -69,6 +72,8 @@ pub struct Verdict {
     pub config: usize,
     /// Cycle period.
     pub period: Duration,
+    /// Greatest age of a torque that may act.
+    pub max_age: Duration,
     /// The demanded reaction.
     pub criterion: Criterion,
     /// The observed reaction.
@@ -111,25 +116,25 @@ impl fmt::Display for Outcome {
 }
 
 impl Verdict {
-    /// Compares the observation of a case with its criterion.
-    pub fn of(case: &Case, period: Duration, observed: Observation) -> Self {
+    /// Compares the observation of a case with a criterion: its own, or a milder one if the fault had no effect.
+    pub fn of(case: &Case, criterion: Criterion, config: &Config, observed: Observation) -> Self {
         Self {
             number: case.number,
             kind: case.kind.name,
             hazard: case.kind.hazard,
             config: case.config,
-            period,
-            criterion: case.injection.criterion,
-            outcome: outcome(case.injection.criterion, case.kind.causes, &observed),
+            period: config.period,
+            max_age: max_age(config, &case.injection),
+            criterion,
+            outcome: outcome(criterion, case.kind.causes, &observed),
             observed,
         }
     }
 
     /// Returns whether the criterion is met and no invariant violated.
-    pub const fn is_good(&self) -> bool {
+    pub fn is_good(&self) -> bool {
         let is_met = matches!(self.outcome, Outcome::Met);
-        let may_act = matches!(self.criterion, Criterion::Either(_));
-        is_met && self.observed.violation_count == 0 && (may_act || self.observed.applied == 0)
+        is_met && self.observed.violation_count == 0 && self.observed.oldest <= self.max_age
     }
 
     /// Returns the time that the criterion limits.
@@ -140,6 +145,16 @@ impl Verdict {
             Criterion::ReflectionOff(_) | Criterion::Disengaged(..) => self.observed.reflection_off,
             Criterion::GoesOn | Criterion::Either(_) => None,
         }
+    }
+}
+
+/// Returns the greatest age of a torque that may act. Where drives have RPDO timers, a stop leaves none older than two
+/// periods; other drives hold a torque until the next SYNC, or their other timer.
+fn max_age(config: &Config, injection: &Injection) -> Duration {
+    let is_brief = matches!(injection.criterion, Criterion::Either(_));
+    match timers::rpdo(config) {
+        Some(_) if !is_brief => stale(config.period),
+        Some(_) | None => timers::oldest_torque(config),
     }
 }
 

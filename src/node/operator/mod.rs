@@ -87,6 +87,11 @@ impl Operator {
         }
     }
 
+    /// Returns the cause for a joint `found` beyond its limit while gravity compensation ramps up.
+    pub(super) fn check_limit(&self, permit: &Permit, found: Option<Cause>) -> Option<Cause> {
+        uncommanded_motion::of_limit(found, permit.gravity_ramps_up && !self.is_held())
+    }
+
     /// Checks the motion since the last cycle against the torques that acted meanwhile. After a gap (`restart`) the
     /// motion is not checked.
     pub(super) fn check(

@@ -41,6 +41,15 @@ impl UncommandedMotion {
     }
 }
 
+/// Returns the cause for a joint beyond its limit while gravity compensation ramps up and the deadman is released: its
+/// position is wrong, or gravity compensation drives it, and would go on if reflection alone ended.
+pub(super) const fn of_limit(found: Option<Cause>, is_active: bool) -> Option<Cause> {
+    match found {
+        Some(Cause::BeyondLimit { .. }) if is_active => Some(Cause::UncommandedMotion),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

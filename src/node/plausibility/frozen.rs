@@ -120,7 +120,8 @@ mod tests {
             let counts = [0, adjacent(cycle), position(cycle), 0, 0, 0];
             let latest = counts
                 .map(|counts| DriveSample { position: Counts(counts), ..DriveSample::default() });
-            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
+            let (torques, demands) = ([false; 6], [None; 6]);
+            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques, demands };
             let cause = frozen.check(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
             assert!(
                 cause
@@ -163,7 +164,8 @@ mod tests {
             let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
             let mut latest = [DriveSample::default(); 6];
             other.entry_mut(&mut latest).position = Counts(position(cycle));
-            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
+            let (torques, demands) = ([false; 6], [None; 6]);
+            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques, demands };
             frozen.check(&sampled, &[0, 0, changing(cycle), 0, 0, 0]).is_some()
         })
     }

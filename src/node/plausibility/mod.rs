@@ -4,6 +4,7 @@
 //!  position received     balance ─► jump              sample of this SYNC?      sample_filter
 //!                        overdue                      age of the samples        zero torque (S2)
 //!  controller has run    speed, frozen, torque        plausible samples?        zero torque (S2)
+//!                        held_target                  target taken?             zero torque (S2)
 //!                        limits, missing_rate         fit for reflection?       reflection off (S1)
 //! ```
 //!
@@ -12,6 +13,7 @@
 
 mod balance;
 mod frozen;
+mod held_target;
 mod jump;
 mod limits;
 mod missing_rate;
@@ -21,21 +23,25 @@ mod sample_filter;
 mod sampled;
 mod speed;
 mod torque;
+mod torque_range;
 
 pub(super) use sample_filter::{Filtered, SampleFilter};
 pub(super) use sampled::Sampled;
 
 use crate::cause::Cause;
 use crate::plausibility::frozen::Frozen;
+use crate::plausibility::held_target::HeldTarget;
 use crate::plausibility::jump::TravelLimit;
 use crate::plausibility::limits::Limits;
 use crate::plausibility::missing_rate::MissingRate;
 use crate::plausibility::speed::{Snapshot, Speed, SpeedLimits};
 use crate::plausibility::torque::Torque;
+use crate::plausibility::torque_range::TorqueRange;
 use config::Config;
 use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
 use controller::{JointVector, Output};
+use units::drive::PerMille;
 use units::numbering::Joint;
 
 /// Clear motion of a revolute joint, in rad: ten times the tremor of a hand.
@@ -57,6 +63,7 @@ struct Checks {
     speed: Speed,
     frozen: Frozen,
     torque: Torque,
+    held_target: HeldTarget,
     missing_rate: MissingRate,
     /// Target torques sent, in ‰ of rated torque.
     sent: TorqueDelay<[i16; 6]>,
@@ -78,6 +85,9 @@ impl Plausibility {
             joints: joints.map(|joint| joint.max_speed),
             grip: settings.max_grip_speed,
         };
+        let torque_range = settings
+            .torque_tolerance
+            .map_or_else(|| TorqueRange::following(config.period), TorqueRange::within);
         let initial = Checks {
             limits: Limits::new(
                 joints.map(|joint| joint.plant.link.range),
@@ -85,7 +95,8 @@ impl Plausibility {
             ),
             speed: Speed::new(limits, config.period),
             frozen: Frozen::new(settings.frozen, clear),
-            torque: Torque::new(settings.torque_tolerance, settings.torque_differs),
+            torque: Torque::new(torque_range, settings.torque_differs),
+            held_target: HeldTarget::new(),
             missing_rate: MissingRate::new(config.period, settings.max_missing_percent),
             sent: TorqueDelay::new([0; 6]),
         };
@@ -115,6 +126,27 @@ impl Plausibility {
     pub(super) fn on_sent(&mut self, targets: &[i16; 6]) {
         self.checks.sent.push(*targets);
         self.checks.torque.on_sent(targets);
+        self.checks.held_target.on_sent(targets);
+    }
+
+    /// Returns the joints whose drives are the likeliest to hold another target than was sent.
+    pub(super) fn suspects(&self) -> [bool; 6] {
+        let (suspect, off) = (self.checks.torque.is_suspect(), self.checks.held_target.was_off());
+        Joint::ALL.map(|joint| *joint.entry(&suspect) || *joint.entry(&off))
+    }
+
+    /// Notes that the target torque (6071h) of a drive is requested now.
+    pub(super) fn on_target_requested(&mut self, joint: Joint) {
+        self.checks.held_target.on_requested(joint);
+    }
+
+    /// Judges the target torque (6071h) that a drive replied; `None` if it cannot be read.
+    pub(super) fn on_target_read(
+        &mut self,
+        joint: Joint,
+        taken: Option<PerMille>,
+    ) -> Option<Cause> {
+        self.checks.held_target.on_reply(joint, taken)
     }
 }
 
@@ -127,9 +159,10 @@ impl Checks {
         let speed = snapshot.and_then(|snapshot| self.speed.check(&snapshot));
         let frozen = self.frozen.check(sampled, &self.sent.acted());
         let torque = self.torque.check(sampled);
+        let held = self.held_target.check(&sampled.demands);
         let limits = self.limits.check(&output.q);
         let missing = self.missing_rate.end_cycle(&sampled.fresh);
-        speed.or(frozen).or(torque).or(limits).or(missing)
+        speed.or(frozen).or(held).or(torque).or(limits).or(missing)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Samples of one cycle, input of the plausibility checks.
 
 use canopen::pdo::DriveSample;
+use units::drive::PerMille;
 use units::time::Instant;
 
 /// Samples of one cycle.
@@ -14,4 +15,6 @@ pub(crate) struct Sampled<'s> {
     pub(crate) fresh: [bool; 6],
     /// Joints whose torque was received since the last cycle.
     pub(crate) torques: [bool; 6],
+    /// Torque demands (6074h) received since the last cycle.
+    pub(crate) demands: [Option<PerMille>; 6],
 }

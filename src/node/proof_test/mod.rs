@@ -31,6 +31,7 @@ use canopen::plan::NodePlan;
 use canopen::watchdog::{Awaited, Watchdog};
 use canopen::{NmtState, error_codes};
 use config::Config;
+use config::facts::{self, Facts, FactsRefused};
 use config::force_cap::{ForceAboveCap, ForceCap, UNPROVEN_REACTION_TIME};
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
@@ -47,6 +48,9 @@ pub(super) struct ProofTest {
     /// Drives that reported another NMT state than operational.
     has_left_operational: [bool; 6],
     recheck: Recheck,
+    /// Facts of the drives: by their data sheets, and after a boot by what it read.
+    facts: Vec<Facts>,
+    has_friction: bool,
 }
 
 /// Relation of a network event to the proof test.
@@ -85,6 +89,8 @@ impl ProofTest {
             report: ProofTestReport::default(),
             has_left_operational: [false; 6],
             recheck: Recheck::default(),
+            facts: config.facts(),
+            has_friction: config.has_friction_compensation(),
         }
     }
 
@@ -110,6 +116,19 @@ impl ProofTest {
         matches!(self.phase, Phase::Done)
     }
 
+    /// Returns the facts of the drives, in the order of the joints.
+    pub(super) fn facts(&self) -> &[Facts] {
+        &self.facts
+    }
+
+    /// Checks the facts of the drives, as the boot found them.
+    ///
+    /// # Errors
+    /// When a fact is stated only and not accepted, or friction compensation has no torque unit.
+    pub(super) fn check_facts(&self) -> Result<(), Vec<FactsRefused>> {
+        facts::check(&self.facts, self.has_friction)
+    }
+
     /// Checks the configured force against the cap that follows from the results.
     ///
     /// # Errors
@@ -127,9 +146,14 @@ impl ProofTest {
             heartbeat: None,
             guarding: None,
             missing: master.missing_objects(node).to_vec(),
+            held: master.nameplate(node).to_vec(),
         };
         self.report.drives = NodeIndex::each(&self.plans).map(drive).collect();
         self.recheck = Recheck::new(&self.plans, master);
+        for (node, facts) in NodeIndex::each(&mut self.facts) {
+            *facts = facts.found(master.nameplate(node));
+        }
+        self.cap.is_halved = !self.facts.iter().all(Facts::is_verified);
     }
 
     /// Returns a failure for every drive without a watchdog.
@@ -147,6 +171,11 @@ impl ProofTest {
     /// Returns whether a drive has a watchdog for this message.
     fn has_any(&self, awaited: Awaited) -> bool {
         self.watchdogs(awaited).iter().any(Option::is_some)
+    }
+
+    /// Returns the drives that stop by themselves without RPDOs.
+    pub(super) fn has_rpdo_timer(&self) -> [bool; 6] {
+        self.watchdogs(Awaited::Rpdo).map(|watchdog| watchdog.is_some())
     }
 
     /// Returns the watchdog of each drive for this frame, if it is planned and the drive has its object.
@@ -196,8 +225,8 @@ impl ProofTest {
         self.phase = Phase::Done;
     }
 
-    /// Takes an event of the master, and returns its relation to the test. Emergencies of watchdogs, read statuswords and
-    /// changes of the NMT state (1029h) are part of it.
+    /// Takes an event of the master, and returns its relation to the test. While it runs, emergencies of watchdogs, read
+    /// statuswords and changes of the NMT state (1029h) are part of it.
     pub(super) fn on_event(&mut self, now: Instant, event: &Event) -> Relation {
         let is_running = matches!(self.phase, Phase::Running(_) | Phase::Recovering);
         let is_part = match event {
@@ -210,7 +239,7 @@ impl ProofTest {
                 if let Some((test, joint)) = self.running_test().zip(node.joint()) {
                     test.on_sdo_answer(now, joint, *statusword);
                 }
-                true
+                is_running
             }
             Event::StateChanged { node, state } => {
                 let is_operational = *state == NmtState::Operational;
@@ -236,6 +265,8 @@ impl ProofTest {
             | Event::Duplicate { .. }
             | Event::ReadByAnother { .. }
             | Event::UnknownNode { .. }
+            | Event::StillOn { .. }
+            | Event::PowerOffConfirmed { .. }
             | Event::ForeignMaster { .. } => false,
         };
         if is_part { Relation::Part } else { Relation::Unrelated }
@@ -299,10 +330,14 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof_test = ProofTest::new(&config, &config.node_plans());
         let statusword = canopen::drive::Statusword(0x0208);
-        for phase in [Phase::Pending, Phase::Recovering, Phase::Done] {
+        for (phase, relation) in [
+            (Phase::Pending, Relation::Unrelated),
+            (Phase::Recovering, Relation::Part),
+            (Phase::Done, Relation::Unrelated),
+        ] {
             proof_test.phase = phase;
             let answer = Event::Statusword { node: NodeIndex(2), statusword };
-            assert_eq!(proof_test.on_event(Instant::ZERO, &answer), Relation::Part);
+            assert_eq!(proof_test.on_event(Instant::ZERO, &answer), relation);
         }
     }
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use canopen::NodeId;
+use canopen::nameplate::Held;
 use canopen::object::Object;
 use canopen::watchdog::Watchdog;
 use config::timer_tolerance;
@@ -43,6 +44,8 @@ pub struct DriveResult {
     pub guarding: Option<Trip>,
     /// Planned objects that it does not have.
     pub missing: Vec<Object>,
+    /// Sign, scale, units and ratings as its boot has read them.
+    pub held: Vec<Held>,
 }
 
 impl DriveResult {
@@ -140,7 +143,8 @@ mod tests {
     fn drive(rpdo: Option<Trip>, heartbeat: Option<Trip>) -> DriveResult {
         let node = NodeId::new(3).unwrap();
         let name = "joint 3 (elbow)".into();
-        DriveResult { name, node, rpdo, heartbeat, guarding: None, missing: Vec::new() }
+        let (missing, held) = (Vec::new(), Vec::new());
+        DriveResult { name, node, rpdo, heartbeat, guarding: None, missing, held }
     }
 
     #[test]

@@ -136,7 +136,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.send_queued();
             }
             self.send_targets(sync_at, &[PerMille(0); 6], true);
-            self.send_request();
+            self.send_request(sync_at);
         }
         Ok(())
     }

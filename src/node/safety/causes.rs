@@ -39,7 +39,12 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::MonitoringEnded { .. }
         | Event::MonitoringKept { .. }
         | Event::ReadByAnother { .. }
-        | Event::ReadBack { read: ReadBack::Unchanged | ReadBack::Unread(_), .. }
+        | Event::ReadBack {
+            read: ReadBack::Unchanged | ReadBack::Value(_) | ReadBack::Unread(_),
+            ..
+        }
+        | Event::StillOn { .. }
+        | Event::PowerOffConfirmed { .. }
         | Event::UnknownNode { .. } => None,
     }
 }

@@ -69,6 +69,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::PositionFrozen => Cause::PositionFrozen { joint },
         Kind::PositionJumped => Cause::PositionJumped { joint },
         Kind::TorqueDiffers => Cause::TorqueDiffers { joint },
+        Kind::TargetNotTaken => Cause::TargetNotTaken { joint },
         Kind::Overspeed => Cause::Overspeed { joint },
         Kind::GripOverspeed => Cause::GripOverspeed,
         Kind::BeyondLimit => Cause::BeyondLimit { joint },
@@ -98,6 +99,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::Late => Cause::Late,
         Kind::Suspended => Cause::Suspended,
         Kind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
+        Kind::NotOff => Cause::NotOff { joint, statusword },
         Kind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
     }
 }

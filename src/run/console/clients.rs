@@ -72,6 +72,8 @@ struct Client {
 struct Activity {
     /// True from the first byte of a request to the end of its response.
     is_busy: AtomicBool,
+    /// True from the receipt of a disarm to the end of its response.
+    is_disarming: AtomicBool,
     /// Time since when it waits for a request, in µs of the bus clock.
     idle_since: AtomicU64,
 }
@@ -93,11 +95,13 @@ impl Clients {
         self.open.push(Client { task, activity });
     }
 
-    /// Closes the client that has been idle longest; if all are busy, the one that has been busy longest.
+    /// Closes the client that has been idle longest; if all are busy, the one that has been busy longest. One that
+    /// disarms, which takes little more than a second, is closed only if all do.
     fn close_one(&mut self) {
         let rank = |(_, client): &(usize, &Client)| {
-            let Activity { is_busy, idle_since } = &*client.activity;
-            (is_busy.load(Ordering::Relaxed), idle_since.load(Ordering::Relaxed))
+            let Activity { is_busy, is_disarming, idle_since } = &*client.activity;
+            let [disarms, is_busy] = [is_disarming, is_busy].map(|it| it.load(Ordering::Relaxed));
+            (disarms, is_busy, idle_since.load(Ordering::Relaxed))
         };
         let oldest = self.open.iter().enumerate().min_by_key(rank).map(|(place, _)| place);
         if let Some(place) = oldest {
@@ -118,6 +122,7 @@ async fn converse(
     loop {
         activity.idle_since.store(handler.now().as_micros(), Ordering::Relaxed);
         activity.is_busy.store(false, Ordering::Relaxed);
+        activity.is_disarming.store(false, Ordering::Relaxed);
         if read.fill_buf().await?.is_empty() {
             return Ok(());
         }
@@ -125,7 +130,10 @@ async fn converse(
         let line = timeout(LINE_TIMEOUT, line(&mut read)).await??;
         let answer = match serde_json::from_str::<RequestLine>(&line) {
             // Executed even if the client disconnects.
-            Ok(RequestLine { ask: ConsoleCommand::Disarm }) => handler.disarm(uid).await,
+            Ok(RequestLine { ask: ConsoleCommand::Disarm }) => {
+                activity.is_disarming.store(true, Ordering::Relaxed);
+                handler.disarm(uid).await
+            }
             Ok(RequestLine { ask }) => tokio::select! {
                 // Polls the connection first: nothing is executed for a disconnected client.
                 biased;
@@ -175,8 +183,7 @@ mod tests {
     use config::Config;
     use lab::bench;
     use node::record::{Mode, Record};
-    use node::safety::Refusal;
-    use node::{Request, RequestError};
+    use node::{BringUpError, Request, RequestError};
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
@@ -277,6 +284,24 @@ mod tests {
                 () = asks => {}
                 () = complete_disarms(&receiver) => {}
             }
+        });
+    }
+
+    #[test]
+    fn hazard_30_disarm_is_answered_beside_a_flood_of_connections() {
+        run("flooded", |path, receiver| async move {
+            let mut disarming = send(&path, DISARM).await;
+            // Lets the server read it.
+            sleep(Duration::from_millis(1)).await;
+            let mut others = Vec::new();
+            for _ in 0..5 * MAX_CLIENTS {
+                // They wait for the cycle, and so are busy as well.
+                others.push(send(&path, ARM).await);
+                sleep(Duration::from_millis(1)).await;
+            }
+            let disarm = receiver.pending_disarm().unwrap();
+            receiver.complete_disarm(disarm, Mode::Ready);
+            assert_eq!(answer(&mut disarming).await, "{\"ok\":true,\"mode\":\"ready\"}\n");
         });
     }
 
@@ -406,11 +431,11 @@ mod tests {
             assert_eq!(accepted.request, Request::Reset);
             drop(client);
             sleep(Duration::from_millis(100)).await;
-            accepted.answer(Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready))));
+            accepted.answer(Err(RequestError::Boot(BringUpError::GivenUp)));
             sleep(Duration::from_millis(100)).await;
             let mut client = send(&path, STATUS).await;
             let status = answer(&mut client).await;
-            let note = "the last reset failed: nothing to reset: the node is ready";
+            let note = "the last reset failed: boot given up";
             assert!(status.contains(note), "{status}");
         });
     }

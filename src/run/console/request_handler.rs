@@ -13,8 +13,9 @@ use crate::console::request_queue::{Denied, Outcome, Phase, RequestSender};
 use crate::console::{ConsoleCommand, Response};
 use crate::recorder_thread::LatestStatus;
 use controller::switches::Mode as CommandMode;
-use node::Request;
 use node::record::Mode;
+use node::safety::Refusal;
+use node::{Request, RequestError};
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
 
@@ -52,8 +53,20 @@ pub(crate) struct RequestHandler {
 struct Journal {
     bucket: TokenBucket,
     suppressed: u64,
-    /// Remark on the status: the reason why the node waits for a reset, or why the last one failed.
-    note: Option<String>,
+    /// Reason why the node waited for a reset at its start, until one succeeds.
+    remark: Option<String>,
+    /// Reason why the last reset failed, until one succeeds.
+    failed_reset: Option<String>,
+}
+
+impl Journal {
+    /// Returns the remark on the status.
+    fn note(&self) -> Option<String> {
+        let failed = self.failed_reset.as_ref();
+        let failed = failed.map(|reason| format!("the last reset failed: {reason}"));
+        let parts: Vec<_> = self.remark.iter().cloned().chain(failed).collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
 }
 
 impl fmt::Debug for RequestHandler {
@@ -72,15 +85,15 @@ impl Drop for WithdrawOnDrop {
 }
 
 impl RequestHandler {
-    /// Returns a handler. `clock` returns the time on the bus; the status contains `note` until a reset succeeds.
+    /// Returns a handler. `clock` returns the time on the bus; the status contains `remark` until a reset succeeds.
     pub(crate) fn new(
         sender: RequestSender,
         latest: LatestStatus,
         clock: impl Fn() -> Instant + Send + Sync + 'static,
-        note: Option<String>,
+        remark: Option<String>,
     ) -> Self {
         let bucket = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
-        let journal = Mutex::new(Journal { bucket, suppressed: 0, note });
+        let journal = Mutex::new(Journal { bucket, suppressed: 0, remark, failed_reset: None });
         Self { sender, latest, clock: Box::new(clock), journal }
     }
 
@@ -150,6 +163,9 @@ impl RequestHandler {
         request: Request,
         outcome: Outcome,
     ) -> Result<Mode, String> {
+        if request == Request::Reset {
+            self.on_reset(&outcome);
+        }
         let outcome = outcome.map_err(|denied| denied.to_string());
         match &outcome {
             Ok(mode) => self.log(uid, request, mode.name()),
@@ -157,11 +173,30 @@ impl RequestHandler {
                 self.log(uid, request, &format!("refused: {}", reason.replace('\n', "; ")));
             }
         }
-        if request == Request::Reset {
-            let failed = |reason| format!("the last reset failed: {reason}");
-            self.journal().note = outcome.as_ref().err().map(failed);
-        }
         outcome
+    }
+
+    /// Updates the remarks on the status after a reset. A request that was never executed leaves them as they are.
+    fn on_reset(&self, outcome: &Outcome) {
+        let mut journal = self.journal();
+        match outcome {
+            // Without a stop there is nothing to remark.
+            Ok(_) | Err(Denied::Refused(RequestError::Mode(Refusal::NotStopped(_)))) => {
+                journal.remark = None;
+                journal.failed_reset = None;
+            }
+            Err(Denied::Refused(_) | Denied::Latch(_)) => {
+                journal.failed_reset = outcome.as_ref().err().map(ToString::to_string);
+            }
+            Err(
+                Denied::Booting
+                | Denied::Ending
+                | Denied::Busy
+                | Denied::TooOld(_)
+                | Denied::Disarmed
+                | Denied::Withdrawn,
+            ) => {}
+        }
     }
 
     /// Disarms, even if the client disconnects.
@@ -227,7 +262,7 @@ impl RequestHandler {
     }
 
     fn status(&self) -> Response {
-        let note = self.journal().note.clone();
+        let note = self.journal().note();
         let latest = match self.sender.phase() {
             Phase::Booting => None,
             Phase::Running | Phase::Ending => self.latest.get(),
@@ -277,8 +312,7 @@ mod tests {
     use crate::console::{RequestReceiver, channel};
     use config::Config;
     use lab::bench::Bench;
-    use node::RequestError;
-    use node::safety::Refusal;
+    use node::BringUpError;
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
@@ -353,10 +387,25 @@ mod tests {
             assert_eq!(note().await.as_deref(), Some("left of a run"));
             granted(&handler, &mut receiver, ConsoleCommand::Arm, Ok(Mode::Armed)).await;
             assert_eq!(note().await.as_deref(), Some("left of a run"));
-            let refusal = Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready)));
-            granted(&handler, &mut receiver, ConsoleCommand::Reset, refusal).await;
-            assert!(note().await.unwrap().starts_with("the last reset failed: "));
+            let failure = Err(RequestError::Boot(BringUpError::GivenUp));
+            granted(&handler, &mut receiver, ConsoleCommand::Reset, failure).await;
+            let both = "left of a run; the last reset failed: boot given up";
+            assert_eq!(note().await.as_deref(), Some(both));
             granted(&handler, &mut receiver, ConsoleCommand::Reset, Ok(Mode::Ready)).await;
+            assert_eq!(note().await, None);
+        });
+    }
+
+    #[test]
+    fn reset_of_a_node_that_is_not_stopped_leaves_no_note() {
+        run(|handler, mut receiver, _| async move {
+            let note = async || handler.answer(ConsoleCommand::Status, None).await.note;
+            let refusal = || Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready)));
+            granted(&handler, &mut receiver, ConsoleCommand::Reset, refusal()).await;
+            assert_eq!(note().await, None);
+            // A request that is not executed is no failed reset.
+            receiver.begin_boot();
+            assert!(!handler.answer(ConsoleCommand::Reset, None).await.ok);
             assert_eq!(note().await, None);
         });
     }

@@ -26,6 +26,8 @@ const MAX_AGE: Duration = Duration::from_secs(1);
 pub(crate) enum Denied {
     /// The node refuses it.
     Refused(RequestError),
+    /// A reset whose latch cannot be written: no drive may be enabled.
+    Latch(String),
     /// The node is booting the network.
     Booting,
     /// The node is stopping.
@@ -44,6 +46,7 @@ impl fmt::Display for Denied {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Refused(refused) => refused.fmt(f),
+            Self::Latch(reason) => f.write_str(reason),
             Self::Booting => f.write_str("the node is booting: retry when it is ready"),
             Self::Ending => f.write_str("the node is stopping"),
             Self::Busy => f.write_str("too many requests are waiting: retry"),
@@ -211,6 +214,11 @@ impl AcceptedRequest {
     /// Sends the outcome to the client.
     pub(crate) fn answer(self, outcome: Result<Mode, RequestError>) {
         self.pending.answer(outcome.map_err(Denied::Refused));
+    }
+
+    /// Refuses a reset because its latch cannot be written.
+    pub(crate) fn refuse_without_latch(self, reason: String) {
+        self.pending.answer(Err(Denied::Latch(reason)));
     }
 }
 

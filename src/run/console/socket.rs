@@ -1,11 +1,12 @@
 //! Path and permissions of the control socket, and replacement of a stale one.
 
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, DirBuilder, File, Permissions};
+use std::fs::{self, DirBuilder, File, Metadata, OpenOptions, Permissions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use nix::libc::O_NOFOLLOW;
 use tokio::net::{UnixListener, UnixStream};
 
 /// Permissions: read and write for this user and group only.
@@ -35,10 +36,11 @@ pub(crate) fn default_sockets() -> Vec<PathBuf> {
     places
 }
 
-/// The listening socket; removes its file when dropped.
+/// The listening socket; removes its file when dropped, and no other that is at its path by then.
 #[derive(Debug)]
 pub(crate) struct Socket {
     path: PathBuf,
+    identity: Identity,
     pub(super) listener: UnixListener,
 }
 
@@ -52,19 +54,72 @@ impl Socket {
         let folder = folder.unwrap_or(Path::new("."));
         fs::create_dir_all(folder)?;
         // Held until the socket exists: of two nodes that start together one is refused.
-        let lock = File::open(folder)?;
-        lock.try_lock().map_err(|_| in_use("another node is starting on this socket"))?;
+        let _lock = StartLock::take(start_lock_of(folder, &path))?;
         remove_stale(&path).await?;
-        let listener = listen_at(folder, &path)?;
-        Ok(Self { path, listener })
+        let (listener, identity) = listen_at(folder, &path)?;
+        Ok(Self { path, identity, listener })
     }
 }
 
 impl Drop for Socket {
     fn drop(&mut self) {
-        if let Err(error) = fs::remove_file(&self.path) {
+        if !is_at(&self.path, self.identity) {
+            tracing::warn!("{}: not the control socket of this node, kept", self.path.display());
+        } else if let Err(error) = fs::remove_file(&self.path) {
             tracing::debug!(%error, "control socket not removed");
         }
+    }
+}
+
+/// Device and inode of a file.
+type Identity = (u64, u64);
+
+fn identity(file: &Metadata) -> Identity {
+    (file.dev(), file.ino())
+}
+
+fn is_at(path: &Path, file: Identity) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|found| identity(&found) == file)
+}
+
+/// Lock of the nodes that start on one socket: a file that its owner alone can open, and so lock. Removed when dropped.
+#[derive(Debug)]
+struct StartLock {
+    path: PathBuf,
+    _file: File,
+}
+
+/// Returns the path of the start lock of a socket.
+fn start_lock_of(folder: &Path, socket: &Path) -> PathBuf {
+    let mut name = OsString::from(".");
+    name.push(socket.file_name().unwrap_or(OsStr::new("node.sock")));
+    name.push(".lock");
+    folder.join(name)
+}
+
+impl StartLock {
+    fn take(path: PathBuf) -> io::Result<Self> {
+        loop {
+            let mut options = OpenOptions::new();
+            options.write(true).create(true).truncate(false).mode(0o600);
+            // A link of another user leads to no file.
+            let opened = options.custom_flags(O_NOFOLLOW).open(&path);
+            let named = |error: io::Error| {
+                io::Error::new(error.kind(), format!("{}: {error}", path.display()))
+            };
+            let file = opened.map_err(named)?;
+            file.try_lock().map_err(|_| in_use("another node is starting on this socket"))?;
+            // A node that ends its start removes the file: another one may have the path since it was opened.
+            if is_at(&path, identity(&file.metadata()?)) {
+                return Ok(Self { path, _file: file });
+            }
+        }
+    }
+}
+
+impl Drop for StartLock {
+    fn drop(&mut self) {
+        fs::remove_file(&self.path).ok();
     }
 }
 
@@ -95,7 +150,7 @@ async fn remove_stale(path: &Path) -> io::Result<()> {
 }
 
 /// Creates the socket in a private folder, sets its permissions, and only then links it to `path`.
-fn listen_at(folder: &Path, path: &Path) -> io::Result<UnixListener> {
+fn listen_at(folder: &Path, path: &Path) -> io::Result<(UnixListener, Identity)> {
     let private = folder.join(format!(".{}", std::process::id()));
     // Left by a killed process with the same id.
     clear(&private);
@@ -105,7 +160,7 @@ fn listen_at(folder: &Path, path: &Path) -> io::Result<UnixListener> {
         fs::set_permissions(&made, Permissions::from_mode(PERMISSIONS))?;
         // A hard link, unlike a rename, never replaces a file.
         fs::hard_link(&made, path)?;
-        Ok(listener)
+        Ok((listener, identity(&fs::symlink_metadata(&made)?)))
     });
     clear(&private);
     listener
@@ -161,6 +216,40 @@ mod tests {
         drop(socket);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
         fs::remove_dir(&folder).unwrap();
+    }
+
+    #[test]
+    fn shared_lock_on_the_folder_stops_no_start() {
+        let folder = folder("locked");
+        let path = folder.join("node.sock");
+        // Any user may read the folder of the service's socket, and so lock it.
+        let others = File::open(&folder).unwrap();
+        others.lock_shared().unwrap();
+        drop(bind(&path).unwrap());
+        let lock = start_lock_of(&folder, &path);
+        let starting = StartLock::take(lock.clone()).unwrap();
+        assert_eq!(fs::metadata(&lock).unwrap().permissions().mode() & 0o777, 0o600);
+        let refused = bind(&path).unwrap_err().to_string();
+        assert_eq!(refused, "another node is starting on this socket");
+        drop(starting);
+        drop(bind(&path).unwrap());
+        fs::remove_dir(&folder).unwrap();
+    }
+
+    #[test]
+    fn ended_node_keeps_a_file_that_is_not_its_socket() {
+        let folder = folder("replaced");
+        let path = folder.join("node.sock");
+        let socket = bind(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        let others = bind(&path).unwrap();
+        drop(socket);
+        Stream::connect(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, "1,2,3").unwrap();
+        drop(others);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "1,2,3");
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub(super) struct Axis {
     error: u16,
     /// Set if it has cyclic synchronous torque although 6502h does not list it.
     has_unlisted_torque_mode: bool,
+    /// Controlwords have no effect.
+    ignores_controlword: bool,
 }
 
 impl Application for Axis {
@@ -167,6 +169,7 @@ impl Axis {
             demand: TorqueDemand::default(),
             error: 0,
             has_unlisted_torque_mode: false,
+            ignores_controlword: false,
         }
     }
 
@@ -209,6 +212,13 @@ impl Axis {
     /// Returns the monitored quantities.
     pub(super) const fn monitor(&self) -> &Monitor {
         &self.monitor
+    }
+
+    /// Writes the torque offset (60B2h), in ‰ of rated torque.
+    pub(super) fn set_torque_offset(&mut self, per_mille: i16, dictionary: &mut Dictionary) {
+        if dictionary.set(Object::TORQUE_OFFSET, &per_mille.to_le_bytes()) {
+            self.written(dictionary, Object::TORQUE_OFFSET);
+        }
     }
 
     /// Updates the motor and encoder values.
@@ -278,8 +288,17 @@ impl Axis {
         self.limits = Limits::of(dictionary, self.increments);
     }
 
+    /// Sets whether controlwords have no effect. The newest one acts when they have one again.
+    pub(super) fn set_ignores_controlword(&mut self, ignores: bool, dictionary: &mut Dictionary) {
+        self.ignores_controlword = ignores;
+        self.on_controlword(dictionary);
+    }
+
     /// Applies the controlword. A repeated one has no effect and costs no time.
     fn on_controlword(&mut self, dictionary: &mut Dictionary) {
+        if self.ignores_controlword {
+            return;
+        }
         let word = Controlword(status::word(dictionary, Object::CONTROLWORD));
         let before = (self.power.state(), self.power.controlword());
         self.power.on_controlword(word, &self.options, self.monitor.cause().is_none());

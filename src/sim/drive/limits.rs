@@ -3,6 +3,7 @@
 //! The software position limits (607Dh) apply to set-points, in the [modes of operation](crate::motion).
 
 use canopen::dictionary::Dictionary;
+use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
 
 /// The limits of one drive.
@@ -22,7 +23,9 @@ impl Limits {
         let limit = |object| dictionary.optional(object).map_or(f64::INFINITY, f64::from);
         // Torque is proportional to current: both limits have the same unit.
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
-        let max_speed = TRIP_RATIO * limit(Object::MAX_MOTOR_SPEED) / 60.0 * increments;
+        let unit = dictionary.optional(Object::VELOCITY_UNIT).and_then(|unit| SiUnit(unit).rpm());
+        let max_rpm = limit(Object::MAX_MOTOR_SPEED) * unit.unwrap_or(1.0);
+        let max_speed = TRIP_RATIO * max_rpm / 60.0 * increments;
         Self {
             positive: both.min(limit(Object::POSITIVE_TORQUE_LIMIT)),
             negative: both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
@@ -69,6 +72,15 @@ mod tests {
             assert_eq!(limits.is_too_fast(share * nominal), is_too_fast, "{share}");
             assert_eq!(limits.is_too_fast(-share * nominal), is_too_fast, "{share}");
         }
+    }
+
+    #[test]
+    fn speed_limit_is_in_the_velocity_unit() {
+        let mut dictionary = dictionary();
+        dictionary.set(Object::MAX_MOTOR_SPEED, &1_u32.to_le_bytes());
+        dictionary.set(Object::VELOCITY_UNIT, &0x00B4_0300_u32.to_le_bytes());
+        let limits = Limits::of(&dictionary, 1_000.0);
+        assert!(limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0), "one turn per second");
     }
 
     #[test]

@@ -38,7 +38,7 @@ use crate::drive::axis::Axis;
 use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Tuning, encoder_counts};
-use crate::quirks::{QuirkEffects, Quirks, TransmitPath, start_running};
+use crate::quirks::{QuirkEffects, Quirks, TorqueFilter, TransmitPath, start_running};
 use canopen::device::Device;
 use canopen::dictionary::Dictionary;
 use canopen::drive::State;
@@ -83,6 +83,8 @@ pub struct Drive {
     is_plugged: bool,
     device: Device<Axis>,
     transmit_path: TransmitPath,
+    /// Filter of torque actual (6077h), if it has one.
+    torque_filter: Option<TorqueFilter>,
     /// Frames from the device; a buffer, so that a cycle does not allocate.
     frames: Vec<Frame>,
     /// Frames out of the transmit path; a buffer, too.
@@ -111,7 +113,7 @@ impl Drive {
         // The encoder is mounted so that 6064h is right at joint position zero; quirks come later.
         let ActuatorSettings { counts_per_rev, zero_counts, .. } = actuator;
         actuator.zero_counts = encoder_counts(&dictionary, counts_per_rev, zero_counts);
-        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
+        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start, torque_filter } =
             QuirkEffects::of(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning)
             .with_unlisted_torque_mode(delivery.has_unlisted_torque_mode);
@@ -126,6 +128,7 @@ impl Drive {
             is_plugged: true,
             device,
             transmit_path: TransmitPath::new(frames),
+            torque_filter,
             frames: Vec::with_capacity(FRAMES),
             sent: Vec::with_capacity(FRAMES),
         }
@@ -189,6 +192,14 @@ impl Drive {
 
 /// Inputs from plant and faults.
 impl Drive {
+    /// Updates the motor and encoder values, with the torque as this drive reports it at `now`.
+    pub fn sense_at(&mut self, now: Instant, sensed: &Sensed) {
+        let filter = self.torque_filter.as_mut();
+        let per_mille =
+            filter.map_or(sensed.per_mille, |filter| filter.step(now, sensed.per_mille));
+        self.sense(&Sensed { per_mille, ..*sensed });
+    }
+
     /// Updates the motor and encoder values.
     pub fn sense(&mut self, sensed: &Sensed) {
         self.device.touch(|axis, dictionary| axis.sense(sensed, dictionary));
@@ -218,6 +229,17 @@ impl Drive {
     /// Requests or releases safe torque off: removes the torque at once and latches a fault until a fault reset.
     pub fn set_safe_torque_off(&mut self, is_torque_off: bool) {
         self.observe(|monitor| monitor.inputs.is_torque_off = is_torque_off);
+    }
+
+    /// Sets whether controlwords are accepted without an effect.
+    pub fn set_ignores_controlword(&mut self, ignores: bool) {
+        self.device.touch(|axis, dictionary| axis.set_ignores_controlword(ignores, dictionary));
+    }
+
+    /// Writes the torque offset (60B2h) at the drive's service port, in ‰ of rated torque. Without the object nothing
+    /// happens.
+    pub fn set_torque_offset(&mut self, per_mille: i16) {
+        self.device.touch(|axis, dictionary| axis.set_torque_offset(per_mille, dictionary));
     }
 
     /// Sets the DC link voltage, in V: nominal 48, fault below 36 and above 60.

@@ -5,6 +5,7 @@
 use crate::actuator::ActuatorSettings;
 use crate::drive::status::natural;
 use canopen::dictionary::{Dictionary, Entry};
+use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
 
 /// Stores nameplate and factor group. One position unit is an encoder increment, gear and feed included.
@@ -18,6 +19,8 @@ pub(super) fn store(actuator: &ActuatorSettings, dictionary: &mut Dictionary) {
         (Object::VELOCITY_REVOLUTIONS, 1),
         (Object::FEED, increments),
         (Object::FEED_REVOLUTIONS, 1),
+        (Object::POSITION_UNIT, SiUnit::INCREMENTS.0),
+        (Object::VELOCITY_UNIT, SiUnit::RPM.0),
     ] {
         store_number(dictionary, object, value);
     }
@@ -160,7 +163,7 @@ mod tests {
     fn blank_values_of_real_data_sheets_are_filled() {
         let epos4 = delivered(include_bytes!("../../../eds/drives/maxon-epos4.eds"));
         assert_eq!(epos4.unsigned(Object::DEVICE_TYPE), SERVO_DRIVE);
-        assert_eq!(epos4.unsigned(Object::SUPPORTED_MODES), 0x38D, "no homing method, no mode 6");
+        assert_eq!(epos4.unsigned(Object::SUPPORTED_MODES), 0x3AD, "homing methods, so mode 6");
         assert_eq!(epos4.unsigned(Object::RATED_TORQUE), 317);
         assert!(epos4.entry(Object::ENCODER_INCREMENTS).is_none(), "absent objects stay absent");
         let nanotec = delivered(include_bytes!("../../../eds/drives/nanotec-cl4-e.eds"));

@@ -11,6 +11,7 @@ use canopen::frame::{COB_ID_MAX, Channel};
 use canopen::nmt;
 use canopen::object::Object;
 use canopen::station::Station;
+use canopen::sync;
 use faults::Service;
 use units::time::Instant;
 
@@ -36,6 +37,12 @@ pub trait Breakable: Station {
 
     /// Sets a drive's safe torque off input.
     fn set_safe_torque_off(&mut self, _is_on: bool) {}
+
+    /// Sets whether a drive's controlwords have no effect.
+    fn set_ignores_controlword(&mut self, _ignores: bool) {}
+
+    /// Writes a drive's torque offset (60B2h) at its service port, in ‰ of rated torque.
+    fn set_torque_offset(&mut self, _per_mille: i16) {}
 }
 
 /// Direction of a frame between a device and its bus.
@@ -74,6 +81,14 @@ impl Breakable for Drive {
 
     fn set_safe_torque_off(&mut self, is_on: bool) {
         self.set_safe_torque_off(is_on);
+    }
+
+    fn set_ignores_controlword(&mut self, ignores: bool) {
+        self.set_ignores_controlword(ignores);
+    }
+
+    fn set_torque_offset(&mut self, per_mille: i16) {
+        self.set_torque_offset(per_mille);
     }
 }
 
@@ -117,7 +132,11 @@ fn cob_id(
         (FromDevice, Service::Sdo) => Some(response_cob_id(node)),
         (ToDevice, Service::Sdo) => Some(request_cob_id(node)),
         // Bit 30 says that the device produces SYNC; it is masked away.
-        (ToDevice, Service::Sync) => valid(objects, Object::SYNC_COB_ID),
+        // Without the object the device consumes the SYNC of the predefined connection set.
+        (ToDevice, Service::Sync) => match objects.entry(Object::SYNC_COB_ID) {
+            Some(_) => valid(objects, Object::SYNC_COB_ID),
+            None => Some(sync::COB_ID),
+        },
         (ToDevice, Service::Nmt) => Some(nmt::COB_ID),
         (ToDevice, Service::Tpdo(_) | Service::Emergency | Service::Heartbeat)
         | (FromDevice, Service::Rpdo(_) | Service::Sync | Service::Nmt) => None,
@@ -130,4 +149,20 @@ fn valid(objects: &Dictionary, object: Object) -> Option<u16> {
     let raw = objects.unsigned(object);
     let is_used = raw >> 31 == 0;
     u16::try_from(raw & u32::from(COB_ID_MAX)).ok().filter(|_| is_used)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::eds::Eds;
+
+    #[test]
+    fn sync_is_lost_at_80h_where_1005h_is_absent() {
+        let eds = Eds::parse(include_bytes!("../../../eds/drives/elmo-gold.eds")).unwrap();
+        let node = NodeId::new(3).unwrap();
+        let objects = Dictionary::new(&eds, node);
+        assert!(objects.entry(Object::SYNC_COB_ID).is_none());
+        let lost = cob_id(node, &objects, Direction::ToDevice, Service::Sync);
+        assert_eq!(lost, Some(sync::COB_ID));
+    }
 }

@@ -182,7 +182,7 @@ impl Faults {
             Kind::Disconnection(how) => running.disconnect(how, devices),
             Kind::Device(what) => {
                 apply(now, fault, what, devices);
-                if what != DeviceFault::SafeTorqueOff {
+                if what.is_momentary() {
                     return;
                 }
             }
@@ -217,6 +217,9 @@ impl Faults {
                 Kind::Device(DeviceFault::SafeTorqueOff) if fault.target.has(place) => {
                     device.set_safe_torque_off(false);
                 }
+                Kind::Device(DeviceFault::ControlwordIgnored) if fault.target.has(place) => {
+                    device.set_ignores_controlword(false);
+                }
                 Kind::Disconnection(_)
                 | Kind::Frames(_)
                 | Kind::Imitation { .. }
@@ -250,6 +253,8 @@ fn apply(now: Instant, fault: Fault, what: DeviceFault, devices: &mut Devices<'_
             DeviceFault::Emergency { code, register } => device.send_emergency(code, register),
             DeviceFault::DriveFault(code) => device.fail_with(code),
             DeviceFault::SafeTorqueOff => device.set_safe_torque_off(true),
+            DeviceFault::ControlwordIgnored => device.set_ignores_controlword(true),
+            DeviceFault::TorqueOffset(per_mille) => device.set_torque_offset(per_mille),
         }
     }
 }

@@ -4,7 +4,7 @@
 //! and wraps.
 
 use crate::motion::Feedback;
-use crate::motion::units::{Units, wrapped};
+use crate::motion::units::Units;
 
 /// Shaft of the motor, as the encoder measures it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,7 +49,7 @@ impl Shaft {
 
     /// Converts an unwrapped position to position units.
     pub(super) fn position_units(&self, position: f64) -> i32 {
-        wrapped(self.units.position_units(position - self.zero))
+        self.units.shown(position - self.zero)
     }
 
     /// Converts position units to the unwrapped position in the same turn of the counter as `here`: the axis is

@@ -1,13 +1,16 @@
 //! Conversion between encoder increments and the master's units (CiA 402-2, factor group).
 //!
-//! One position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution, motor revolutions per
+//! 60A8h names the position unit. In increments, one position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution, motor revolutions per
 //! shaft revolution, feed per shaft revolution. Without 6092h the feed is 608Fh: the unit is an increment before the
 //! gear. Velocities are per s, with 6090h in place of 608Fh; accelerations are per s². 607Eh inverts the signs of
-//! positions and velocities, not of torques.
+//! positions and velocities, not of torques. In an angle, one revolution of the shaft behind 6091h has as many units as
+//! the angle says, whatever 608Fh and 6092h hold. 6093h of older dictionaries multiplies the increments of a unit. Positions
+//! wrap within 607Bh, unless it is 0 to 0.
 //!
 //! The encoder itself does not depend on 608Fh: index pulses and motor speeds are those of the motor.
 
 use canopen::dictionary::Dictionary;
+use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
 
 /// Factors of the factor group.
@@ -23,6 +26,8 @@ pub(super) struct Units {
     position_sign: f64,
     /// Sign of velocities, 1 or -1.
     velocity_sign: f64,
+    /// Lowest and highest position unit (607Bh), beyond which positions wrap; `None` for 32 bits.
+    range: Option<[f64; 2]>,
 }
 
 impl Default for Units {
@@ -34,6 +39,7 @@ impl Default for Units {
             velocity_scale: 1.0,
             position_sign: 1.0,
             velocity_sign: 1.0,
+            range: None,
         }
     }
 }
@@ -57,14 +63,22 @@ impl Units {
             ratio(dictionary, Object::GEAR_MOTOR_REVOLUTIONS, Object::GEAR_SHAFT_REVOLUTIONS)
                 .unwrap_or(1.0);
         let feed = ratio(dictionary, Object::FEED, Object::FEED_REVOLUTIONS).unwrap_or(turn);
+        let factor = ratio(dictionary, Object::POSITION_FACTOR, Object::POSITION_FACTOR_DIVISOR)
+            .unwrap_or(1.0);
+        let unit = dictionary.optional(Object::POSITION_UNIT).map(SiUnit);
+        let scale = match unit.and_then(SiUnit::per_revolution) {
+            Some(units) => self.encoder * gear / units,
+            None => turn * gear / feed,
+        };
         let polarity = dictionary.unsigned(Object::POLARITY);
         let sign = |bit: u32| if polarity & bit == 0 { 1.0 } else { -1.0 };
         *self = Self {
             encoder: self.encoder,
-            scale: turn * gear / feed,
+            scale: scale * factor,
             velocity_scale: velocity_turn * gear / feed,
             position_sign: sign(POSITION_POLARITY),
             velocity_sign: sign(VELOCITY_POLARITY),
+            range: range(dictionary),
         };
     }
 
@@ -76,6 +90,9 @@ impl Units {
             Object::GEAR_MOTOR_REVOLUTIONS,
             Object::FEED,
             Object::POLARITY,
+            Object::POSITION_FACTOR,
+            Object::POSITION_UNIT,
+            Object::MIN_POSITION_RANGE,
         ]
         .iter()
         .any(|factor| factor.index == object.index)
@@ -89,6 +106,17 @@ impl Units {
     /// Converts a distance in increments to position units.
     pub(super) fn position_units(&self, increments: f64) -> f64 {
         increments / self.scale * self.position_sign
+    }
+
+    /// Converts a distance from home in increments to the position that 6064h shows.
+    pub(super) fn shown(&self, increments: f64) -> i32 {
+        let units = self.position_units(increments);
+        match self.range {
+            Some([low, high]) => {
+                saturated(low + (units.round() - low).rem_euclid(high - low + 1.0))
+            }
+            None => wrapped(units),
+        }
     }
 
     /// Converts a velocity to increments/s.
@@ -128,6 +156,14 @@ fn ratio(dictionary: &Dictionary, over: Object, under: Object) -> Option<f64> {
         (0, _) | (_, 0) => 1.0,
         (over, under) => f64::from(over) / f64::from(under),
     })
+}
+
+/// Returns the position range (607Bh); `None` for 0 to 0, no range, or an absent one.
+fn range(dictionary: &Dictionary) -> Option<[f64; 2]> {
+    let ends = [Object::MIN_POSITION_RANGE, Object::MAX_POSITION_RANGE];
+    let [low, high] = ends.map(|end| dictionary.optional(end).map(u32::cast_signed));
+    let (low, high) = low.zip(high).filter(|(low, high)| low < high)?;
+    Some([low.into(), high.into()])
 }
 
 /// Polarity of positions, bit 7 of 607Eh.
@@ -184,6 +220,40 @@ mod tests {
         let units = Units::of(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(16_384.0 * 40.0), 360_000.0);
         assert_eq!(units.velocity(360_000.0), 16_384.0 * 40.0);
+    }
+
+    #[test]
+    fn angle_is_that_of_the_shaft_behind_the_gear() {
+        let mut dictionary = drive();
+        put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
+        put(&mut dictionary, Object::FEED, 360_000);
+        dictionary.set(Object::POSITION_UNIT, &0xFF41_0000_u32.to_le_bytes());
+        let units = Units::of(&dictionary, INCREMENTS);
+        assert_eq!(units.position_units(INCREMENTS * 40.0), 3_600.0);
+    }
+
+    #[test]
+    fn position_factor_is_increments_per_unit() {
+        let infranor = include_bytes!("../../../eds/drives/infranor-easy-ak.eds");
+        let eds = canopen::eds::Eds::parse(infranor).unwrap();
+        let mut dictionary = Dictionary::new(&eds, canopen::NodeId::new(1).unwrap());
+        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(900.0), 900.0, "4096:4096");
+        put(&mut dictionary, Object::POSITION_FACTOR_DIVISOR, 1_024);
+        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(900.0), 225.0);
+    }
+
+    #[test]
+    fn position_wraps_within_607bh() {
+        let mut dictionary = drive();
+        let shown = |dictionary: &Dictionary, increments| {
+            Units::of(dictionary, INCREMENTS).shown(increments)
+        };
+        assert_eq!(shown(&dictionary, -5.0), -5, "0 to 0 is no range");
+        put(&mut dictionary, Object::MIN_POSITION_RANGE, (-100_i32).cast_unsigned());
+        put(&mut dictionary, Object::MAX_POSITION_RANGE, 99);
+        for (increments, position) in [(99.0, 99), (100.0, -100), (-101.0, 99), (450.0, 50)] {
+            assert_eq!(shown(&dictionary, increments), position, "{increments}");
+        }
     }
 
     #[test]

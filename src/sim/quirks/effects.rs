@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::quirks::{FrameQuirks, Quirk, Quirks};
+use crate::quirks::{FrameQuirks, Quirk, Quirks, TorqueFilter};
 use canopen::abort::AbortCode;
 use canopen::device::{Application, Misbehaviour};
 use canopen::dictionary::Dictionary;
@@ -22,6 +22,8 @@ pub(crate) struct QuirkEffects {
     pub(crate) frames: FrameQuirks,
     /// Torque applied before the first command, in ‰ of rated torque.
     pub(crate) torque_at_start: Option<i16>,
+    /// Filter of torque actual (6077h).
+    pub(crate) torque_filter: Option<TorqueFilter>,
 }
 
 impl QuirkEffects {
@@ -32,13 +34,14 @@ impl QuirkEffects {
             misbehaviour: Misbehaviour::default(),
             frames: FrameQuirks::default(),
             torque_at_start: None,
+            torque_filter: None,
         };
         quirks.iter().for_each(|quirk| effects.add(quirk, node));
         effects
     }
 
     fn add(&mut self, quirk: Quirk, node: NodeId) {
-        let Self { dictionary, misbehaviour, frames, torque_at_start } = self;
+        let Self { dictionary, misbehaviour, frames, torque_at_start, torque_filter } = self;
         match quirk {
             Quirk::DeafToMaster => self.confirm_and_discard(Object::CONSUMER_HEARTBEAT, &[0; 4]),
             Quirk::KeepsTorque => self.confirm_and_discard(Object::ABORT_CONNECTION, &[0; 2]),
@@ -73,6 +76,7 @@ impl QuirkEffects {
             }
             Quirk::LostSdoReply(number) => frames.lost_response = Some(number),
             Quirk::SlowFirstAnswer(time) => frames.first_response_delay = time,
+            Quirk::FilteredTorque(percent) => *torque_filter = Some(TorqueFilter::new(percent)),
             Quirk::PolarityReversed | Quirk::Stored(..) => {
                 if let Some((object, value)) = quirk.stores() {
                     dictionary.set_default_number(object, value);

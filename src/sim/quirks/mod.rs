@@ -8,12 +8,14 @@ mod assignment;
 mod effects;
 mod name;
 mod quirk;
+mod torque_filter;
 mod transmit_path;
 
 pub use assignment::{QuirkAssignment, UnknownJoint};
 pub(super) use effects::{QuirkEffects, start_running};
 pub use name::UnknownQuirk;
 pub use quirk::Quirk;
+pub(super) use torque_filter::TorqueFilter;
 pub(super) use transmit_path::{FrameQuirks, TransmitPath};
 
 /// Quirks of one drive.

@@ -55,7 +55,7 @@ pub enum UnknownQuirk {
 
 impl Quirk {
     /// Names of all quirks.
-    pub const NAMES: [&'static str; 24] = [
+    pub const NAMES: [&'static str; 25] = [
         DEAF_TO_MASTER,
         KEEPS_TORQUE,
         HOLDS_TORQUE,
@@ -79,6 +79,7 @@ impl Quirk {
         LOST_SDO_REPLY,
         POLARITY_REVERSED,
         SLOW_FIRST_ANSWER,
+        FILTERED_TORQUE,
         STORED,
     ];
 
@@ -108,6 +109,7 @@ impl Quirk {
             Self::LostSdoReply(_) => LOST_SDO_REPLY,
             Self::PolarityReversed => POLARITY_REVERSED,
             Self::SlowFirstAnswer(_) => SLOW_FIRST_ANSWER,
+            Self::FilteredTorque(_) => FILTERED_TORQUE,
             Self::Stored(..) => STORED,
         }
     }
@@ -138,6 +140,7 @@ impl Quirk {
             LOST_SDO_REPLY => Self::LostSdoReply(10),
             POLARITY_REVERSED => Self::PolarityReversed,
             SLOW_FIRST_ANSWER => Self::SlowFirstAnswer(Duration::from_millis(1_500)),
+            FILTERED_TORQUE => Self::FilteredTorque(5),
             STORED => Self::Stored(Object::GEAR_MOTOR_REVOLUTIONS, 2),
             _ => return None,
         })
@@ -166,6 +169,10 @@ impl Quirk {
             }
             Self::SlowFirstAnswer(_) => {
                 number(name, value, SLOW_MS, " ms").map(millis).map(Self::SlowFirstAnswer)
+            }
+            Self::FilteredTorque(_) => {
+                let percent = number(name, value, TORQUE_ERROR, " %")?;
+                Ok(Self::FilteredTorque(i8::try_from(percent).unwrap_or(0)))
             }
             Self::Stored(..) => {
                 let wrong = || UnknownQuirk::Stored { name, value: value.to_owned() };
@@ -221,6 +228,7 @@ impl fmt::Display for Quirk {
             Self::LostSdoReply(reply) => write!(f, ":{reply}"),
             Self::Stored(object, value) => write!(f, ":{object}={value}"),
             Self::RunningAtStart(torque) => write!(f, ":{torque}"),
+            Self::FilteredTorque(percent) => write!(f, ":{percent}"),
             Self::Forgetful(object) => write!(f, ":{object}"),
             Self::DeafToMaster
             | Self::KeepsTorque
@@ -263,10 +271,10 @@ fn object(text: &str) -> Option<Object> {
     Some(Object { index, sub: sub.parse().ok()? })
 }
 
-/// Parses an object and its value, decimal or with `0x`.
+/// Parses an object and its value: decimal, with `0x`, or hexadecimal with the suffix `h` of CiA 301.
 fn stored(text: &str) -> Option<(Object, u32)> {
     let (name, value) = text.split_once('=')?;
-    let value = match value.strip_prefix("0x") {
+    let value = match value.strip_prefix("0x").or_else(|| value.strip_suffix('h')) {
         Some(digits) if digits.bytes().all(|digit| digit.is_ascii_hexdigit()) => {
             u32::from_str_radix(digits, 16).ok()?
         }
@@ -284,6 +292,9 @@ const LATE_MS: RangeInclusive<i32> = 1..=60_000;
 const REPLY: RangeInclusive<i32> = 1..=1_000_000;
 /// Range of the torque of `running-at-start`, in ‰ of rated torque.
 const TORQUE: RangeInclusive<i32> = -1_000..=1_000;
+
+/// Range of the error of torque actual of `filtered-torque`, in %.
+const TORQUE_ERROR: RangeInclusive<i32> = -20..=20;
 
 const DEAF_TO_MASTER: &str = "deaf-to-master";
 const KEEPS_TORQUE: &str = "keeps-torque";
@@ -308,6 +319,7 @@ const NO_RTR: &str = "no-rtr";
 const LOST_SDO_REPLY: &str = "lost-sdo-reply";
 const POLARITY_REVERSED: &str = "polarity-reversed";
 const SLOW_FIRST_ANSWER: &str = "slow-first-answer";
+const FILTERED_TORQUE: &str = "filtered-torque";
 const STORED: &str = "stored";
 
 #[cfg(test)]
@@ -328,11 +340,15 @@ mod tests {
             "forgetful:1016h:1",
             "lost-sdo-reply:7",
             "slow-first-answer:4000",
+            "filtered-torque:-5",
             "stored:6076h=176000",
+            "stored:60A8h=4282449920",
         ] {
             assert_eq!(text.parse::<Quirk>().unwrap().to_string(), text);
         }
         assert_eq!("stored:607Eh=0x80".parse(), Ok(Quirk::Stored(Object::POLARITY, 0x80)));
+        let unit = Quirk::Stored(Object::POSITION_UNIT, 0xFF41_0000);
+        assert_eq!("stored:60A8h=FF410000h".parse(), Ok(unit));
         assert_eq!("forgetful:6007h".parse(), Ok(Quirk::Forgetful(Object::ABORT_CONNECTION)));
     }
 

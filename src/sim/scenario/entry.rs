@@ -67,6 +67,8 @@ fn read(kind: &str, at_s: f64, seconds: f64, keys: &mut Keys) -> Result<Fault, M
         "emergency" => emergency(keys)?,
         "fault" => (drive(keys)?, Kind::Device(DeviceFault::DriveFault(code(keys)?.unwrap_or(0)))),
         "sto" => (drive(keys)?, Kind::Device(DeviceFault::SafeTorqueOff)),
+        "controlword_ignored" => (drive(keys)?, Kind::Device(DeviceFault::ControlwordIgnored)),
+        "torque_offset" => torque_offset(keys)?,
         "encoder_jump" => encoder_jump(keys)?,
         "encoder_frozen" => (drive(keys)?, Kind::Sensor(SensorFault::PositionFrozen)),
         "torque_actual_scale" => torque_actual_scale(keys)?,
@@ -244,6 +246,13 @@ fn torque_actual_scale(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
     Ok((drive(keys)?, Kind::Sensor(SensorFault::TorqueScaled(factor))))
 }
 
+fn torque_offset(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
+    let per_mille =
+        keys.whole("per_mille", "-1000 to 1000", |one: &i16| (-1_000..=1_000).contains(one))?;
+    let per_mille = keys.needed("per_mille", per_mille)?;
+    Ok((drive(keys)?, Kind::Device(DeviceFault::TorqueOffset(per_mille))))
+}
+
 fn input(keys: &mut Keys) -> Result<Input, Misplaced> {
     let input = keys.word("switch", "deadman_a, deadman_b, reference or reflection", |word| {
         Input::ALL.iter().find(|(name, _)| *name == word).map(|(_, input)| *input)
@@ -362,6 +371,10 @@ mod tests {
             ("kind = \"emergency\", joint = 1, code = 0x4210", "joint 1: emergency 4210h"),
             ("kind = \"fault\", joint = 1", "joint 1: fault 0000h"),
             ("kind = \"sto\", joint = 1", "joint 1: safe torque off"),
+            (
+                "kind = \"torque_offset\", joint = 1, per_mille = -300",
+                "joint 1: torque offset of -300 ‰",
+            ),
             ("kind = \"encoder_jump\", joint = 1, by_rad = 1", "joint 1: encoder off by 1 rad (m)"),
             ("kind = \"encoder_frozen\", joint = 1", "joint 1: encoder frozen"),
             (

@@ -64,6 +64,10 @@ fn kind_and_keys(kind: &Kind) -> (&'static str, Vec<(&'static str, Value)>) {
             ("fault", vec![("code", i64::from(*code).into())])
         }
         Kind::Device(DeviceFault::SafeTorqueOff) => ("sto", Vec::new()),
+        Kind::Device(DeviceFault::ControlwordIgnored) => ("controlword_ignored", Vec::new()),
+        Kind::Device(DeviceFault::TorqueOffset(per_mille)) => {
+            ("torque_offset", vec![("per_mille", i64::from(*per_mille).into())])
+        }
         Kind::Sensor(SensorFault::PositionOffset(by)) => {
             ("encoder_jump", vec![("by_rad", (*by).into())])
         }

@@ -7,8 +7,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
+use crate::nameplate::units::Units;
 use crate::nameplate::{Nameplate, Rating, Ratio};
 use crate::plan::{Revisions, Timeouts};
+use crate::setting::OFFSETS;
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::{Scripted, first_boot, stamp};
 
@@ -577,6 +579,31 @@ fn refused_value_of_a_means_counts_as_its_absence() {
 }
 
 #[test]
+fn offsets_are_cleared_or_compared_or_absent() {
+    let plan = elbow();
+    for object in OFFSETS {
+        let mut device = Scripted::suiting(&plan);
+        assert!(
+            boot(&plan, &mut device).0.is_ok() && device.objects[&object].iter().all(|it| *it == 0)
+        );
+        let mut device = Scripted::suiting(&plan);
+        device.objects.remove(&object);
+        assert!(boot(&plan, &mut device).0.is_ok(), "{object} absent");
+        let mut device = Scripted::suiting(&plan);
+        device.refuses.insert(object, AbortCode::READ_ONLY);
+        let text = failure(&plan, &mut device);
+        assert!(
+            text.contains(": an offset acts from enabling on; clear it with the maker's tool"),
+            "{text}"
+        );
+        device.objects.get_mut(&object).unwrap().fill(0);
+        assert!(boot(&plan, &mut device).0.is_ok(), "{object} read only, and zero");
+        device.refuses.insert(object, AbortCode::GENERAL_ERROR);
+        assert!(failure(&plan, &mut device).contains("clear it with the maker's tool"), "{object}");
+    }
+}
+
+#[test]
 fn upload_without_an_answer_is_repeated_once() {
     let plan = elbow();
     for object in [Object::VENDOR_ID, Object::MAX_TORQUE, Object::MODE_DISPLAY] {
@@ -614,6 +641,8 @@ fn rated() -> (NodePlan, Scripted) {
         feed: vec![Ratio::ONE],
         rated_current: None,
         rated_torque: Rating { value: 176.5, unit: "mN·m" },
+        capacity: None,
+        units: Units::default(),
         modes: None,
     };
     let plan = NodePlan { nameplate: Some(nameplate), ..elbow() };

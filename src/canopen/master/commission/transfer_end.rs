@@ -10,9 +10,11 @@ use crate::master::commission::{
 };
 use crate::master::steps::{Action, Stage, Step};
 use crate::nameplate::Held;
+use crate::nameplate::units::is_outdated;
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::sdo::{Content, Outcome, SdoError};
+use crate::setting::OFFSETS;
 use units::time::Instant;
 
 impl Boot {
@@ -75,6 +77,9 @@ impl Boot {
             Err(SdoError::AbortedByServer(code)) if has_written && self.keeps_mapping(code) => {
                 self.take_step(now, out)
             }
+            Err(SdoError::AbortedByServer(AbortCode::READ_ONLY)) if self.compares_offset() => {
+                self.take_step(now, out)
+            }
             Err(SdoError::AbortedByServer(code))
                 if action == Action::WriteIfAccepted && code.refuses_value() =>
             {
@@ -134,6 +139,11 @@ impl Boot {
                 self.repeats = 0;
                 self.next_step(now, out)
             }
+            // No dictionary since CiA 402-2 has these: a vague abort means that the node has none either.
+            Err(SdoError::AbortedByServer(AbortCode::GENERAL_ERROR)) if is_outdated(object) => {
+                self.repeats = 0;
+                self.next_step(now, out)
+            }
             // Sign and scale are never assumed: an object that cannot be read is not taken for absent.
             Err(error) => self.fail(Problem::of_transfer(object, error)),
         }
@@ -151,6 +161,17 @@ impl Boot {
             }
             Some(_) | None => false,
         }
+    }
+
+    /// Compares an offset that the node does not let be written by SDO, as some take it by PDO alone; returns whether the
+    /// current step has written one.
+    fn compares_offset(&mut self) -> bool {
+        let Some(Step::Object(action, check)) = self.steps.get_mut(self.at) else { return false };
+        let is_offset = action.writes() && OFFSETS.contains(&check.object);
+        if is_offset {
+            *action = Action::CompareIfPresent;
+        }
+        is_offset
     }
 
     /// Repeats the current transfer.

@@ -1,11 +1,13 @@
 //! Adapters, buses, the process and the host; frames of other masters.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use crate::campaign::criterion::Criterion;
 use crate::campaign::injection::{Conditions, Injection};
 use crate::campaign::kind::{KILLED, Kind, NO_CAUSE, kind};
 use crate::campaign::random::Random;
+use crate::campaign::timers;
 use canopen::frame::{Channel, Frame};
 use canopen::layout::Direction;
 use canopen::nmt::Order;
@@ -28,13 +30,13 @@ pub(super) const KINDS: &[Kind] = &[
         22,
         "adapter stalls",
         &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
-        |random, at| stalled(random, at, 10_000, abandoned(at)),
+        |random, at| stalled(random, at, long_stall(at)..5 * long_stall(at), abandoned(at)),
     ),
     kind(
         22,
         "adapter stalls for a moment",
         &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
-        |random, at| stalled(random, at, 0, BRIEF_STALL),
+        |random, at| stalled(random, at, 0..long_stall(at), BRIEF_STALL),
     ),
     kind(23, "bus-off", &[Cause::BusOff], |random, at| {
         disturbed(random, at, Disturbance::BusOff, abandoned(at))
@@ -112,19 +114,25 @@ fn disturbed(
 }
 
 /// Too short for the drives. Nothing takes back what waits in the adapter: it acts at the SYNC behind it, for at most
-/// a drive's RPDO timer.
+/// the time of a drive's own timer.
 const BRIEF_STALL: Criterion =
-    Criterion::Either("late frames may act until the drives' RPDO timers run out");
+    Criterion::Either("late frames may act until the drives' own timers run out");
 
-/// Lasts for `least` µs or more; queued frames come out at the end.
+/// Returns a stall, in µs, in which every drive stops by its own timer: 10 ms at least.
+fn long_stall(at: &Conditions<'_>) -> u64 {
+    let micros = timers::slowest(at.config).as_micros();
+    u64::try_from(micros).unwrap_or(u64::MAX).max(10_000)
+}
+
+/// Lasts for a number of µs in `range`; queued frames come out at the end.
 fn stalled(
     random: &mut Random,
     at: &Conditions<'_>,
-    least: u64,
+    range: Range<u64>,
     criterion: Criterion,
 ) -> Injection {
     let channel = channel(random, at);
-    let span = Duration::from_micros(least + random.below(least.saturating_mul(4).max(10_000)));
+    let span = Duration::from_micros(range.start + random.below(range.end - range.start));
     let fault = Fault::of_bus(at.onset, channel, Disturbance::AdapterStalled).lasting(span);
     Injection::of([Entry::Fault(fault)], criterion)
 }

@@ -4,15 +4,17 @@ use std::time::Duration;
 
 use crate::campaign::criterion::Criterion;
 use crate::campaign::injection::{Conditions, Injection};
-use crate::campaign::kind::{Kind, engaged, in_contact, kind};
+use crate::campaign::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind, ready};
 use crate::campaign::random::{Random, rounded};
 use canopen::frame::Frame;
 use canopen::object::Object;
+use canopen::watchdog::Awaited;
 use canopen::{error_codes, layout};
 use faults::{
     DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
 };
 use node::cause::Kind as Cause;
+use sim::quirks::Quirk;
 use sim::scenario::Entry;
 use sim::scenario::operator::Move;
 use units::numbering::Joint;
@@ -59,6 +61,8 @@ pub(super) const KINDS: &[Kind] = &[
         device(at, Target::SwitchBox, DeviceFault::Reboot)
     }),
     engaged(10, "torque actual wrong", &[Cause::TorqueDiffers], torque_scaled),
+    ready(10, "torque before arming", UNARMED_TORQUE, torque_before_arming),
+    armed(10, "stored torque offset", NO_CAUSE, stored_offset),
     kind(12, "encoder jumps", &[Cause::PositionJumped], encoder_jump),
     engaged(5, "encoder frozen", &[Cause::PositionFrozen], encoder_frozen),
     in_contact(5, "encoder frozen in motion", &[Cause::PositionFrozen], frozen_in_motion),
@@ -90,13 +94,27 @@ fn heartbeat_lost(at: &Conditions<'_>, target: Target) -> Injection {
 /// COB-ID of a heartbeat, before the node-ID is added.
 const HEARTBEAT: u16 = 0x700;
 
-/// One heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive itself goes on.
+/// Toggle bit of an answer to node guarding (CiA 301, 7.2.8.2.2.1).
+const TOGGLE: u8 = 0x80;
+
+/// One heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive itself goes on. An answer
+/// of a guarded node counts if its toggle bit has changed, so that one with either bit is sent.
 fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injection {
-    let joint = random.joint().entry(&at.config.joints);
+    let number = random.joint();
+    let joint = number.entry(&at.config.joints);
     let state = if random.coin() { 0x04 } else { 0x7F };
-    let frame = Frame::new(HEARTBEAT + u16::from(joint.node.raw()), [state]);
-    let fault = FaultKind::ForeignFrame { frame, period: None };
-    Injection::of([at.fault(Target::Bus(joint.channel), fault)], Criterion::Stop(at.limit()))
+    let plans = at.config.node_plans();
+    let is_guarded = plans
+        .get(number.index())
+        .is_some_and(|(_, plan)| plan.watchdog(Awaited::Guarding).is_some());
+    let answers: &[u8] = if is_guarded { &[state, state | TOGGLE] } else { &[state] };
+    let cob_id = HEARTBEAT + u16::from(joint.node.raw());
+    let faults = answers.iter().map(|answer| {
+        let frame = Frame::new(cob_id, [*answer]);
+        let fault = FaultKind::ForeignFrame { frame, period: None };
+        at.fault(Target::Bus(joint.channel), fault)
+    });
+    Injection::of(faults.collect::<Vec<_>>(), Criterion::Stop(at.limit()))
 }
 
 fn device(at: &Conditions<'_>, target: Target, fault: DeviceFault) -> Injection {
@@ -159,6 +177,52 @@ fn torque_scaled(random: &mut Random, at: &Conditions<'_>) -> Injection {
         .observed_for(Duration::from_millis(600))
 }
 
+/// Causes by which a torque without a command is noticed.
+const UNARMED_TORQUE: &[Cause] = &[
+    Cause::TorqueDiffers,
+    Cause::TargetNotTaken,
+    Cause::Overspeed,
+    Cause::GripOverspeed,
+    Cause::BeyondLimit,
+];
+
+/// Returns whether a drive has a torque offset (60B2h).
+fn has_offset(at: &Conditions<'_>, joint: Joint) -> bool {
+    joint.entry(&at.config.joints).eds.object(Object::TORQUE_OFFSET).is_some()
+}
+
+/// Returns a torque offset of 25 to 50 % of rated torque.
+fn offset(random: &mut Random) -> i16 {
+    let per_mille = i16::try_from(250 + random.below(250)).unwrap_or(250);
+    if random.coin() { per_mille } else { -per_mille }
+}
+
+/// Time from zero torque until the drives are off, and for the last controlword.
+const OFF_TIME: Duration = Duration::from_millis(115);
+
+/// The drive pushes although its target is zero, which ends when the power stages are switched off after the stop.
+fn torque_before_arming(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let (joint, offset) = (random.joint(), offset(random));
+    let fault =
+        at.fault(Target::Joint(joint), FaultKind::Device(DeviceFault::TorqueOffset(offset)));
+    let noticed = at.limit().max(at.cycles(216));
+    let within = noticed + OFF_TIME;
+    let criterion = match has_offset(at, joint) {
+        true => Criterion::TorqueFree(within),
+        false => Criterion::GoesOn,
+    };
+    Injection::of([fault], criterion).observed_for(Duration::from_millis(600))
+}
+
+/// A drive has held a torque offset since before its boot: it is written 0 and read back, so that no torque acts before
+/// arming, and none but the targets afterwards.
+fn stored_offset(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let (joint, offset) = (random.joint(), offset(random));
+    let stored = Quirk::Stored(Object::TORQUE_OFFSET, u32::from(offset.cast_unsigned()));
+    let quirk = has_offset(at, joint).then_some((joint, stored));
+    Injection { quirk, ..Injection::of([], Criterion::GoesOn) }
+}
+
 /// The first wrong position is discarded; the limit counts from the second.
 fn encoder_jump(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let sign = if random.coin() { 1.0 } else { -1.0 };
@@ -176,9 +240,10 @@ fn encoder_frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
         .observed_for(Duration::from_millis(800))
 }
 
-/// The elevation, which carries the arm, freezes while the hand moves it and its neighbour.
+/// The elevation, which carries the arm, freezes while the hand moves it and its neighbour. Far and fast enough that even
+/// the torque of a light arm's elevation changes by a tenth, slowly enough that the grip is not too fast.
 fn frozen_in_motion(_: &mut Random, at: &Conditions<'_>) -> Injection {
-    let movement = Move::new(at.onset_s(), 1.0, [0.1, 0.0, -0.05]);
+    let movement = Move::new(at.onset_s(), 0.6, [0.12, 0.0, 0.05]);
     let (elevation, after) = (Joint::of::<2>(), Duration::from_millis(100));
     let frozen = at.fault_after(after, Target::Joint(elevation), FROZEN);
     let criterion = where_loaded(at, elevation, at.limit() + after);

@@ -6,8 +6,12 @@ use crate::campaign::criterion::Criterion;
 use crate::campaign::injection::{Conditions, Injection};
 use crate::campaign::kind::{Kind, NO_CAUSE, kind};
 use crate::campaign::random::{Random, rounded};
+use crate::campaign::timers;
+use canopen::error_codes;
+use canopen::layout::{Direction, Pdo};
+use canopen::object::Object;
 use config::Layout;
-use faults::{Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
+use faults::{DeviceFault, Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
 use node::cause::Kind as Cause;
 use sim::scenario::Entry;
 use units::numbering::Joint;
@@ -24,13 +28,14 @@ pub(super) const KINDS: &[Kind] = &[
     kind(4, "TPDO late by more", LOSSES, late),
     kind(4, "TPDOs overtake each other", OUT_OF_ORDER, reordered),
     kind(4, "TPDOs grow old", &[Cause::SamplesOverdue], growing_delay),
-    kind(5, "TPDO frozen", &[Cause::PositionFrozen], frozen),
+    kind(5, "TPDO frozen", &[Cause::PositionFrozen, Cause::TorqueDiffers], frozen),
     kind(6, "TPDO twice", &[Cause::Duplicate], |random, at| {
         of_tpdo(random, at, Effect::Duplicate, second_node(at))
     }),
     kind(6, "two drives of one node-id", TWO_DRIVES, imitated),
     kind(12, "TPDO corrupted", &[Cause::PositionJumped], corrupted),
-    kind(13, "RPDO lost", &[Cause::Emergency, Cause::DriveLeft], rpdo_lost),
+    kind(13, "RPDO lost", COMMANDS_LOST, rpdo_lost),
+    kind(13, "controlword lost", COMMANDS_LOST, controlword_lost),
     kind(13, "one RPDO lost", NO_CAUSE, |random, at| one_lost(random, at, RPDO)),
 ];
 
@@ -170,9 +175,52 @@ fn corrupted(random: &mut Random, at: &Conditions<'_>) -> Injection {
     Injection::of([frames(at, joint, fault)], Criterion::Stop(at.limit() + at.cycles(1)))
 }
 
-/// The drive stops by its own timer; its emergency stops the others two cycles later.
+/// A drive without its RPDOs stops by its timer, or the node finds that it holds its target.
+const COMMANDS_LOST: &[Cause] =
+    &[Cause::Emergency, Cause::DriveLeft, Cause::TargetNotTaken, Cause::TorqueDiffers];
+
+/// The drive stops by its own timer, and its emergency stops the others two cycles later. Without that timer it holds its
+/// target until the node finds that, and switches it off by SDO.
 fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
-    let fault = frames(at, random.joint(), FrameFault::of(RPDO, Effect::Drop));
-    let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms));
-    Injection::of([fault], Criterion::Stop(timer + at.cycles(2)))
+    let joint = random.joint();
+    let fault = frames(at, joint, FrameFault::of(RPDO, Effect::Drop));
+    if at.has_rpdo_timer(joint) {
+        let within = at.limit_for(joint) + at.cycles(2);
+        return Injection::of([fault], Criterion::Stop(within));
+    }
+    let by_sdo = timers::power_off_by_sdo(at.config) + at.cycles(4);
+    let within = at.limit_for(joint) + by_sdo;
+    let injection = Injection::of([fault], Criterion::TorqueFree(within));
+    Injection { cut_off: Some(joint), loses_commands: true, ..injection }
+        .observed_for(Duration::from_millis(500))
+}
+
+/// Returns the RPDO with a drive's controlword, from 1.
+fn controlword_rpdo(at: &Conditions<'_>, joint: Joint) -> Service {
+    let plans = at.config.node_plans();
+    let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos).unwrap_or_default();
+    let is_it = |pdo: &&Pdo| {
+        let mapping = pdo.service.as_ref().map(|service| &*service.mapping).unwrap_or_default();
+        let has_word = mapping.iter().any(|mapped| mapped.object == Object::CONTROLWORD);
+        pdo.direction == Direction::Receive && has_word
+    };
+    Service::Rpdo(pdos.iter().find(is_it).map_or(1, |pdo| pdo.number))
+}
+
+/// Another drive's emergency stops the node while a drive receives no controlword. With one PDO each way it receives no
+/// target either, and ends its torque by its RPDO timer, or is switched off 100 ms after the stop.
+fn controlword_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let (joint, other) = (random.joint(), random.joint());
+    let service = controlword_rpdo(at, joint);
+    let lost = frames(at, joint, FrameFault::of(service, Effect::Drop));
+    let after = random.duration(0.001, 0.02);
+    let emergency = DeviceFault::Emergency { code: error_codes::OVER_CURRENT, register: 1 };
+    let emergency =
+        Entry::Fault(at.fault_after(after, Target::Joint(other), FaultKind::Device(emergency)));
+    let stopped = after + at.limit_of(7) + at.cycles(2);
+    let held = Duration::from_millis(100) + timers::power_off_by_sdo(at.config) + at.cycles(4);
+    let receives_targets = service != RPDO;
+    let free = if receives_targets { at.cycles(1) } else { held };
+    let injection = Injection::of([lost, emergency], Criterion::TorqueFree(stopped + free));
+    Injection { loses_commands: true, ..injection }.observed_for(Duration::from_millis(300))
 }

@@ -15,7 +15,7 @@ use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry};
 
 pub(super) const KINDS: &[Kind] = &[
-    in_contact(11, "hand too fast", &[Cause::GripOverspeed], too_fast),
+    in_contact(11, "hand too fast", &[Cause::GripOverspeed, Cause::Overspeed], too_fast),
     engaged(33, "wrench not finite", &[Cause::LinkLost], not_finite),
     engaged(33, "wrench too large", &[Cause::LinkLost], too_large),
     engaged(33, "wrench large, but valid", NO_CAUSE, large),
@@ -82,9 +82,12 @@ fn link_briefly_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
 /// The onset is when the grip reaches 1 m/s; two cycles until that is measured.
 fn too_fast(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let duration_s = seconds(random.duration(0.08, 0.1));
-    let y = if random.coin() { 0.1 } else { -0.1 };
+    // Far enough for the heaviest grip.
+    let y = if random.coin() { 0.2 } else { -0.2 };
     let movement = Move::new(at.onset_s(), duration_s, [0.0, y, 0.0]);
-    let criterion = Criterion::Stop(at.limit() + at.cycles(2));
+    // The plant's own speed is the onset: up to a cycle before its next sample. The watch takes the mean of two cycles, which
+    // is one cycle old, and the targets follow in theirs.
+    let criterion = Criterion::Stop(at.limit() + at.cycles(3));
     let injection = Injection::of([Entry::Move(movement)], criterion);
     Injection { onset_speed: Some(1.0), ..injection }.observed_for(Duration::from_millis(300))
 }

@@ -82,6 +82,6 @@ impl Age {
 }
 
 /// Returns the greatest age of a target that is not stale.
-pub(super) fn stale(period: Duration) -> Duration {
+pub(in crate::campaign) fn stale(period: Duration) -> Duration {
     period * MAX_AGE
 }

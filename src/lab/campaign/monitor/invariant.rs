@@ -1,4 +1,4 @@
-//! The twelve invariants, and their violations.
+//! The thirteen invariants, and their violations.
 
 use std::fmt;
 
@@ -32,11 +32,13 @@ pub enum Invariant {
     Together,
     /// I12: zero torque, then disabled, then NMT.
     Shutdown,
+    /// I13: no controlword by SDO, and no NMT stop of a single node, for a drive that reports its power stage off.
+    LastResort,
 }
 
 impl Invariant {
     /// All invariants, by their numbers.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Cap,
         Self::Slew,
         Self::Permitted,
@@ -49,6 +51,7 @@ impl Invariant {
         Self::NoBurst,
         Self::Together,
         Self::Shutdown,
+        Self::LastResort,
     ];
 
     /// Returns its number, from 1.

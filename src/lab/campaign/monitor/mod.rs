@@ -1,4 +1,4 @@
-//! The monitor: receives every complete frame with its sender, and checks the invariants I1 to I12.
+//! The monitor: receives every complete frame with its sender, and checks the invariants I1 to I13.
 //!
 //! It decodes frames by itself, from the configuration alone, and never asks the node. Answers of the console are
 //! reported to it, as to an operator. It changes nothing that the node can see.
@@ -9,7 +9,7 @@
 //! | `rhythm`    | times of frames: I5, I7, I10                      |
 //! | `grip`      | engagement by the deadman: I3                     |
 //! | `age`       | age of targets on the wire                        |
-//! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12 |
+//! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
 //! | `watch`     | timers that stop a drive, as it has proven them   |
 //! | `sheet`     | the configuration, as the monitor reads it        |
 //! | `invariant` | names of the invariants, and their violations     |
@@ -25,6 +25,7 @@ mod tests;
 mod torque;
 mod watch;
 
+pub(super) use age::stale;
 pub use invariant::{Invariant, Violation};
 pub use rhythm::Exemption;
 
@@ -42,6 +43,7 @@ use bus::Tap;
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// An answer of the console to a request that it has granted.
@@ -156,7 +158,12 @@ impl Monitor {
 
     /// Returns whether a target of this age is stale.
     pub fn is_stale(&self, age: Duration) -> bool {
-        age > age::stale(self.sheet.period)
+        age > stale(self.sheet.period)
+    }
+
+    /// Returns the last target sent to a joint, in ‰ of rated torque.
+    pub fn target(&self, joint: Joint) -> i16 {
+        self.order.target(joint)
     }
 
     /// Returns the time since which every target is zero.
@@ -192,7 +199,9 @@ impl Tap for Monitor {
         self.order.on_wire(&self.sheet, at, (telegram.channel, &telegram.frame));
         if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
             self.torque.on_tpdo(at, &sample);
-            self.order.on_tpdo(&sample);
+            // A process that does not run discards what comes meanwhile.
+            let is_received = !self.rhythm.is_process_exempt(at);
+            self.order.on_tpdo(at, &sample, is_received);
             self.grip.on_tpdo(&sample);
         }
     }

@@ -1,4 +1,4 @@
-//! Order of the node's commands to each device: I6, I8, I9 and I12.
+//! Order of the node's commands to each device: I6, I8, I9, I12 and I13.
 
 use crate::campaign::monitor::invariant::{Invariant, Violations};
 use crate::campaign::monitor::sheet::{ERROR_CONTROL, Member, SDO_REPLY, SDO_REQUEST, Sheet};
@@ -39,6 +39,8 @@ struct Known {
     booted: Option<Instant>,
     proof: Proof,
     state: Option<State>,
+    /// Time since which it reports that its power stage is off.
+    off_since: Option<Instant>,
     target: i16,
     controlword: u16,
 }
@@ -47,6 +49,22 @@ impl Known {
     /// Returns whether it was proven to stop by every timer that it has.
     const fn is_proven(&self, member: &Member) -> bool {
         self.proof.covers(&member.watched)
+    }
+
+    /// Checks a command by which the node switches off a drive that does not follow its RPDO (I13): it must not have
+    /// reported that it is off two periods ago.
+    fn check_last_resort(
+        &self,
+        sheet: &Sheet,
+        at: Instant,
+        (member, how): (&Member, &str),
+        violations: &mut Violations,
+    ) {
+        let is_known = self.off_since.is_some_and(|since| at.since(since) > sheet.period * 2);
+        if self.is_started && is_known {
+            let what = format!("node {} is {how}, and has reported off", member.node.raw());
+            violations.add(Invariant::LastResort, at, what);
+        }
     }
 
     /// Returns the reason for which it must not be started.
@@ -108,10 +126,17 @@ impl Order {
     }
 
     /// Takes a TPDO with a statusword.
-    pub(super) fn on_tpdo(&mut self, sample: &TpdoSample) {
+    pub(super) fn on_tpdo(&mut self, at: Instant, sample: &TpdoSample, is_received: bool) {
         if let Some((known, word)) = self.nodes.get_mut(sample.node.0).zip(sample.statusword) {
             known.state = word.state();
+            let is_off = is_received && known.state.is_some_and(is_off);
+            known.off_since = is_off.then(|| known.off_since.unwrap_or(at));
         }
+    }
+
+    /// Returns the last target of a joint.
+    pub(super) fn target(&self, joint: Joint) -> i16 {
+        self.nodes.get(joint.index()).map_or(0, |known| known.target)
     }
 
     /// Returns whether a drive reports that it acts on no target.
@@ -184,10 +209,13 @@ impl Order {
         (channel, frame): (Channel, &Frame),
         violations: &mut Violations,
     ) {
-        let Some(Nmt { command, node }) = Nmt::decode(frame) else { return };
+        let Some(Nmt { command, node: addressed }) = Nmt::decode(frame) else { return };
         for (member, known) in sheet.nodes.iter().zip(&mut self.nodes) {
-            if member.channel != channel || node.is_some_and(|node| node != member.node) {
+            if member.channel != channel || addressed.is_some_and(|node| node != member.node) {
                 continue;
+            }
+            if command == NmtCommand::StopRemoteNode && addressed.is_some() {
+                known.check_last_resort(sheet, at, (member, "stopped by NMT"), violations);
             }
             match command {
                 NmtCommand::StartRemoteNode => {
@@ -233,6 +261,10 @@ impl Order {
                 if is_enabled && !is_power_off(object, [a, b]) {
                     let what = format!("{object} of node {} is written", member.node.raw());
                     violations.add(Invariant::HandsOff, at, what);
+                }
+                if object == Object::CONTROLWORD {
+                    let what = (member, "switched off by SDO");
+                    known.check_last_resort(sheet, at, what, violations);
                 }
                 known.unread.retain(|(other, _)| *other != object);
                 if !is_command(object) {
@@ -285,6 +317,20 @@ const INVALID: u8 = 0x80;
 /// that receives no SYNC.
 fn is_power_off(object: Object, word: [u8; 2]) -> bool {
     object == Object::CONTROLWORD && u16::from_le_bytes(word) & VOLTAGE == 0
+}
+
+/// Returns whether a drive in this state has no voltage on its motor (CiA 402-2, 6.1).
+const fn is_off(state: State) -> bool {
+    match state {
+        State::NotReadyToSwitchOn
+        | State::SwitchOnDisabled
+        | State::ReadyToSwitchOn
+        | State::Fault => true,
+        State::SwitchedOn
+        | State::OperationEnabled
+        | State::QuickStopActive
+        | State::FaultReactionActive => false,
+    }
 }
 
 /// Bit 1 of a controlword: enable voltage.

@@ -142,6 +142,14 @@ impl Rhythm {
         beat.last.iter_mut().last().into_iter().for_each(|last| *last = Some(at));
     }
 
+    /// Returns whether the process does not run at a time.
+    pub(super) fn is_process_exempt(&self, at: Instant) -> bool {
+        self.exemptions.iter().any(|exemption| match *exemption {
+            Exemption::Process(from, until) => (from..=until).contains(&at),
+            Exemption::Bus(..) => false,
+        })
+    }
+
     fn since_sync(&self, channel: Channel, at: Instant) -> Option<Duration> {
         let latest = self.buses.get(usize::from(channel.0))?.latest()?;
         Some(at.since(latest))

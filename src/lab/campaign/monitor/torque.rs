@@ -177,6 +177,10 @@ impl Torque {
         }
         let is_cut =
             target == 0 && bounds.torque(before) > 2.5 * bounds.growth + 2.0 * bounds.resolution;
+        if target != 0 && self.all_zero_since().is_some() {
+            // All six were zero together: targets withdrawn after a stall may rise again.
+            self.cut = [None; 6];
+        }
         self.record((at, since), joint, target == 0, is_cut);
         // A frame that an adapter held back moves no drive that is off.
         if target != 0 && !is_off {

@@ -1,0 +1,170 @@
+//! Facts that turn samples into angles and torques into set-points. Each is verified by an object of the drive that the
+//! boot compares, or stated by the configuration alone.
+//!
+//! | fact           | verified by                                                        |
+//! |----------------|--------------------------------------------------------------------|
+//! | sign           | 607Eh                                                              |
+//! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh, as unused factors read so    |
+//! | torque unit    | 6076h, or 6075h where the rated current is configured              |
+
+use std::fmt;
+
+use crate::nameplate::{Held, Nameplate, Ratio};
+use crate::object::Object;
+
+/// A fact about a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fact {
+    /// Direction in which 6064h counts.
+    Sign,
+    /// Counts of 6064h per revolution.
+    PositionScale,
+    /// Torque of 1000 ‰ in 6071h.
+    TorqueUnit,
+}
+
+impl Fact {
+    /// All facts, in the order of reports.
+    pub const ALL: [Self; 3] = [Self::Sign, Self::PositionScale, Self::TorqueUnit];
+
+    /// Returns its name in a configuration.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Sign => "sign",
+            Self::PositionScale => "position_scale",
+            Self::TorqueUnit => "torque_unit",
+        }
+    }
+
+    /// Returns the objects that would verify it.
+    pub const fn objects(self) -> &'static str {
+        match self {
+            Self::Sign => "607Eh",
+            Self::PositionScale => "608Fh other than 1:1, and 6091h",
+            Self::TorqueUnit => "6076h, or 6075h with rated_current_a",
+        }
+    }
+}
+
+/// `position scale`
+impl fmt::Display for Fact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sign => "sign",
+            Self::PositionScale => "position scale",
+            Self::TorqueUnit => "torque unit",
+        })
+    }
+}
+
+/// Objects of a drive that verify a fact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Evidence(&'static [Object]);
+
+/// `608Fh and 6091h`
+impl fmt::Display for Evidence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, object) in self.0.iter().enumerate() {
+            let and = if place > 0 { " and " } else { "" };
+            write!(f, "{and}{}", Object { sub: 0, ..*object })?;
+        }
+        Ok(())
+    }
+}
+
+impl Nameplate {
+    /// Returns what verifies a fact in a drive with these objects; `None` if the configuration alone states it.
+    pub fn planned_evidence(&self, fact: Fact, has: impl Fn(Object) -> bool) -> Option<Evidence> {
+        self.evidence(fact, has, self.encoder.first().copied())
+    }
+
+    /// Returns what verifies a fact by what the boot has read; `None` if the configuration alone states it.
+    pub fn found_evidence(&self, fact: Fact, held: &[Held]) -> Option<Evidence> {
+        let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
+        let revolutions = value(Object::ENCODER_REVOLUTIONS).unwrap_or(1);
+        let encoder = value(Object::ENCODER_INCREMENTS).map(|of| Ratio(of, revolutions));
+        self.evidence(fact, |object| value(object).is_some(), encoder)
+    }
+
+    fn evidence(
+        &self,
+        fact: Fact,
+        has: impl Fn(Object) -> bool,
+        encoder: Option<Ratio>,
+    ) -> Option<Evidence> {
+        const ENCODER: &[Object] = &[Object::ENCODER_INCREMENTS, Object::GEAR_MOTOR_REVOLUTIONS];
+        const CURRENT: &[Object] = &[Object::RATED_CURRENT];
+        let has_all = |objects: &[Object]| objects.iter().all(|object| has(*object));
+        let candidates: &[(&[Object], bool)] = match fact {
+            Fact::Sign => &[(&[Object::POLARITY], true)],
+            Fact::PositionScale => &[(ENCODER, encoder != Some(Ratio::ONE))],
+            Fact::TorqueUnit => {
+                &[(&[Object::RATED_TORQUE], true), (CURRENT, self.rated_current.is_some())]
+            }
+        };
+        let mut verifying =
+            candidates.iter().filter(|(objects, applies)| *applies && has_all(objects));
+        verifying.next().map(|(objects, _)| Evidence(objects))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nameplate::Rating;
+
+    fn nameplate(rated_current: Option<Rating>) -> Nameplate {
+        Nameplate {
+            polarity: 0,
+            encoder: vec![Ratio(16_384, 1), Ratio::ONE],
+            gear: Ratio::ONE,
+            feed: vec![Ratio::ONE],
+            rated_current,
+            rated_torque: Rating { value: 176.5, unit: "mN·m" },
+            units: crate::nameplate::units::Units::default(),
+            modes: None,
+            capacity: None,
+        }
+    }
+
+    fn held(object: Object, value: u32) -> Held {
+        Held { object, value, size: 4 }
+    }
+
+    #[test]
+    fn each_fact_is_verified_by_its_objects_alone() {
+        let verified = |has: &[Object]| {
+            let evidence =
+                |fact| nameplate(None).planned_evidence(fact, |object| has.contains(&object));
+            Fact::ALL.map(|fact| evidence(fact).map(|it| it.to_string()))
+        };
+        let some = |text: &str| Some(text.to_owned());
+        assert_eq!(verified(&[]), [None, None, None]);
+        assert_eq!(verified(&[Object::POLARITY]), [some("607Eh"), None, None]);
+        assert_eq!(verified(&[Object::ENCODER_INCREMENTS]), [None, None, None], "without a gear");
+        let scale = [Object::ENCODER_INCREMENTS, Object::GEAR_MOTOR_REVOLUTIONS];
+        assert_eq!(verified(&scale), [None, some("608Fh and 6091h"), None]);
+        assert_eq!(verified(&[Object::RATED_TORQUE]), [None, None, some("6076h")]);
+        assert_eq!(verified(&[Object::RATED_CURRENT]), [None, None, None], "not configured");
+        let current = nameplate(Some(Rating { value: 1e3, unit: "mA" }));
+        let by_current =
+            current.planned_evidence(Fact::TorqueUnit, |object| object == Object::RATED_CURRENT);
+        assert_eq!(by_current.map(|it| it.to_string()), some("6075h"));
+    }
+
+    #[test]
+    fn unused_encoder_resolution_verifies_no_scale() {
+        let found = |increments, gear| {
+            let mut drive = vec![held(Object::ENCODER_INCREMENTS, increments)];
+            drive.push(held(Object::ENCODER_REVOLUTIONS, 1));
+            drive.extend(gear);
+            nameplate(None).found_evidence(Fact::PositionScale, &drive).is_some()
+        };
+        let gear = Some(held(Object::GEAR_MOTOR_REVOLUTIONS, 1));
+        assert!(found(16_384, gear));
+        assert!(!found(1, gear));
+        assert!(!found(16_384, None));
+        let unused = Nameplate { encoder: vec![Ratio::ONE], ..nameplate(None) };
+        assert_eq!(unused.planned_evidence(Fact::PositionScale, |_| true), None);
+    }
+}

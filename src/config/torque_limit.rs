@@ -1,0 +1,139 @@
+//! `[joint.torque_limit]`: limit of a drive's torque in place of 6072h, by an object that the boot writes, or by a limit
+//! that the maker's tool has stored and nothing reads.
+
+use std::fmt;
+
+use crate::drive_object::{self, Written};
+use crate::problem::Problems;
+use crate::raw;
+use crate::value::Optional;
+use canopen::eds::Eds;
+use canopen::object::Object;
+use canopen::setting::can_limit_torque;
+
+/// Limit of a drive's torque in place of 6072h.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TorqueLimit {
+    /// Objects, each with its value: written at every boot and read back.
+    Objects(Vec<Written>),
+    /// Limit of the maker's tool: nothing reads it.
+    Stated(StatedLimit),
+}
+
+/// Torque limit that the maker's tool has stored in a drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StatedLimit {
+    /// In per mille of rated torque.
+    PerMille(f64),
+    /// Motor current in mA.
+    Milliamperes(f64),
+}
+
+impl TorqueLimit {
+    /// Returns the objects to write, each with its value.
+    pub fn writes(&self) -> &[Written] {
+        match self {
+            Self::Objects(writes) => writes,
+            Self::Stated(_) => &[],
+        }
+    }
+
+    /// Returns the limit that only the configuration states.
+    pub const fn stated(&self) -> Option<StatedLimit> {
+        match *self {
+            Self::Objects(_) => None,
+            Self::Stated(limit) => Some(limit),
+        }
+    }
+}
+
+/// `900 ‰ of rated torque`, `3000 mA`
+impl fmt::Display for StatedLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PerMille(limit) => write!(f, "{limit} ‰ of rated torque"),
+            Self::Milliamperes(limit) => write!(f, "{limit} mA"),
+        }
+    }
+}
+
+/// Range of a limit in per mille of rated torque.
+const PER_MILLE: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
+
+/// Range of a limit in mA.
+const MILLIAMPERES: std::ops::RangeInclusive<f64> = 1.0..=1e6;
+
+/// Reads the limit of one drive; `None` after a problem.
+pub(super) fn read(
+    raw: &raw::TorqueLimit,
+    eds: Option<&Eds>,
+    problems: &mut Problems<'_>,
+) -> Option<TorqueLimit> {
+    let raw::TorqueLimit { object, value, makers_tool_per_mille, makers_tool_ma, .. } = raw;
+    let is_given = [
+        !object.is_absent() || !value.is_absent(),
+        !makers_tool_per_mille.is_absent(),
+        !makers_tool_ma.is_absent(),
+    ];
+    if is_given.iter().filter(|given| **given).count() != 1 {
+        let reason = "must have one of: object with value; makers_tool_per_mille; makers_tool_ma";
+        problems.add(raw, reason);
+        return None;
+    }
+    if is_given.first() == Some(&true) {
+        return objects(object, value, eds, problems).map(TorqueLimit::Objects);
+    }
+    let per_mille = problems.within(makers_tool_per_mille, PER_MILLE).map(StatedLimit::PerMille);
+    let current = problems.within(makers_tool_ma, MILLIAMPERES).map(StatedLimit::Milliamperes);
+    if eds.is_some_and(has_maximum) {
+        let reason =
+            "must be absent, as 6072h is in the EDS and limits the torque: remove the section";
+        problems.add(raw, reason);
+    }
+    per_mille.or(current).map(TorqueLimit::Stated)
+}
+
+/// Reads an object and its value. Each of 60E0h and 60E1h limits one direction, so both get the value.
+fn objects(
+    object: &Optional<String>,
+    value: &Optional<i64>,
+    eds: Option<&Eds>,
+    problems: &mut Problems<'_>,
+) -> Option<Vec<Written>> {
+    if object.is_absent() {
+        problems.add(value, "needs an object beside it");
+        return None;
+    }
+    if value.is_absent() {
+        problems.add(object, "needs a value beside it");
+        return None;
+    }
+    let (named, content) = drive_object::read(object, value, eds, problems)?;
+    if !can_limit_torque(named) {
+        let reason = format!(
+            "{named} limits no torque; name 6072h, 6073h, 60E0h, 60E1h or an object of the maker (2000h to 5FFFh) that does"
+        );
+        problems.add(object, reason);
+        return None;
+    }
+    problems.within(value, 1..=i64::MAX)?;
+    let other = match named {
+        Object::POSITIVE_TORQUE_LIMIT => Object::NEGATIVE_TORQUE_LIMIT,
+        Object::NEGATIVE_TORQUE_LIMIT => Object::POSITIVE_TORQUE_LIMIT,
+        _ => return Some(vec![(named, content)]),
+    };
+    if !eds.is_some_and(|eds| is_writable(eds, other)) {
+        let reason =
+            format!("{named} limits one direction alone: {other} must be writable in the EDS, too");
+        problems.add(object, reason);
+    }
+    Some(vec![(named, content), (other, content)])
+}
+
+fn has_maximum(eds: &Eds) -> bool {
+    is_writable(eds, Object::MAX_TORQUE)
+}
+
+fn is_writable(eds: &Eds, object: Object) -> bool {
+    eds.object(object).is_some_and(|described| described.access.is_writable())
+}

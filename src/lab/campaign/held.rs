@@ -1,0 +1,75 @@
+//! Torque that a drive holds while its RPDOs are lost: the time for which it differs from the targets that are sent.
+
+use std::time::Duration;
+
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// Difference from the held target that counts as none, in ‰ of rated torque: drives may round.
+const ROUNDING: i32 = 2;
+
+/// Targets sent to a drive that holds the first of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held {
+    joint: Joint,
+    target: Option<i16>,
+    /// Side of the held target on which those sent are, and the time since then.
+    run: Option<(bool, Instant)>,
+    /// Start and duration of the longest difference; of the last one where the node stops.
+    longest: Option<(Instant, Duration)>,
+}
+
+impl Held {
+    /// Returns the observation of a drive before its RPDOs are lost.
+    pub(super) const fn new(joint: Joint) -> Self {
+        Self { joint, target: None, run: None, longest: None }
+    }
+
+    pub(super) const fn joint(&self) -> Joint {
+        self.joint
+    }
+
+    /// Takes the target sent in a cycle.
+    pub(super) fn update(&mut self, now: Instant, sent: i16) {
+        let held = *self.target.get_or_insert(sent);
+        let difference = i32::from(sent) - i32::from(held);
+        let side = (difference.abs() > ROUNDING).then_some(difference > 0);
+        self.run = side.map(|side| match self.run {
+            Some((before, since)) if before == side => (side, since),
+            Some(_) | None => (side, now),
+        });
+        if let Some((_, since)) = self.run
+            && now.since(since) >= self.longest()
+        {
+            self.longest = Some((since, now.since(since)));
+        }
+    }
+
+    /// Returns the start of the difference that goes on, else of the longest.
+    pub(super) fn since(&self) -> Option<Instant> {
+        let longest = self.longest.map(|(since, _)| since);
+        self.run.map(|(_, since)| since).or(longest)
+    }
+
+    /// Returns the longest time for which the targets were on one side of the held one.
+    pub(super) fn longest(&self) -> Duration {
+        self.longest.map_or(Duration::ZERO, |(_, time)| time)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn difference_counts_from_its_side_of_the_held_target() {
+        let mut held = Held::new(Joint::of::<3>());
+        let at = |millis: u64| Instant::from_micros(1_000 * millis);
+        for (millis, target) in (0..).zip([100, 101, 98, 104, 105, 104, 90, 90, 100]) {
+            held.update(at(millis), target);
+        }
+        assert_eq!((held.since(), held.longest()), (Some(at(3)), Duration::from_millis(2)));
+        held.update(at(9), 90);
+        assert_eq!(held.since(), Some(at(9)), "the one that goes on");
+    }
+}

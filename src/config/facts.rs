@@ -86,8 +86,8 @@ pub enum FactsRefused {
     /// Stated only, and not accepted: the same facts of these joints.
     #[error(
         "{}: {} stated only, as the drive has no object that the boot could compare ({}); check by hand, then \
-         accept by accept_stated_only = [{}] in each [[joint]]: at most half of the force is then allowed",
-        joints.join(", "), names(facts), objects(facts), keys(facts)
+         accept by accept_stated_only = [{}]{} in each [[joint]]: at most half of the force is then allowed",
+        joints.join(", "), names(facts), objects(facts), keys(facts), rest(facts)
     )]
     NotAccepted {
         /// Names of the joints.
@@ -164,7 +164,7 @@ pub(super) fn check_config(config: &Parameters, raw: &raw::File, problems: &mut 
     }
 }
 
-fn names(facts: &[Fact]) -> String {
+pub(super) fn names(facts: &[Fact]) -> String {
     let names: Vec<_> = facts.iter().map(Fact::to_string).collect();
     let verb = if facts.len() == 1 { "is" } else { "are" };
     format!("{} {verb}", names.join(" and "))
@@ -173,6 +173,12 @@ fn names(facts: &[Fact]) -> String {
 fn objects(facts: &[Fact]) -> String {
     let objects: Vec<_> = facts.iter().map(|fact| fact.objects()).collect();
     objects.join("; ")
+}
+
+/// Returns the further key that these facts need.
+fn rest(facts: &[Fact]) -> &'static str {
+    let is_position = |fact: &Fact| matches!(fact, Fact::Sign | Fact::PositionScale);
+    if facts.iter().any(is_position) { ", with rest_deg (rest_m)," } else { "" }
 }
 
 fn keys(facts: &[Fact]) -> String {

@@ -3,19 +3,21 @@
 //! Angles are typed in degrees; all else is SI, and so is what comes out.
 
 use crate::plant::{Actuator, Friction, JointPlant};
+use crate::rest::Rest;
 use crate::units::Units;
 use crate::{bodies, raw, simulated};
 use controller::arm::Link;
 use written::List;
 
-/// The joint with its `actuator`; `None` where a problem has been noted.
+/// Reads the joint with its range, rest position and `actuator`; `None` where a problem has been noted.
 pub(super) fn read(
     joint: &raw::Joint,
+    range: Option<[f64; 2]>,
+    rest: Option<Rest>,
     actuator: Option<Actuator>,
     of: &mut Units<'_, '_>,
 ) -> Option<JointPlant> {
-    let range = range(joint, of);
-    let start = range.and_then(|range| start(joint, range, of));
+    let start = range.and_then(|range| start(joint, range, rest, of));
     let max_torque = actuator.map(|actuator| actuator.max_torque);
     let friction = friction(joint, max_torque, of);
     let drivetrain = simulated::read(&joint.simulated, max_torque, of);
@@ -46,7 +48,7 @@ pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Act
 }
 
 /// From its lowest position to its highest.
-fn range(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<[f64; 2]> {
+pub(super) fn range(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<[f64; 2]> {
     let limit = of.either(&joint.limit_deg, &joint.limit_m)?;
     let [low, high] = of.problems.all_finite(limit)?;
     if low >= high {
@@ -56,10 +58,17 @@ fn range(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<[f64; 2]> {
     Some([of.si(low), of.si(high)])
 }
 
-/// Where it starts: at zero if nothing is said, or in the middle of a range without it.
-fn start(joint: &raw::Joint, [low, high]: [f64; 2], of: &mut Units<'_, '_>) -> Option<f64> {
+/// Returns the start position: by default the rest position, else zero, or the middle of a range without zero.
+fn start(
+    joint: &raw::Joint,
+    [low, high]: [f64; 2],
+    rest: Option<Rest>,
+    of: &mut Units<'_, '_>,
+) -> Option<f64> {
     let given = of.at_most_one(&joint.start_deg, &joint.start_m)?;
-    let start = if given.is_absent() {
+    let start = if let Some(rest) = rest.filter(|_| given.is_absent()) {
+        rest.position()
+    } else if given.is_absent() {
         if (low..=high).contains(&0.0) { 0.0 } else { f64::midpoint(low, high) }
     } else {
         of.si(given.get()?)

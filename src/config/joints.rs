@@ -5,10 +5,11 @@ use std::path::Path;
 use crate::boot::{self, BootSettings, Given};
 use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
+use crate::rest::Rest;
 use crate::torque_limit::{self, TorqueLimit};
 use crate::units::Units;
 use crate::value::Value;
-use crate::{joint_plant, lookup, nameplate, names, plausibility, raw};
+use crate::{joint_plant, lookup, nameplate, names, plausibility, raw, rest};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::fact::Fact;
@@ -37,6 +38,8 @@ pub struct JointParameters {
     pub nameplate: Nameplate,
     /// Facts of its drive that are accepted although nothing but the configuration states them.
     pub accepted: Vec<Fact>,
+    /// Rest position.
+    pub rest: Option<Rest>,
     /// Limit of its drive's torque in place of 6072h.
     pub torque_limit: Option<TorqueLimit>,
     /// Maximum speed before torque goes off, in rad/s or m/s.
@@ -96,7 +99,9 @@ fn read_one(
     let actuator = joint_plant::actuator(joint, &mut of);
     let calibration =
         actuator.and_then(|actuator| calibration(joint, &actuator, before, of.problems));
-    let plant = joint_plant::read(joint, actuator, &mut of);
+    let range = joint_plant::range(joint, &mut of);
+    let rest = range.and_then(|range| rest::read(joint, range, &mut of));
+    let plant = joint_plant::read(joint, range, rest, actuator, &mut of);
     Some(JointParameters {
         name: joint.name.as_ref()?.clone(),
         channel: channel?,
@@ -110,6 +115,7 @@ fn read_one(
         eds: eds?,
         nameplate: nameplate?,
         accepted,
+        rest,
         torque_limit: limit,
         max_speed: max_speed?,
         calibration: calibration?,

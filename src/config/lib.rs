@@ -50,6 +50,8 @@ mod raw;
 mod raw_dual_peg;
 mod raw_robot;
 mod remote;
+pub mod rest;
+mod rest_check;
 pub mod robots;
 mod safety;
 mod section;
@@ -338,6 +340,7 @@ fn convert(
     start::check(&config, raw, problems);
     stopping::check(&config, raw, problems);
     facts::check_config(&config, raw, problems);
+    rest_check::check(&config, raw, problems);
     protection::check(&config, raw, problems);
     gain_check::check(&config, refuses, raw, problems);
     Some((config, exchange))

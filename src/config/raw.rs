@@ -107,6 +107,8 @@ sections! {
         max_speed_m_per_s: Optional<f64>,
         start_deg: Optional<f64>,
         start_m: Optional<f64>,
+        rest_deg: Optional<f64>,
+        rest_m: Optional<f64>,
         encoder_counts_per_rev: Value<u32>,
         gear_ratio: Value<f64>,
         zero_counts: Value<i32>,

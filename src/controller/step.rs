@@ -15,7 +15,7 @@ use crate::reference::{Displacement, Reference};
 use crate::switches::{Mode, Pressed, SwitchLogic};
 use crate::velocity::{JointRates, Moving, Velocity};
 use crate::{Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
-use units::drive::PerMille;
+use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
@@ -67,9 +67,14 @@ impl Controller {
         }
     }
 
+    /// Returns the joint positions for these counts, in rad or m.
+    pub fn positions(&self, counts: &[Counts; 6]) -> JointVector {
+        self.settings.calibration.positions(counts)
+    }
+
     /// Computes one cycle (Fig. 3).
     pub fn step(&mut self, input: &Input) -> Output {
-        let q = self.settings.calibration.positions(&input.counts);
+        let q = self.positions(&input.counts);
         self.step_at(&q, input)
     }
 

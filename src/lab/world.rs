@@ -15,6 +15,7 @@ use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
 use sim::arm::{Arm, ArmSettings, Joints, LinkSettings};
+use sim::cradle::Cradle;
 use sim::drive::{Drive, DriveSettings};
 use sim::drivetrain::{Drivetrain, DrivetrainSettings};
 use sim::motion::{Load, Tuning};
@@ -55,7 +56,22 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     });
     let resistance = plant.joints.each_ref().map(resistance);
     let moving = plant::Plant::new(arm(&plant), resistance, start(&plant));
-    World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))
+    World::new(drives, drivetrains, switches, moving, scenario, seed)
+        .coupled(transmission(&plant))
+        .resting(cradle(config, &plant))
+}
+
+/// Returns the cradle of an arm with a rest posture; it supports the joints that have one.
+fn cradle(config: &Config, plant: &Plant) -> Cradle {
+    let rests = config.joints.each_ref().map(|joint| joint.rest);
+    if rests.iter().all(Option::is_none) {
+        return Cradle::none();
+    }
+    let rest = Joints::from(rests.map(|rest| rest.map_or(0.0, |rest| rest.position())));
+    let arm = arm(plant);
+    let weight = arm.gravity(&arm.posture(&rest));
+    let supported = Joints::from(rests.map(|rest| if rest.is_some() { 1.0 } else { 0.0 }));
+    Cradle::new(rest, weight.component_mul(&supported))
 }
 
 /// Returns friction and end stops of a joint, as the simulation computes them.

@@ -76,6 +76,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.proof_test.restart();
         self.drives.rpdos.restart();
         self.power_off.restart();
+        self.rest.restart();
         self.listen_before_boot()?;
         let booted = self.boot(give_up);
         if booted.is_err() {

@@ -6,7 +6,7 @@ use crate::permit::Permit;
 use crate::samples::Samples;
 use config::Config;
 use controller::switches::Mode as CommandMode;
-use controller::{Controller, Input, Output};
+use controller::{Controller, Input, JointVector, Output};
 use units::drive::PerMille;
 
 /// The controller with its command mode.
@@ -49,6 +49,11 @@ impl Control {
             held: Some(self.held),
             restart,
         }
+    }
+
+    /// Returns the joint positions of the newest samples, in rad or m.
+    pub(super) fn positions(&self, samples: &Samples) -> JointVector {
+        self.controller.positions(&samples.latest().map(|sample| sample.position))
     }
 
     /// Keeps the targets that the drives hold from this cycle on.

@@ -34,6 +34,7 @@ mod receive;
 pub mod record;
 mod remote_side;
 mod request;
+mod rest;
 pub mod safety;
 mod samples;
 mod schedule;
@@ -51,6 +52,7 @@ mod wire;
 
 pub use bring_up::BringUpError;
 pub use request::{Request, RequestError};
+pub use rest::NotAtRest;
 pub use stop::NotConfirmed;
 
 use crate::cause::Cause;
@@ -64,6 +66,7 @@ use crate::power_off::PowerOff;
 use crate::proof_test::{ProofTest, ProofTestReport};
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
+use crate::rest::RestPosture;
 use crate::safety::{RampTimes, Safety};
 use crate::samples::Samples;
 use crate::wire::Wire;
@@ -84,6 +87,7 @@ pub struct Node<B, R> {
     samples: Samples,
     drives: Drives,
     power_off: PowerOff,
+    rest: RestPosture,
     remote: RemoteSide<R>,
     control: Control,
     operator: Operator,
@@ -117,6 +121,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 config.period,
                 config.safety.missing_samples,
             ),
+            rest: RestPosture::new(config),
             drives: Drives::new(config, rpdos),
             remote: RemoteSide::new(config, now, remote),
             control: Control::new(config),

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::record::Mode;
+use crate::rest::NotAtRest;
 use crate::safety::Refusal;
 use crate::{BringUpError, Node};
 use bus::Bus;
@@ -37,6 +38,9 @@ pub enum RequestError {
     /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
     Force(#[from] ForceAboveCap),
+    /// The arm is not in its rest posture.
+    #[error(transparent)]
+    NotAtRest(#[from] NotAtRest),
     /// The boot after a reset failed.
     #[error(transparent)]
     Boot(#[from] BringUpError),
@@ -46,7 +50,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Executes a request and returns the mode after it. A reset may boot the network, until `give_up` returns true.
     ///
     /// # Errors
-    /// When the mode does not allow it, a fact of a drive is stated only, the force exceeds its cap, or the boot of a reset fails or is given up.
+    /// When the mode does not allow it, a fact of a drive is stated only, the force exceeds its cap, the arm is
+    /// not at rest, or the boot of a reset fails or is given up.
     pub fn request(
         &mut self,
         request: Request,
@@ -59,8 +64,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 if !self.mode().is_latched() {
                     self.proof_test.check_facts().map_err(RequestError::Facts)?;
                     self.proof_test.check_force()?;
+                    self.rest.check(&self.control.positions(&self.samples))?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
+                self.rest.on_armed();
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,

@@ -38,6 +38,7 @@
 pub mod actuator;
 pub mod arm;
 pub mod contact;
+pub mod cradle;
 mod delay;
 pub mod drive;
 pub mod drive_view;

@@ -9,6 +9,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Translation3};
 
 use crate::arm::Joints;
+use crate::cradle::Cradle;
 use crate::drive::Drive;
 use crate::drivetrain::{Drivetrain, Sensed};
 use crate::fault::{Breakable, Devices, Faults, Notice, present};
@@ -76,6 +77,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     zero_torque_since: Option<Instant>,
     /// Torques of a push from outside.
     tau_push: Joints,
+    cradle: Cradle,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
@@ -102,6 +104,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             now: Instant::ZERO,
             zero_torque_since: Some(Instant::ZERO),
             tau_push: Joints::zeros(),
+            cradle: Cradle::none(),
         };
         world.show();
         world
@@ -113,6 +116,12 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
+    }
+
+    /// Rests the arm in a cradle until the drives carry it.
+    #[must_use]
+    pub fn resting(self, cradle: Cradle) -> Self {
+        Self { cradle, ..self }
     }
 
     /// Replaces the scenario and keeps its time; faults of the past occur at once. `seed` is that of random faults.
@@ -202,7 +211,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let grasp = self.operator.step(dt, &x_0_script, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
-            let tau = self.motors.step(h) + self.tau_push;
+            let support = self.cradle.step(self.plant.q(), self.plant.qd());
+            let tau = self.motors.step(h) + self.tau_push + support;
             self.plant.step(h, &tau, hand);
             self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
         }

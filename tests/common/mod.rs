@@ -22,6 +22,7 @@ pub(crate) mod log;
 pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;
+pub(crate) mod rest;
 
 /// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.
 pub(crate) fn program() -> &'static str {

@@ -42,3 +42,4 @@ mod stiff_wall;
 mod stored_offsets;
 mod teleoperation;
 mod torque_curve;
+mod wrong_facts;

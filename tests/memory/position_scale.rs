@@ -33,7 +33,7 @@ const TOLERANCE: f64 = 2e-3;
 fn arm(keys: &str) -> Config {
     let weak = ARM.replace("max_force_n = 40.0 ", "max_force_n = 5.0 ");
     let (before, elbow) = weak.split_once("name = \"elbow\"").unwrap();
-    let keys = format!("accept_stated_only = [\"position_scale\"]\n{keys}");
+    let keys = format!("accept_stated_only = [\"position_scale\"]\nrest_deg = 95.0\n{keys}");
     let elbow = elbow.replacen("encoder_counts_per_rev = 16384", &keys, 1);
     let text = format!("{before}name = \"elbow\"{elbow}");
     Config::parse(Path::new("config/test.toml"), &text).unwrap()

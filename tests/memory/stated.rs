@@ -11,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::common::cli::folder;
+use crate::common::rest::{KRAFT_LIKE, at_rest};
 use canopen::fact::Fact;
 use canopen::object::Object;
 use config::facts::FactsRefused;
@@ -56,6 +57,11 @@ fn in_each_joint(text: &str, line: &str) -> String {
     text.replace("\nencoder_counts_per_rev", &format!("\n{line}\nencoder_counts_per_rev"))
 }
 
+/// Returns `text` whose joints accept facts by this line, with the rest posture that these need.
+fn accepting(text: &str, line: &str) -> String {
+    at_rest(&in_each_joint(text, line), KRAFT_LIKE)
+}
+
 /// Returns `text` with weak forces: 10 N and less in all.
 fn weak(text: &str) -> String {
     let text = text.replace("max_force_n = 10.0 ", "max_force_n = 3.0 ");
@@ -74,13 +80,12 @@ fn stated_facts_are_refused_once_for_all_joints_alike() {
     for part in [
         "joint[0].accept_stated_only: azimuth, elevation, elbow, pitch, yaw, roll: sign and position scale are",
         "(607Eh; 608Fh other than 1:1, and 6091h)",
-        "accept_stated_only = [\"sign\", \"position_scale\"] in each [[joint]]",
+        "accept_stated_only = [\"sign\", \"position_scale\"], with rest_deg (rest_m), in each [[joint]]",
     ] {
         assert!(refusal.contains(part), "{part}: {refusal}");
     }
     // Another joint that lacks less is named by itself.
-    let elbow =
-        in_each_joint(&lacking("refused-apart", &[SIGN]), "accept_stated_only = [\"sign\"]");
+    let elbow = accepting(&lacking("refused-apart", &[SIGN]), "accept_stated_only = [\"sign\"]");
     let mut joints: Vec<_> = elbow.split("name = ").map(str::to_owned).collect();
     joints[4] = joints[4].replacen("accept_stated_only", "#", 1);
     let apart = self::refusal(&weak(&joints.join("name = ")));
@@ -94,7 +99,7 @@ fn drive_without_evidence_gets_half_the_force_no_friction() {
     let all = "accept_stated_only = [\"sign\", \"position_scale\", \"torque_unit\"]";
     let first = refusal(&none);
     assert!(first.contains("[\"sign\", \"position_scale\", \"torque_unit\"]"), "{first}");
-    let accepted = in_each_joint(&none, all);
+    let accepted = accepting(&none, all);
     let strong = refusal(&without_friction(&accepted));
     assert!(strong.contains("controller.max_force_n: "), "{strong}");
     assert!(strong.contains("half of 0.5 m/s, as facts of a drive are stated only"), "{strong}");
@@ -116,7 +121,7 @@ fn unused_encoder_resolution_is_a_stated_scale() {
     let unused = in_each_joint(TEXT, "drive_encoder = [1, 1]");
     let refusal = refusal(&weak(&unused));
     assert!(refusal.contains("roll: position scale is stated only"), "{refusal}");
-    let accepted = in_each_joint(&unused, "accept_stated_only = [\"position_scale\"]");
+    let accepted = accepting(&unused, "accept_stated_only = [\"position_scale\"]");
     assert!(parse(&weak(&accepted)).is_ok());
 }
 
@@ -160,7 +165,7 @@ fn booted(world: &Config, config: &Config) -> Bench<()> {
 
 #[test]
 fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
-    let accepted = in_each_joint(&lacking("aborts", &[SIGN]), "accept_stated_only = [\"sign\"]");
+    let accepted = accepting(&lacking("aborts", &[SIGN]), "accept_stated_only = [\"sign\"]");
     let world = parse(&weak(&accepted)).unwrap();
     let listed = parse(&weak(TEXT)).unwrap();
     let mut bench = booted(&world, &listed);
@@ -169,11 +174,11 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     assert_eq!((joints.len(), &facts[..]), (6, &[Fact::Sign][..]));
     assert_eq!(bench.node().mode(), Mode::Ready);
     // Accepted, it halves the force all the same.
-    let strong = parse(&in_each_joint(TEXT, "accept_stated_only = [\"sign\"]")).unwrap();
+    let strong = parse(&accepting(TEXT, "accept_stated_only = [\"sign\"]")).unwrap();
     assert!(!strong.force_cap().is_halved);
     let refused = booted(&world, &strong).ask(Request::Arm).unwrap_err();
     assert!(refused.to_string().contains("half of 0.5 m/s"), "{refused}");
-    let weak = parse(&weak(&in_each_joint(TEXT, "accept_stated_only = [\"sign\"]"))).unwrap();
+    let weak = parse(&weak(&accepting(TEXT, "accept_stated_only = [\"sign\"]"))).unwrap();
     let mut bench = booted(&world, &weak);
     bench.ask(Request::Arm).unwrap();
     assert!(

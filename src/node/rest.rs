@@ -1,0 +1,88 @@
+//! Rest posture: the first arming after a boot verifies sign and scale of positions that no object of a drive does.
+//!
+//! Until then no torque acts, so a wrong factor or zero moves nothing. Later armings may start anywhere: a drive that loses its
+//! position reboots, and that stops the node.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use config::Config;
+use config::rest::Rest;
+use controller::JointVector;
+use units::numbering::Joint;
+
+/// Rest posture of the arm, and whether the arm was in it.
+#[derive(Clone, Debug)]
+pub(super) struct RestPosture {
+    joints: [(String, Option<Rest>); 6],
+    is_confirmed: bool,
+}
+
+/// Joints that are not at rest at the first arming after a boot.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error(
+    "{}: at the first arming after a boot the arm must rest; bring it there, or correct the sign of gear_ratio, \
+     encoder_counts_per_rev or zero_counts of the joint",
+    listed(.0)
+)]
+pub struct NotAtRest(Vec<Reading>);
+
+/// Reading of a joint that is not at rest.
+#[derive(Clone, Debug, PartialEq)]
+struct Reading {
+    joint: Joint,
+    name: String,
+    rest: Rest,
+    /// In rad or m.
+    q: f64,
+}
+
+/// `joint 3 (elbow): reads 12.0°, rest_deg is 95.0°, within 5.0°`
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { joint, name, rest, q } = self;
+        write!(f, "joint {joint} ({name}): reads {}, {} is {rest}", rest.format(*q), rest.key())
+    }
+}
+
+impl RestPosture {
+    /// Returns the rest posture before the first arming.
+    pub(super) fn new(config: &Config) -> Self {
+        let joints = config.joints.each_ref().map(|joint| (joint.name.clone(), joint.rest));
+        Self { joints, is_confirmed: false }
+    }
+
+    /// Requires the posture again, before the network boots.
+    pub(super) const fn restart(&mut self) {
+        self.is_confirmed = false;
+    }
+
+    /// Checks joint positions `q`, in rad or m, at a request to arm.
+    ///
+    /// # Errors
+    /// At the first arming after a boot, every joint with a rest position that is not there.
+    pub(super) fn check(&self, q: &JointVector) -> Result<(), NotAtRest> {
+        if self.is_confirmed {
+            return Ok(());
+        }
+        let joints = Joint::each(self.joints.iter().zip(q.iter()));
+        let readings: Vec<_> = joints
+            .filter_map(|(joint, ((name, rest), q))| {
+                let rest = (*rest).filter(|rest| !rest.contains(*q))?;
+                Some(Reading { joint, name: name.clone(), rest, q: *q })
+            })
+            .collect();
+        if readings.is_empty() { Ok(()) } else { Err(NotAtRest(readings)) }
+    }
+
+    /// Notes that the arm was armed.
+    pub(super) const fn on_armed(&mut self) {
+        self.is_confirmed = true;
+    }
+}
+
+fn listed(readings: &[Reading]) -> String {
+    let readings: Vec<_> = readings.iter().map(Reading::to_string).collect();
+    readings.join("; ")
+}

@@ -1,0 +1,258 @@
+//! A wrong sign or scale of a joint whose drive verifies neither: found by the rest posture, before any torque.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs;
+use std::path::Path;
+
+use crate::common::bench::{Wire, until};
+use crate::common::cli::folder;
+use crate::common::rest::{KRAFT_LIKE, at_rest};
+use canopen::fact::Fact;
+use config::Config;
+use config::shipped::HAND_CONTROLLERS;
+use lab::bench::Bench;
+use node::record::Mode;
+use node::{Request, RequestError};
+use sim::scenario::Scenario;
+
+/// Shipped arms, with a rest posture for each: degrees, and metres of the slide.
+const ARMS: [(&str, [f64; 6]); 3] = [
+    ("config/kraft_like_500hz.toml", KRAFT_LIKE),
+    ("config/jpl_like.toml", [25.0, -25.0, 0.42, 30.0, -30.0, 30.0]),
+    ("config/sixr_spherical.toml", [25.0, -70.0, 120.0, 30.0, 40.0, -30.0]),
+];
+
+/// Objects that verify sign and position scale.
+const VERIFYING: [&str; 4] = ["607E", "608F", "6091", "6092"];
+
+/// Returns the path of a data sheet without [`VERIFYING`] objects: they are of the maker.
+fn sheet(test: &str) -> String {
+    let mut sheet = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    for object in VERIFYING {
+        let own = object.replacen('6', "2", 1);
+        sheet = sheet.replace(&format!("=0x{object}"), &format!("=0x{own}"));
+        sheet = sheet.replace(&format!("[{object}"), &format!("[{own}"));
+    }
+    let path = folder("wrong_facts", test).join("drive.eds");
+    fs::write(&path, sheet).unwrap();
+    fs::canonicalize(path).unwrap().to_str().unwrap().to_owned()
+}
+
+/// Returns a shipped arm with drives that verify neither sign nor scale, weak forces and this rest posture.
+fn arm(test: &str, file: &str, rest: [f64; 6]) -> String {
+    let text = fs::read_to_string(file).unwrap().replace("../eds/frhc_drive.eds", &sheet(test));
+    let text = text.replace("max_force_n = 40.0 ", "max_force_n = 2.0 ");
+    let text = text.replace("push = 0.2 ", "push = 0.05 ").replace("push = 0.5 ", "push = 0.05 ");
+    let accepted = "\naccept_stated_only = [\"sign\", \"position_scale\"]\nencoder_counts_per_rev";
+    at_rest(&text.replace("\nencoder_counts_per_rev", accepted), rest)
+}
+
+/// Returns the text with a change in one joint's section.
+fn changed(text: &str, joint: usize, change: impl Fn(&str) -> String) -> String {
+    let mut parts: Vec<String> = text.split("\n[[joint]]\n").map(str::to_owned).collect();
+    parts[joint] = change(&parts[joint]);
+    parts.join("\n[[joint]]\n")
+}
+
+/// Returns the text of an arm whose drive of this joint turns the other way.
+fn reversed(text: &str, joint: usize) -> String {
+    changed(text, joint, |part| match part.contains("gear_ratio = -") {
+        true => part.replace("gear_ratio = -", "gear_ratio = "),
+        false => part.replace("gear_ratio = ", "gear_ratio = -"),
+    })
+}
+
+/// Returns the text of an arm whose drive counts so many times the increments of this joint.
+fn counting(text: &str, joint: usize, halves: u32) -> String {
+    changed(text, joint, |part| {
+        let increments = 16_384 / 2 * halves;
+        part.replace(
+            "encoder_counts_per_rev = 16384",
+            &format!("encoder_counts_per_rev = {increments}"),
+        )
+    })
+}
+
+fn parse(text: &str) -> Result<Config, String> {
+    Config::parse(Path::new("config/test.toml"), text).map_err(|invalid| invalid.to_string())
+}
+
+/// Returns a node of `node` with the arm of `world`, and no request of its own.
+fn bench(world: &str, node: &str) -> Bench<Wire> {
+    let scenario = Scenario::parse("seconds = 9\n").unwrap();
+    Bench::in_world_of(
+        &parse(world).unwrap(),
+        &parse(node).unwrap(),
+        scenario,
+        1,
+        false,
+        Wire::default(),
+    )
+}
+
+/// Returns the refusal of a request to arm; asserts that no motor exerted torque afterwards.
+fn refusal(world: &str, node: &str) -> String {
+    let mut bench = bench(world, node);
+    // A position beyond its limit at the start ends the boot of a tenfold scale.
+    if let Err(error) = bench.bring_up() {
+        return error.to_string();
+    }
+    let refused = bench.ask(Request::Arm).map(|_| ()).map_err(|error| error.to_string());
+    for _ in 0..300 {
+        bench.cycle();
+        let torques = bench.world_mut().torques();
+        assert!(torques.abs().max() < 1e-9, "{refused:?}: {torques:?}");
+    }
+    refused.unwrap_err()
+}
+
+#[test]
+fn hazard_41_wrong_sign_or_scale_is_refused_before_torque() {
+    for (file, rest) in ARMS {
+        let right = arm("wrong", file, rest);
+        for joint in 1..=6 {
+            let wrong = [reversed(&right, joint), counting(&right, joint, 4)]
+                .into_iter()
+                .chain([1, 20].map(|halves| counting(&right, joint, halves)));
+            for (which, world) in wrong.enumerate() {
+                let refused = refusal(&world, &right);
+                let names = refused.contains(&format!("joint {joint}"));
+                let others = (1..=6).filter(|other| *other != joint);
+                let blames =
+                    others.filter(|other| refused.contains(&format!("joint {other} "))).count();
+                assert!(names && blames == 0, "{file}, joint {joint}, case {which}: {refused}");
+            }
+        }
+    }
+}
+
+#[test]
+fn right_arm_at_rest_is_armed_and_carried() {
+    for (file, rest) in ARMS {
+        let text = arm("right", file, rest);
+        let mut bench = bench(&text, &text);
+        bench.bring_up().unwrap();
+        bench.ask(Request::Arm).unwrap_or_else(|error| panic!("{file}: {error}"));
+        for _ in 0..2_000 {
+            let record = bench.cycle();
+            assert_eq!((record.mode, record.cause), (Mode::Armed, None), "{file}");
+        }
+    }
+}
+
+/// Returns the first arm of [`ARMS`] with the elbow's cradle elsewhere.
+fn placed(text: &str, degrees: f64) -> String {
+    text.replace("rest_deg = 95\n", &format!("rest_deg = {degrees}\n"))
+}
+
+#[test]
+fn arm_is_at_rest_within_five_degrees() {
+    let (file, rest) = ARMS[0];
+    let text = arm("placed", file, rest);
+    for (degrees, is_armed) in [(90.5, true), (99.0, true), (89.0, false), (101.5, false)] {
+        let mut bench = bench(&placed(&text, degrees), &text);
+        bench.bring_up().unwrap();
+        match bench.ask(Request::Arm) {
+            Ok(_) => assert!(is_armed, "{degrees}°"),
+            Err(RequestError::NotAtRest(reason)) => {
+                assert!(!is_armed, "{degrees}°: {reason}");
+                let reason = reason.to_string();
+                for part in
+                    ["joint 3 (elbow): reads ", "rest_deg is 95.0°, within 5.0°", "gear_ratio"]
+                {
+                    assert!(reason.contains(part), "{part}: {reason}");
+                }
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+}
+
+#[test]
+fn rest_is_required_once_after_each_boot() {
+    let (file, rest) = ARMS[0];
+    let text = arm("once", file, rest);
+    let mut bench = bench(&text, &text);
+    bench.bring_up().unwrap();
+    bench.ask(Request::Arm).unwrap();
+    (0..700).for_each(|_| _ = bench.cycle());
+    bench.ask(Request::Disarm).unwrap();
+    until(&mut bench, |record| record.mode == Mode::Ready);
+    // Without torque the arm sinks into the hand.
+    (0..700).for_each(|_| _ = bench.cycle());
+    let sunk = bench.cycle().output.q[3].to_degrees();
+    assert!((sunk + 45.0).abs() > 6.0, "pitch at {sunk}°");
+    bench.ask(Request::Arm).unwrap();
+    bench.ask(Request::Disarm).unwrap();
+    until(&mut bench, |record| record.mode == Mode::Ready);
+    bench.bring_up().unwrap();
+    (0..700).for_each(|_| _ = bench.cycle());
+    assert!(matches!(bench.ask(Request::Arm), Err(RequestError::NotAtRest(_))));
+}
+
+#[test]
+fn accepted_facts_need_a_rest_posture() {
+    let (file, rest) = ARMS[0];
+    let text = arm("needed", file, rest);
+    let without = text.replace("rest_deg = -45\n", "").replace("rest_deg = 95\n", "");
+    let refused = parse(&without).unwrap_err();
+    assert!(
+        refused.contains(
+            "joint[2].rest_deg: elbow, pitch: sign and position scale are verified by no object"
+        ),
+        "{refused}"
+    );
+    assert_eq!(refused.lines().count(), 1, "{refused}");
+    let near = parse(&text.replace("rest_deg = 95\n", "rest_deg = 19\n")).unwrap_err();
+    assert!(near.contains("joint[2].rest_deg: must be at least 20.0°"), "{near}");
+    assert!(near.contains("got 19.0°"), "{near}");
+    let beyond = parse(&text.replace("rest_deg = 95\n", "rest_deg = 141\n")).unwrap_err();
+    assert!(
+        beyond.contains("joint[2].rest_deg: the joint would rest out of its range"),
+        "{beyond}"
+    );
+    let sliding = parse(&text.replace("rest_deg = 95\n", "rest_m = 0.5\n")).unwrap_err();
+    assert!(sliding.contains("a revolute joint has `rest_deg`"), "{sliding}");
+    // Drives that verify both need none.
+    let verified = fs::read_to_string(file).unwrap();
+    assert!(
+        parse(&verified.replace("../eds", &fs::canonicalize("eds").unwrap().to_string_lossy()))
+            .is_ok()
+    );
+}
+
+#[test]
+fn coupled_actuator_must_rest_off_its_zero() {
+    let (file, rest) = ARMS[0];
+    let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -2, 1, 0, 0, 0], \
+        [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n[controller]\n";
+    let text = arm("coupled", file, rest).replace("[controller]\n", coupling);
+    // The elbow's actuator is at 95° - 2 times 50°.
+    let refused = parse(&text).unwrap_err();
+    assert!(
+        refused.contains("joint[2].rest_deg: must be at least 20.0° from the zero"),
+        "{refused}"
+    );
+    assert!(refused.contains("got 5.0°"), "{refused}");
+}
+
+#[test]
+fn shipped_files_that_accept_facts_state_their_rest() {
+    let mut accepting = Vec::new();
+    for name in HAND_CONTROLLERS {
+        let config = Config::load(Path::new(name)).unwrap();
+        for joint in &config.joints {
+            let accepts = joint.accepted.iter().any(|fact| *fact != Fact::TorqueUnit);
+            assert_eq!(accepts, joint.rest.is_some(), "{name}: {}", joint.name);
+        }
+        if config.joints.iter().any(|joint| joint.rest.is_some()) {
+            accepting.push(name);
+        }
+    }
+    assert_eq!(accepting.len(), 3, "{accepting:?}");
+}

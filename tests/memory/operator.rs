@@ -304,6 +304,32 @@ fn hazard_45_stiff_wall_within_the_gains_does_not_trip() {
     }
 }
 
+/// Presses into the wall in rate mode, and lets go at 6.0 s.
+const LETTING_GO: &str = "[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 1.1\ndeadman = true\n\
+    [[switch]]\nat_s = 1.2\nreflection = true\n[[switch]]\nat_s = 1.25\nreflection = false\n\
+    [[switch]]\nat_s = 1.4\nreference = true\n[[switch]]\nat_s = 1.45\nreference = false\n\
+    [[move]]\nat_s = 1.6\nduration_s = 0.6\nto_m = [0.045, 0.0, 0.0]\n\
+    [[move]]\nat_s = 6.0\nduration_s = 0.6\nto_m = [-0.03, 0.0, 0.0]\n";
+
+#[test]
+fn promise_14_samples_lost_while_letting_go_do_not_trip() {
+    let config = config("config/kraft_like_500hz.toml");
+    // The wall pushes the hand out: energy from the torques. Each loss is a speed that is wrong to both sides.
+    let lost = |ms| {
+        let at_s = 1e-3 * f64::from(ms);
+        format!(
+            "[[fault]]\nat_s = {at_s}\nkind = \"drop\"\njoint = 3\nframe = \"tpdo1\"\ncount = 1\n"
+        )
+    };
+    let losses: String = (6_200..6_450).step_by(50).map(lost).collect();
+    let records = records(&config, &format!("{LETTING_GO}{losses}"), 7.0);
+    assert_eq!(records.iter().find_map(|record| record.cause), None);
+    assert!(records.iter().any(|record| record.f_s.force.norm() > 2.0), "in contact");
+    let incomplete = |record: &&Record| record.mode == Mode::Engaged && record.sampled != [true; 6];
+    assert_eq!(records.iter().filter(incomplete).count(), 5);
+}
+
 #[test]
 fn summary_counts_every_engagement() {
     let twice = format!(

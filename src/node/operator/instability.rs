@@ -3,11 +3,14 @@
 //! The passivity layer damps from the first millijoule on; this monitor stops what that cannot. A swing is the motion of
 //! the grip along an axis between two reversals. Oscillation that take energy from the torques are the operator's own. Only
 //! swings over which the torques have given energy to the hand count as instability.
+//!
+//! Motions are those between cycles with a sample of every joint ([`sampled_motion`](super::sampled_motion)): a lost
+//! sample in a fast motion is no reversal.
 
 use std::time::Duration;
 
 use crate::cause::Cause;
-use units::spatial::Twist;
+use crate::operator::sampled_motion::Motion;
 use units::time::Instant;
 
 /// Minimum peak speed of a swing that counts, in m/s.
@@ -55,14 +58,9 @@ struct Oscillation {
 }
 
 impl Instability {
-    /// Checks the twist of the grip, and the work in J of the felt torques since the last call `dt` ago.
-    pub(super) fn check(
-        &mut self,
-        now: Instant,
-        dt: Duration,
-        v_g: &Twist,
-        work: f64,
-    ) -> Option<Cause> {
+    /// Checks the motion of the grip since the last call.
+    pub(super) fn check(&mut self, now: Instant, motion: &Motion) -> Option<Cause> {
+        let Motion { dt, work, .. } = *motion;
         if !work.is_finite() {
             return None; // The controller reports invalid numbers itself.
         }
@@ -72,7 +70,8 @@ impl Instability {
             if is_excess { self.excess_power_since.or(Some(now)) } else { None };
         let is_overpowered =
             self.excess_power_since.is_some_and(|since| now.since(since) >= EXCESS_POWER_TIME);
-        let speeds = v_g.scaled(&[1.0, 1.0, 1.0, GRIP_SIZE, GRIP_SIZE, GRIP_SIZE]).components();
+        let speeds =
+            motion.v_g().scaled(&[1.0, 1.0, 1.0, GRIP_SIZE, GRIP_SIZE, GRIP_SIZE]).components();
         let mut oscillates = false;
         for (axis, speed) in self.axes.iter_mut().zip(speeds) {
             oscillates |= axis.update(now, speed, self.work);
@@ -116,6 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::spatial::Twist;
 
     const CYCLE: Duration = Duration::from_millis(1);
 
@@ -128,7 +128,8 @@ mod tests {
             let mut v = [0.0; 6];
             v[axis] = speed * growth.powf(phase) * (phase * std::f64::consts::PI).sin();
             let now = Instant::from_micros(ms * 1_000);
-            instability.check(now, CYCLE, &Twist::from_components(v), power * 1e-3).is_some()
+            let motion = Motion::new(CYCLE, &Twist::from_components(v), power * 1e-3);
+            instability.check(now, &motion).is_some()
         })
     }
 
@@ -166,9 +167,10 @@ mod tests {
     fn infinite_work_does_not_trip() {
         let mut instability = Instability::default();
         let twist = Twist::from_components([f64::NAN; 6]);
+        let motion = Motion::new(CYCLE, &twist, f64::INFINITY);
         for ms in 0..100 {
             let now = Instant::from_micros(ms * 1_000);
-            assert_eq!(instability.check(now, CYCLE, &twist, f64::INFINITY), None);
+            assert_eq!(instability.check(now, &motion), None);
         }
     }
 }

@@ -7,11 +7,14 @@
 //! | `anti_tie_down`      | deadman held for a minute without motion of the grip    | 39     |
 //! | `uncommanded_motion` | joint driven while gravity compensation ramps up        | 41     |
 //! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
+//!
+//! `sampled_motion` is the motion that `instability` judges.
 
 mod anti_tie_down;
 mod buttons;
 pub mod deadman;
 mod instability;
+mod sampled_motion;
 mod uncommanded_motion;
 
 use std::time::Duration;
@@ -21,6 +24,7 @@ use crate::operator::anti_tie_down::AntiTieDown;
 use crate::operator::buttons::Buttons;
 use crate::operator::deadman::{Deadman, EnableState};
 use crate::operator::instability::Instability;
+use crate::operator::sampled_motion::{Motion, SampledMotion};
 use crate::operator::uncommanded_motion::UncommandedMotion;
 use crate::permit::Permit;
 use config::switch_inputs::SwitchInputs;
@@ -38,6 +42,7 @@ pub(super) struct Operator {
     buttons: Buttons,
     anti_tie_down: AntiTieDown,
     uncommanded_motion: UncommandedMotion,
+    sampled_motion: SampledMotion,
     instability: Instability,
     /// Joint positions of the last cycle.
     previous_q: Option<JointVector>,
@@ -54,6 +59,7 @@ impl Operator {
             buttons: Buttons::new(),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
+            sampled_motion: SampledMotion::default(),
             instability: Instability::default(),
             previous_q: None,
             sent: TorqueDelay::new([JointVector::zeros(); 2]),
@@ -93,13 +99,14 @@ impl Operator {
     }
 
     /// Checks the motion since the last cycle against the torques that acted meanwhile. After a gap (`restart`) the
-    /// motion is not checked.
+    /// motion is not checked. `is_complete` if every joint has a sample of this cycle.
     pub(super) fn check(
         &mut self,
         now: Instant,
         permit: &Permit,
         output: &Output,
         restart: bool,
+        is_complete: bool,
     ) -> Option<Cause> {
         let is_held = self.is_held();
         let felt = output.tau - output.ledger.carried();
@@ -107,26 +114,33 @@ impl Operator {
         self.sent.push([output.tau, felt]);
         let previous_q = self.previous_q.replace(output.q);
         let tied_down = self.anti_tie_down.check(now, is_held, &output.x_0_g);
-        let Some(q) = previous_q.filter(|_| !restart) else { return tied_down };
+        let Some(q) = previous_q.filter(|_| !restart) else {
+            self.sampled_motion.restart(is_complete);
+            return tied_down;
+        };
         let dq = output.q - q;
         let dt = self.period.as_secs_f64();
         let uncommanded =
             self.uncommanded_motion.check(dt, permit.gravity_ramps_up && !is_held, &acted, &dq);
+        let motion = Motion::new(self.period, &output.moving.v_g, acted_felt.dot(&dq));
+        let sampled = self.sampled_motion.add(&motion, is_complete);
         if !permit.engaged {
             self.instability.reset();
             return tied_down.or(uncommanded);
         }
-        let v_g = &output.moving.v_g;
-        let unstable = self.instability.check(now, self.period, v_g, acted_felt.dot(&dq));
+        let unstable = sampled.and_then(|motion| self.instability.check(now, &motion));
         tied_down.or(uncommanded).or(unstable)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
     use std::path::Path;
+    use std::sync::LazyLock;
 
     use nalgebra::Isometry3;
+    use proptest::prelude::*;
 
     use super::*;
     use crate::record::Mode;
@@ -134,37 +148,50 @@ mod tests {
     use controller::switches::{Mode as CommandMode, Switches};
     use controller::{Controller, Input};
     use units::drive::Counts;
+    use units::numbering::Joint;
     use units::spatial::Wrench;
 
-    /// Returns the output of a cycle at rest.
-    fn at_rest() -> Output {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        Controller::new(&config.controller).step(&Input {
-            counts: [Counts(0); 6],
-            f_s: Wrench::ZERO,
-            x_b_m: Isometry3::identity(),
-            switches: Switches { deadman: false, reference: false, reflection: false },
-            mode: CommandMode::Rate,
-            gravity_share: 0.0,
-            reflection_share: 0.0,
-            held: None,
-            restart: true,
-        })
-    }
+    const CYCLE: Duration = Duration::from_millis(1);
 
-    /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
-    /// its computation.
-    fn cause(delay: usize, engaged: bool) -> Option<Cause> {
-        let mut operator = Operator::new(Duration::from_millis(1), true);
-        let template = at_rest();
-        let permit = Permit {
+    /// Joint positions in rad, amid the ranges of the arm.
+    const START: JointVector = JointVector::new(0.0, -0.87, 1.66, -0.79, 0.0, 0.0);
+
+    /// The controller of `config/kraft_like.toml`, before its first cycle.
+    static CONTROLLER: LazyLock<Controller> = LazyLock::new(|| {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Controller::new(&config.controller)
+    });
+
+    /// The first cycle.
+    static FIRST: LazyLock<Input> = LazyLock::new(|| Input {
+        counts: [Counts(0); 6],
+        f_s: Wrench::ZERO,
+        x_b_m: Isometry3::identity(),
+        switches: Switches { deadman: false, reference: false, reflection: false },
+        mode: CommandMode::Rate,
+        gravity_share: 0.0,
+        reflection_share: 0.0,
+        held: None,
+        restart: true,
+    });
+
+    fn permit(engaged: bool) -> Permit {
+        Permit {
             mode: if engaged { Mode::Engaged } else { Mode::Armed },
             gravity_share: 0.5,
             gravity_ramps_up: !engaged,
             reflection_share: 1.0,
             engaged,
             drives_on: true,
-        };
+        }
+    }
+
+    /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
+    /// its computation.
+    fn cause(delay: usize, engaged: bool) -> Option<Cause> {
+        let mut operator = Operator::new(CYCLE, true);
+        let template = { *CONTROLLER }.step(&FIRST);
+        let permit = permit(engaged);
         let torque = |cycle: usize| if cycle.is_multiple_of(2) { 20.0 } else { -20.0 };
         let mut q = 0.0;
         (0..900).find_map(|cycle: usize| {
@@ -175,7 +202,7 @@ mod tests {
             output.ledger.gravity = JointVector::zeros();
             output.q[2] += q;
             let now = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
-            operator.check(now, &permit, &output, cycle == 0)
+            operator.check(now, &permit, &output, cycle == 0, true)
         })
     }
 
@@ -189,5 +216,55 @@ mod tests {
     fn hazard_45_power_is_that_of_the_torque_that_acted() {
         assert_eq!(cause(2, true), Some(Cause::Unstable));
         assert_eq!(cause(1, true), None, "against the torque that acted");
+    }
+
+    /// Returns the time in ms of the trip within 0.5 s. `q` are the joint positions in rad at a time in s; torques of
+    /// 1 N·m drive every joint on. `lost` is the joint without a sample in a cycle of 1 ms.
+    fn trips(q: impl Fn(f64) -> JointVector, lost: impl Fn(u32) -> Option<Joint>) -> Option<u32> {
+        let (mut controller, mut operator) = (*CONTROLLER, Operator::new(CYCLE, true));
+        let mut seen = q(0.0);
+        (0..500).find(|ms: &u32| {
+            let s = f64::from(*ms) * 1e-3;
+            let (now, next) = (q(s), q(s + 1e-3));
+            for joint in Joint::ALL.into_iter().filter(|joint| lost(*ms) != Some(*joint)) {
+                seen[joint.index()] = now[joint.index()];
+            }
+            let restart = *ms == 0;
+            let mut output = controller.step_at(&seen, &Input { restart, ..*FIRST });
+            output.ledger.gravity = JointVector::zeros();
+            output.tau = (next - now).map(f64::signum);
+            let at = Instant::from_micros(u64::from(*ms) * 1_000);
+            operator.check(at, &permit(true), &output, restart, lost(*ms).is_none()).is_some()
+        })
+    }
+
+    /// Returns every `apart`th cycle without the sample of a joint.
+    fn every(apart: u32, joint: Joint) -> impl Fn(u32) -> Option<Joint> {
+        move |ms| (ms % apart == apart - 1).then_some(joint)
+    }
+
+    fn joint() -> impl Strategy<Value = Joint> {
+        prop::sample::select(Joint::ALL.to_vec())
+    }
+
+    proptest! {
+        #[test]
+        fn promise_14_lost_samples_are_no_oscillation(
+            qd in prop::array::uniform6(-1.5..1.5_f64), joint in joint(), apart in 3..99_u32
+        ) {
+            let q = |s| START + JointVector::from(qd) * s;
+            prop_assert_eq!(trips(q, every(apart, joint)), None);
+        }
+
+        #[test]
+        fn hazard_45_oscillation_with_lost_samples_trips(
+            hertz in 6.0..30.0_f64, speed in 0.7..1.5_f64, joint in joint(), apart in 3..99_u32
+        ) {
+            let angle = |s: f64| speed / (TAU * hertz) * (TAU * hertz * s).sin();
+            let q = |s| START + JointVector::from([0.0, 0.0, angle(s), 0.0, 0.0, 0.0]);
+            let (all, lossy) = (trips(q, |_| None), trips(q, every(apart, joint)));
+            prop_assert!(all.is_some_and(|ms| ms <= 400), "{all:?}");
+            prop_assert!(lossy.is_some_and(|lossy| Some(lossy) <= all.map(|ms| ms + 2)), "{lossy:?}, {all:?}");
+        }
     }
 }

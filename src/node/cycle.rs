@@ -97,8 +97,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Watches the controller, the operator, the arm, and the samples against the model.
     fn watch_step(&mut self, now: Instant, permit: &Permit, input: &Input, output: &Output) {
         let controller = output.fault.as_ref().and_then(causes::of_controller);
-        let is_complete = self.samples.is_complete();
-        let operator = self.operator.check(now, permit, output, input.restart, is_complete);
+        let fresh = self.samples.fresh();
+        let operator = self.operator.check(now, permit, output, input.restart, &fresh);
         let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
         let samples = self.plausibility.check(&self.samples.sampled(), output, gravity_is_on);
         self.keep_off_unfollowing(samples);

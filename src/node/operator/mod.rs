@@ -99,16 +99,16 @@ impl Operator {
     }
 
     /// Checks the motion since the last cycle against the torques that acted meanwhile. After a gap (`restart`) the
-    /// motion is not checked. `is_complete` if every joint has a sample of this cycle.
+    /// motion is not checked. A joint has a sample of this cycle if it is `fresh`.
     pub(super) fn check(
         &mut self,
         now: Instant,
         permit: &Permit,
         output: &Output,
         restart: bool,
-        is_complete: bool,
+        fresh: &[bool; 6],
     ) -> Option<Cause> {
-        let is_held = self.is_held();
+        let (is_held, is_complete) = (self.is_held(), *fresh == [true; 6]);
         let felt = output.tau - output.ledger.carried();
         let [acted, acted_felt] = self.sent.acted();
         self.sent.push([output.tau, felt]);
@@ -120,8 +120,8 @@ impl Operator {
         };
         let dq = output.q - q;
         let dt = self.period.as_secs_f64();
-        let uncommanded =
-            self.uncommanded_motion.check(dt, permit.gravity_ramps_up && !is_held, &acted, &dq);
+        let is_unheld_ramp = permit.gravity_ramps_up && !is_held;
+        let uncommanded = self.uncommanded_motion.check(dt, is_unheld_ramp, &acted, &dq, fresh);
         let motion = Motion::new(self.period, &output.moving.v_g, acted_felt.dot(&dq));
         let sampled = self.sampled_motion.add(&motion, is_complete);
         if !permit.engaged {
@@ -202,7 +202,7 @@ mod tests {
             output.ledger.gravity = JointVector::zeros();
             output.q[2] += q;
             let now = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
-            operator.check(now, &permit, &output, cycle == 0, true)
+            operator.check(now, &permit, &output, cycle == 0, &[true; 6])
         })
     }
 
@@ -234,7 +234,8 @@ mod tests {
             output.ledger.gravity = JointVector::zeros();
             output.tau = (next - now).map(f64::signum);
             let at = Instant::from_micros(u64::from(*ms) * 1_000);
-            operator.check(at, &permit(true), &output, restart, lost(*ms).is_none()).is_some()
+            let fresh = Joint::ALL.map(|joint| lost(*ms) != Some(joint));
+            operator.check(at, &permit(true), &output, restart, &fresh).is_some()
         })
     }
 

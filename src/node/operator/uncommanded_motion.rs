@@ -24,18 +24,24 @@ pub(super) struct UncommandedMotion {
 
 impl UncommandedMotion {
     /// Checks the motion `dq` of the joints in the last `dt` s, in rad (m), against the torques that acted meanwhile.
-    /// `is_active` while gravity compensation ramps up and the deadman is released.
+    /// `is_active` while gravity compensation ramps up and the deadman is released. A joint that is not `fresh` has no
+    /// sample of this cycle; its next motion is that of both.
     pub(super) fn check(
         &mut self,
         dt: f64,
         is_active: bool,
         tau: &JointVector,
         dq: &JointVector,
+        fresh: &[bool; 6],
     ) -> Option<Cause> {
-        let joints = self.driven.iter_mut().zip(tau.iter().zip(dq.iter()));
-        for (driven, (tau, dq)) in joints {
-            let is_driven = is_active && dq.abs() > MIN_SPEED * dt && tau * dq > 0.0;
-            *driven = if is_driven { *driven + dq.abs() } else { 0.0 };
+        let joints = self.driven.iter_mut().zip(tau.iter().zip(dq.iter())).zip(fresh);
+        for ((driven, (tau, dq)), is_fresh) in joints {
+            let is_driven = dq.abs() > MIN_SPEED * dt && tau * dq > 0.0;
+            *driven = match (is_active, is_fresh) {
+                (true, false) => *driven,
+                (true, true) if is_driven => *driven + dq.abs(),
+                _ => 0.0,
+            };
         }
         self.driven.iter().any(|driven| *driven > MAX_MOTION).then_some(Cause::UncommandedMotion)
     }
@@ -62,7 +68,7 @@ mod tests {
     fn trips(is_active: bool, tau: f64, qd: f64) -> Option<u32> {
         let mut monitor = UncommandedMotion::default();
         let dq = joints(qd * 1e-3);
-        (1..1_000).find(|_| monitor.check(1e-3, is_active, &joints(tau), &dq).is_some())
+        (1..1_000).find(|_| monitor.check(1e-3, is_active, &joints(tau), &dq, &[true; 6]).is_some())
     }
 
     #[test]
@@ -77,12 +83,36 @@ mod tests {
     }
 
     #[test]
+    fn hazard_41_lost_samples_hide_no_driven_joint() {
+        let mut monitor = UncommandedMotion::default();
+        let mut lost = 0.0;
+        let tripped = (1..1_000_u32).find(|ms| {
+            // Every tenth sample is lost; the next one shows the motion of both cycles.
+            let is_fresh = ms % 10 != 0;
+            let dq = if is_fresh { 3.01e-3 + lost } else { 0.0 };
+            lost = if is_fresh { 0.0 } else { 3.01e-3 };
+            let fresh = [true, is_fresh, true, true, true, true];
+            monitor.check(1e-3, true, &joints(2.0), &joints(dq), &fresh).is_some()
+        });
+        assert_eq!(tripped, Some(301), "one cycle later at most");
+    }
+
+    #[test]
+    fn hazard_41_joint_beyond_its_limit_in_the_ramp_ends_torque() {
+        let beyond = Some(Cause::BeyondLimit { joint: units::numbering::Joint::of::<3>() });
+        assert_eq!(of_limit(beyond, true), Some(Cause::UncommandedMotion));
+        assert_eq!(of_limit(beyond, false), None, "the row of the cause applies");
+        assert_eq!(of_limit(Some(Cause::Late), true), None);
+        assert_eq!(of_limit(None, true), None);
+    }
+
+    #[test]
     fn hand_that_swings_under_the_weight_does_not_trip() {
         let mut monitor = UncommandedMotion::default();
         for ms in 0..1_000_u32 {
             // 5 Hz, 40 mrad to either side.
             let dq = 0.04 * 31.4 * 1e-3 * (31.4e-3 * f64::from(ms)).cos();
-            assert_eq!(monitor.check(1e-3, true, &joints(1.0), &joints(dq)), None);
+            assert_eq!(monitor.check(1e-3, true, &joints(1.0), &joints(dq), &[true; 6]), None);
         }
     }
 }

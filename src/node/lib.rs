@@ -20,6 +20,7 @@ mod control;
 mod cycle;
 mod cycle_timing;
 mod drives;
+mod guard_requests;
 mod lateness;
 mod link;
 mod network;

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::guard_requests::GuardRequests;
 use crate::sdo_pacer::SdoPacer;
 use crate::target_readings::TargetReadings;
 use canopen::frame::{Channel, Frame};
@@ -24,6 +25,7 @@ pub(super) struct Network {
     /// Producer of TIME, if configured.
     pub(super) time_stamp: Option<time_stamp::Producer>,
     pub(super) sdo_pacer: SdoPacer,
+    pub(super) guard_requests: GuardRequests,
     /// Turn of the drives whose target torque is read.
     pub(super) targets: TargetReadings,
     /// Heartbeat and guarding have ended for all nodes, until the next boot.
@@ -37,6 +39,7 @@ impl Network {
     pub(super) fn new(config: &Config, plans: Vec<(Channel, NodePlan)>) -> Self {
         let producer = |period| time_stamp::Producer::new(time_stamp::COB_ID, period);
         Self {
+            guard_requests: GuardRequests::new(&plans, config.period),
             master: Master::new(plans).with_node_id(config.node_id),
             heartbeat: heartbeat::Producer::new(
                 config.node_id,
@@ -61,6 +64,13 @@ impl Network {
     pub(super) fn end_error_control(&mut self) {
         self.is_silent = true;
         self.master.end_guarding();
+        self.guard_requests.clear();
+    }
+
+    /// Stops guarding the drives: they must miss their master.
+    pub(super) fn pause_guarding(&mut self) {
+        self.master.pause_guarding();
+        self.guard_requests.clear();
     }
 
     /// Returns whether heartbeat and guarding have ended for all nodes.
@@ -71,6 +81,7 @@ impl Network {
     /// Restarts the master's boot, error control and the SYNC counter.
     pub(super) fn restart(&mut self) {
         self.is_silent = false;
+        self.guard_requests.clear();
         self.master.restart();
         self.sync.restart();
     }

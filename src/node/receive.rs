@@ -91,12 +91,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.on_event(at, event?)
     }
 
-    /// Runs the master's timers. Raises the cause of each event at once, because their number is not bounded.
+    /// Runs the master's timers. Raises the cause of each event at once, because their number is not bounded. Requests of
+    /// guarding wait until the targets are sent.
     pub(super) fn poll_master(&mut self, now: Instant) {
         while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
             let cause = self.on_event(now, event);
             self.raise(now, [cause]);
         }
+        self.network.guard_requests.take_from(&mut self.wire.out);
         self.send_queued();
     }
 

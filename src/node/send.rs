@@ -20,9 +20,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Sends heartbeat, TIME and SDO requests, after the RPDOs so that they do not delay them.
     pub(super) fn send_services(&mut self, now: Instant, sync_at: Instant) {
-        // No heartbeat after a stall: the drives' heartbeat consumers must see it.
+        // Neither after a stall: the drives' heartbeat consumers and life guarding must see it.
         if !self.is_late(sync_at) {
             self.send_heartbeat(now);
+            self.send_guard_requests();
         }
         self.send_time(now);
         self.recheck(now);
@@ -35,6 +36,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Some(frame) = self.network.heartbeat(now) {
             self.send_on_every_bus(frame);
         }
+    }
+
+    /// Sends the requests of guarding of one cycle.
+    pub(super) fn send_guard_requests(&mut self) {
+        self.wire.out.extend(self.network.guard_requests.of_cycle());
+        self.send_queued();
     }
 
     /// Sends TIME if due, for devices that log.

@@ -59,7 +59,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.withhold_error_control(awaited, give_up)?;
                 }
                 Awaited::Guarding => {
-                    self.network.master.pause_guarding();
+                    self.network.pause_guarding();
                     let tested = self.withhold_error_control(awaited, give_up);
                     self.network.master.resume_guarding(self.wire.now());
                     tested?;
@@ -94,6 +94,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.network.master.read_statusword(now, joint.into(), &mut self.wire.out);
             }
             self.send_queued();
+            self.send_guard_requests();
             while let Some(telegram) = self.network.master.release() {
                 self.send(telegram);
             }
@@ -136,6 +137,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.send_queued();
             }
             self.send_targets(sync_at, &[PerMille(0); 6], true);
+            self.send_guard_requests();
             self.send_request(sync_at);
         }
         Ok(())

@@ -231,7 +231,34 @@ const fn duration(step: PowerOffStep) -> Duration {
     }
 }
 
+/// Drives that did not confirm power off, before a boot that may fail.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unconfirmed {
+    stages: [Stage; 6],
+    statuswords: [Statusword; 6],
+}
+
 impl<B: Bus, R: Remote> Node<B, R> {
+    /// Returns the drives that did not confirm power off, with their last statuswords.
+    pub(super) fn unconfirmed(&self) -> Unconfirmed {
+        let statuswords = self.samples.latest().each_ref().map(|sample| sample.statusword);
+        Unconfirmed { stages: self.power_off.stages, statuswords }
+    }
+
+    /// Restores them after a boot that has failed, unless they have sent a statusword since. Its boot over, a node that
+    /// failed is not read again: the next reset does that.
+    pub(super) fn restore_unconfirmed(&mut self, before: &Unconfirmed) {
+        for (joint, (stage, statusword)) in
+            Joint::each(before.stages.iter().zip(&before.statuswords))
+        {
+            if matches!(stage, Stage::Taken(..)) && !self.samples.is_status_known(joint) {
+                self.samples.restore_statusword(joint, *statusword);
+                self.drives.power.keep_off(joint);
+                *joint.entry_mut(&mut self.power_off.stages) = *stage;
+            }
+        }
+    }
+
     /// Takes at most one step towards a drive that does not confirm power off; returns whether it sent a frame.
     pub(super) fn confirm_power_off(&mut self, sync_at: Instant) -> bool {
         let now = self.wire.now();

@@ -85,11 +85,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let stop = self.safety.reset(now)?;
         self.drives.power.reset_faults();
         let was_silent = self.network.is_silent();
+        let unconfirmed = self.unconfirmed();
         self.power_off.restart();
         if stop.must_boot || self.wire.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
                 self.safety.restore(self.wire.now(), stop);
+                self.restore_unconfirmed(&unconfirmed);
                 if was_silent {
                     // A drive that did not confirm power off may still be on.
                     self.network.end_error_control();

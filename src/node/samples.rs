@@ -34,6 +34,8 @@ pub(super) struct Samples {
     latest: [DriveSample; 6],
     /// Time of each joint's last statusword.
     status_at: [Option<Instant>; 6],
+    /// Joints with a statusword since the last restart, by TPDO or SDO.
+    status_known: [bool; 6],
     /// Time of the last SYNC.
     sync_at: Instant,
     fresh: [bool; 6],
@@ -67,6 +69,7 @@ impl Samples {
             status_timeout: Joint::ALL.map(status_timeout),
             latest: [DriveSample::default(); 6],
             status_at: [None; 6],
+            status_known: [false; 6],
             sync_at: Instant::ZERO,
             fresh: [false; 6],
             torques: [false; 6],
@@ -124,6 +127,7 @@ impl Samples {
         if let Some(word) = tpdo.statusword {
             sample.statusword = word;
             *joint.entry_mut(&mut self.status_at) = Some(at);
+            *joint.entry_mut(&mut self.status_known) = true;
         }
         if let Some(position) = tpdo.position {
             match joint.entry_mut(&mut self.filters).on_position(position) {
@@ -141,7 +145,18 @@ impl Samples {
     pub(super) fn set_statusword(&mut self, node: NodeIndex, statusword: Statusword) {
         if let Some(joint) = node.joint() {
             joint.entry_mut(&mut self.latest).statusword = statusword;
+            *joint.entry_mut(&mut self.status_known) = true;
         }
+    }
+
+    /// Sets the last statusword from before a restart again.
+    pub(super) fn restore_statusword(&mut self, joint: Joint, statusword: Statusword) {
+        joint.entry_mut(&mut self.latest).statusword = statusword;
+    }
+
+    /// Returns whether a statusword of `joint` was received since the last [`restart`](Self::restart).
+    pub(super) fn is_status_known(&self, joint: Joint) -> bool {
+        *joint.entry(&self.status_known)
     }
 
     /// Returns whether a sample of every joint was received in this window.
@@ -201,6 +216,7 @@ impl Samples {
         self.torques = [false; 6];
         self.demands = [None; 6];
         self.status_at = [None; 6];
+        self.status_known = [false; 6];
         self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
     }

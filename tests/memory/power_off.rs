@@ -163,6 +163,36 @@ fn hazard_46_reset_after_an_nmt_stop_boots_again() {
 }
 
 #[test]
+fn hazard_46_failed_reset_keeps_the_name_of_a_drive() {
+    for file in ALL {
+        let (mut bench, _, _) =
+            stopped(file, &format!("{IGNORED}for_s = 2.0\n{NO_NMT}for_s = 2.0\n"));
+        run_for(&mut bench, Duration::from_millis(400));
+        bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
+        let only_elbow = [false, false, true, false, false, false];
+        assert_eq!(bench.cycle().not_off, only_elbow, "{file}");
+        bench.ask(Request::Reset).unwrap_err();
+        run_for(&mut bench, Duration::from_millis(2_000));
+        let record = bench.cycle();
+        assert_eq!((record.mode, record.not_off), (Mode::DrivesOff, only_elbow), "{file}");
+        // A boot reads its statusword again.
+        bench.world_mut().drive_mut(ELBOW).unwrap().plug();
+        assert_eq!(bench.ask(Request::Reset).unwrap(), Mode::Ready, "{file}");
+        assert_eq!(bench.cycle().not_off, [false; 6], "{file}");
+    }
+}
+
+#[test]
+fn hazard_46_drive_unheard_since_a_reset_is_named_at_the_end() {
+    let (mut bench, _, _) = stopped(PER_DRIVE, &format!("{IGNORED}{NO_NMT}"));
+    run_for(&mut bench, Duration::from_millis(400));
+    bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
+    bench.ask(Request::Reset).unwrap_err();
+    let error = bench.stop().unwrap_err().to_string();
+    assert!(error.starts_with("joint 3: drive did not confirm that it is off"), "{error}");
+}
+
+#[test]
 fn hazard_46_drive_that_never_answers_is_named_at_the_end() {
     for file in ALL {
         let (mut bench, wire, _) = stopped(file, "");

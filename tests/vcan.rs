@@ -615,6 +615,78 @@ fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
     Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
 }
 
+/// A file system in a file, which [`freeze`](Self::freeze) makes a disk that hangs: every write blocks.
+struct Disk {
+    path: String,
+    is_frozen: bool,
+}
+
+impl Disk {
+    fn in_folder(scratch: &Scratch) -> Self {
+        let (image, path) = (scratch.path("disk.img"), scratch.path("disk"));
+        let format = "truncate -s 64M $0 && mkfs.ext4 -q $0 && mkdir $1 && mount -o loop $0 $1";
+        Process::of("sh", &["-c", format, &image, &path]).wait().succeeds();
+        Self { path, is_frozen: false }
+    }
+
+    fn freeze(&mut self) {
+        Process::of("fsfreeze", &["-f", &self.path]).wait().succeeds();
+        self.is_frozen = true;
+    }
+
+    fn thaw(&mut self) {
+        if std::mem::take(&mut self.is_frozen) {
+            Process::of("fsfreeze", &["-u", &self.path]).wait().succeeds();
+        }
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        self.thaw();
+        Process::of("umount", &["-l", &self.path]).wait();
+    }
+}
+
+#[test]
+fn hazard_32_disk_that_hangs_delays_the_end_by_a_second() {
+    let scratch = Scratch::new("hung-disk");
+    let mut disk = Disk::in_folder(&scratch);
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let session = format!("{}/session", disk.path);
+    let stderr = scratch.path("stderr");
+    let words = ["run", "--config", CONFIG, "--record", &session];
+    let run = scratch.frhc_onto(&words, fs::File::create(&stderr).unwrap());
+    scratch.ctl("--wait arm").succeeds();
+    let armed = candump.mark().nanos;
+    candump.until(|line| line.nanos > armed + 1_000_000_000);
+    disk.freeze();
+    let frozen = candump.mark().nanos;
+    candump.until(|line| line.nanos > frozen + 1_000_000_000);
+    let signalled = candump.mark().nanos;
+    run.signal(Signal::SIGTERM);
+    // The switch box sends on.
+    candump.until(|line| line.nanos > signalled + 1_000_000_000);
+    let main = run.state_of_main_thread();
+    let printed = fs::read_to_string(&stderr).unwrap();
+    // No signal ends a thread in a write that the kernel does not interrupt: it keeps the process.
+    disk.thaw();
+    let outcome = run.wait();
+    assert_eq!(main, 'Z', "the main thread has ended: {printed}");
+    assert_eq!(outcome.code, Some(4), "the recording is incomplete: {printed}");
+    assert_eq!(printed.matches("given up: the disk did not respond").count(), 1, "{printed}");
+    assert!(printed.lines().last().unwrap().contains("given up"), "{printed}");
+    sim.terminate().succeeds();
+    let log = Log::parse(&candump.finish());
+    let is_off = |entry: &&common::log::Entry| entry.id == 0 && entry.data.first() == Some(&0x80);
+    let off = log.entries().iter().find(|entry| is_off(entry) && entry.nanos > signalled);
+    let off = Duration::from_nanos(off.unwrap().nanos - signalled);
+    println!("pre-operational, all drives off, {off:?} after the signal");
+    assert!(off <= Duration::from_millis(200), "{off:?}");
+    log.ends_with_every_drive_off(NODES);
+}
+
 #[test]
 fn promise_12_full_console_and_terminal_delay_no_stop() {
     let scratch = Scratch::new("stopped");

@@ -56,6 +56,21 @@ impl Process {
     }
 
     /// Returns the outcome, or `None` while the process runs.
+    /// Limits the address space of the process (RLIMIT_AS) to what it has now.
+    pub(crate) fn limit_address_space(&self) {
+        let limit = format!(
+            "read -r pages rest </proc/{0}/statm; prlimit --pid {0} --as=$((pages * $(getconf PAGESIZE)))",
+            self.0.id()
+        );
+        Self::of("sh", &["-c", &limit]).wait().succeeds();
+    }
+
+    /// Returns the state of its main thread, as `Z` once that has ended (proc_pid_stat(5)).
+    pub(crate) fn state_of_main_thread(&self) -> char {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap();
+        stat.rsplit_once(") ").unwrap().1.chars().next().unwrap()
+    }
+
     pub(crate) fn ended(&mut self) -> Option<Outcome> {
         let status = self.0.try_wait().unwrap()?;
         Some(Outcome { code: status.code(), stderr: self.read_stderr() })

@@ -1,6 +1,10 @@
 //! The control socket: clients that hold it, and requests that outlive their client. Hazards 30 and 40.
 
 use std::io::Write;
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use crate::gateway::{Gateway, NODE};
 use crate::rig::{Rig, Setup, cycles, millis};
@@ -31,6 +35,56 @@ fn hazard_30_disarm_acts_beside_clients_that_hold_the_console() {
     // A ramp of 50 ms, and the drives' time to zero.
     seen.all_are_free_within(millis(50) + cycles(3));
     drop((idle, half, unread, arming));
+}
+
+/// New connections per burst, and the time between two bursts.
+const FLOOD: (usize, Duration) = (25, Duration::from_millis(1));
+
+#[test]
+fn hazard_30_disarm_acts_beside_25_connections_a_millisecond() {
+    let _gateway = Gateway::at(NODE);
+    for (name, kept) in [("closed", 0), ("held", 500)] {
+        let mut rig = Rig::engaged(&format!("flood-{name}"), &Setup::default());
+        let socket = rig.socket();
+        let (is_over, opened) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let onset = thread::scope(|threads| {
+            threads.spawn(|| flood(&socket, kept, &is_over, &opened));
+            rig.run_for(millis(20));
+            let onset = rig.onset();
+            let before = opened.load(Ordering::Relaxed);
+            let disarmed = rig.ctl("disarm");
+            let beside = opened.load(Ordering::Relaxed) - before;
+            // A flood that has ended proves nothing.
+            rig.run_for(millis(60));
+            is_over.store(true, Ordering::Relaxed);
+            assert_eq!(disarmed.code, Some(0), "{name}: {}", disarmed.stderr);
+            println!(
+                "{name}: {} connections in all, {beside} beside the request",
+                opened.load(Ordering::Relaxed)
+            );
+            onset
+        });
+        assert!(opened.into_inner() > 1_000, "{name}");
+        rig.is("ready");
+        // A ramp of 50 ms, and the drives' time to zero.
+        rig.seen_after(onset, millis(70)).all_are_free_within(millis(50) + cycles(3));
+    }
+}
+
+/// Opens bursts of connections until `is_over`, for five seconds at most, and keeps so many of them open.
+fn flood(socket: &str, kept: usize, is_over: &AtomicBool, opened: &AtomicUsize) {
+    let mut open = std::collections::VecDeque::new();
+    for _ in (0..5_000).take_while(|_| !is_over.load(Ordering::Relaxed)) {
+        for _ in 0..FLOOD.0 {
+            let Ok(client) = UnixStream::connect(socket) else { break };
+            opened.fetch_add(1, Ordering::Relaxed);
+            open.push_back(client);
+        }
+        while open.len() > kept {
+            open.pop_front();
+        }
+        thread::sleep(FLOOD.1);
+    }
 }
 
 #[test]

@@ -110,7 +110,12 @@ impl Rig {
 
     /// A connection to the node's control socket.
     pub(crate) fn client(&self) -> UnixStream {
-        UnixStream::connect(self.scratch.path("frhc/node.sock")).unwrap()
+        UnixStream::connect(self.socket()).unwrap()
+    }
+
+    /// Path of the node's control socket.
+    pub(crate) fn socket(&self) -> String {
+        self.scratch.path("frhc/node.sock")
     }
 
     /// Waits until the deadman closes, and until reflection has ramped up.

@@ -61,7 +61,10 @@ pub fn main() -> ExitCode {
             let reason = format!("cannot block signals: {error}");
             return conclude(Err(Failure::new(Kind::Bus, reason)));
         }
-        stderr::detach();
+        if let Err(error) = stderr::detach() {
+            let reason = format!("cannot start thread frhc-stderr: {error}");
+            return conclude(Err(Failure::new(Kind::Bus, reason)));
+        }
         panics::abort();
     }
     init_log(cli.quiet, cli.verbose);

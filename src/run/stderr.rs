@@ -20,8 +20,13 @@ const FLUSH_TIMEOUT: Duration = Duration::from_millis(200);
 static QUEUE: OnceLock<StderrQueue> = OnceLock::new();
 
 /// Starts the writer thread: from now on no message blocks its sender.
-pub fn detach() {
-    QUEUE.get_or_init(|| StderrQueue::start(io::stderr()));
+///
+/// # Errors
+/// When the thread cannot be started. Messages are written directly then.
+pub fn detach() -> io::Result<()> {
+    let queue = StderrQueue::start(io::stderr())?;
+    QUEUE.set(queue).ok();
+    Ok(())
 }
 
 /// Returns the queue, if stderr is detached.
@@ -53,14 +58,13 @@ enum Message {
 
 impl StderrQueue {
     /// Starts a thread that writes to `to` until the process ends.
-    fn start(to: impl Write + Send + 'static) -> Self {
+    fn start(to: impl Write + Send + 'static) -> io::Result<Self> {
         let (queue, messages) = sync_channel(QUEUE_CAPACITY);
         let lost = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&lost);
         let writer = thread::Builder::new().name("frhc-stderr".to_owned());
-        // If the thread cannot be started, all messages are lost, and still no sender blocks.
-        writer.spawn(move || write(to, &messages, &counted)).ok();
-        Self { queue, lost }
+        writer.spawn(move || write(to, &messages, &counted))?;
+        Ok(Self { queue, lost })
     }
 
     /// Queues a message; drops and counts it if the queue is full.
@@ -133,7 +137,7 @@ mod tests {
     fn hazard_32_stopped_terminal_blocks_no_sender_and_is_counted() {
         let (release, go) = sync_channel(1);
         let shown = Arc::new(Mutex::new(Vec::new()));
-        let queue = StderrQueue::start(Stopped { go, shown: Arc::clone(&shown) });
+        let queue = StderrQueue::start(Stopped { go, shown: Arc::clone(&shown) }).unwrap();
         let sent = QUEUE_CAPACITY + 100;
         for number in 0..sent {
             queue.send(format!("line {number}\n").as_bytes());
@@ -165,7 +169,7 @@ mod tests {
                 Ok(())
             }
         }
-        let queue = StderrQueue::start(Broken);
+        let queue = StderrQueue::start(Broken).unwrap();
         queue.send(b"line\n");
         assert!(queue.flush(Duration::from_secs(60)));
     }

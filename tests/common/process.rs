@@ -1,6 +1,7 @@
 //! Processes that are killed at the end of a test.
 
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -55,7 +56,6 @@ impl Process {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
 
-    /// Returns the outcome, or `None` while the process runs.
     /// Limits the address space of the process (RLIMIT_AS) to what it has now.
     pub(crate) fn limit_address_space(&self) {
         let limit = format!(
@@ -71,6 +71,7 @@ impl Process {
         stat.rsplit_once(") ").unwrap().1.chars().next().unwrap()
     }
 
+    /// Returns the outcome, or `None` while the process runs.
     pub(crate) fn ended(&mut self) -> Option<Outcome> {
         let status = self.0.try_wait().unwrap()?;
         Some(Outcome { code: status.code(), stderr: self.read_stderr() })
@@ -252,9 +253,11 @@ impl Scratch {
         Process::spawn_onto(self.at_home(command.args(args)), stderr.into())
     }
 
-    /// Starts frhc under a limit of the shell, such as `ulimit -f 100`.
+    /// Starts frhc behind a command of the shell, such as `ulimit -f 100`, with signals as a service manager leaves them.
     pub(crate) fn frhc_under(&self, limit: &str, args: &[&str]) -> Process {
         let mut command = Command::new("sh");
+        // Forks: a child of glibc's posix_spawn ignores signal 32.
+        command.uid(nix::unistd::getuid().as_raw());
         command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\""), crate::common::program()]);
         Process::spawn(self.at_home(command.args(args)))
     }

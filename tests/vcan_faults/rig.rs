@@ -38,11 +38,13 @@ pub(crate) struct Setup {
     /// Entries of the drives' scenario.
     pub(crate) entries: Vec<Entry>,
     pub(crate) changes: Vec<(&'static str, &'static str)>,
+    /// Command of the shell before the node starts, such as a `ulimit`.
+    pub(crate) shell: &'static str,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { node: NODE, entries: script::rhythm(), changes: Vec::new() }
+        Self { node: NODE, entries: script::rhythm(), changes: Vec::new(), shell: "true" }
     }
 }
 
@@ -52,6 +54,7 @@ pub(crate) struct Rig {
     drives: Process,
     pub(crate) candump: Candump,
     on: &'static str,
+    shell: &'static str,
     config: String,
     scratch: Scratch,
     random: u64,
@@ -79,7 +82,16 @@ impl Rig {
         let random = name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
-        let mut rig = Self { node: None, drives, candump, on: setup.node, config, scratch, random };
+        let mut rig = Self {
+            node: None,
+            drives,
+            candump,
+            on: setup.node,
+            shell: setup.shell,
+            config,
+            scratch,
+            random,
+        };
         rig.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
         rig.start_node();
         rig
@@ -87,7 +99,8 @@ impl Rig {
 
     /// Starts the node, again.
     pub(crate) fn start_node(&mut self) {
-        self.node = Some(self.scratch.frhc(&["run", "--config", &self.config, "-i", self.on]));
+        let words = ["run", "--config", &self.config, "-i", self.on];
+        self.node = Some(self.scratch.frhc_under(self.shell, &words));
     }
 
     /// Requests arming until it is granted: a node whose deadman is closed refuses.
@@ -101,6 +114,18 @@ impl Rig {
         }
         let refusal = self.ctl("arm").stderr;
         panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
+    }
+
+    /// Waits until the node has ended by itself, and returns its outcome.
+    pub(crate) fn until_node_ends(&mut self) -> Outcome {
+        let mut node = self.node.take().unwrap();
+        for _ in 0..200 {
+            if let Some(outcome) = node.ended() {
+                return outcome;
+            }
+            self.run_for(millis(5));
+        }
+        panic!("the node has not ended: {}", node.terminate().stderr);
     }
 
     /// Makes a request to the node's console.

@@ -80,6 +80,13 @@ impl Seen {
         self
     }
 
+    /// Returns the frames with the onset at the last SYNC.
+    pub(crate) fn from_last_sync(mut self) -> Self {
+        let last = self.log.entries().iter().rev().find(|entry| entry.id == 0x080);
+        self.onset = last.unwrap().nanos;
+        self
+    }
+
     /// Fails unless the first controlword to every drive disables its voltage. One frame is sent a cycle behind the
     /// targets, a controlword or an SDO request.
     #[track_caller]

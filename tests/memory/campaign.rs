@@ -230,6 +230,22 @@ fn hazard_13_lost_commands_leave_no_drive_on() {
 }
 
 #[test]
+fn hazard_13_every_lost_rpdo_of_a_moving_arm_is_seen() {
+    let verdicts = play(90, "RPDO lost");
+    let case = |verdict: &Verdict| Case::of(SEED, verdict.number, &configs()).unwrap();
+    let (mut engaged, mut without_timer) = (0, 0);
+    for verdict in verdicts.iter().filter(|verdict| verdict.kind == "RPDO lost") {
+        let case = case(verdict);
+        if case.situation.is_engaged() {
+            assert!(verdict.observed.detected.is_some(), "{verdict:?}");
+            engaged += 1;
+            without_timer += usize::from(case.injection.cut_off.is_some());
+        }
+    }
+    assert!(engaged >= 20 && without_timer >= 8, "{engaged} {without_timer}");
+}
+
+#[test]
 fn promise_10_no_acting_torque_is_older_than_a_drives_timer() {
     let configs = configs();
     let mut oldest = Duration::ZERO;

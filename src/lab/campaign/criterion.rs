@@ -21,7 +21,7 @@ pub enum Criterion {
     Disengaged(Duration, MayStop),
     /// The node goes on: there is no reason to stop.
     GoesOn,
-    /// The node may stop or go on, for this reason; no invariant may be violated.
+    /// The node may stop or go on, for this reason; no invariant may be violated, and a stop leaves no drive on.
     Either(&'static str),
 }
 

@@ -9,12 +9,12 @@
 //! | `catalogue`   | every kind of fault, its hazard and its criterion                 |
 //! | `criterion`   | the acceptance criterion of a case                                |
 //! | `expectation` | one row for each hazard: limit, causes, end state of the drives   |
-//! | `held`        | torque that a drive without its RPDOs holds                       |
 //! | `injection`   | faults and actions of a case, and what they demand                |
 //! | `kind`        | one kind of fault: hazard, situations, causes that may stop       |
 //! | `monitor`     | the judge: invariants I1 to I13                                   |
 //! | `play`        | one case from its onset to its end                                |
 //! | `random`      | random joints, durations, bytes                                   |
+//! | `rpdo_loss`   | torque that a drive without its RPDOs holds                       |
 //! | `run`         | all cases, on every core                                          |
 //! | `situation`   | armed, free motion, in contact                                    |
 //! | `soak`        | long runs in which nothing may stop                               |
@@ -26,12 +26,12 @@ pub mod case;
 pub mod catalogue;
 pub mod criterion;
 pub mod expectation;
-mod held;
 pub mod injection;
 pub mod kind;
 pub mod monitor;
 pub mod play;
 mod random;
+mod rpdo_loss;
 pub mod run;
 pub mod situation;
 pub mod soak;

@@ -9,9 +9,9 @@ use crate::bench::Bench;
 use crate::campaign::case::Case;
 use crate::campaign::criterion::Criterion;
 use crate::campaign::expectation::EndState;
-use crate::campaign::held::Held;
 use crate::campaign::injection::Injection;
 use crate::campaign::monitor::{self, Answer, Exemption, Monitor};
+use crate::campaign::rpdo_loss::RpdoLoss;
 use crate::campaign::situation::Situation;
 use crate::campaign::timers;
 use crate::campaign::verdict::{Observation, Verdict};
@@ -188,7 +188,7 @@ pub(super) fn play(
             .for_each(|exemption| bench.tap_mut().exempt(exemption));
     }
     let mut onset = zero + case.onset;
-    let mut held = case.injection.cut_off.map(Held::new);
+    let mut loss = case.injection.cut_off.map(RpdoLoss::new);
     let mut observer = Observer::new(bench, off_tolerance(config, &case.injection));
     let observed_for = case.injection.observed_for;
     let (mut is_tried, mut is_fast) = (false, false);
@@ -210,17 +210,17 @@ pub(super) fn play(
             (is_fast, onset) = (true, now);
         }
         let is_on = now >= onset && !observer.is_latched();
-        for held in held.iter_mut().filter(|_| is_on) {
-            held.update(now, bench.tap_mut().target(held.joint()));
+        for loss in loss.iter_mut().filter(|_| is_on) {
+            loss.update(now, bench.tap_mut().target(loss.joint()));
         }
         on_cycle(bench, &record);
     }
-    let criterion = match &held {
-        Some(held) if !observer.is_latched() && held.longest() <= held_limit(&case.injection) => {
+    let criterion = match &loss {
+        Some(loss) if !observer.is_latched() && loss.longest() <= held_limit(&case.injection) => {
             Criterion::Either("the held torque hardly differs from the targets")
         }
-        Some(held) => {
-            onset = held.since().unwrap_or(onset);
+        Some(loss) => {
+            onset = loss.since().unwrap_or(onset);
             case.injection.criterion
         }
         None => case.injection.criterion,
@@ -290,7 +290,8 @@ struct Observer {
 }
 
 /// Returns the time beyond "drives off" at which every power stage must be off. A node that has abandoned its bus leaves
-/// that to the drives' own timers; a drive without its RPDOs is switched off by SDO.
+/// that to the drives' own timers, which frames from a stalled adapter start once more; a drive without its RPDOs is
+/// switched off by SDO.
 fn off_tolerance(config: &Config, injection: &Injection) -> Duration {
     if injection.loses_commands {
         return OFF_TOLERANCE + timers::power_off_by_sdo(config);
@@ -304,8 +305,17 @@ fn off_tolerance(config: &Config, injection: &Injection) -> Duration {
         | Criterion::ReflectionOff(_)
         | Criterion::Disengaged(..)
         | Criterion::GoesOn
-        | Criterion::Either(_) => OFF_TOLERANCE,
+        | Criterion::Either(_) => match injection.faults().find_map(stall) {
+            Some(stall) => OFF_TOLERANCE.max(timers::slowest(config) + stall),
+            None => OFF_TOLERANCE,
+        },
     }
+}
+
+/// Returns the time for which a fault holds the frames of a bus back.
+fn stall(fault: &Fault) -> Option<Duration> {
+    let is_stall = matches!(fault.kind, Kind::Bus(Disturbance::AdapterStalled));
+    fault.duration.filter(|_| is_stall)
 }
 
 /// Power stages of the drives after a stop.

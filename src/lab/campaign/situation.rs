@@ -53,6 +53,15 @@ impl Situation {
         }
     }
 
+    /// Returns the time from which the hand rests, in s after the first SYNC.
+    pub(super) const fn rests_s(self) -> f64 {
+        match self {
+            Self::Ready | Self::Armed => 0.0,
+            Self::Free => 1.9,
+            Self::Contact => 2.0,
+        }
+    }
+
     /// Returns the operator's actions that lead there.
     pub(super) fn entries(self) -> Vec<Entry> {
         let request = |at_s, request| Entry::Console(Console::new(at_s, request));

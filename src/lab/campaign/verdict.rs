@@ -168,8 +168,7 @@ fn outcome(criterion: Criterion, causes: &[CauseKind], observed: &Observation) -
         Outcome::WrongCause
     } else if is_too_mild(observed) {
         Outcome::WrongState
-    // Where the node may go on, other masters may command the drives as well.
-    } else if observed.is_left_on && !matches!(criterion, Criterion::Either(_)) {
+    } else if observed.is_left_on {
         Outcome::LeftOn
     } else {
         Outcome::Met
@@ -258,7 +257,9 @@ mod tests {
     #[test]
     fn drive_left_on_after_a_stop_is_a_failure() {
         let left_on = Observation { is_left_on: true, ..stopped_by(MISSING) };
-        assert_eq!(outcome(Criterion::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
+        for criterion in [Criterion::Stop(WITHIN), Criterion::Either("")] {
+            assert_eq!(outcome(criterion, CAUSES, &left_on), Outcome::LeftOn, "{criterion:?}");
+        }
     }
 
     #[test]

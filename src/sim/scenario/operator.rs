@@ -108,6 +108,12 @@ impl Move {
         Self { at_s, duration_s, to_m: Some(List(to_m)), to_rad: None }
     }
 
+    /// The same movement with a turn to a rotation vector in {G} at the start, in rad.
+    #[must_use]
+    pub const fn turning(self, to_rad: [f64; 3]) -> Self {
+        Self { to_rad: Some(List(to_rad)), ..self }
+    }
+
     /// A turn to a rotation vector in {G} at the start, in rad.
     pub const fn turn(at_s: f64, duration_s: f64, to_rad: [f64; 3]) -> Self {
         Self { at_s, duration_s, to_m: None, to_rad: Some(List(to_rad)) }

@@ -6,6 +6,7 @@ use crate::campaign::criterion::Criterion;
 use crate::campaign::injection::{Conditions, Injection};
 use crate::campaign::kind::{Kind, NO_CAUSE, kind};
 use crate::campaign::random::{Random, rounded};
+use crate::campaign::situation::Situation;
 use crate::campaign::timers;
 use canopen::error_codes;
 use canopen::layout::{Direction, Pdo};
@@ -14,6 +15,7 @@ use config::Layout;
 use faults::{DeviceFault, Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
 use node::cause::Kind as Cause;
 use sim::scenario::Entry;
+use sim::scenario::operator::Move;
 use units::numbering::Joint;
 
 pub(super) const KINDS: &[Kind] = &[
@@ -180,7 +182,7 @@ const COMMANDS_LOST: &[Cause] =
     &[Cause::Emergency, Cause::DriveLeft, Cause::TargetNotTaken, Cause::TorqueDiffers];
 
 /// The drive stops by its own timer, and its emergency stops the others two cycles later. Without that timer it holds its
-/// target until the node finds that, and switches it off by SDO.
+/// target until the node finds that, and switches it off by SDO: the hand moves, so that the target changes.
 fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let fault = frames(at, joint, FrameFault::of(RPDO, Effect::Drop));
@@ -190,9 +192,21 @@ fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     }
     let by_sdo = timers::power_off_by_sdo(at.config) + at.cycles(4);
     let within = at.limit_for(joint) + by_sdo;
-    let injection = Injection::of([fault], Criterion::TorqueFree(within));
+    let begin = at.onset_s().max(at.situation.rests_s());
+    let injection = Injection::of([fault, hand_turns(at, begin)], Criterion::TorqueFree(within));
+    let waits = Duration::from_secs_f64(begin - at.onset_s());
     Injection { cut_off: Some(joint), loses_commands: true, ..injection }
-        .observed_for(Duration::from_millis(500))
+        .observed_for(waits + Duration::from_millis(900))
+}
+
+/// The hand moves and turns far enough that the torque of every joint changes.
+fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
+    let to_m = match at.situation {
+        Situation::Ready | Situation::Armed => [0.08, 0.06, 0.05],
+        Situation::Free => [0.08, 0.12, 0.05],
+        Situation::Contact => [0.06, 0.05, 0.05],
+    };
+    Entry::Move(Move::new(begin_s, 0.6, to_m).turning([0.4, 0.4, 0.4]))
 }
 
 /// Returns the RPDO with a drive's controlword, from 1.

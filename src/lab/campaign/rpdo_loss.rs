@@ -8,9 +8,9 @@ use units::time::Instant;
 /// Difference from the held target that counts as none, in ‰ of rated torque: drives may round.
 const ROUNDING: i32 = 2;
 
-/// Targets sent to a drive that holds the first of them.
+/// Loss of all RPDOs of a drive: the targets sent to it, of which it holds the first.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
+pub(super) struct RpdoLoss {
     joint: Joint,
     target: Option<i16>,
     /// Side of the held target on which those sent are, and the time since then.
@@ -19,7 +19,7 @@ pub(super) struct Held {
     longest: Option<(Instant, Duration)>,
 }
 
-impl Held {
+impl RpdoLoss {
     /// Returns the observation of a drive before its RPDOs are lost.
     pub(super) const fn new(joint: Joint) -> Self {
         Self { joint, target: None, run: None, longest: None }
@@ -63,13 +63,13 @@ mod tests {
 
     #[test]
     fn difference_counts_from_its_side_of_the_held_target() {
-        let mut held = Held::new(Joint::of::<3>());
+        let mut loss = RpdoLoss::new(Joint::of::<3>());
         let at = |millis: u64| Instant::from_micros(1_000 * millis);
         for (millis, target) in (0..).zip([100, 101, 98, 104, 105, 104, 90, 90, 100]) {
-            held.update(at(millis), target);
+            loss.update(at(millis), target);
         }
-        assert_eq!((held.since(), held.longest()), (Some(at(3)), Duration::from_millis(2)));
-        held.update(at(9), 90);
-        assert_eq!(held.since(), Some(at(9)), "the one that goes on");
+        assert_eq!((loss.since(), loss.longest()), (Some(at(3)), Duration::from_millis(2)));
+        loss.update(at(9), 90);
+        assert_eq!(loss.since(), Some(at(9)), "the one that goes on");
     }
 }

@@ -12,12 +12,14 @@
 //! | `injection`   | faults and actions of a case, and what they demand                |
 //! | `kind`        | one kind of fault: hazard, situations, causes that may stop       |
 //! | `monitor`     | the judge: invariants I1 to I13                                   |
+//! | `observer`    | measurements of a case after every cycle                          |
 //! | `play`        | one case from its onset to its end                                |
 //! | `random`      | random joints, durations, bytes                                   |
 //! | `rpdo_loss`   | torque that a drive without its RPDOs holds                       |
 //! | `run`         | all cases, on every core                                          |
 //! | `situation`   | armed, free motion, in contact                                    |
 //! | `soak`        | long runs in which nothing may stop                               |
+//! | `stage`       | a bench booted and brought into a situation                       |
 //! | `table`       | the figures by kind                                               |
 //! | `timers`      | times within which the drives stop by themselves                  |
 //! | `verdict`     | the outcome of a case                                             |
@@ -29,12 +31,14 @@ pub mod expectation;
 pub mod injection;
 pub mod kind;
 pub mod monitor;
+mod observer;
 pub mod play;
 mod random;
 mod rpdo_loss;
 pub mod run;
 pub mod situation;
 pub mod soak;
+pub mod stage;
 pub mod table;
 pub mod timers;
 pub mod verdict;

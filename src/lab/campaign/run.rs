@@ -8,8 +8,9 @@ use std::thread;
 use crate::bench::Bench;
 use crate::campaign::case::Case;
 use crate::campaign::monitor::Monitor;
-use crate::campaign::play::{self, StageError};
+use crate::campaign::play;
 use crate::campaign::situation::Situation;
+use crate::campaign::stage::{self, StageError};
 use crate::campaign::verdict::Verdict;
 use canopen::frame::Telegram;
 use config::Config;
@@ -91,7 +92,7 @@ impl Campaign {
         };
         let monitor = Monitor::new(config).keeping_frames();
         let mut bench =
-            play::bring_to(config, case.situation, self.seed, monitor, case.injection.quirk)?;
+            stage::bring_to(config, case.situation, self.seed, monitor, case.injection.quirk)?;
         let verdict = play::play(&mut bench, config, case, on_cycle)?;
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
     }
@@ -102,7 +103,7 @@ impl Campaign {
             // A drive that differs since before its boot needs a boot of its own.
             (_, Some(config)) if case.injection.quirk.is_some() => {
                 let (monitor, quirk) = (Monitor::new(config), case.injection.quirk);
-                let mut bench = play::bring_to(config, case.situation, self.seed, monitor, quirk)?;
+                let mut bench = stage::bring_to(config, case.situation, self.seed, monitor, quirk)?;
                 play::play(&mut bench, config, case, &mut |_, _| {})
             }
             (Some(Some(bench)), Some(config)) => {
@@ -122,7 +123,7 @@ impl Campaign {
         });
         let reached = each(threads, &wanted, &|(config, situation)| {
             let config = self.configs.get(*config)?;
-            Some(play::bring_to(config, *situation, self.seed, Monitor::new(config), None))
+            Some(stage::bring_to(config, *situation, self.seed, Monitor::new(config), None))
         });
         let mut stages: Stages = self.configs.iter().map(|_| [const { None }; 4]).collect();
         for ((config, situation), bench) in wanted.into_iter().zip(reached) {

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use crate::bench::Bench;
 use crate::campaign::monitor::Monitor;
-use crate::campaign::play::{self, StageError};
 use crate::campaign::random::{Random, rounded};
 use crate::campaign::run::each;
+use crate::campaign::stage::{self, StageError};
 use crate::fidelity::truth::Truth;
 use config::Config;
 use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
@@ -104,14 +104,14 @@ fn lap(
         scenario.quirks_mut().add(joint, [Quirk::FilteredTorque(percent)]);
     }
     let mut bench = Bench::new(config, scenario, random.bits(), false, Monitor::new(config));
-    play::bring_up(&mut bench)?;
+    stage::bring_up(&mut bench)?;
     let mut truth = Truth::new(config);
     let at_hand = Fidelity::new(Judged::Hand);
     let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None, at_hand };
     while lap.cycles < most && lap.trip.is_none() {
-        play::make_requests(&mut bench);
+        stage::make_requests(&mut bench);
         let record = bench.cycle();
-        play::report_mode(&mut bench, record.mode);
+        stage::report_mode(&mut bench, record.mode);
         lap.at_hand.add(truth.sample(&bench, &record).as_ref());
         lap.cycles += 1;
         lap.trip = record.cause.map(|cause| (bench.elapsed(), cause));

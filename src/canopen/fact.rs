@@ -4,7 +4,7 @@
 //! | fact           | verified by                                                        |
 //! |----------------|--------------------------------------------------------------------|
 //! | sign           | 607Eh                                                              |
-//! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh, as unused factors read so    |
+//! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh or 6093h: unused ones read so |
 //! | torque unit    | 6076h, or 6075h where the rated current is configured              |
 
 use std::fmt;
@@ -166,5 +166,18 @@ mod tests {
         assert!(!found(16_384, None));
         let unused = Nameplate { encoder: vec![Ratio::ONE], ..nameplate(None) };
         assert_eq!(unused.planned_evidence(Fact::PositionScale, |_| true), None);
+    }
+
+    #[test]
+    fn position_factor_of_one_verifies_no_scale() {
+        let drive = |factor, divisor| {
+            [held(Object::POSITION_FACTOR, factor), held(Object::POSITION_FACTOR_DIVISOR, divisor)]
+        };
+        let plan = nameplate(None);
+        // Any other ratio is refused at boot.
+        for (factor, divisor) in [(1, 1), (4_096, 4_096), (0, 0)] {
+            let found = plan.found_evidence(Fact::PositionScale, &drive(factor, divisor));
+            assert_eq!(found, None, "{factor}:{divisor}");
+        }
     }
 }

@@ -14,6 +14,7 @@ use canopen::frame::{Channel, Frame};
 use canopen::object::Object;
 use canopen::station::Station;
 use config::Config;
+use config::shipped::HAND_CONTROLLERS;
 use lab::bench::Bench;
 use node::cause::Cause;
 use node::record::Mode;
@@ -28,19 +29,6 @@ const ELBOW: Joint = Joint::of::<3>();
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
-
-/// Every arm that ships.
-const FILES: [&str; 9] = [
-    "config/kraft_like.toml",
-    "config/kraft_like_500hz.toml",
-    "config/jpl_like.toml",
-    "config/sixr_spherical.toml",
-    "config/drives/elmo_gold.toml",
-    "config/drives/ingenia_eve.toml",
-    "config/drives/maxon_epos4.toml",
-    "config/drives/nanotec_cl4e.toml",
-    "config/drives/technosoft_ipos.toml",
-];
 
 fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut scenario = Scenario::parse(script).unwrap();
@@ -71,7 +59,7 @@ fn write_unseen(bench: &mut Bench<Wire>, object: Object, value: i16) {
 
 #[test]
 fn promise_09_stored_torque_offset_pushes_nothing() {
-    for file in FILES {
+    for file in HAND_CONTROLLERS {
         let config = config(file);
         if config.joints[ELBOW.index()].eds.object(Object::TORQUE_OFFSET).is_none() {
             continue;

@@ -73,7 +73,7 @@ pub mod torque_delay;
 pub mod velocity;
 pub mod virtual_coupling;
 
-pub use output::{Fault, Input, Ledger, Output};
+pub use output::{DriveTargets, Fault, Input, Ledger, Output};
 pub use settings::{Extensions, Settings};
 pub use step::Controller;
 

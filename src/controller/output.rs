@@ -13,6 +13,25 @@ use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
+/// Targets that the drives hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveTargets {
+    /// Those sent.
+    Sent([PerMille; 6]),
+    /// Zero: those sent were withdrawn after a stall. Torques rise from zero again.
+    Withdrawn,
+}
+
+impl DriveTargets {
+    /// Returns the target of each drive.
+    pub const fn targets(self) -> [PerMille; 6] {
+        match self {
+            Self::Sent(targets) => targets,
+            Self::Withdrawn => [PerMille(0); 6],
+        }
+    }
+}
+
 /// Input of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Input {
@@ -31,7 +50,7 @@ pub struct Input {
     /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
     /// Targets that the drives hold since the last cycle; `None` where they are those of its output.
-    pub held: Option<[PerMille; 6]>,
+    pub held: Option<DriveTargets>,
     /// Forget earlier cycles: this is the first one, or follows an overrun.
     pub restart: bool,
 }

@@ -14,7 +14,7 @@ use crate::port::{Passed, Port};
 use crate::reference::{Displacement, Reference};
 use crate::switches::{Mode, Pressed, SwitchLogic};
 use crate::velocity::{JointRates, Moving, Velocity};
-use crate::{Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
+use crate::{DriveTargets, Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
@@ -127,8 +127,7 @@ impl Controller {
             share: given.reflection_share,
             ..Ledger::nothing()
         };
-        if input.held == Some([PerMille(0); 6]) {
-            // Targets withdrawn after a stall: torques rise from zero again.
+        if input.held == Some(DriveTargets::Withdrawn) {
             self.layers.slew.iter_mut().for_each(Slew::reset);
         }
         let (tau, ledger, broken) = self.limit(asked); // Eq. 10
@@ -211,7 +210,7 @@ impl Controller {
             return Passed { f_g_task: *f_g_felt, ..Passed::default() };
         }
         let (tau_a, targets) = &self.last;
-        let held = input.held.map(|held| calibration.held_torques(&held, targets, tau_a));
+        let held = input.held.map(|held| calibration.held_torques(&held.targets(), targets, tau_a));
         self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
         let f_b = given.x_b_m.rotation * f_m_task.force;
         self.contact.update(&f_b, &given.x_b_m.translation.vector);

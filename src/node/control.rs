@@ -6,7 +6,7 @@ use crate::permit::Permit;
 use crate::samples::Samples;
 use config::Config;
 use controller::switches::Mode as CommandMode;
-use controller::{Controller, Input, JointVector, Output};
+use controller::{Controller, DriveTargets, Input, JointVector, Output};
 use units::drive::PerMille;
 
 /// The controller with its command mode.
@@ -15,7 +15,7 @@ pub(super) struct Control {
     controller: Controller,
     pub(super) command_mode: CommandMode,
     /// Targets that the drives hold since the last cycle.
-    held: [PerMille; 6],
+    held: DriveTargets,
 }
 
 impl Control {
@@ -24,7 +24,7 @@ impl Control {
         Self {
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
-            held: [PerMille(0); 6],
+            held: DriveTargets::Sent([PerMille(0); 6]),
         }
     }
 
@@ -57,8 +57,8 @@ impl Control {
     }
 
     /// Keeps the targets that the drives hold from this cycle on.
-    pub(super) const fn set_held(&mut self, targets: [PerMille; 6]) {
-        self.held = targets;
+    pub(super) const fn set_held(&mut self, held: DriveTargets) {
+        self.held = held;
     }
 
     /// Computes one step.

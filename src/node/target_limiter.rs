@@ -17,12 +17,15 @@ pub(super) struct TargetLimiter {
     sent: [i16; 6],
     /// Targets of the previous cycle.
     previous: [i16; 6],
+    /// A target of this cycle was withdrawn.
+    is_withdrawn: bool,
 }
 
 impl TargetLimiter {
     /// Returns a limiter at zero torque. `max` is the lesser of the joint's capacity and the drive's max torque (6072h).
     pub(super) fn new(max: [PerMille; 6]) -> Self {
-        Self { max: max.map(|PerMille(max)| max.saturating_abs()), sent: [0; 6], previous: [0; 6] }
+        let max = max.map(|PerMille(max)| max.saturating_abs());
+        Self { max, sent: [0; 6], previous: [0; 6], is_withdrawn: false }
     }
 
     /// Returns the limited `targets` of the torques `tau`. All six are zero if torque is not allowed, or if one of `tau`
@@ -35,6 +38,7 @@ impl TargetLimiter {
     ) -> [PerMille; 6] {
         let is_valid = torque_allowed && tau.iter().all(|tau| tau.is_finite());
         self.previous = self.sent;
+        self.is_withdrawn = false;
         for ((sent, max), PerMille(target)) in self.sent.iter_mut().zip(self.max).zip(targets) {
             *sent = if is_valid { limited(*sent, *target, max) } else { 0 };
         }
@@ -54,6 +58,12 @@ impl TargetLimiter {
     /// Notes that the target of `joint` was replaced by zero after it was sent.
     pub(super) const fn withdraw(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.sent) = 0;
+        self.is_withdrawn = true;
+    }
+
+    /// Returns whether targets of this cycle were withdrawn, and all six are zero.
+    pub(super) fn is_withdrawn(&self) -> bool {
+        self.is_withdrawn && self.sent == [0; 6]
     }
 }
 

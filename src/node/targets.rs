@@ -13,7 +13,7 @@ use crate::Node;
 use crate::permit::Permit;
 use bus::Bus;
 use canopen::frame::Telegram;
-use controller::Output;
+use controller::{DriveTargets, Output};
 use remote::Remote;
 use units::drive::PerMille;
 use units::numbering::NodeIndex;
@@ -31,7 +31,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = limiter.limit(self.safety.allows_torque(), &output.tau, &output.targets);
         let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
         let targets = self.drives.limiter.revert_unsent(was_sent);
-        self.control.set_held(targets);
+        let held = match self.drives.limiter.is_withdrawn() {
+            true => DriveTargets::Withdrawn,
+            false => DriveTargets::Sent(targets),
+        };
+        self.control.set_held(held);
         self.plausibility.on_sent(&targets.map(|PerMille(target)| target));
         targets
     }

@@ -5,7 +5,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
-use crate::common::oracle;
+use crate::common::{bench, oracle};
 use controller::arm::{Arm, JointKind, Link};
 use controller::assist::ContactFade;
 use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
@@ -25,8 +25,10 @@ use controller::switches::{Mode, Switches};
 use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
-use controller::{Controller, Extensions, Fault, Input, JointVector, Output, Settings};
-use units::drive::Counts;
+use controller::{
+    Controller, DriveTargets, Extensions, Fault, Input, JointVector, Output, Settings,
+};
+use units::drive::{Counts, PerMille};
 use units::spatial::{Motion, Twist, Wrench};
 
 const NEUTRAL: [f64; 6] = [0.1, -0.87, 1.66, -0.79, 0.1, 0.2];
@@ -189,6 +191,25 @@ impl Bench {
         self.input.counts = self.calibration.counts(&JointVector::from(q));
         self.controller.step(&self.input)
     }
+}
+
+#[test]
+fn torques_rise_from_zero_where_targets_are_withdrawn() {
+    let after = |held| {
+        let mut bench =
+            Bench::engaged(&bench::config("config/kraft_like.toml").controller, Mode::Rate);
+        (0..2_000).for_each(|_| _ = bench.press(DEADMAN));
+        bench.input.held = held;
+        bench.press(DEADMAN).tau.norm()
+    };
+    let carried = after(None);
+    let zeros = after(Some(DriveTargets::Sent([PerMille(0); 6])));
+    assert!(
+        (zeros - carried).abs() < 1e-3 * carried,
+        "six zeros that were sent: {zeros} {carried}"
+    );
+    let withdrawn = after(Some(DriveTargets::Withdrawn));
+    assert!(withdrawn < 0.5 * carried, "{withdrawn} {carried}");
 }
 
 fn displaced(by: f64) -> [f64; 6] {

@@ -682,7 +682,6 @@ fn hazard_32_disk_that_hangs_delays_the_end_by_a_second() {
     let is_off = |entry: &&common::log::Entry| entry.id == 0 && entry.data.first() == Some(&0x80);
     let off = log.entries().iter().find(|entry| is_off(entry) && entry.nanos > signalled);
     let off = Duration::from_nanos(off.unwrap().nanos - signalled);
-    println!("pre-operational, all drives off, {off:?} after the signal");
     assert!(off <= Duration::from_millis(200), "{off:?}");
     log.ends_with_every_drive_off(NODES);
 }

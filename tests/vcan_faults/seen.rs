@@ -81,7 +81,7 @@ impl Seen {
     }
 
     /// Returns the frames with the onset at the last SYNC.
-    pub(crate) fn from_last_sync(mut self) -> Self {
+    pub(crate) fn since_last_sync(mut self) -> Self {
         let last = self.log.entries().iter().rev().find(|entry| entry.id == 0x080);
         self.onset = last.unwrap().nanos;
         self

@@ -72,7 +72,7 @@ fn hazard_27_no_address_space_leaves_drives_torque_free() {
     assert_eq!(outcome.code, None, "aborted: {}", outcome.stderr);
     assert!(outcome.stderr.contains("memory allocation of"), "{}", outcome.stderr);
     let now = rig.now();
-    let seen = rig.seen_after(now, millis(12)).from_last_sync();
+    let seen = rig.seen_after(now, millis(12)).since_last_sync();
     seen.all_are_free_within(millis(6));
     println!(
         "aborted without memory: torque-free {:?} after its last SYNC",

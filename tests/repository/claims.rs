@@ -136,8 +136,9 @@ pub(crate) const HAZARDS: [Claim; 46] = [
     ),
     (
         41,
-        "Reflection begins with a large wrench; power comes on while the arm is not held",
-        "ramps of 300 ms and 1 s from zero; an arm driven one way for 0.9 rad, or whose grip reaches 1 m/s, stops",
+        "Reflection begins with a large wrench; power comes on while the arm is not held, or with a wrong sign or scale",
+        "ramps of 300 ms and 1 s from zero; an arm driven one way for 0.9 rad, or whose grip reaches 1 m/s, stops; \
+         a joint whose facts are stated only is armed within 5° of its rest posture alone",
     ),
     (
         42,

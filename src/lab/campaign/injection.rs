@@ -19,7 +19,7 @@ use units::numbering::Joint;
 pub struct Injection {
     /// Faults and actions of the operator, all of them at or after the onset.
     pub entries: Vec<Entry>,
-    /// The onset is when the grip is faster than this, in m/s.
+    /// The onset is the first of two cycles in which the grip is faster than this, in m/s.
     pub onset_speed: Option<f64>,
     /// The onset is when targets of this joint differ from the one that its drive holds.
     pub cut_off: Option<Joint>,

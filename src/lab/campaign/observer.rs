@@ -5,7 +5,6 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use crate::bench::Bench;
-use crate::campaign::criterion::Criterion;
 use crate::campaign::expectation::EndState;
 use crate::campaign::injection::Injection;
 use crate::campaign::monitor::Monitor;
@@ -35,7 +34,10 @@ const MIN_FELT: f64 = 0.02;
 pub(super) struct Observer {
     before: Instant,
     start: Vector3<f64>,
-    last: Vector3<f64>,
+    /// Position of the grip, and the time of the arm.
+    last: (Instant, Vector3<f64>),
+    /// Speed of the grip in the last two cycles, the newest first, in m/s.
+    speeds: [f64; 2],
     felt_until: Option<Instant>,
     detected: Option<Instant>,
     power: PowerStages,
@@ -50,7 +52,8 @@ impl Observer {
         Self {
             before: bench.now(),
             start: grip,
-            last: grip,
+            last: (bench.node().bus().stations().now(), grip),
+            speeds: [0.0; 2],
             felt_until: None,
             detected: None,
             power: PowerStages::new(off_tolerance),
@@ -64,9 +67,9 @@ impl Observer {
         self.detected.is_some()
     }
 
-    /// Returns the highest speed of the grip so far, in m/s.
-    pub(super) const fn speed(&self) -> f64 {
-        self.observed.speed
+    /// Returns whether the grip was faster than `limit`, in m/s, in each of the last two cycles.
+    pub(super) fn is_faster(&self, limit: f64) -> bool {
+        self.speeds.iter().all(|speed| *speed > limit)
     }
 
     /// Takes a cycle.
@@ -91,9 +94,12 @@ impl Observer {
                 self.observed.applied += u64::from(monitor.is_stale(age));
                 self.observed.oldest = self.observed.oldest.max(age);
             }
-            if now.since(onset) <= GRIP_MEASURED {
-                let cycle = now.since(self.before).as_secs_f64().max(1e-6);
-                self.observed.speed = self.observed.speed.max((grip - self.last).norm() / cycle);
+            // Cycles end at uneven times; the arm advances to each SYNC.
+            let moved_for = world.now().since(self.last.0).as_secs_f64();
+            if now.since(onset) <= GRIP_MEASURED && moved_for > 0.0 {
+                let speed = (grip - self.last.1).norm() / moved_for;
+                self.observed.speed = self.observed.speed.max(speed);
+                self.speeds = [speed, self.speeds[0]];
                 self.observed.travel = self.observed.travel.max((grip - self.start).norm());
             }
             if is_reflecting(config, record) {
@@ -112,7 +118,7 @@ impl Observer {
             self.power.update(now, record.mode, world.drives());
         }
         self.before = now;
-        self.last = grip;
+        self.last = (bench.node().bus().stations().now(), grip);
     }
 
     /// Returns the observation, with times from the onset.
@@ -136,27 +142,15 @@ impl Observer {
     }
 }
 
-/// Returns the time beyond "drives off" at which every power stage must be off. A node that has abandoned its bus leaves
-/// that to the drives' own timers, which frames from a stalled adapter start once more; a drive without its RPDOs is
-/// switched off by SDO.
+/// Returns the time beyond "drives off" at which every power stage must be off. A drive that receives nothing any more
+/// is off by its own timers, which frames from a stalled adapter start once more; one without its RPDOs is switched off
+/// by SDO.
 pub(super) fn off_tolerance(config: &Config, injection: &Injection) -> Duration {
     if injection.loses_commands {
         return OFF_TOLERANCE + timers::power_off_by_sdo(config);
     }
-    match injection.criterion {
-        Criterion::BusAbandoned(..) | Criterion::TorqueFree(_) => {
-            OFF_TOLERANCE.max(timers::slowest(config))
-        }
-        Criterion::Stop(_)
-        | Criterion::ZeroTorque(_)
-        | Criterion::ReflectionOff(_)
-        | Criterion::Disengaged(..)
-        | Criterion::GoesOn
-        | Criterion::Either(_) => match injection.faults().find_map(stall) {
-            Some(stall) => OFF_TOLERANCE.max(timers::slowest(config) + stall),
-            None => OFF_TOLERANCE,
-        },
-    }
+    let stall = injection.faults().find_map(stall).unwrap_or_default();
+    OFF_TOLERANCE.max(timers::slowest(config) + stall)
 }
 
 /// Returns the time for which a fault holds the frames of a bus back.

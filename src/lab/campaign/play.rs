@@ -49,13 +49,13 @@ pub(super) fn play(
             make(bench, Request::Arm);
             is_tried = true;
         }
-        let record = bench.cycle();
+        let (before, record) = (bench.now(), bench.cycle());
         let now = bench.now();
         report_mode(bench, record.mode);
         observer.update(bench, config, onset, &record);
-        let speed = observer.speed();
-        if case.injection.onset_speed.is_some_and(|limit| !is_fast && speed > limit) {
-            (is_fast, onset) = (true, now);
+        let is_faster = case.injection.onset_speed.is_some_and(|limit| observer.is_faster(limit));
+        if is_faster && !is_fast {
+            (is_fast, onset) = (true, before);
         }
         let is_on = now >= onset && !observer.is_latched();
         for loss in loss.iter_mut().filter(|_| is_on) {

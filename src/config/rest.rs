@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn posture_tells_wrong_factors_from_imprecise_placing() {
+    fn posture_separates_wrong_factors_from_imprecise_placing() {
         for kind in [JointKind::Revolute, JointKind::Prismatic] {
             let tolerance = tolerance(kind);
             for position in [MIN_DISTANCE * tolerance, -MIN_DISTANCE * tolerance, 20.0 * tolerance]

@@ -30,7 +30,7 @@ use lab::bench::Bench;
 use lab::world;
 use node::cause::{Cause, ResetReason};
 use node::record::Mode;
-use node::{BringUpError, Node, Request};
+use node::{BringUpError, Node, NotConfirmed, Request};
 use remote::site::VirtualSite;
 use sim::scenario::Scenario;
 use units::numbering::Joint;
@@ -274,7 +274,10 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
     let refused = node.request(Request::Reset, &mut after(2)).unwrap_err();
     assert_eq!(refused.to_string(), "boot given up");
     assert!(node.mode().is_stopped(), "latched as before");
-    node.stop(&mut || false).unwrap();
+    // No statusword of that drive was received since it was unplugged.
+    let NotConfirmed { statuswords } = node.stop(&mut || false).unwrap_err();
+    let named = statuswords.map(|statusword| statusword.is_some());
+    assert_eq!(named, [false, false, true, false, false, false]);
     assert!(node.bus().now().since(requested) <= STOP_LIMIT);
 }
 

@@ -54,7 +54,8 @@ pub(super) const KINDS: &[Kind] = &[
         let target = Target::Joint(random.joint());
         device(at, target, DeviceFault::SafeTorqueOff)
     }),
-    kind(9, "drive reboots", &[Cause::Rebooted], |random, at| {
+    // Its lost settings may be read before its boot-up message arrives.
+    kind(9, "drive reboots", &[Cause::Rebooted, Cause::SettingChanged], |random, at| {
         device(at, Target::Joint(random.joint()), DeviceFault::Reboot)
     }),
     kind(9, "switch box reboots", &[Cause::Rebooted], |_, at| {

@@ -23,6 +23,12 @@ pub fn lines(config: &Config) -> Vec<String> {
         ));
     }
     lines.extend(facts(&config.facts()));
+    for joint in &config.joints {
+        if let Some(rest) = joint.rest {
+            let name = &joint.name;
+            lines.push(format!("rest  {name:16} at {rest}, when armed for the first time after a boot"));
+        }
+    }
     lines.extend(cautions(config));
     lines
 }

@@ -164,7 +164,7 @@ pub(super) fn check_config(config: &Parameters, raw: &raw::File, problems: &mut 
     }
 }
 
-pub(super) fn names(facts: &[Fact]) -> String {
+fn names(facts: &[Fact]) -> String {
     let names: Vec<_> = facts.iter().map(Fact::to_string).collect();
     let verb = if facts.len() == 1 { "is" } else { "are" };
     format!("{} {verb}", names.join(" and "))

@@ -3,61 +3,83 @@
 use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
+use crate::raw;
 use crate::rest::{MIN_DISTANCE, key_of, tolerance};
-use crate::{facts, raw};
 use canopen::fact::Fact;
 use controller::JointVector;
+use controller::arm::JointKind;
 use controller::coupling::Coupling;
 use units::numbering::Joint;
 
 /// Refuses an arm whose rest posture does not verify the accepted facts.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
-    let calibration = &config.controller.calibration;
-    let rests = config.joints.each_ref().map(|joint| joint.rest);
     let accepting = Joint::each(config.joints.each_ref().map(accepted));
     let accepting: Vec<_> = accepting.filter(|(_, facts)| !facts.is_empty()).collect();
     let Some((_, facts)) = accepting.first() else { return };
-    let names_are = facts::names(facts);
-    // Each actuator of a coupled arm moves several joints, so its position at rest needs all of them.
-    let is_coupled = calibration.coupling().matrix() != Coupling::<6>::none().matrix();
-    let needs = |joint: &Joint| is_coupled || accepting.iter().any(|(other, _)| other == joint);
-    let missing: Vec<_> = Joint::ALL
-        .into_iter()
-        .filter(|joint| joint.entry(&rests).is_none() && needs(joint))
-        .collect();
-    let key = |joint: &Joint| raw.joint.all().get(joint.index());
+    let missing = missing(config, |joint| accepting.iter().any(|(other, _)| *other == joint));
     if let Some(first) = missing.first() {
-        let names: Vec<_> =
-            missing.iter().map(|joint| joint.entry(&config.joints).name.as_str()).collect();
+        let names = missing.iter().map(|joint| joint.entry(&config.joints).name.as_str());
+        let key = key_of(first.entry(&config.joints).plant.link.kind);
         let reason = format!(
-            "{}: {names_are} verified by no object of the drive, so {} must state where the joint rests when the arm is \
-             armed for the first time after a boot",
-            names.join(", "),
-            key_of(first.entry(&config.joints).plant.link.kind),
+            "{key} must state the position at the first arming after a boot, which alone verifies {}: {}",
+            list(facts),
+            names.collect::<Vec<_>>().join(", "),
         );
-        if let Some(place) = key(first) {
-            problems.add(&place.rest_deg, reason);
-        }
+        note(*first, reason, config, raw, problems);
         return;
     }
-    let at_rest = rests.map(|rest| rest.map_or(0.0, |rest| rest.position()));
-    let actuators: [f64; 6] = calibration.coupling().actuators(&JointVector::from(at_rest)).into();
     for (joint, facts) in accepting {
-        let (Some(rest), Some(place)) = (joint.entry(&rests), key(&joint)) else { continue };
-        // A wrong factor applies to the position of the actuator.
-        let min = MIN_DISTANCE * tolerance(rest.kind());
-        let distance = joint.entry(&actuators).abs();
-        if distance < min {
-            let given = if place.rest_deg.is_absent() { &place.rest_m } else { &place.rest_deg };
+        if let Some((distance, min)) = near_zero(joint, config) {
             let reason = format!(
-                "must be at least {} from the zero of its actuator, as the rest posture alone verifies {}; got {}",
-                rest.format(min),
-                facts.iter().map(Fact::to_string).collect::<Vec<_>>().join(" and "),
-                rest.format(distance),
+                "must be at least {min} from the zero of its actuator, as the rest posture alone verifies {}; got {distance}",
+                list(&facts),
             );
-            problems.add(given, reason);
+            note(joint, reason, config, raw, problems);
         }
     }
+}
+
+/// Returns the joints without the rest position that they need. Each actuator of a coupled arm moves several joints, so
+/// its position at rest needs all of them.
+fn missing(config: &Parameters, is_accepting: impl Fn(Joint) -> bool) -> Vec<Joint> {
+    let coupling = config.controller.calibration.coupling().matrix();
+    let is_coupled = coupling != Coupling::<6>::none().matrix();
+    let lacks = |joint: &Joint| {
+        let rest = joint.entry(&config.joints).rest;
+        rest.is_none() && (is_coupled || is_accepting(*joint))
+    };
+    Joint::ALL.into_iter().filter(lacks).collect()
+}
+
+/// Returns the distance of an actuator from its zero at rest and the required one, if it is too near: a wrong factor
+/// applies to the position of the actuator.
+fn near_zero(joint: Joint, config: &Parameters) -> Option<(String, String)> {
+    let rests = config.joints.each_ref().map(|joint| joint.rest);
+    let rest = (*joint.entry(&rests))?;
+    let at_rest = rests.map(|rest| rest.map_or(0.0, |rest| rest.position()));
+    let coupling = config.controller.calibration.coupling();
+    let actuators: [f64; 6] = coupling.actuators(&JointVector::from(at_rest)).into();
+    let (distance, min) = (joint.entry(&actuators).abs(), MIN_DISTANCE * tolerance(rest.kind()));
+    (distance < min).then(|| (rest.format(distance), rest.format(min)))
+}
+
+/// Adds a problem at the key of a joint's rest position.
+fn note(
+    joint: Joint,
+    reason: String,
+    config: &Parameters,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) {
+    let Some(place) = raw.joint.all().get(joint.index()) else { return };
+    match joint.entry(&config.joints).plant.link.kind {
+        JointKind::Revolute => problems.add(&place.rest_deg, reason),
+        JointKind::Prismatic => problems.add(&place.rest_m, reason),
+    }
+}
+
+fn list(facts: &[Fact]) -> String {
+    facts.iter().map(Fact::to_string).collect::<Vec<_>>().join(" and ")
 }
 
 /// Returns sign and position scale of a joint, as far as its drive may verify them by no object.

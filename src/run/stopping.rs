@@ -26,7 +26,9 @@ pub fn lines(config: &Config) -> Vec<String> {
     for joint in &config.joints {
         if let Some(rest) = joint.rest {
             let name = &joint.name;
-            lines.push(format!("rest  {name:16} at {rest}, when armed for the first time after a boot"));
+            lines.push(format!(
+                "rest  {name:16} at {rest}, when armed for the first time after a boot"
+            ));
         }
     }
     lines.extend(cautions(config));

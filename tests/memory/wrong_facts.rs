@@ -203,7 +203,8 @@ fn accepted_facts_need_a_rest_posture() {
     let refused = parse(&without).unwrap_err();
     assert!(
         refused.contains(
-            "joint[2].rest_deg: elbow, pitch: sign and position scale are verified by no object"
+            "joint[2].rest_deg: rest_deg must state the position at the first arming after a boot, which alone verifies sign \
+             and position scale: elbow, pitch"
         ),
         "{refused}"
     );

@@ -206,7 +206,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
     (
         14,
         "No false stops",
-        "no false stop in 10⁸ cycles with 1 % of the link's and 0.1 % of the samples lost",
+        "no false stop in 16 million cycles with 1 % of the link's and 0.1 % of the samples lost",
     ),
     (15, "Every stop is recorded", "cause, joint, cycle, 2 s before and 1 s after"),
 ];

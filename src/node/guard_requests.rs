@@ -31,12 +31,13 @@ impl GuardRequests {
         Self { due: VecDeque::with_capacity(plans.len()), per_cycle }
     }
 
-    /// Moves the remote frames out of `frames`.
+    /// Moves the remote frames out of `frames`. A request that is due already is dropped: while a stalled loop sends none,
+    /// they do not accumulate.
     pub(super) fn take_from(&mut self, frames: &mut Vec<Telegram>) {
         let due = &mut self.due;
         frames.retain(|telegram| {
             let is_request = telegram.frame.is_remote();
-            if is_request {
+            if is_request && !due.contains(telegram) {
                 due.push_back(*telegram);
             }
             !is_request
@@ -79,6 +80,14 @@ mod tests {
             .collect();
         let expected: [&[u16]; 5] = [&[0x701, 0x702], &[0x703, 0x704], &[0x705, 0x706], &[], &[]];
         assert_eq!(cycles, expected);
+    }
+
+    #[test]
+    fn requests_that_are_not_sent_do_not_accumulate() {
+        let plans: Vec<_> = (0..6).map(|_| (Channel(0), guarded_elbow())).collect();
+        let mut guarding = GuardRequests::new(&plans, PERIOD);
+        (0..100).for_each(|_| guarding.take_from(&mut requests()));
+        assert_eq!(guarding.due.len(), 6);
     }
 
     #[test]

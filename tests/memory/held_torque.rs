@@ -204,8 +204,8 @@ fn hazard_13_released_grip_stays_below_half_a_metre_per_second() {
                 let push = let_go(&bench, &config, Some(joint), at_s);
                 let case = format!("{name}: at {at_s} s, joint {joint}");
                 assert!(push.speed < 0.5, "{case}: {push:?}");
-                // Beyond what a hand that lets go of a healthy arm sees.
-                assert!(push.speed < healthy.speed + 0.2, "{case}: {push:?}, {healthy:?}");
+                // A hand that lets go of a healthy arm sees nearly as much.
+                assert!(push.speed < healthy.speed + 0.15, "{case}: {push:?}, {healthy:?}");
             }
         }
     }

@@ -112,6 +112,19 @@ impl Default for Timeouts {
     }
 }
 
+/// When a drive displays its mode (6061h).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ShownMode {
+    /// As soon as it has taken it.
+    #[default]
+    Always,
+    /// Only while it is enabled: the boot reads 6060h back, and the mode is checked under reduced torque limits.
+    WhenEnabled {
+        /// Torque limits of the boot, in place of those among the [settings](NodePlan::settings).
+        reduced_limits: Vec<(Object, Value)>,
+    },
+}
+
 /// Plan of one node: its identity, and its configuration before it is started.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
@@ -149,6 +162,8 @@ pub struct NodePlan {
     pub safety: Vec<(Object, Value)>,
     /// Mode of operation (6060h), confirmed by the display (6061h). Commanded at every boot, not stored.
     pub mode: Option<i8>,
+    /// When it displays its mode.
+    pub shown_mode: ShownMode,
     /// COB-ID of its emergencies: by default 80h + node-id, ahead of every PDO.
     pub emcy_cob_id: u16,
     /// Error control service.
@@ -230,6 +245,7 @@ impl NodePlan {
             error_behaviour: Some(TO_PRE_OPERATIONAL),
             safety: Vec::new(),
             mode: None,
+            shown_mode: ShownMode::Always,
             emcy_cob_id: emcy::default_cob_id(node),
             error_control: ErrorControl::Heartbeat {
                 period_ms: watch.heartbeat_ms,
@@ -354,6 +370,15 @@ impl NodePlan {
         }));
         settings.extend(self.watch_settings());
         settings
+    }
+
+    /// Torque limits that replace the reduced ones once the mode is seen. They are among the settings.
+    pub fn limits_to_raise(&self) -> Vec<Setting> {
+        let ShownMode::WhenEnabled { reduced_limits } = &self.shown_mode else { return Vec::new() };
+        let is_reduced = |setting: &Setting| {
+            reduced_limits.iter().any(|(object, _)| *object == setting.check.object)
+        };
+        self.settings().into_iter().filter(is_reduced).collect()
     }
 
     /// Settings as bare writes.

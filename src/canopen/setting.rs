@@ -46,6 +46,14 @@ const MEANS: [Object; 10] = [
 pub(crate) const OFFSETS: [Object; 3] =
     [Object::TORQUE_OFFSET, Object::VELOCITY_OFFSET, Object::POSITION_OFFSET];
 
+/// Returns whether a write of the boot may be repeated, as both have the effect of one. A command (1010h, 1011h) acts at
+/// every write, and so may an object of the maker.
+pub(crate) const fn may_be_written_twice(object: Object) -> bool {
+    let is_command = matches!(object.index, 0x1010 | 0x1011 | 0x1F50..=0x1F5F);
+    let is_of_maker = matches!(object.index, 0x2000..=0x5FFF);
+    !is_command && !is_of_maker
+}
+
 /// Writes that clear the offsets.
 pub(crate) const fn no_offsets() -> [(Object, Value); 3] {
     [

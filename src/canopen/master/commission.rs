@@ -74,8 +74,10 @@ pub struct Boot {
     refused: Vec<(Object, AbortCode)>,
     /// Mapping parameters that the node does not let be written, by their sub-index 0.
     fixed_mappings: Vec<(Object, AbortCode)>,
-    /// Nameplate as read in this stage.
+    /// Nameplate as read in its last stage with one.
     held: Vec<Held>,
+    /// Set if the node took no mode yet, as it is not operational.
+    awaits_mode: bool,
     /// NMT state in the last heartbeat.
     reported_state: Option<NmtState>,
     /// Another client has sent a request since the current transfer started.
@@ -92,6 +94,8 @@ pub struct Boot {
 struct Retries {
     /// An upload without an answer was requested again.
     is_read_again: bool,
+    /// A download without an answer was sent again.
+    is_written_again: bool,
     /// A refused COB-ID was written with bit 30 turned over.
     has_other_bit_30: bool,
 }
@@ -143,12 +147,18 @@ impl Boot {
             refused: Vec::new(),
             fixed_mappings: Vec::new(),
             held: Vec::new(),
+            awaits_mode: false,
             reported_state: None,
             is_disturbed: false,
             repeats: 0,
             retries: Retries::default(),
             wait: Wait::Start,
         }
+    }
+
+    /// Returns the boot of a running node that has a single stage left.
+    pub fn of_stage(plan: &NodePlan, stage: Stage) -> Self {
+        Self { stage, steps: stage.steps(plan), ..Self::new(plan) }
     }
 
     /// Returns a boot that gives up after one unanswered request.
@@ -297,7 +307,9 @@ impl Boot {
                 self.steps = stage.steps(&self.plan);
                 self.at = 0;
                 self.retries = Retries::default();
-                self.held.clear();
+                if matches!(stage, Stage::Verify | Stage::Download) {
+                    self.held.clear();
+                }
                 self.take_step(now, out)
             }
         }
@@ -364,6 +376,11 @@ impl Boot {
     /// Nameplate as read.
     pub fn held(&self) -> &[Held] {
         &self.held
+    }
+
+    /// Returns whether the mode is still to be commanded, once the node is operational.
+    pub const fn awaits_mode(&self) -> bool {
+        self.awaits_mode
     }
 
     /// Returns whether the drive was found with its power on.

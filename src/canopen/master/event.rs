@@ -109,6 +109,11 @@ pub enum Event {
         /// Outcome.
         read: ReadBack,
     },
+    /// The torque limits of a drive are the planned ones again, after its mode was checked under reduced ones.
+    LimitsRaised {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+    },
     /// A node no longer monitors its master, on request.
     MonitoringEnded {
         /// Index of the node in the list of plans.
@@ -212,6 +217,7 @@ impl Event {
             | Self::HeartbeatLost { node }
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
+            | Self::LimitsRaised { node }
             | Self::ReadBack { node, .. }
             | Self::MonitoringEnded { node }
             | Self::MonitoringKept { node, .. }
@@ -255,6 +261,9 @@ impl fmt::Display for Event {
             }
             Self::PowerOffConfirmed { step, .. } => write!(f, "confirmed power off after {step}"),
             Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
+            Self::LimitsRaised { .. } => {
+                f.write_str("shows the planned mode when enabled; torque limit raised to the planned one")
+            }
             Self::MonitoringEnded { .. } => f.write_str("no longer monitors this master"),
             Self::MonitoringKept { object, error, .. } => {
                 write!(

@@ -16,6 +16,7 @@ pub mod error_history;
 pub mod event;
 mod inquiry;
 mod monitoring_off;
+mod node_request;
 mod phase;
 mod power_off;
 pub mod read_back;
@@ -234,6 +235,23 @@ impl Master {
     ) -> bool {
         let slave = self.slaves.get_mut(node.0);
         let is_requested = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
+        if is_requested {
+            self.after(now, node, None, out);
+        }
+        is_requested
+    }
+
+    /// Starts to write the planned torque limits of a drive whose mode was checked under reduced ones, and to read them
+    /// back; reported as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to it is
+    /// under way.
+    pub fn raise_limits(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        let slave = self.slaves.get_mut(node.0);
+        let is_requested = slave.is_some_and(|it| it.raise_limits(now, &mut self.frames));
         if is_requested {
             self.after(now, node, None, out);
         }

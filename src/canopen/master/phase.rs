@@ -53,6 +53,9 @@ impl Master {
                 self.report(Event::Configured { node, configuration });
             }
             Some(Report::Failed(error)) => self.report(Event::BootFailed(error)),
+            // The mode that a drive did not take before its start belongs to the boot.
+            Some(Report::StageDone) if self.phase != Phase::Running => {}
+            Some(Report::StageDone) => self.report(Event::LimitsRaised { node }),
             Some(Report::Absent(waited)) => self.report(Event::Absent { node, waited }),
             Some(Report::History(history)) => self.report(Event::ErrorHistory { node, history }),
             Some(Report::Statusword(statusword)) => {

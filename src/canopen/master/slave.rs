@@ -15,11 +15,12 @@ use crate::heartbeat::{Health, HeartbeatEvent};
 use crate::master::boot_error::{BootError, Problem};
 use crate::master::commission::{Boot, BootOutcome};
 use crate::master::error_history::History;
-use crate::master::inquiry::{Answer, Inquiry};
+use crate::master::inquiry::Inquiry;
 use crate::master::monitoring_off::Ended;
-use crate::master::read_back::{self, ReadBack, Setting};
+use crate::master::node_request::{self, NodeRequest};
+use crate::master::read_back::{ObjectReader, ReadBack, Setting};
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
-use crate::master::steps::Configuration;
+use crate::master::steps::{self, Configuration};
 use crate::master::watch::Watch;
 use crate::nameplate::Held;
 use crate::object::Object;
@@ -45,6 +46,8 @@ pub(super) struct Slave {
     pub(super) refused: Vec<(Object, AbortCode)>,
     /// Nameplate that its last boot read.
     pub(super) held: Vec<Held>,
+    /// Set while its mode is still to be commanded: it takes none before it is operational.
+    awaits_mode: bool,
     traffic: SdoTraffic,
     /// Set if another client has read from it since its last boot.
     is_read_by_another: bool,
@@ -54,12 +57,7 @@ pub(super) struct Slave {
 #[derive(Clone, Debug)]
 enum Stage {
     Booting(Box<Boot>),
-    Watched {
-        watch: Watch,
-        inquiry: Option<Box<Inquiry>>,
-        /// Read-back under way; abandoned for an inquiry.
-        reading: Option<read_back::ObjectReader>,
-    },
+    Watched { watch: Watch, request: Option<NodeRequest> },
     /// Absent and optional: polled at this time, or booted at its next heartbeat.
     Awaited(Instant),
     Failed,
@@ -72,6 +70,8 @@ pub(super) enum Report {
     Configured(Configuration),
     /// Boot failed.
     Failed(BootError),
+    /// A stage of its boot after its start is over.
+    StageDone,
     /// Optional and absent. Reported once.
     Absent(Duration),
     /// Change of its NMT state, or loss of its heartbeat.
@@ -99,6 +99,7 @@ impl Slave {
             missing: Vec::new(),
             refused: Vec::new(),
             held: Vec::new(),
+            awaits_mode: false,
             traffic: SdoTraffic::default(),
             is_read_by_another: false,
         }
@@ -108,6 +109,7 @@ impl Slave {
     pub(super) fn restart(&mut self) {
         self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
         self.is_late = false;
+        self.awaits_mode = false;
         self.is_read_by_another = false;
     }
 
@@ -130,10 +132,10 @@ impl Slave {
         matches!(self.stage, Stage::Watched { .. })
     }
 
-    /// Returns whether it is configured in time but has not reported operational yet.
+    /// Returns whether it is configured in time but has not reported operational yet, or has no mode yet.
     pub(super) fn is_starting(&self) -> bool {
         let is_operational = self.health() == Health::Alive(NmtState::Operational);
-        !self.is_late && self.is_watched() && !is_operational
+        !self.is_late && self.is_watched() && (!is_operational || self.awaits_mode)
     }
 
     /// Returns whether it has failed.
@@ -153,18 +155,16 @@ impl Slave {
                 let outcome = boot.on_frame(now, frame, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, inquiry, reading } => {
-                if let Some(answer) =
-                    inquiry.as_mut().and_then(|inquiry| inquiry.on_frame(now, frame, out))
-                {
-                    *inquiry = None;
-                    return Report::of(answer);
+            Stage::Watched { watch, request } => {
+                let ended = request.as_mut().and_then(|request| request.on_frame(now, frame, out));
+                if let Some(ended) = ended {
+                    return self.after_request(ended);
                 }
-                let read = reading.as_mut().and_then(|reading| reading.on_frame(now, frame, out));
-                if let Some(report) = finish(reading, read) {
-                    return Some(report);
+                let news = watch.on_frame(now, frame)?;
+                if news == HeartbeatEvent::State(NmtState::Operational) {
+                    self.command_mode(now, out);
                 }
-                watch.on_frame(now, frame).map(Report::HeartbeatEvent)
+                Some(Report::HeartbeatEvent(news))
             }
             Stage::Awaited(_) => {
                 if frame.cob_id == heartbeat_cob_id(self.plan.node) {
@@ -188,9 +188,8 @@ impl Slave {
         let foreign = self.traffic.on_request(now, frame)?;
         match &mut self.stage {
             Stage::Booting(boot) => boot.on_foreign_request(frame),
-            Stage::Watched { inquiry, reading, .. } => {
-                inquiry.iter_mut().for_each(|inquiry| inquiry.disturb());
-                reading.iter_mut().for_each(read_back::ObjectReader::disturb);
+            Stage::Watched { request, .. } => {
+                request.iter_mut().for_each(|request| request.on_foreign_request(frame));
             }
             Stage::Awaited(_) | Stage::Failed => {}
         }
@@ -217,17 +216,11 @@ impl Slave {
                 let outcome = boot.on_time(now, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, inquiry, reading } => {
-                if let Some(answer) = inquiry.as_mut().and_then(|inquiry| inquiry.on_time(now, out))
-                {
-                    *inquiry = None;
-                    return Report::of(answer);
+            Stage::Watched { watch, request } => {
+                match request.as_mut().and_then(|request| request.on_time(now, out)) {
+                    Some(ended) => self.after_request(ended),
+                    None => watch.on_time(now, out).map(Report::HeartbeatEvent),
                 }
-                let read = reading.as_mut().and_then(|reading| reading.on_time(now, out));
-                if let Some(report) = finish(reading, read) {
-                    return Some(report);
-                }
-                watch.on_time(now, out).map(Report::HeartbeatEvent)
             }
             Stage::Awaited(poll_at) if now >= *poll_at => {
                 self.stage = Stage::Booting(Box::new(Boot::probe(&self.plan)));
@@ -241,10 +234,9 @@ impl Slave {
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Booting(boot) => boot.deadline(),
-            Stage::Watched { watch, inquiry, reading } => {
-                let inquiry = inquiry.as_ref().and_then(|inquiry| inquiry.deadline());
-                let reading = reading.as_ref().map(read_back::ObjectReader::deadline);
-                watch.deadline().into_iter().chain(inquiry).chain(reading).min()
+            Stage::Watched { watch, request } => {
+                let request = request.as_ref().and_then(NodeRequest::deadline);
+                watch.deadline().into_iter().chain(request).min()
             }
             Stage::Awaited(poll_at) => Some(*poll_at),
             Stage::Failed => None,
@@ -253,17 +245,22 @@ impl Slave {
 
     /// Starts to read the error history, unless another request is under way.
     pub(super) fn read_error_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
-            *reading = None;
-            *inquiry = Some(Box::new(Inquiry::history(self.plan.node, now, out)));
-        }
+        let node = self.plan.node;
+        self.inquire(|| Inquiry::history(node, now, out));
     }
 
     /// Starts to read the statusword, unless another request is under way.
     pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
-            *reading = None;
-            *inquiry = Some(Box::new(Inquiry::statusword(self.plan.node, now, out)));
+        let node = self.plan.node;
+        self.inquire(|| Inquiry::statusword(node, now, out));
+    }
+
+    /// Starts an inquiry, in place of a read-back, unless another request is under way.
+    fn inquire(&mut self, start: impl FnOnce() -> Inquiry) {
+        if let Stage::Watched { request, .. } = &mut self.stage
+            && request.as_ref().is_none_or(NodeRequest::yields)
+        {
+            *request = Some(NodeRequest::Inquiry(Box::new(start())));
         }
     }
 
@@ -274,10 +271,31 @@ impl Slave {
         setting: Setting,
         out: &mut Vec<Frame>,
     ) -> bool {
-        let Stage::Watched { inquiry: None, reading: reading @ None, .. } = &mut self.stage else {
-            return false;
-        };
-        *reading = Some(read_back::ObjectReader::start(self.plan.node, setting, now, out));
+        let Stage::Watched { request: request @ None, .. } = &mut self.stage else { return false };
+        let reader = ObjectReader::start(self.plan.node, setting, now, out);
+        *request = Some(NodeRequest::ReadBack(reader));
+        true
+    }
+
+    /// Starts to write the planned torque limits; returns false while another request is under way.
+    pub(super) fn raise_limits(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
+        self.run_stage(steps::Stage::RaiseLimits, now, out)
+    }
+
+    /// Commands the mode that the node did not take before it was operational.
+    fn command_mode(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if self.awaits_mode {
+            self.run_stage(steps::Stage::CommandMode(Configuration::Downloaded), now, out);
+        }
+    }
+
+    /// Starts a single stage of the boot, unless another request is under way.
+    fn run_stage(&mut self, stage: steps::Stage, now: Instant, out: &mut Vec<Frame>) -> bool {
+        let Stage::Watched { request: request @ None, .. } = &mut self.stage else { return false };
+        let mut boot = Box::new(Boot::of_stage(&self.plan, stage));
+        // Never an outcome: the stage has a step.
+        boot.on_time(now, out);
+        *request = Some(NodeRequest::Stage(boot));
         true
     }
 
@@ -297,42 +315,41 @@ impl Slave {
 
     /// Sends "disable voltage", abandons any request under way, and reads the statusword next.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
-            *reading = None;
-            *inquiry = Inquiry::power_off(self.plan.node, now, out).map(Box::new);
+        if let Stage::Watched { request, .. } = &mut self.stage {
+            let inquiry = Inquiry::power_off(self.plan.node, now, out);
+            *request = inquiry.map(Box::new).map(NodeRequest::Inquiry);
         }
     }
 
     /// Reads the statusword ahead of all other requests, unless an urgent one is under way.
     pub(super) fn read_statusword_at_once(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage
-            && !inquiry.as_ref().is_some_and(|inquiry| inquiry.is_urgent())
+        if let Stage::Watched { request, .. } = &mut self.stage
+            && !request.as_ref().is_some_and(NodeRequest::is_urgent)
         {
-            *reading = None;
-            *inquiry = Some(Box::new(Inquiry::statusword(self.plan.node, now, out).urgent()));
+            let inquiry = Inquiry::statusword(self.plan.node, now, out).urgent();
+            *request = Some(NodeRequest::Inquiry(Box::new(inquiry)));
         }
     }
 
     /// Abandons any request under way: the node no longer answers.
     pub(super) fn abandon_requests(&mut self) {
-        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
-            (*inquiry, *reading) = (None, None);
+        if let Stage::Watched { request, .. } = &mut self.stage {
+            *request = None;
         }
     }
 
     /// Returns whether an urgent request is under way.
     pub(super) fn has_urgent_request(&self) -> bool {
-        matches!(&self.stage, Stage::Watched { inquiry: Some(inquiry), .. } if inquiry.is_urgent())
+        matches!(&self.stage, Stage::Watched { request: Some(request), .. } if request.is_urgent())
     }
 
     /// Ends its monitoring of the master, and abandons any request under way. Returns false if there is nothing to end.
     pub(super) fn end_monitoring(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
-        let Stage::Watched { inquiry, reading, .. } = &mut self.stage else { return false };
+        let Stage::Watched { request, .. } = &mut self.stage else { return false };
         let ending = Inquiry::monitoring_off(&self.plan, &self.missing, now, out);
         let is_requested = ending.is_some();
         if is_requested {
-            *reading = None;
-            *inquiry = ending.map(Box::new);
+            *request = ending.map(Box::new).map(NodeRequest::Inquiry);
         }
         is_requested
     }
@@ -348,6 +365,19 @@ impl Slave {
         BootError::new(&self.plan, problem)
     }
 
+    /// Ends the request under way.
+    fn after_request(&mut self, node_request::Ended(report): node_request::Ended) -> Option<Report> {
+        if let Stage::Watched { request, .. } = &mut self.stage {
+            *request = None;
+        }
+        match report {
+            Some(Report::StageDone) => self.awaits_mode = false,
+            Some(Report::Failed(_)) if self.awaits_mode => self.stage = Stage::Failed,
+            _ => {}
+        }
+        report
+    }
+
     /// Handles the outcome of a boot: monitors the node, or awaits an absent optional one.
     fn after_boot(&mut self, now: Instant, outcome: BootOutcome) -> Option<Report> {
         if let Stage::Booting(boot) = &self.stage {
@@ -355,11 +385,12 @@ impl Slave {
             self.missing = boot.missing().to_vec();
             self.refused = boot.refused().to_vec();
             self.held = boot.held().to_vec();
+            self.awaits_mode = boot.awaits_mode();
         }
         match outcome {
             Ok(configuration) => {
                 let watch = Watch::new(&self.plan, now);
-                self.stage = Stage::Watched { watch, inquiry: None, reading: None };
+                self.stage = Stage::Watched { watch, request: None };
                 self.pause_guarding();
                 Some(Report::Configured(configuration))
             }
@@ -376,25 +407,6 @@ impl Slave {
                 self.stage = Stage::Failed;
                 Some(Report::Failed(error))
             }
-        }
-    }
-}
-
-/// Removes a read-back that has ended and returns its report.
-fn finish(reading: &mut Option<read_back::ObjectReader>, read: Option<ReadBack>) -> Option<Report> {
-    let (object, read) = (reading.as_ref()?.object(), read?);
-    *reading = None;
-    Some(Report::ReadBack(object, read))
-}
-
-impl Report {
-    /// Returns the report of an answer; `None` for a confirmed write.
-    const fn of(answer: Answer) -> Option<Self> {
-        match answer {
-            Answer::History(history) => Some(Self::History(history)),
-            Answer::Statusword(statusword) => Some(Self::Statusword(statusword)),
-            Answer::Monitoring(ended) => Some(Self::Monitoring(ended)),
-            Answer::Nothing => None,
         }
     }
 }

@@ -4,12 +4,15 @@
 //!  Probe ──► CheckPowerOff ─────► CheckIdentity
 //!              power on └► SwitchOff ──┘
 //!
-//!  CheckIdentity ──► Reset ──► CheckStoredConfig ──► Verify ──► skipped
+//!  CheckIdentity ──► Reset ──► CheckStoredConfig ──► Verify ──► CommandMode: skipped
 //!     │ keep alive     ▲           │ stamp differs    │ differs
 //!     ▼        differs │           ▼                  ▼
-//!  CheckRunning ───────┘        Download ◄────────────┘──► downloaded
-//!     └──► kept                    └──► Store ──► stored
+//!  CheckRunning ───────┘        Download ◄────────────┘──► CommandMode: downloaded
+//!     └──► kept                    └──► Store ──► CommandMode: stored
 //! ```
+//!
+//! A drive that refuses the mode before it is operational (08000022h) gets it again after its start. The torque limit of
+//! one that shows its mode only when enabled is raised to the planned one by `RaiseLimits`, after the mode was seen.
 //!
 //! [`commission`](crate::master::commission) runs the steps.
 
@@ -22,7 +25,7 @@ use crate::drive::{Controlword, Statusword};
 use crate::master::check::Check;
 use crate::nameplate::Nameplate;
 use crate::object::Object;
-use crate::plan::{NodePlan, Revisions};
+use crate::plan::{NodePlan, Revisions, ShownMode};
 use crate::setting::{Need, Setting};
 
 /// Stage of a boot.
@@ -48,6 +51,10 @@ pub enum Stage {
     Download,
     /// Writes the stamp, then "save" (1010h).
     Store,
+    /// Commands the mode (6060h); the rest of the boot is over. Not stored.
+    CommandMode(Configuration),
+    /// Writes the planned torque limits, in place of the reduced ones under which the mode was checked.
+    RaiseLimits,
 }
 
 /// Origin of a node's configuration.
@@ -95,24 +102,30 @@ impl Stage {
             Self::CheckRunning => Next::Done(Configuration::Kept),
             Self::Reset => Next::Stage(Self::CheckStoredConfig),
             Self::CheckStoredConfig => Next::Stage(Self::Verify),
-            Self::Verify => Next::Done(Configuration::Skipped),
+            Self::Verify => Next::Stage(Self::CommandMode(Configuration::Skipped)),
             Self::Download if plan.stores_configuration => Next::Stage(Self::Store),
-            Self::Download => Next::Done(Configuration::Downloaded),
-            Self::Store => Next::Done(Configuration::Stored),
+            Self::Download => Next::Stage(Self::CommandMode(Configuration::Downloaded)),
+            Self::RaiseLimits => Next::Done(Configuration::Downloaded),
+            Self::Store => Next::Stage(Self::CommandMode(Configuration::Stored)),
+            Self::CommandMode(configuration) => Next::Done(configuration),
         }
     }
 
     /// Returns the successor after a mismatch or an abort; `None` where that is a failure.
     pub const fn on_mismatch(self) -> Option<Next> {
         match self {
-            Self::Probe | Self::SwitchOff | Self::CheckIdentity | Self::Reset | Self::Download => {
-                None
-            }
+            Self::Probe
+            | Self::SwitchOff
+            | Self::CheckIdentity
+            | Self::Reset
+            | Self::Download
+            | Self::CommandMode(_)
+            | Self::RaiseLimits => None,
             Self::CheckPowerOff => Some(Next::Stage(Self::SwitchOff)),
             Self::CheckRunning => Some(Next::Stage(Self::Reset)),
             Self::CheckStoredConfig | Self::Verify => Some(Next::Stage(Self::Download)),
             // A node that cannot store the configuration gets it again at the next boot.
-            Self::Store => Some(Next::Done(Configuration::Downloaded)),
+            Self::Store => Some(Next::Stage(Self::CommandMode(Configuration::Downloaded))),
         }
     }
 
@@ -129,11 +142,13 @@ impl Stage {
             }
             Self::Reset => reset(plan),
             Self::CheckStoredConfig => stamp(plan, Action::Compare).to_vec(),
-            Self::Verify => verify(plan).chain(nameplate(plan)).chain(mode(plan)).collect(),
+            Self::Verify => verify(plan).chain(nameplate(plan)).collect(),
             Self::Download => {
                 let written = plan.settings().into_iter().map(download);
-                written.chain(nameplate(plan)).chain(mode(plan)).collect()
+                written.chain(nameplate(plan)).collect()
             }
+            Self::CommandMode(_) => command_mode(plan),
+            Self::RaiseLimits => plan.limits_to_raise().into_iter().map(download).collect(),
             Self::Store => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
                 let save = Step::Object(Action::Command, save);
@@ -325,13 +340,23 @@ fn nameplate(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
     objects.into_iter().flatten().map(Step::Read).chain(compare)
 }
 
-/// Commands the mode (6060h) and waits until the drive displays it (6061h).
-fn mode(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
-    let mode = plan.mode.map(Value::Integer8);
-    let command = mode.map(|mode| Check::exactly(Object::MODE_OF_OPERATION, mode));
-    let command = command.map(|check| Step::Object(Action::Write, check));
-    let shown = shown_mode(plan).map(|check| Step::Object(Action::Await, check));
-    command.into_iter().chain(shown)
+/// Commands the mode (6060h), reads it back, and waits until the drive displays it (6061h). A drive that displays it only
+/// when enabled gets a reduced torque limit first.
+fn command_mode(plan: &NodePlan) -> Vec<Step> {
+    let Some(mode) = plan.mode else { return Vec::new() };
+    let mode = Check::exactly(Object::MODE_OF_OPERATION, Value::Integer8(mode));
+    let command = Step::Object(Action::Write, mode);
+    match &plan.shown_mode {
+        ShownMode::Always => {
+            let shown = shown_mode(plan).map(|check| Step::Object(Action::Await, check));
+            std::iter::once(command).chain(shown).collect()
+        }
+        ShownMode::WhenEnabled { reduced_limits } => {
+            let limits = reduced_limits.iter().map(|(object, value)| Check::exactly(*object, *value));
+            let limits = limits.map(|check| Step::Object(Action::Write, check));
+            limits.chain([command]).collect()
+        }
+    }
 }
 
 fn shown_mode(plan: &NodePlan) -> Option<Check> {
@@ -390,12 +415,13 @@ mod tests {
     fn stored_configuration_is_read_once_and_not_written() {
         let plan = elbow();
         let steps = Stage::Verify.steps(&plan);
-        let written = writes(&steps).into_iter().map(|(_, object)| object);
-        assert!(written.eq([Object::MODE_OF_OPERATION]), "a mode is a command");
+        assert_eq!(writes(&steps), []);
+        let command = Stage::CommandMode(Configuration::Skipped).steps(&plan);
+        assert_eq!(writes(&command), [(0, Object::MODE_OF_OPERATION)], "a mode is a command");
         let mut objects: Vec<_> = plan.writes().into_iter().map(|(object, _)| object).collect();
         objects.sort_unstable();
         objects.dedup();
-        assert_eq!(steps.len(), objects.len() + 2, "every object, and the mode");
+        assert_eq!(steps.len(), objects.len(), "every object");
         let cob_id = Check::cob_id(Object::tpdo_communication(1, 1), Value::Unsigned32(0x183));
         assert!(steps.contains(&Step::Object(Action::Compare, cob_id)), "the last value counts");
     }
@@ -448,7 +474,7 @@ mod tests {
                 let plan = NodePlan { keep_alive, stores_configuration, ..elbow() };
                 let mut ways = vec![(Stage::Probe, 0)];
                 while let Some((stage, length)) = ways.pop() {
-                    assert!(length < 10, "stages form a cycle");
+                    assert!(length < 12, "stages form a cycle");
                     for next in [Some(stage.next(&plan)), stage.on_mismatch()].into_iter().flatten()
                     {
                         if let Next::Stage(next) = next {

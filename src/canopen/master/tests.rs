@@ -2,14 +2,16 @@
 
 use std::time::Duration;
 
-use canopen_rs::NmtState;
+use canopen_rs::{NmtState, Value};
 use proptest::prelude::*;
 
 use super::*;
+use crate::abort::AbortCode;
 use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::duplicate::Sign;
 use crate::master::steps::Configuration;
 use crate::object::Object;
+use crate::plan::ShownMode;
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::Scripted;
 use units::numbering::NodeIndex;
@@ -195,6 +197,61 @@ fn nodes_that_do_not_start_are_named() {
     let late = ["joint 3 (elbow), node 3", "switch box, node 16"];
     assert_eq!(bench.failures(), late.map(|name| format!("{name}: did not become operational")));
     assert!(!bench.master.is_booting());
+}
+
+#[test]
+fn mode_refused_before_the_start_is_commanded_after_it() {
+    let mut bench = Bench::new();
+    bench.devices[0].1.takes_mode_late = true;
+    while !bench.was_started() {
+        bench.run(1);
+    }
+    assert!(!bench.devices[0].1.written.contains(&Object::MODE_OF_OPERATION));
+    bench.run(100);
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+    assert_eq!(bench.devices[0].1.written.last(), Some(&Object::MODE_OF_OPERATION));
+    assert_eq!(bench.devices[0].1.objects[&Object::MODE_OF_OPERATION], [10]);
+}
+
+#[test]
+fn mode_refused_after_the_start_too_is_a_failure() {
+    let mut bench = Bench::new();
+    bench.devices[0].1.refuses.insert(Object::MODE_OF_OPERATION, AbortCode::DEVICE_STATE);
+    bench.run(500);
+    let failures = bench.failures();
+    assert_eq!(failures.len(), 1, "{failures:?}");
+    assert!(failures[0].starts_with("joint 3 (elbow), node 3: 6060h refused: 08000022h"));
+    assert!(!bench.events.contains(&Event::Booted) && !bench.master.is_booting());
+}
+
+#[test]
+fn torque_limits_are_raised_in_the_running_network() {
+    let reduced_limits = vec![(Object::MAX_TORQUE, Value::Unsigned16(50))];
+    let mut plans = plans();
+    plans[0].1.shown_mode = ShownMode::WhenEnabled { reduced_limits };
+    let mut bench = Bench::of(plans);
+    bench.run(300);
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+    assert_eq!(bench.devices[0].1.objects[&Object::MAX_TORQUE], [50, 0]);
+    let planned = bench.devices[1].1.objects[&Object::MAX_TORQUE].clone();
+    for forgets in [false, true] {
+        bench.events.clear();
+        if forgets {
+            bench.devices[0].1.forgets.push(Object::MAX_TORQUE);
+            bench.devices[0].1.objects.insert(Object::MAX_TORQUE, vec![50, 0]);
+        }
+        let mut out = Vec::new();
+        assert!(bench.master.raise_limits(bench.now, NodeIndex(0), &mut out));
+        assert!(!bench.master.raise_limits(bench.now, NodeIndex(0), &mut out), "one at a time");
+        bench.exchange(out);
+        bench.cycle(10);
+        if forgets {
+            assert!(bench.failures()[0].contains("6072h is 0032h"), "{:?}", bench.failures());
+        } else {
+            assert_eq!(bench.events, [Event::LimitsRaised { node: NodeIndex(0) }]);
+            assert_eq!(bench.devices[0].1.objects[&Object::MAX_TORQUE], planned);
+        }
+    }
 }
 
 #[test]

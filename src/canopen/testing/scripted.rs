@@ -7,7 +7,7 @@ use canopen_rs::{NmtCommand, NodeId};
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;
-use crate::master::steps::{Stage, Step};
+use crate::master::steps::{Configuration, Stage, Step};
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
@@ -15,8 +15,16 @@ use crate::sdo::bytes;
 
 /// Steps of a node without a stored configuration.
 pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
-    [Stage::Probe, Stage::CheckPowerOff, Stage::CheckIdentity, Stage::Reset, Stage::Download]
-        .into_iter()
+    let configuration = Configuration::Downloaded;
+    [
+        Stage::Probe,
+        Stage::CheckPowerOff,
+        Stage::CheckIdentity,
+        Stage::Reset,
+        Stage::Download,
+        Stage::CommandMode(configuration),
+    ]
+    .into_iter()
         .flat_map(|stage| stage.steps(plan))
         .collect()
 }
@@ -36,6 +44,10 @@ pub struct Scripted {
     pub hides: Vec<Object>,
     /// Uploads of these objects that are left unanswered once.
     pub loses: Vec<Object>,
+    /// Downloads to these objects that take effect and are left unanswered once.
+    pub loses_confirmations: Vec<Object>,
+    /// Set if the mode (6060h) is refused before the node is operational.
+    pub takes_mode_late: bool,
     /// Requests left unanswered before the first reply.
     pub deaf_for: u32,
     /// Set if a reset is followed by a boot-up message.
@@ -70,6 +82,8 @@ impl Scripted {
             has_no_rtr: Vec::new(),
             hides: Vec::new(),
             loses: Vec::new(),
+            loses_confirmations: Vec::new(),
+            takes_mode_late: false,
             deaf_for: 0,
             boots: true,
             starts_itself: false,
@@ -125,7 +139,13 @@ impl Scripted {
             self.loses.remove(lost);
             return None;
         }
-        Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
+        let reply = self.serve(request);
+        let lost = self.loses_confirmations.iter().position(|it| *it == object && reply[0] == 0x60);
+        if let Some(lost) = lost {
+            self.loses_confirmations.remove(lost);
+            return None;
+        }
+        Some(Frame::new(0x580 + u16::from(self.node.raw()), reply))
     }
 
     /// Answers a guarding request: NMT state and toggle bit.
@@ -157,6 +177,9 @@ impl Scripted {
         }
         if let Some(code) = self.refuses.get(&object) {
             return abort(object, *code);
+        }
+        if self.takes_mode_late && object == Object::MODE_OF_OPERATION && self.state != 0x05 {
+            return abort(object, AbortCode::DEVICE_STATE);
         }
         if self.has_no_rtr.contains(&object) && value[3] & 0x40 == 0 {
             return abort(object, AbortCode::VALUE_INVALID);

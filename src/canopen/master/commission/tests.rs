@@ -1,6 +1,7 @@
 //! Tests of the boot of one node, against a scripted device.
 
 mod fixed_mapping;
+mod second_tries;
 
 use canopen_rs::ByteString;
 use proptest::prelude::*;
@@ -112,7 +113,8 @@ fn configuration_is_stored_if_planned_and_supported() {
     device.objects.insert(Object::STORE_PARAMETERS, vec![1, 0, 0, 0]);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Stored));
     assert_eq!(device.objects[&Object::STORE_PARAMETERS], b"save");
-    assert_eq!(device.written.last(), Some(&Object::STORE_PARAMETERS));
+    let last = [Object::STORE_PARAMETERS, Object::MODE_OF_OPERATION];
+    assert!(device.written.ends_with(&last), "the mode is not stored");
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Skipped));
 }
 

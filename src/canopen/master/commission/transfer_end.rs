@@ -14,7 +14,7 @@ use crate::nameplate::units::is_outdated;
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::sdo::{Content, Outcome, SdoError};
-use crate::setting::OFFSETS;
+use crate::setting::{OFFSETS, may_be_written_twice};
 use units::time::Instant;
 
 impl Boot {
@@ -80,6 +80,11 @@ impl Boot {
             Err(SdoError::AbortedByServer(AbortCode::READ_ONLY)) if self.compares_offset() => {
                 self.take_step(now, out)
             }
+            Err(SdoError::AbortedByServer(AbortCode::DEVICE_STATE))
+                if has_written && self.postpones_mode(object) =>
+            {
+                self.go(now, self.stage.next(&self.plan), out)
+            }
             Err(SdoError::AbortedByServer(code))
                 if action == Action::WriteIfAccepted && code.refuses_value() =>
             {
@@ -101,6 +106,13 @@ impl Boot {
                 self.retries.is_read_again = true;
                 self.read(now, out);
                 None
+            }
+            // A lost answer to a download is no reason to give up, where the same write has the same effect twice.
+            Err(SdoError::Timeout)
+                if has_written && may_be_written_twice(object) && !self.retries.is_written_again =>
+            {
+                self.retries.is_written_again = true;
+                self.take_step(now, out)
             }
             Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
             Err(error) => {
@@ -172,6 +184,15 @@ impl Boot {
             *action = Action::CompareIfPresent;
         }
         is_offset
+    }
+
+    /// Leaves the mode (6060h) for the time after the start, once; returns whether it does. Some drives take a mode only
+    /// when operational.
+    fn postpones_mode(&mut self, object: Object) -> bool {
+        let is_before_start = self.resets.count > 0;
+        let is_postponed = object == Object::MODE_OF_OPERATION && is_before_start;
+        self.awaits_mode |= is_postponed;
+        is_postponed
     }
 
     /// Repeats the current transfer.

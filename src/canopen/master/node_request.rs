@@ -1,0 +1,100 @@
+//! SDO requests to a configured node, one at a time: an inquiry, a read-back, or a stage of its boot that waits for its
+//! start.
+
+use crate::frame::Frame;
+use crate::master::commission::Boot;
+use crate::master::inquiry::{Answer, Inquiry};
+use crate::master::read_back::ObjectReader;
+use crate::master::slave::Report;
+use units::time::Instant;
+
+/// Request under way.
+#[derive(Clone, Debug)]
+pub(super) enum NodeRequest {
+    Inquiry(Box<Inquiry>),
+    /// Abandoned for an inquiry.
+    ReadBack(ObjectReader),
+    /// Stage of its boot.
+    Stage(Box<Boot>),
+}
+
+/// A request has ended; without a report, if nobody needs to know.
+#[derive(Clone, Debug)]
+pub(super) struct Ended(pub(super) Option<Report>);
+
+impl NodeRequest {
+    /// Takes one received frame. Returns its end once.
+    pub(super) fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Ended> {
+        match self {
+            Self::Inquiry(inquiry) => inquiry.on_frame(now, frame, out).map(of_answer),
+            Self::ReadBack(reader) => {
+                let object = reader.object();
+                let read = reader.on_frame(now, frame, out)?;
+                Some(Ended(Some(Report::ReadBack(object, read))))
+            }
+            Self::Stage(stage) => stage.on_frame(now, frame, out).map(of_stage),
+        }
+    }
+
+    /// Does what is due. Returns its end once.
+    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Ended> {
+        match self {
+            Self::Inquiry(inquiry) => inquiry.on_time(now, out).map(of_answer),
+            Self::ReadBack(reader) => {
+                let object = reader.object();
+                let read = reader.on_time(now, out)?;
+                Some(Ended(Some(Report::ReadBack(object, read))))
+            }
+            Self::Stage(stage) => stage.on_time(now, out).map(of_stage),
+        }
+    }
+
+    /// Time of the next call of [`on_time`](Self::on_time).
+    pub(super) const fn deadline(&self) -> Option<Instant> {
+        match self {
+            Self::Inquiry(inquiry) => inquiry.deadline(),
+            Self::ReadBack(reader) => Some(reader.deadline()),
+            Self::Stage(stage) => stage.deadline(),
+        }
+    }
+
+    /// Takes a request that another client has sent to the same server.
+    pub(super) fn on_foreign_request(&mut self, frame: &Frame) {
+        match self {
+            Self::Inquiry(inquiry) => inquiry.disturb(),
+            Self::ReadBack(reader) => reader.disturb(),
+            Self::Stage(stage) => stage.on_foreign_request(frame),
+        }
+    }
+
+    /// Returns whether its frames precede those of all other nodes.
+    pub(super) const fn is_urgent(&self) -> bool {
+        matches!(self, Self::Inquiry(inquiry) if inquiry.is_urgent())
+    }
+
+    /// Returns whether another inquiry may replace it: a read-back is asked again later.
+    pub(super) const fn yields(&self) -> bool {
+        matches!(self, Self::ReadBack(_))
+    }
+}
+
+const fn of_answer(answer: Answer) -> Ended {
+    Ended(match answer {
+        Answer::History(history) => Some(Report::History(history)),
+        Answer::Statusword(statusword) => Some(Report::Statusword(statusword)),
+        Answer::Monitoring(ended) => Some(Report::Monitoring(ended)),
+        Answer::Nothing => None,
+    })
+}
+
+fn of_stage(outcome: crate::master::commission::BootOutcome) -> Ended {
+    Ended(Some(match outcome {
+        Ok(_) => Report::StageDone,
+        Err(error) => Report::Failed(error),
+    }))
+}

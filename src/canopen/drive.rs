@@ -160,7 +160,13 @@ pub const fn next_controlword(state: Option<State>, goal: Goal) -> Controlword {
     }
 }
 
-/// Controlwords of one drive; one fault reset per request.
+/// Controlwords for which bit 7 stays high at an edge, and low between two: some drives take a fault back only then.
+const EDGE_LENGTH: u8 = 50;
+
+/// Edges of one request. Some drives only acknowledge the fault at the first, or still have its cause then.
+const MAX_EDGES: u8 = 2;
+
+/// Controlwords of one drive; one fault reset per request, of at most two edges.
 #[derive(Clone, Debug, Default)]
 pub struct PowerStage {
     reset: Reset,
@@ -173,7 +179,16 @@ enum Reset {
     #[default]
     Idle,
     Requested,
-    Raised,
+    /// The bit is high.
+    Raised {
+        edges: u8,
+        words: u8,
+    },
+    /// The bit is low before the next edge.
+    Lowered {
+        edges: u8,
+        words: u8,
+    },
 }
 
 impl PowerStage {
@@ -186,16 +201,29 @@ impl PowerStage {
     pub fn controlword(&mut self, state: Option<State>, goal: Goal) -> Controlword {
         let bit_was_low = self.last.is_some_and(|last| last.0 & Controlword::FAULT_RESET.0 == 0);
         self.reset = match (self.reset, state) {
-            (Reset::Requested, Some(State::Fault)) if bit_was_low => Reset::Raised,
+            (Reset::Requested, Some(State::Fault)) if bit_was_low => {
+                Reset::Raised { edges: 1, words: 1 }
+            }
             (Reset::Requested, Some(State::Fault | State::FaultReactionActive) | None) => {
                 Reset::Requested
             }
-            (Reset::Raised, Some(State::Fault)) => Reset::Raised,
-            (Reset::Idle | Reset::Requested | Reset::Raised, _) => Reset::Idle,
+            (Reset::Raised { edges, words }, Some(State::Fault))
+                if words < EDGE_LENGTH || edges >= MAX_EDGES =>
+            {
+                Reset::Raised { edges, words: words.saturating_add(1) }
+            }
+            (Reset::Raised { edges, .. }, Some(State::Fault)) => Reset::Lowered { edges, words: 1 },
+            (Reset::Lowered { edges, words }, Some(State::Fault)) if words < EDGE_LENGTH => {
+                Reset::Lowered { edges, words: words + 1 }
+            }
+            (Reset::Lowered { edges, .. }, Some(State::Fault)) => {
+                Reset::Raised { edges: edges + 1, words: 1 }
+            }
+            (_, _) => Reset::Idle,
         };
         let controlword = match self.reset {
-            Reset::Raised => Controlword::FAULT_RESET,
-            Reset::Idle | Reset::Requested => next_controlword(state, goal),
+            Reset::Raised { .. } => Controlword::FAULT_RESET,
+            Reset::Idle | Reset::Requested | Reset::Lowered { .. } => next_controlword(state, goal),
         };
         self.last = Some(controlword);
         controlword
@@ -278,8 +306,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn reset_bit_rises_at_most_once_per_request(
-            steps in proptest::collection::vec((0_usize..9, prop::bool::weighted(0.1), any::<bool>()), 0..200),
+        fn reset_bit_rises_at_most_twice_per_request(
+            steps in proptest::collection::vec((0_usize..9, prop::bool::weighted(0.02), any::<bool>()), 0..400),
+            stays_in_fault: bool,
         ) {
             let mut stage = PowerStage::default();
             let (mut requests, mut edges, mut high) = (0, 0, true);
@@ -288,6 +317,7 @@ mod tests {
                     stage.reset_fault();
                     requests += 1;
                 }
+                let state = if stays_in_fault { 7 } else { state };
                 let state = STATES.get(state).map(|(_, state)| *state);
                 let goal = if enable { Goal::OperationEnabled } else { Goal::VoltageDisabled };
                 let word = stage.controlword(state, goal);
@@ -295,7 +325,7 @@ mod tests {
                 edges += u32::from(raised && !high);
                 high = raised;
                 prop_assert!(!raised || state == Some(State::Fault));
-                prop_assert!(edges <= requests);
+                prop_assert!(edges <= 2 * requests);
             }
         }
     }
@@ -331,6 +361,21 @@ mod tests {
                 prop_assert!(enable || sent.0 & 0x0F == 0, "no enable while voltage is to be disabled");
             }
         }
+    }
+
+    #[test]
+    fn fault_that_stays_gets_a_second_edge_and_no_third() {
+        let mut stage = PowerStage::default();
+        stage.reset_fault();
+        let is_high = |word: Controlword| word == Controlword::FAULT_RESET;
+        let words: Vec<bool> = (0..1_000)
+            .map(|_| is_high(stage.controlword(Some(State::Fault), Goal::OperationEnabled)))
+            .collect();
+        let edges: Vec<usize> =
+            (1..words.len()).filter(|at| words[*at] && !words[at - 1]).collect();
+        assert_eq!(edges, [1, 101], "after a low bit, then after 50 high and 50 low ones");
+        let word = stage.controlword(Some(State::SwitchOnDisabled), Goal::OperationEnabled);
+        assert_eq!(word, Controlword::SHUTDOWN);
     }
 
     #[test]

@@ -52,6 +52,11 @@ impl Emergency {
         self.code == 0
     }
 
+    /// Returns whether the message reports no present error (register 0), with one of these codes.
+    pub fn is_warning(&self, codes: &[u16]) -> bool {
+        self.register == 0 && codes.contains(&self.code)
+    }
+
     /// Text of the error code, or of its class where the code itself is unknown.
     pub fn description(&self) -> &'static str {
         error_codes::description(self.code)

@@ -164,6 +164,8 @@ pub struct NodePlan {
     pub mode: Option<i8>,
     /// When it displays its mode.
     pub shown_mode: ShownMode,
+    /// Error codes of its emergencies that are warnings while their error register is 0.
+    pub emcy_warnings: Vec<u16>,
     /// COB-ID of its emergencies: by default 80h + node-id, ahead of every PDO.
     pub emcy_cob_id: u16,
     /// Error control service.
@@ -246,6 +248,7 @@ impl NodePlan {
             safety: Vec::new(),
             mode: None,
             shown_mode: ShownMode::Always,
+            emcy_warnings: Vec::new(),
             emcy_cob_id: emcy::default_cob_id(node),
             error_control: ErrorControl::Heartbeat {
                 period_ms: watch.heartbeat_ms,

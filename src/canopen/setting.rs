@@ -102,6 +102,9 @@ pub const fn reserved(object: Object) -> Option<&'static str> {
 pub(crate) const fn remedy(object: Object) -> &'static str {
     match object.index {
         0x60B0..=0x60B2 => ": an offset acts from enabling on; clear it with the maker's tool",
+        0x6061 => {
+            ": if it displays its mode only when enabled, say mode_shown = \"enabled\" in [joint.boot]"
+        }
         _ => "",
     }
 }

@@ -5,9 +5,10 @@ use std::time::Duration;
 use crate::boot_writes;
 use crate::drive_object::Written;
 use crate::problem::Problems;
-use crate::raw;
 use crate::section::Sections;
+use crate::torque_limit::TorqueLimit;
 use crate::value::Placed;
+use crate::{raw, shown_mode};
 use canopen::ByteString;
 use canopen::eds::Eds;
 use canopen::guarding::Guarding;
@@ -26,6 +27,8 @@ pub struct BootSettings {
     pub keep_alive: bool,
     /// Time limits.
     pub timeouts: Timeouts,
+    /// The drive displays its mode only while it is enabled.
+    pub shows_mode_when_enabled: bool,
     /// Writes of the configuration.
     pub writes: Vec<Written>,
 }
@@ -37,8 +40,10 @@ pub(super) struct Given<'a> {
     pub(super) lost_ms: Option<u16>,
     /// Its data sheet.
     pub(super) eds: Option<&'a Eds>,
-    /// Objects that limit its torque.
-    pub(super) limits: &'a [Written],
+    /// Period of SYNC.
+    pub(super) period: Option<Duration>,
+    /// Limit of its torque in place of 6072h.
+    pub(super) limit: Option<&'a TorqueLimit>,
 }
 
 impl BootSettings {
@@ -67,13 +72,14 @@ pub(super) fn of_drive(
 ) -> BootSettings {
     let settings = of_node(raw, given, problems);
     let Some(raw) = raw else { return settings };
+    let shows_mode_when_enabled = shown_mode::read(raw, given, problems);
     if settings.is_optional {
         problems.add(&raw.optional, "an arm has all its joints");
     }
     if settings.keep_alive {
         problems.add(&raw.keep_alive, "what can push always begins anew");
     }
-    settings
+    BootSettings { shows_mode_when_enabled, ..settings }
 }
 
 /// Reads the boot settings of a node. Its life time by node guarding must not exceed `lost_ms`.
@@ -98,10 +104,11 @@ pub(super) fn of_node(
         is_optional: raw.optional.get().unwrap_or_default(),
         keep_alive: raw.keep_alive.get().unwrap_or_default(),
         timeouts: timeouts(raw, problems),
+        shows_mode_when_enabled: false,
         writes: boot_writes::read(
             raw.write.as_ref().map(Sections::all).unwrap_or_default(),
             given.eds,
-            given.limits,
+            given.limit.map(TorqueLimit::writes).unwrap_or_default(),
             problems,
         ),
     }

@@ -3,6 +3,7 @@
 
 use std::collections::HashSet;
 
+use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::value::Placed;
@@ -27,9 +28,7 @@ pub(super) fn check(
     let joints = Joint::ALL.into_iter().zip(&config.joints);
     for ((number, joint), raw) in joints.zip(raw.joint.all()) {
         if !taken.insert((joint.channel, joint.node.raw())) {
-            let taken = joint.node.raw();
-            problems
-                .add(&raw.node_id, format_args!("must be unique on its bus, got {taken} twice"));
+            problems.add(&raw.node_id, twice(config, joint));
         }
         identity(&raw.product_code, &joint.eds, &joint.identity, problems);
         let plan = plans::drive(config, number, joint);
@@ -48,6 +47,25 @@ pub(super) fn check(
     }
     layouts::check(config, raw, problems);
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
+}
+
+/// Object of the second axis of a node: the controlword, 800h further (CiA 402-2).
+const SECOND_CONTROLWORD: Object = Object { index: 0x6840, sub: 0 };
+
+/// Reason against the node-id of a joint, which another node of its bus has.
+fn twice(config: &Parameters, joint: &JointParameters) -> String {
+    let node = joint.node.raw();
+    let is_same = |other: &&JointParameters| {
+        (other.channel, other.node) == (joint.channel, joint.node) && other.name != joint.name
+    };
+    match config.joints.iter().find(is_same) {
+        Some(other) if joint.eds.object(SECOND_CONTROLWORD).is_some() => format!(
+            "must be unique on its bus, got {node} twice: node {node} is the drive of {} already, and its second axis (its EDS \
+             has 6840h: objects + 800h) cannot be a joint; each joint needs a node of its own",
+            other.name
+        ),
+        Some(_) | None => format!("must be unique on its bus, got {node} twice"),
+    }
 }
 
 /// The configured device must be the one the EDS describes.

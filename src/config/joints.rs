@@ -1,6 +1,7 @@
 //! `[[joint]]`: the drive of each joint on the network, how fast the joint may move, and what it is made of.
 
 use std::path::Path;
+use std::time::Duration;
 
 use crate::boot::{self, BootSettings, Given};
 use crate::plant::{Actuator, JointPlant};
@@ -38,6 +39,8 @@ pub struct JointParameters {
     pub nameplate: Nameplate,
     /// Facts of its drive that are accepted although nothing but the configuration states them.
     pub accepted: Vec<Fact>,
+    /// Error codes of emergencies without an error that are warnings.
+    pub emcy_warnings: Vec<u16>,
     /// Rest position.
     pub rest: Option<Rest>,
     /// Limit of its drive's torque in place of 6072h.
@@ -84,7 +87,8 @@ fn read_one(
     let given = Given {
         lost_ms: raw.safety.drive_lost_ms.get(),
         eds: eds.as_ref(),
-        limits: limit.as_ref().map_or(&[], TorqueLimit::writes),
+        period: raw.node.sync_period_us.get().map(Duration::from_micros),
+        limit: limit.as_ref(),
     };
     let boot = boot::of_drive(joint.boot.as_ref(), given, problems);
     let nameplate = nameplate::read(joint, problems);
@@ -115,12 +119,22 @@ fn read_one(
         eds: eds?,
         nameplate: nameplate?,
         accepted,
+        emcy_warnings: emcy_warnings(joint, problems),
         rest,
         torque_limit: limit,
         max_speed: max_speed?,
         calibration: calibration?,
         plant: plant?,
     })
+}
+
+/// Error codes of emergencies that are warnings while their error register is 0. An error reset (0000h) is none.
+fn emcy_warnings(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<u16> {
+    let codes = joint.emcy_warnings.as_ref().cloned().unwrap_or_default();
+    if codes.iter().any(|code| code >> 8 == 0) {
+        problems.add(&joint.emcy_warnings, "00xxh is an error reset, not a code");
+    }
+    codes
 }
 
 /// Maximum speed, in rad/s or m/s: `usual` where the joint does not say.

@@ -56,6 +56,7 @@ pub mod robots;
 mod safety;
 mod section;
 pub mod shipped;
+mod shown_mode;
 mod simulated;
 mod start;
 mod stopping;

@@ -5,7 +5,9 @@ use std::f64::consts::TAU;
 use crate::buses::Layout;
 use crate::joints::JointParameters;
 use crate::parameters::Parameters;
+use crate::shown_mode;
 use crate::switch_box::SwitchBox;
+use crate::torque_limit::TorqueLimit;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::layout::{self, Direction, Group, Pdo};
@@ -14,8 +16,8 @@ use canopen::load::lacks;
 use canopen::nameplate::Nameplate;
 use canopen::nameplate::units::{SiUnit, Units};
 use canopen::object::Object;
-use canopen::plan::{NodePlan, Watch};
-use canopen::{NodeId, emcy};
+use canopen::plan::{NodePlan, ShownMode, Watch};
+use canopen::{NodeId, Value, emcy};
 use controller::JointVector;
 use units::numbering::Joint;
 
@@ -76,7 +78,23 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
     };
     let plan = plan.every(config.period_us().into());
     let plan = as_far_as_it_has(plan, joint);
+    let plan = NodePlan {
+        shown_mode: shown_mode(joint, most),
+        emcy_warnings: joint.emcy_warnings.clone(),
+        ..plan
+    };
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
+}
+
+/// When the drive displays its mode, and its torque limits until then.
+fn shown_mode(joint: &JointParameters, most: u16) -> ShownMode {
+    if !joint.boot.shows_mode_when_enabled {
+        return ShownMode::Always;
+    }
+    let usual = [(Object::MAX_TORQUE, Value::Unsigned16(most))];
+    let limits = joint.torque_limit.as_ref().map_or(&usual[..], TorqueLimit::writes);
+    let reduced_limits = shown_mode::reduced(limits).unwrap_or_default();
+    ShownMode::WhenEnabled { reduced_limits }
 }
 
 /// Has the drive send its torque demand in the first free TPDO that it can have, by its EDS. The bus of a group has no

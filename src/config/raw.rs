@@ -42,6 +42,7 @@ sections! {
         keep_alive: Optional<bool>,
         reply_ms: Optional<u32>,
         boot_ms: Optional<u32>,
+        mode_shown: Optional<String>,
         write: Option<Sections<BootWrite>>,
     }
 
@@ -125,6 +126,7 @@ sections! {
         drive_position_unit: Optional<u32>,
         drive_modes: Optional<u32>,
         accept_stated_only: Optional<Vec<String>>,
+        emcy_warnings: Optional<Vec<u16>>,
         torque_limit: Option<TorqueLimit>,
         boot: Option<Boot>,
         simulated: OrEmpty<Simulated>,
@@ -341,6 +343,7 @@ sections! {
         frozen_ms: Optional<u64>,
         max_missing_percent: Optional<u32>,
         prove_drives: Optional<bool>,
+        enable_ms: Optional<u32>,
         effective_mass_kg: Optional<f64>,
     }
 }

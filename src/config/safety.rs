@@ -23,6 +23,8 @@ pub struct Safety {
     pub gravity_ramp: Duration,
     /// Ramp of reflection from zero to full.
     pub reflection_ramp: Duration,
+    /// Time from the first controlword until all drives are enabled.
+    pub enable_timeout: Duration,
     /// Protection by the drives themselves.
     pub protection: Protection,
 }
@@ -35,6 +37,9 @@ pub struct Protection {
     /// Mass of hand and grip, in kg.
     pub effective_mass: f64,
 }
+
+/// Usual `safety.enable_ms`.
+const ENABLE_MS: u32 = 2_000;
 
 /// Reads the time limits and checks them against the period. Returns `None` after a problem.
 pub(super) fn read(
@@ -49,6 +54,7 @@ pub(super) fn read(
     problems.within(&safety.missing_samples, 1..=20);
     let gravity = problems.within(&safety.gravity_ramp_s, 0.01..=60.0);
     let reflection = problems.within(&safety.reflection_ramp_s, 0.01..=60.0);
+    let enable_ms = problems.within(&safety.enable_ms.or(ENABLE_MS), 100..=60_000);
     let protection = protection(safety, problems);
     Some(Safety {
         rpdo_timer_ms: safety.rpdo_timer_ms.get()?,
@@ -58,6 +64,7 @@ pub(super) fn read(
         missing_samples: safety.missing_samples.get()?,
         gravity_ramp: Duration::try_from_secs_f64(gravity?).unwrap_or_default(),
         reflection_ramp: Duration::try_from_secs_f64(reflection?).unwrap_or_default(),
+        enable_timeout: Duration::from_millis(enable_ms?.into()),
         protection: protection?,
     })
 }

@@ -48,7 +48,10 @@ pub(super) fn read(
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let given = Given { lost_ms, eds: eds.as_ref(), limits: &[] };
+    let given = Given { lost_ms, eds: eds.as_ref(), period: None, limit: None };
+    if let Some(boot) = switches.boot.as_ref().filter(|boot| !boot.mode_shown.is_absent()) {
+        problems.add(&boot.mode_shown, "only a drive has a mode");
+    }
     let boot = boot::of_node(switches.boot.as_ref(), given, problems);
     let identity = Identity {
         vendor: switches.vendor_id.get()?,

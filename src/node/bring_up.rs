@@ -5,7 +5,9 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::Node;
+use crate::boot_failures;
 use crate::cause::Cause;
+use crate::mode_check::WrongMode;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
 use crate::stop::NotConfirmed;
@@ -14,7 +16,9 @@ use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
 use remote::Remote;
+use units::numbering::Joint;
 use units::spatial::Motion;
+use units::time::Instant;
 
 /// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
 /// dropped.
@@ -27,7 +31,7 @@ const GIVE_UP_POLL_INTERVAL: Duration = Duration::from_millis(50);
 #[derive(Debug, Error)]
 pub enum BringUpError {
     /// Nodes are missing, have another identity, or refused their configuration: one line each.
-    #[error("{}", lines(.0))]
+    #[error("{}", boot_failures::lines(.0))]
     Boot(Vec<BootError>),
     /// The bus failed during the boot, or has another master.
     #[error("{0}")]
@@ -38,6 +42,9 @@ pub enum BringUpError {
     /// A drive did not reach `Operation enabled`.
     #[error("{0}")]
     NotEnabled(Cause),
+    /// A drive does not display its mode when enabled.
+    #[error(transparent)]
+    Mode(#[from] WrongMode),
     /// Drives failed the proof test: one line each.
     #[error("{}", lines(.0))]
     ProofTest(Vec<ProofTestFailure>),
@@ -117,6 +124,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Enables the drives at zero torque and runs the proof test, until the mode is `Ready`.
     fn become_ready(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.check_modes(give_up)?;
         self.enable(give_up)?;
         self.run_proof_test(give_up)?;
         while self.mode() == Mode::Boot {
@@ -128,28 +136,34 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.cause().map_or(Ok(()), |cause| Err(BringUpError::NotEnabled(cause)))
     }
 
-    /// Runs cycles at zero torque until every drive is enabled. Resets a fault of each drive once, as after a test of
-    /// its watchdogs.
+    /// Runs cycles at zero torque until every drive is enabled, or the one whose mode is being checked. Resets a fault of
+    /// each drive once, as after a test of its watchdogs. Returns the time of the last SYNC.
     ///
     /// # Errors
     /// When a drive is not enabled in time, another cause is raised, or `give_up` returns true.
-    pub(super) fn enable(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+    pub(super) fn enable(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<Instant, BringUpError> {
         let now = self.wire.now();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
         self.remote.exchange(now, &Motion::Hold);
         self.safety.boot(now);
         self.drives.power.reset_faults();
+        for joint in Joint::ALL.into_iter().filter(|joint| !self.mode_check.is_enabling(*joint)) {
+            self.drives.power.keep_off(joint);
+        }
         loop {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
-            self.cycle();
+            let sync_at = self.cycle().at;
             if let Some(cause) = self.cause() {
                 return Err(BringUpError::NotEnabled(cause));
             }
             if self.samples.is_complete() && self.not_enabled().is_none() {
-                return Ok(());
+                return Ok(sync_at);
             }
         }
     }
@@ -196,6 +210,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.on_boot_event(Some(event), &mut failed)?;
         }
         self.send_queued();
+        self.expected_drives.name_swapped(&self.network.master, &mut failed);
         if failed.is_empty() { Ok(()) } else { Err(BringUpError::Boot(failed)) }
     }
 
@@ -262,7 +277,7 @@ mod tests {
         let mut node = node();
         let given_up = node.bring_up(&mut || true);
         assert!(matches!(given_up, Err(BringUpError::GivenUp)), "{given_up:?}");
-        let elapsed = node.bus().now().since(units::time::Instant::ZERO);
+        let elapsed = node.bus().now().since(Instant::ZERO);
         assert!(elapsed < LISTEN_TIME + GIVE_UP_POLL_INTERVAL, "{elapsed:?}");
     }
 
@@ -271,7 +286,7 @@ mod tests {
         let mut node = node();
         assert!(node.bring_up(&mut || false).is_err());
         let (first, _) = node.bus().sent[0];
-        assert!(first.since(units::time::Instant::ZERO) >= LISTEN_TIME);
+        assert!(first.since(Instant::ZERO) >= LISTEN_TIME);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use crate::joint_reading::JointReading;
 use crate::reaction::{Initiator, Reaction, Row, always, armed};
 use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
@@ -72,6 +73,13 @@ macro_rules! causes {
             }
         }
 
+        impl Cause {
+            /// Returns its text, with the name of its joint from `names`, base first: `joint 3 (elbow): ...`.
+            pub fn with_name(&self, names: &[impl AsRef<str>]) -> String {
+                with_name(self.to_string(), names)
+            }
+        }
+
         impl Kind {
             /// All kinds, in the order of the table.
             pub const ALL: [Self; [$(Self::$kind),+].len()] = [$(Self::$kind),+];
@@ -93,6 +101,15 @@ macro_rules! causes {
             }
         }
     };
+}
+
+/// Adds the name of the joint with which the text of a cause begins, from `names`, base first.
+pub fn with_name(text: String, names: &[impl AsRef<str>]) -> String {
+    let named = Joint::ALL.into_iter().zip(names).find_map(|(joint, name)| {
+        let rest = text.strip_prefix(&format!("joint {joint}:"))?;
+        Some(format!("joint {joint} ({}):{rest}", name.as_ref()))
+    });
+    named.unwrap_or(text)
 }
 
 /// The joint that the first field of a cause names, if any.
@@ -134,7 +151,10 @@ causes! {
         reaction always(ZeroTorque, Node, true, &[3, 4]);
     PositionFrozen { joint: Joint }
         description "position constant although the joint is under torque",
-        message ("joint {joint}: position frozen under torque"),
+        message (
+            "joint {joint}: position frozen under torque: check its encoder, and zero_counts: with a wrong zero a joint may \
+             stand at its mechanical stop"
+        ),
         reaction always(ZeroTorque, Node, false, &[5]);
     PositionJumped { joint: Joint }
         description "position steps farther than the joint can move, twice",
@@ -156,9 +176,12 @@ causes! {
         description "grip speed above its limit",
         message ("grip speed above its limit"),
         reaction armed(ZeroTorque, &[11]);
-    BeyondLimit { joint: Joint }
+    BeyondLimit { joint: Joint, position: JointReading, limit: JointReading }
         description "joint position beyond its limit",
-        message ("joint {joint}: position beyond its limit"),
+        message (
+            "joint {joint}: at {position}, beyond its limit of {limit}: check {} of the joint",
+            limit.keys()
+        ),
         reaction armed(ReflectionOff, &[43]);
     UncommandedMotion
         description "joint driven by gravity compensation while it ramps up",

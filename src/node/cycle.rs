@@ -115,10 +115,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Returns the first joint whose drive is not enabled, with its statusword.
+    /// Returns the first joint whose drive is to be enabled and is not, with its statusword.
     pub(super) fn not_enabled(&self) -> Option<(Joint, u16)> {
-        let mut joints = Joint::each(self.samples.latest());
+        let joints = Joint::each(self.samples.latest());
         let (joint, sample) = joints
+            .filter(|(joint, _)| self.mode_check.is_enabling(*joint))
             .find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
         Some((joint, sample.statusword.0))
     }

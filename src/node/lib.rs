@@ -14,6 +14,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod boot_failures;
 mod bring_up;
 pub mod cause;
 mod control;
@@ -21,8 +22,10 @@ mod cycle;
 mod cycle_timing;
 mod drives;
 mod guard_requests;
+pub mod joint_reading;
 mod lateness;
 mod link;
+mod mode_check;
 mod network;
 pub mod operator;
 pub mod permit;
@@ -52,14 +55,17 @@ mod unpowered;
 mod wire;
 
 pub use bring_up::BringUpError;
+pub use mode_check::WrongMode;
 pub use request::{Request, RequestError};
 pub use rest::NotAtRest;
 pub use stop::NotConfirmed;
 
+use crate::boot_failures::ExpectedDrives;
 use crate::cause::Cause;
 use crate::control::Control;
 use crate::cycle_timing::CycleTiming;
 use crate::drives::Drives;
+use crate::mode_check::ModeCheck;
 use crate::network::Network;
 use crate::operator::Operator;
 use crate::plausibility::Plausibility;
@@ -68,7 +74,7 @@ use crate::proof_test::{ProofTest, ProofTestReport};
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
 use crate::rest::RestPosture;
-use crate::safety::{RampTimes, Safety};
+use crate::safety::{Safety, SafetyTimes};
 use crate::samples::Samples;
 use crate::wire::Wire;
 use bus::Bus;
@@ -84,6 +90,8 @@ pub struct Node<B, R> {
     wire: Wire<B>,
     timing: CycleTiming,
     network: Network,
+    expected_drives: ExpectedDrives,
+    mode_check: ModeCheck,
     proof_test: ProofTest,
     samples: Samples,
     drives: Drives,
@@ -100,7 +108,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns a node in `Boot`. Sends no frame.
     pub fn new(config: &Config, bus: B, remote: R) -> Self {
         let now = bus.now();
-        let ramps = RampTimes {
+        let times = SafetyTimes {
+            enable: config.safety.enable_timeout,
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
@@ -109,6 +118,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Self {
             timing: CycleTiming::new(config, now, bus.suspended()),
             wire: Wire::new(config, bus),
+            expected_drives: ExpectedDrives::new(plans.iter().map(|(_, plan)| plan)),
+            mode_check: ModeCheck::new(plans.iter().map(|(_, plan)| plan)),
             proof_test: ProofTest::new(config, &plans),
             network: Network::new(config, plans),
             samples: Samples::new(
@@ -128,7 +139,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             control: Control::new(config),
             operator: Operator::new(config.period, config.switches.is_some()),
             plausibility: Plausibility::new(config),
-            safety: Safety::new(ramps),
+            safety: Safety::new(times),
         }
     }
 
@@ -140,6 +151,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns the first cause of the latched stop.
     pub const fn cause(&self) -> Option<Cause> {
         self.safety.cause()
+    }
+
+    /// Returns the text of a cause, with the name of its joint.
+    pub fn in_words(&self, cause: Cause) -> String {
+        cause.with_name(&self.rest.names())
     }
 
     /// Returns the results of the proof test; empty before a test, or if none is configured.

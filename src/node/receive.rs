@@ -109,6 +109,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         {
             return self.on_target_read(joint, read, event);
         }
+        if self.mode_check.on_event(&event) {
+            return None;
+        }
         let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
             Relation::Part => return None,

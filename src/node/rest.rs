@@ -53,6 +53,11 @@ impl RestPosture {
         Self { joints, is_confirmed: false }
     }
 
+    /// Names of the joints, base first.
+    pub(super) fn names(&self) -> [&str; 6] {
+        self.joints.each_ref().map(|(name, _)| name.as_str())
+    }
+
     /// Requires the posture again, before the network boots.
     pub(super) const fn restart(&mut self) {
         self.is_confirmed = false;

@@ -79,6 +79,7 @@ fn failure(error: BringUpError) -> Failure {
         BringUpError::Bus(_) | BringUpError::Unfit(_) => Kind::Bus,
         BringUpError::Boot(_)
         | BringUpError::NotEnabled(_)
+        | BringUpError::Mode(_)
         | BringUpError::ProofTest(_)
         | BringUpError::GivenUp
         | BringUpError::LeftOn(_) => Kind::Drive,

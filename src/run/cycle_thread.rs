@@ -115,7 +115,7 @@ fn run_node<B: Bus, R: Remote>(
         forward_events(node);
     }
     requests.close();
-    let stopped_by = node.cause();
+    let stopped_by = node.cause().map(|cause| node.in_words(cause));
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     let off = node.stop(&mut || is_urgent());
     forward_events(node);
@@ -139,7 +139,9 @@ fn boot_failure<B: Bus, R: Remote>(
             Ended::of(true, Err(error).or_fail(Kind::Bus))
         }
         BringUpError::Boot(_) => Ended::of(true, Err(error).or_fail(Kind::Drive)),
-        BringUpError::ProofTest(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
+        BringUpError::Mode(_) | BringUpError::ProofTest(_) => {
+            Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive))
+        }
         BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
         BringUpError::NotEnabled(_) => {
             // Records the trip.

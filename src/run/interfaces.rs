@@ -34,7 +34,23 @@ pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Fai
             interface.clone_into(slot);
         }
     }
+    each_once(config, &interfaces)?;
     Ok(interfaces)
+}
+
+/// Refuses an interface for two buses: each would receive its own frames as those of another master.
+fn each_once(config: &Config, interfaces: &[String]) -> Result<(), Failure> {
+    for (place, (interface, bus)) in interfaces.iter().zip(&config.buses).enumerate() {
+        let mut others = interfaces.iter().zip(&config.buses).skip(place + 1);
+        if let Some((_, other)) = others.find(|(other, _)| *other == interface) {
+            let (bus, other) = (&bus.name, &other.name);
+            let reason = format!(
+                "-i: buses {bus} and {other} would both be on {interface}; each needs its own interface"
+            );
+            return Err(Failure::new(Kind::Usage, reason));
+        }
+    }
+    Ok(())
 }
 
 /// Opens the buses of a node, on interfaces that are fit for torque control; logs their deficiencies as warnings.

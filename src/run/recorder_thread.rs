@@ -126,7 +126,7 @@ impl EntryHandler for Recorder<'_> {
         self.writers.push_cycle(record);
         if record.mode != self.mode {
             self.mode = record.mode;
-            log_time::stamp_with(record.at, || log_mode(record));
+            log_time::stamp_with(record.at, || log_mode(record, &self.names.joints));
         }
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
@@ -206,6 +206,7 @@ fn log_event(event: &Event, names: &[String]) {
         Event::Booted
         | Event::Configured { .. }
         | Event::Joined { .. }
+        | Event::LimitsRaised { .. }
         | Event::MonitoringEnded { .. }
         | Event::PowerOffConfirmed { .. }
         | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),
@@ -213,6 +214,7 @@ fn log_event(event: &Event, names: &[String]) {
             tracing::info!("{name}: {event}");
         }
         Event::Emergency { .. }
+        | Event::EmergencyWarning { .. }
         | Event::BootFailed(_)
         | Event::FoundEnabled { .. }
         | Event::ValueRefused { .. }
@@ -232,9 +234,10 @@ fn log_event(event: &Event, names: &[String]) {
 }
 
 /// Logs a change of mode, and the cause of a stop.
-fn log_mode(record: &Record) {
+fn log_mode(record: &Record, labels: &[JointLabel]) {
     let mode = record.mode;
-    match record.cause {
+    let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();
+    match record.cause.map(|cause| cause.with_name(&names)) {
         Some(cause) => tracing::warn!(%mode, %cause, "mode"),
         None => tracing::info!(%mode, "mode"),
     }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::losses::Losses;
 use controller::Ledger;
+use node::cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
 
@@ -151,6 +152,8 @@ impl Status {
     /// Adds the joints with these names and units, base first.
     #[must_use]
     pub fn with_joints(mut self, labels: &[JointLabel]) -> Self {
+        let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();
+        self.stopped_by = self.stopped_by.map(|text| cause::with_name(text, &names));
         let values = self.q.into_iter().zip(self.tau).zip(self.targets);
         let joints = Joint::each(labels).zip(values);
         let joint = |((joint, label), ((position, torque), target)): ((Joint, &JointLabel), _)| {

@@ -13,7 +13,7 @@ use std::path::Path;
 use crate::common::bench::{config, scenario};
 use config::Config;
 use lab::bench::Bench;
-use node::cause::Cause;
+use node::cause::{Cause, Kind};
 use node::record::{Mode, Record};
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
@@ -219,7 +219,12 @@ fn hazard_43_joint_beyond_its_limit_ends_reflection_at_once() {
     let beyond = beyond.unwrap();
     assert_eq!(records[beyond - 1].mode, Mode::Engaged);
     assert_eq!(records[beyond].mode, Mode::ReflectionOff);
-    assert_eq!(records[beyond].cause, Some(Cause::BeyondLimit { joint: ELBOW }));
+    let cause = records[beyond].cause.unwrap();
+    assert_eq!((cause.kind(), cause.joint()), (Kind::BeyondLimit, Some(ELBOW)));
+    assert!(
+        cause.to_string().contains("°, beyond its limit of 91.9°: check zero_counts"),
+        "{cause}"
+    );
     assert_ne!(records.last().unwrap().targets, [0; 6]);
 }
 

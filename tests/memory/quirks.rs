@@ -106,6 +106,10 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     // No acceleration is read or written.
     ("stored:60AAh=0", Runs, Runs),
     ("stored:607Bh:2=1000", Refused(RANGE), Refused(RANGE)),
+    ("mode-when-operational", Runs, Runs),
+    ("mode-when-enabled", Refused(MODE_HIDDEN), Refused(MODE_HIDDEN)),
+    ("two-reset-edges", Runs, Runs),
+    ("lost-write-reply", Runs, Runs),
 ];
 
 const DEAF: &str = "1016h:1 is 00000000h, expected 007F0016h";
@@ -127,6 +131,8 @@ const FAULT_REACTION: &str = "605Eh is 0002h, expected 0000h";
 const RPDO_TIMER: &str = "1400h:5 is 0000h, expected 0005h";
 const RPDO_TIMER_500: &str = "1400h:5 is 0000h, expected 0008h";
 const MODE: &str = "6060h is 00h, expected 0Ah";
+const MODE_HIDDEN: &str = "6061h is 00h, expected 0Ah: if it displays its mode only when enabled, say mode_shown = \"enabled\" in \
+    [joint.boot]";
 const ABSENT: &str = "does not answer, waited 2.0 s";
 const NO_BOOT_UP: &str = "did not boot up after its reset";
 const TWO: &str = "answers one SDO request twice: are there two nodes with this node-id?";

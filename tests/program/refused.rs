@@ -428,3 +428,35 @@ fn simulated_link_is_refused_on_real_buses() {
         }
     }
 }
+
+#[test]
+fn one_interface_for_two_buses_is_refused_by_name() {
+    for name in ["run", "sim"] {
+        let arguments =
+            [name, "-c", "config/jpl_like.toml", "-i", "shoulder=can7", "-i", "wrist=can7"];
+        let ended = frhc(&arguments);
+        assert_eq!(ended.code, 2, "{name}: {}", ended.stderr);
+        let reason =
+            "-i: buses shoulder and wrist would both be on can7; each needs its own interface";
+        assert!(ended.stderr.contains(reason), "{name}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn second_axis_of_a_node_is_refused_by_name() {
+    let twice = TEXT.replace("\nnode_id = 3\n", "\nnode_id = 2\n");
+    let folder = installation("second-axis", &twice);
+    is_refused(&folder, &["node_id: must be unique on its bus, got 2 twice"]);
+    let eds = folder.join("eds/frhc_drive.eds");
+    let one = fs::read_to_string(&eds).unwrap();
+    let controlword = one.split("\n[6040]\n").nth(1).unwrap().split("\n[").next().unwrap();
+    let (lists, rest) = one.split_once("=0x6040\n").unwrap();
+    let key = lists.rsplit('\n').next().unwrap();
+    let objects: u32 = key.parse().unwrap();
+    // In place of another object of the list, so that its numbers stay right.
+    let (_, rest) = rest.split_once('\n').unwrap();
+    let text = format!("{lists}=0x6040\n{}=0x6840\n{rest}\n[6840]\n{controlword}\n", objects + 1);
+    fs::write(&eds, text).unwrap();
+    let second = "node 2 is the drive of elevation already, and its second axis (its EDS has 6840h: objects + 800h) cannot be";
+    is_refused(&folder, &[second]);
+}

@@ -28,7 +28,11 @@ pub(crate) const HAZARDS: [Claim; 46] = [
         "zero torque within 600 ms, if the joint is pushed and a neighbour moves",
     ),
     (6, "Two nodes share a node-id, or one is imitated", "zero torque within 3 cycles"),
-    (7, "A node sends an emergency message", "zero torque within 2 cycles"),
+    (
+        7,
+        "A node sends an emergency message",
+        "zero torque within 2 cycles; a warning only while its error register is 00h and `emcy_warnings` lists its code",
+    ),
     (
         8,
         "A drive faults, loses its power stage, leaves operation enabled or operational",

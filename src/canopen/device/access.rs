@@ -16,6 +16,7 @@ pub(super) struct Objects<'a, A> {
     pub(super) dictionary: &'a mut Dictionary,
     pub(super) application: &'a mut A,
     pub(super) misbehaviour: &'a Misbehaviour,
+    pub(super) is_operational: bool,
     /// Object written by the request.
     pub(super) written: Option<Object>,
 }
@@ -37,7 +38,7 @@ impl<A: Application> Access for Objects<'_, A> {
         if !entry.access.is_writable() {
             return Err(AbortCode::READ_ONLY);
         }
-        self.misbehaviour.check_write(object)?;
+        self.misbehaviour.check_write(object, self.is_operational)?;
         Ok(entry.size())
     }
 

@@ -18,6 +18,8 @@ pub struct Misbehaviour {
     pub ignores: Vec<Object>,
     /// Writes by SDO to these indices are aborted with this code.
     pub refuses: Vec<(RangeInclusive<u16>, AbortCode)>,
+    /// Writes by SDO to these objects are aborted with 0800 0022h unless the device is operational.
+    pub needs_operational: Vec<Object>,
     /// Aborts a write of a TPDO's COB-ID without bit 30 (no remote frames) with 0609 0030h.
     pub refuses_remote_tpdos: bool,
     /// Replaces the code of every abort.
@@ -39,7 +41,14 @@ impl Misbehaviour {
     ///
     /// # Errors
     /// Returns the abort code of a refused write.
-    pub(super) fn check_write(&self, object: Object) -> Result<(), AbortCode> {
+    pub(super) fn check_write(
+        &self,
+        object: Object,
+        is_operational: bool,
+    ) -> Result<(), AbortCode> {
+        if !is_operational && self.needs_operational.contains(&object) {
+            return Err(AbortCode::DEVICE_STATE);
+        }
         let refusal = self.refuses.iter().find(|(indices, _)| indices.contains(&object.index));
         refusal.map_or(Ok(()), |(_, code)| Err(*code))
     }

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use canopen_rs::NmtState;
+
 use crate::device::access::Objects;
 use crate::device::parameter::Place;
 use crate::device::{Application, Device, history, store};
@@ -11,8 +13,10 @@ use units::time::Instant;
 
 impl<A: Application> Device<A> {
     pub(super) fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {
+        let is_operational = self.state() == NmtState::Operational;
         let Self { dictionary, application, misbehaviour, .. } = self;
-        let mut objects = Objects { dictionary, application, misbehaviour, written: None };
+        let mut objects =
+            Objects { dictionary, application, misbehaviour, is_operational, written: None };
         self.sdo.serve(now, request, &mut objects, out);
         if let Some(object) = objects.written {
             self.apply(now, object);

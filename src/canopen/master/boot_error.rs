@@ -51,6 +51,19 @@ pub enum Problem {
     /// Sign, scale or ratings stored in the drive are not those of the configuration.
     #[error(transparent)]
     Misfit(#[from] Misfit),
+    /// As `Misfit`, but another drive of the configuration, which does not fit its place either, is meant to hold these
+    /// values.
+    #[error(
+        "{} ({}) is {}, expected {}: it fits {owner}, so the drives seem to be swapped: exchange their node-ids or cables, \
+         not their keys",
+        misfit.name, misfit.object, misfit.found, misfit.expected
+    )]
+    Swapped {
+        /// Its own misfit.
+        misfit: Misfit,
+        /// Drive that is meant to hold these values.
+        owner: String,
+    },
     /// The node aborted a transfer.
     #[error("{0} refused: {1}{remedy}", remedy = remedy(*.0))]
     AbortedByServer(Object, AbortCode),
@@ -102,6 +115,7 @@ impl Problem {
             | Self::NotStarted => true,
             Self::Differs { .. }
             | Self::Misfit(_)
+            | Self::Swapped { .. }
             | Self::AbortedByServer(..)
             | Self::FixedMapping(..)
             | Self::AbortedLocally(..)

@@ -70,6 +70,13 @@ pub enum Event {
         /// Content of the EMCY message.
         emergency: Emergency,
     },
+    /// A node reports a warning: an emergency without an error, with a code that its plan lists.
+    EmergencyWarning {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Content of the EMCY message.
+        emergency: Emergency,
+    },
     /// The error history (1003h) of a node was read after an emergency.
     ErrorHistory {
         /// Index of the node in the list of plans.
@@ -210,6 +217,7 @@ impl Event {
             | Self::Absent { node, .. }
             | Self::Joined { node }
             | Self::Emergency { node, .. }
+            | Self::EmergencyWarning { node, .. }
             | Self::ErrorHistory { node, .. }
             | Self::Statusword { node, .. }
             | Self::StillOn { node, .. }
@@ -248,6 +256,9 @@ impl fmt::Display for Event {
             }
             Self::Joined { .. } => f.write_str("has appeared and is operational"),
             Self::Emergency { emergency, .. } => write!(f, "emergency {emergency}"),
+            Self::EmergencyWarning { emergency, .. } => {
+                write!(f, "warning {emergency} (emcy_warnings)")
+            }
             Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
             Self::Statusword { statusword, .. } => {
                 write!(f, "6041h = {:04X}h", statusword.0)
@@ -261,9 +272,9 @@ impl fmt::Display for Event {
             }
             Self::PowerOffConfirmed { step, .. } => write!(f, "confirmed power off after {step}"),
             Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
-            Self::LimitsRaised { .. } => {
-                f.write_str("shows the planned mode when enabled; torque limit raised to the planned one")
-            }
+            Self::LimitsRaised { .. } => f.write_str(
+                "shows the planned mode when enabled; torque limit raised to the planned one",
+            ),
             Self::MonitoringEnded { .. } => f.write_str("no longer monitors this master"),
             Self::MonitoringKept { object, error, .. } => {
                 write!(

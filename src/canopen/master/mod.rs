@@ -244,12 +244,7 @@ impl Master {
     /// Starts to write the planned torque limits of a drive whose mode was checked under reduced ones, and to read them
     /// back; reported as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to it is
     /// under way.
-    pub fn raise_limits(
-        &mut self,
-        now: Instant,
-        node: NodeIndex,
-        out: &mut Vec<Telegram>,
-    ) -> bool {
+    pub fn raise_limits(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) -> bool {
         let slave = self.slaves.get_mut(node.0);
         let is_requested = slave.is_some_and(|it| it.raise_limits(now, &mut self.frames));
         if is_requested {
@@ -390,6 +385,10 @@ impl Master {
         };
         let Some(node) = self.slaves.iter().position(is_its).map(NodeIndex) else { return };
         let Some(emergency) = Emergency::decode(frame.data()) else { return };
+        let plan = self.slaves.get(node.0).map(|slave| &slave.plan);
+        if plan.is_some_and(|plan| emergency.is_warning(&plan.emcy_warnings)) {
+            return self.report(Event::EmergencyWarning { node, emergency });
+        }
         self.report(Event::Emergency { node, emergency });
         if self.reads_error_history && !emergency.is_reset() {
             self.read_error_history(now, node, out);

@@ -57,7 +57,10 @@ pub(super) struct Slave {
 #[derive(Clone, Debug)]
 enum Stage {
     Booting(Box<Boot>),
-    Watched { watch: Watch, request: Option<NodeRequest> },
+    Watched {
+        watch: Watch,
+        request: Option<NodeRequest>,
+    },
     /// Absent and optional: polled at this time, or booted at its next heartbeat.
     Awaited(Instant),
     Failed,
@@ -366,7 +369,10 @@ impl Slave {
     }
 
     /// Ends the request under way.
-    fn after_request(&mut self, node_request::Ended(report): node_request::Ended) -> Option<Report> {
+    fn after_request(
+        &mut self,
+        node_request::Ended(report): node_request::Ended,
+    ) -> Option<Report> {
         if let Stage::Watched { request, .. } = &mut self.stage {
             *request = None;
         }

@@ -352,7 +352,8 @@ fn command_mode(plan: &NodePlan) -> Vec<Step> {
             std::iter::once(command).chain(shown).collect()
         }
         ShownMode::WhenEnabled { reduced_limits } => {
-            let limits = reduced_limits.iter().map(|(object, value)| Check::exactly(*object, *value));
+            let limits =
+                reduced_limits.iter().map(|(object, value)| Check::exactly(*object, *value));
             let limits = limits.map(|check| Step::Object(Action::Write, check));
             limits.chain([command]).collect()
         }

@@ -25,8 +25,8 @@ pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
         Stage::CommandMode(configuration),
     ]
     .into_iter()
-        .flat_map(|stage| stage.steps(plan))
-        .collect()
+    .flat_map(|stage| stage.steps(plan))
+    .collect()
 }
 
 /// Scripted node.

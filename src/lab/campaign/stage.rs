@@ -107,6 +107,7 @@ pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
         | BringUpError::Bus(_)
         | BringUpError::Unfit(_)
         | BringUpError::NotEnabled(_)
+        | BringUpError::Mode(_)
         | BringUpError::ProofTest(_)) => StageError::Boot(error),
     })
 }

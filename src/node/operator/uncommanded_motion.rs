@@ -59,6 +59,8 @@ pub(super) const fn of_limit(found: Option<Cause>, is_active: bool) -> Option<Ca
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joint_reading::JointReading;
+    use controller::arm::JointKind;
 
     fn joints(second: f64) -> JointVector {
         JointVector::from([0.0, second, 0.0, 0.0, 0.0, 0.0])
@@ -99,7 +101,9 @@ mod tests {
 
     #[test]
     fn hazard_41_joint_beyond_its_limit_in_the_ramp_ends_torque() {
-        let beyond = Some(Cause::BeyondLimit { joint: units::numbering::Joint::of::<3>() });
+        let at = JointReading::new(2.0, JointKind::Revolute);
+        let joint = units::numbering::Joint::of::<3>();
+        let beyond = Some(Cause::BeyondLimit { joint, position: at, limit: at });
         assert_eq!(of_limit(beyond, true), Some(Cause::UncommandedMotion));
         assert_eq!(of_limit(beyond, false), None, "the row of the cause applies");
         assert_eq!(of_limit(Some(Cause::Late), true), None);

@@ -92,6 +92,7 @@ impl Plausibility {
             limits: Limits::new(
                 joints.map(|joint| joint.plant.link.range),
                 joints.map(|joint| settings.limit_margin(joint.plant.link.kind)),
+                joints.map(|joint| joint.plant.link.kind),
             ),
             speed: Speed::new(limits, config.period),
             frozen: Frozen::new(settings.frozen, clear),

@@ -250,6 +250,8 @@ impl ProofTest {
                 returns.is_some_and(|returns| is_running || returns && is_operational)
             }
             Event::Emergency { .. }
+            | Event::EmergencyWarning { .. }
+            | Event::LimitsRaised { .. }
             | Event::Booted
             | Event::BootFailed(_)
             | Event::FoundEnabled { .. }

@@ -27,6 +27,8 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         }
         Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
         Event::Emergency { .. }
+        | Event::EmergencyWarning { .. }
+        | Event::LimitsRaised { .. }
         | Event::Booted
         | Event::BootFailed(_)
         | Event::FoundEnabled { .. }

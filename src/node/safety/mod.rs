@@ -45,9 +45,6 @@ use config::NoSwitchBox;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Maximum time from a call of [`boot`](Safety::boot) until all drives are enabled.
-const ENABLE_TIMEOUT: Duration = Duration::from_secs(2);
-
 /// Time in `ZeroTorque` after which the drives are switched off.
 const DRIVES_OFF_DELAY: Duration = Duration::from_millis(100);
 
@@ -83,9 +80,11 @@ pub enum Refusal {
     CauseActive(Cause),
 }
 
-/// Ramp times from the configuration.
+/// Times from the configuration.
 #[derive(Clone, Copy, Debug)]
-pub struct RampTimes {
+pub struct SafetyTimes {
+    /// Maximum time from a call of [`boot`](Safety::boot) until all drives are enabled.
+    pub enable: Duration,
     /// Time from zero to full gravity compensation, after arming.
     pub gravity: Duration,
     /// Time from zero to full reflection and assistance, after engaging.
@@ -106,6 +105,7 @@ pub struct LatchedStop {
 pub struct Safety {
     mode: Mode,
     since: Instant,
+    enable_timeout: Duration,
     /// The first cause of the latched stop.
     cause: Option<Cause>,
     /// True if any cause of the latched stop requires a boot.
@@ -120,16 +120,17 @@ pub struct Safety {
 
 impl Safety {
     /// Returns the mode graph in `Boot`.
-    pub fn new(ramps: RampTimes) -> Self {
+    pub fn new(times: SafetyTimes) -> Self {
         Self {
             mode: Mode::Boot,
             since: Instant::ZERO,
+            enable_timeout: times.enable,
             cause: None,
             must_boot: false,
             active: ActiveCauses::new(),
-            gravity: Ramp::new(ramps.gravity, GRAVITY_RAMP_DOWN),
+            gravity: Ramp::new(times.gravity, GRAVITY_RAMP_DOWN),
             // After a deadman release the controller's slew ends reflection.
-            reflection: Ramp::new(ramps.reflection, Duration::ZERO),
+            reflection: Ramp::new(times.reflection, Duration::ZERO),
             is_ramping_down: false,
             // The first press counts only after a release.
             deadman_was_held: true,
@@ -157,7 +158,7 @@ impl Safety {
     /// Returns the cause if the drive of `joint` reports `statusword`, which is not `Operation enabled`.
     pub fn watch_enabled(&self, now: Instant, joint: Joint, statusword: u16) -> Option<Cause> {
         match self.mode {
-            Mode::Boot if now.since(self.since) <= ENABLE_TIMEOUT => None,
+            Mode::Boot if now.since(self.since) <= self.enable_timeout => None,
             Mode::Boot => Some(Cause::EnableTimeout { joint, statusword }),
             Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
                 Some(Cause::DriveLeft { joint, statusword })

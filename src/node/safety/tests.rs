@@ -2,14 +2,19 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::cause::ResetReason;
+use crate::joint_reading::JointReading;
 use canopen::object::Object;
 use canopen::{NmtState, error_codes};
 use config::NoSwitchBox;
 use controller::Fault;
+use controller::arm::JointKind;
 use units::numbering::NodeIndex;
 
-const RAMPS: RampTimes =
-    RampTimes { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
+const TIMES: SafetyTimes = SafetyTimes {
+    enable: Duration::from_secs(2),
+    gravity: Duration::from_secs(1),
+    reflection: Duration::from_millis(300),
+};
 
 /// Time in ms at which no earlier cause is active any more.
 const LATER: u64 = 10_000;
@@ -19,7 +24,7 @@ fn at(millis: u64) -> Instant {
 }
 
 fn armed() -> Safety {
-    let mut safety = Safety::new(RAMPS);
+    let mut safety = Safety::new(TIMES);
     safety.on_drives_enabled(at(0));
     safety.permit(at(0), false);
     safety.arm(at(0), Some(EnableState::Released)).unwrap();
@@ -37,7 +42,7 @@ fn engaged() -> Safety {
 /// Returns a graph in `mode`. Stopped modes have a cause that requires no boot.
 fn in_mode(mode: Mode) -> Safety {
     let mut safety = match mode {
-        Mode::Boot | Mode::Ready => Safety::new(RAMPS),
+        Mode::Boot | Mode::Ready => Safety::new(TIMES),
         Mode::Armed => armed(),
         Mode::Engaged | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => engaged(),
     };
@@ -72,7 +77,10 @@ fn sample(kind: Kind) -> Cause {
         Kind::TargetNotTaken => Cause::TargetNotTaken { joint },
         Kind::Overspeed => Cause::Overspeed { joint },
         Kind::GripOverspeed => Cause::GripOverspeed,
-        Kind::BeyondLimit => Cause::BeyondLimit { joint },
+        Kind::BeyondLimit => {
+            let at = JointReading::new(2.0, JointKind::Revolute);
+            Cause::BeyondLimit { joint, position: at, limit: at }
+        }
         Kind::UncommandedMotion => Cause::UncommandedMotion,
         Kind::Unstable => Cause::Unstable,
         Kind::LinkLost => Cause::LinkLost,
@@ -215,7 +223,7 @@ proptest! {
 
 #[test]
 fn torque_is_zero_before_arming() {
-    let mut safety = Safety::new(RAMPS);
+    let mut safety = Safety::new(TIMES);
     for is_held in [false, true] {
         let permit = safety.permit(at(1), is_held);
         assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));

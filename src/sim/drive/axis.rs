@@ -16,6 +16,7 @@ use crate::drive::status::{self, Status};
 use crate::drive::task::{self, Task};
 use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
+use crate::quirks::AxisQuirks;
 use canopen::abort::AbortCode;
 use canopen::device::{Application, ConnectionLoss, Reset};
 use canopen::dictionary::Dictionary;
@@ -52,6 +53,9 @@ pub(super) struct Axis {
     has_unlisted_torque_mode: bool,
     /// Controlwords have no effect.
     ignores_controlword: bool,
+    quirks: AxisQuirks,
+    /// Edges of bit 7 since the fault.
+    reset_edges: u32,
 }
 
 impl Application for Axis {
@@ -171,6 +175,8 @@ impl Axis {
             error: 0,
             has_unlisted_torque_mode: false,
             ignores_controlword: false,
+            quirks: AxisQuirks::default(),
+            reset_edges: 0,
         }
     }
 
@@ -178,6 +184,12 @@ impl Axis {
     #[must_use]
     pub(super) const fn with_unlisted_torque_mode(self, has_unlisted_torque_mode: bool) -> Self {
         Self { has_unlisted_torque_mode, ..self }
+    }
+
+    /// Adds deviations of state machine and mode.
+    #[must_use]
+    pub(super) const fn with_quirks(self, quirks: AxisQuirks) -> Self {
+        Self { quirks, ..self }
     }
 
     /// Returns the state of the power drive system.

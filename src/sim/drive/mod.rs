@@ -113,9 +113,10 @@ impl Drive {
         // The encoder is mounted so that 6064h is right at joint position zero; quirks come later.
         let ActuatorSettings { counts_per_rev, zero_counts, .. } = actuator;
         actuator.zero_counts = encoder_counts(&dictionary, counts_per_rev, zero_counts);
-        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start, torque_filter } =
+        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start, torque_filter, axis } =
             QuirkEffects::of(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning)
+            .with_quirks(axis)
             .with_unlisted_torque_mode(delivery.has_unlisted_torque_mode);
         let mut device =
             Device::new(node, dictionary, axis, latency).with_misbehaviour(misbehaviour);

@@ -11,7 +11,16 @@ use canopen::object::Object;
 use canopen::{NodeId, layout};
 use units::time::Instant;
 
-/// Deviations of one drive outside its CiA 402 application.
+/// Deviations of state machine and mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct AxisQuirks {
+    /// Mode that it obeys and displays, only when enabled.
+    pub(crate) mode_when_enabled: Option<i8>,
+    /// The first edge of bit 7 after a fault does not reset it.
+    pub(crate) ignores_first_reset: bool,
+}
+
+/// Deviations of one drive, by what they change.
 #[derive(Clone, Debug)]
 pub(crate) struct QuirkEffects {
     /// Object dictionary at power-up.
@@ -24,6 +33,8 @@ pub(crate) struct QuirkEffects {
     pub(crate) torque_at_start: Option<i16>,
     /// Filter of torque actual (6077h).
     pub(crate) torque_filter: Option<TorqueFilter>,
+    /// Deviations of its state machine and mode.
+    pub(crate) axis: AxisQuirks,
 }
 
 impl QuirkEffects {
@@ -35,13 +46,14 @@ impl QuirkEffects {
             frames: FrameQuirks::default(),
             torque_at_start: None,
             torque_filter: None,
+            axis: AxisQuirks::default(),
         };
         quirks.iter().for_each(|quirk| effects.add(quirk, node));
         effects
     }
 
     fn add(&mut self, quirk: Quirk, node: NodeId) {
-        let Self { dictionary, misbehaviour, frames, torque_at_start, torque_filter } = self;
+        let Self { dictionary, misbehaviour, frames, torque_at_start, torque_filter, axis } = self;
         match quirk {
             Quirk::DeafToMaster => self.confirm_and_discard(Object::CONSUMER_HEARTBEAT, &[0; 4]),
             Quirk::KeepsTorque => self.confirm_and_discard(Object::ABORT_CONNECTION, &[0; 2]),
@@ -77,6 +89,12 @@ impl QuirkEffects {
             Quirk::LostSdoReply(number) => frames.lost_response = Some(number),
             Quirk::SlowFirstAnswer(time) => frames.first_response_delay = time,
             Quirk::FilteredTorque(percent) => *torque_filter = Some(TorqueFilter::new(percent)),
+            Quirk::ModeWhenOperational => {
+                misbehaviour.needs_operational.push(Object::MODE_OF_OPERATION);
+            }
+            Quirk::ModeWhenEnabled(mode) => axis.mode_when_enabled = Some(mode),
+            Quirk::TwoResetEdges => axis.ignores_first_reset = true,
+            Quirk::LostWriteReply(number) => frames.lost_confirmation = Some(number),
             Quirk::PolarityReversed | Quirk::Stored(..) => {
                 if let Some((object, value)) = quirk.stores() {
                     dictionary.set_default_number(object, value);

@@ -12,7 +12,7 @@ mod torque_filter;
 mod transmit_path;
 
 pub use assignment::{QuirkAssignment, UnknownJoint};
-pub(super) use effects::{QuirkEffects, start_running};
+pub(super) use effects::{AxisQuirks, QuirkEffects, start_running};
 pub use name::UnknownQuirk;
 pub use quirk::Quirk;
 pub(super) use torque_filter::TorqueFilter;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::quirks::Quirk;
+use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
 use canopen::object::Object;
 
 /// Reasons to refuse the name of a quirk.
@@ -55,7 +56,7 @@ pub enum UnknownQuirk {
 
 impl Quirk {
     /// Names of all quirks.
-    pub const NAMES: [&'static str; 25] = [
+    pub const NAMES: [&'static str; 29] = [
         DEAF_TO_MASTER,
         KEEPS_TORQUE,
         HOLDS_TORQUE,
@@ -81,6 +82,10 @@ impl Quirk {
         SLOW_FIRST_ANSWER,
         FILTERED_TORQUE,
         STORED,
+        MODE_WHEN_OPERATIONAL,
+        MODE_WHEN_ENABLED,
+        TWO_RESET_EDGES,
+        LOST_WRITE_REPLY,
     ];
 
     /// Returns the name, without the value.
@@ -111,6 +116,10 @@ impl Quirk {
             Self::SlowFirstAnswer(_) => SLOW_FIRST_ANSWER,
             Self::FilteredTorque(_) => FILTERED_TORQUE,
             Self::Stored(..) => STORED,
+            Self::ModeWhenOperational => MODE_WHEN_OPERATIONAL,
+            Self::ModeWhenEnabled(_) => MODE_WHEN_ENABLED,
+            Self::TwoResetEdges => TWO_RESET_EDGES,
+            Self::LostWriteReply(_) => LOST_WRITE_REPLY,
         }
     }
 
@@ -142,6 +151,10 @@ impl Quirk {
             SLOW_FIRST_ANSWER => Self::SlowFirstAnswer(Duration::from_millis(1_500)),
             FILTERED_TORQUE => Self::FilteredTorque(5),
             STORED => Self::Stored(Object::GEAR_MOTOR_REVOLUTIONS, 2),
+            MODE_WHEN_OPERATIONAL => Self::ModeWhenOperational,
+            MODE_WHEN_ENABLED => Self::ModeWhenEnabled(CYCLIC_SYNCHRONOUS_TORQUE),
+            TWO_RESET_EDGES => Self::TwoResetEdges,
+            LOST_WRITE_REPLY => Self::LostWriteReply(10),
             _ => return None,
         })
     }
@@ -166,6 +179,14 @@ impl Quirk {
             Self::LostSdoReply(_) => {
                 let reply = number(name, value, REPLY, "")?;
                 Ok(Self::LostSdoReply(reply.unsigned_abs()))
+            }
+            Self::LostWriteReply(_) => {
+                let reply = number(name, value, REPLY, "")?;
+                Ok(Self::LostWriteReply(reply.unsigned_abs()))
+            }
+            Self::ModeWhenEnabled(_) => {
+                let mode = number(name, value, MODE, "")?;
+                Ok(Self::ModeWhenEnabled(i8::try_from(mode).unwrap_or(0)))
             }
             Self::SlowFirstAnswer(_) => {
                 number(name, value, SLOW_MS, " ms").map(millis).map(Self::SlowFirstAnswer)
@@ -194,7 +215,9 @@ impl Quirk {
             | Self::NoSyncCounter
             | Self::QuietFault
             | Self::NoRtr
-            | Self::PolarityReversed => Err(UnknownQuirk::NoValue(name)),
+            | Self::PolarityReversed
+            | Self::ModeWhenOperational
+            | Self::TwoResetEdges => Err(UnknownQuirk::NoValue(name)),
         }
     }
 }
@@ -225,10 +248,11 @@ impl fmt::Display for Quirk {
             Self::SlowSdo(time) | Self::LateBoot(time) | Self::SlowFirstAnswer(time) => {
                 write!(f, ":{}", time.as_millis())
             }
-            Self::LostSdoReply(reply) => write!(f, ":{reply}"),
+            Self::LostSdoReply(reply) | Self::LostWriteReply(reply) => write!(f, ":{reply}"),
             Self::Stored(object, value) => write!(f, ":{object}={value}"),
             Self::RunningAtStart(torque) => write!(f, ":{torque}"),
             Self::FilteredTorque(percent) => write!(f, ":{percent}"),
+            Self::ModeWhenEnabled(mode) => write!(f, ":{mode}"),
             Self::Forgetful(object) => write!(f, ":{object}"),
             Self::DeafToMaster
             | Self::KeepsTorque
@@ -246,7 +270,9 @@ impl fmt::Display for Quirk {
             | Self::NoSyncCounter
             | Self::QuietFault
             | Self::NoRtr
-            | Self::PolarityReversed => Ok(()),
+            | Self::PolarityReversed
+            | Self::ModeWhenOperational
+            | Self::TwoResetEdges => Ok(()),
         }
     }
 }
@@ -295,6 +321,8 @@ const TORQUE: RangeInclusive<i32> = -1_000..=1_000;
 
 /// Range of the error of torque actual of `filtered-torque`, in %.
 const TORQUE_ERROR: RangeInclusive<i32> = -20..=20;
+/// Range of a mode of operation.
+const MODE: RangeInclusive<i32> = 0..=10;
 
 const DEAF_TO_MASTER: &str = "deaf-to-master";
 const KEEPS_TORQUE: &str = "keeps-torque";
@@ -321,6 +349,10 @@ const POLARITY_REVERSED: &str = "polarity-reversed";
 const SLOW_FIRST_ANSWER: &str = "slow-first-answer";
 const FILTERED_TORQUE: &str = "filtered-torque";
 const STORED: &str = "stored";
+const MODE_WHEN_OPERATIONAL: &str = "mode-when-operational";
+const MODE_WHEN_ENABLED: &str = "mode-when-enabled";
+const TWO_RESET_EDGES: &str = "two-reset-edges";
+const LOST_WRITE_REPLY: &str = "lost-write-reply";
 
 #[cfg(test)]
 mod tests {
@@ -341,6 +373,8 @@ mod tests {
             "lost-sdo-reply:7",
             "slow-first-answer:4000",
             "filtered-torque:-5",
+            "mode-when-enabled:8",
+            "lost-write-reply:7",
             "stored:6076h=176000",
             "stored:60A8h=4282449920",
         ] {

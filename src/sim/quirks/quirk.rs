@@ -70,6 +70,16 @@ pub enum Quirk {
     /// Reports torque actual (6077h) behind a low pass of 10 ms and off by this share, in %: current sensors and the
     /// filters behind them, within their makers' tolerances.
     FilteredTorque(i8),
+    /// Refuses the mode (6060h) before it is operational: abort 0800 0022h. Documented for drives that take a mode only
+    /// by PDO or when their application runs.
+    ModeWhenOperational,
+    /// Displays its mode (6061h) only when enabled, and obeys this one then, whatever 6060h says; by default it obeys
+    /// 6060h. Documented for drives that adopt the mode at the transition to operation enabled.
+    ModeWhenEnabled(i8),
+    /// Leaves a fault at the second edge of bit 7 since the fault: the first one acknowledges the message.
+    TwoResetEdges,
+    /// Loses one SDO download response since power-up, the one of this number. The write has taken effect.
+    LostWriteReply(u32),
     /// Has this value in an object since before power-up: a maker's tool stored it. Low bytes count.
     Stored(Object, u32),
 }
@@ -102,7 +112,11 @@ impl Quirk {
             | Self::NoRtr
             | Self::LostSdoReply(_)
             | Self::SlowFirstAnswer(_)
-            | Self::FilteredTorque(_) => None,
+            | Self::FilteredTorque(_)
+            | Self::ModeWhenOperational
+            | Self::ModeWhenEnabled(_)
+            | Self::TwoResetEdges
+            | Self::LostWriteReply(_) => None,
         }
     }
 }

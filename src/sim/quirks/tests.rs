@@ -356,3 +356,62 @@ fn open_rpdo_lets_a_stray_frame_enable_the_drive() {
     sent(&mut drive, &received, ms(10));
     assert_eq!((drive.state(), drive.demand()), (State::OperationEnabled, 200.0));
 }
+
+#[test]
+fn lost_write_reply_loses_one_download_response_after_its_effect() {
+    let received = [
+        (ms(1), write(Object::MAX_TORQUE, &[1, 0])),
+        (ms(2), read(Object::MAX_TORQUE)),
+        (ms(3), write(Object::MAX_TORQUE, &[2, 0])),
+        (ms(4), read(Object::MAX_TORQUE)),
+    ];
+    let sent = sent(&mut drive(&["lost-write-reply:2"]), &received, ms(5));
+    let replies: Vec<_> = sent.iter().filter(is_reply).collect();
+    let at: Vec<_> = replies.iter().map(|(at, _)| at.as_micros() / 1_000).collect();
+    assert_eq!(at, [1, 2, 4]);
+    assert_eq!(replies[2].1.data()[4..6], [2, 0], "written all the same");
+}
+
+#[test]
+fn mode_when_operational_is_refused_with_its_code_before() {
+    let command = write(Object::MODE_OF_OPERATION, &[10]);
+    let received = [(ms(1), command), (ms(2), Frame::new(0x000, [1, 3])), (ms(3), command)];
+    let sent = sent(&mut drive(&["mode-when-operational"]), &received, ms(4));
+    let replies: Vec<_> = sent.iter().filter(is_reply).map(|(_, frame)| frame.data()).collect();
+    assert_eq!((replies[0][0], &replies[0][4..]), (0x80, &[0x22, 0, 0, 8][..]));
+    assert_eq!(replies[1][0], 0x60);
+}
+
+#[test]
+fn mode_when_enabled_shows_and_obeys_its_mode_only_then() {
+    for (quirk, mode) in [("mode-when-enabled", 10), ("mode-when-enabled:8", 8)] {
+        let mut drive = drive(&[quirk]);
+        let word = |word: u8| write(Object::CONTROLWORD, &[word, 0]);
+        let shown = |drive: &Drive| drive.dictionary().i8(Object::MODE_DISPLAY);
+        let frames = [write(Object::MODE_OF_OPERATION, &[10]), word(6), word(7)];
+        let received: Vec<_> = (1..).map(ms).zip(frames).collect();
+        sent(&mut drive, &received, ms(10));
+        assert_eq!((shown(&drive), drive.state()), (0, State::SwitchedOn), "{quirk}");
+        sent(&mut drive, &[(ms(11), word(15))], ms(12));
+        assert_eq!((shown(&drive), drive.state()), (mode, State::OperationEnabled), "{quirk}");
+        sent(&mut drive, &[(ms(13), word(0))], ms(14));
+        assert_eq!(shown(&drive), 0, "{quirk}");
+    }
+}
+
+#[test]
+fn two_reset_edges_leave_a_fault_at_the_second() {
+    for (name, edges) in [(&[][..], 1), (&["two-reset-edges"][..], 2)] {
+        let mut drive = drive(name);
+        sent(&mut drive, &[], ms(1));
+        drive.fail_with(0x3210);
+        for edge in 1..=edges {
+            assert_eq!(drive.state(), State::Fault, "{name:?} before edge {edge}");
+            let at = 10 * edge;
+            let words = [0x00, 0x80, 0x80].map(|word| write(Object::CONTROLWORD, &[word, 0]));
+            let received: Vec<_> = (at..).map(ms).zip(words).collect();
+            sent(&mut drive, &received, ms(at + 5));
+        }
+        assert_eq!(drive.state(), State::SwitchOnDisabled, "{name:?}");
+    }
+}

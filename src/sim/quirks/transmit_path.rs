@@ -26,6 +26,8 @@ pub(crate) struct FrameQuirks {
     pub(super) repeats_responses: bool,
     /// Number of the one SDO upload response that is lost, counted from power-up.
     pub(super) lost_response: Option<u32>,
+    /// Number of the one SDO download response that is lost, counted from power-up.
+    pub(super) lost_confirmation: Option<u32>,
     /// Time from the first SDO response since power-up until it is sent; later ones wait for it.
     pub(super) first_response_delay: Duration,
     /// Delay of the boot-up; until then the drive neither sends nor receives.
@@ -49,6 +51,8 @@ pub(crate) struct TransmitPath {
     booting_until: Option<Instant>,
     /// SDO upload responses since power-up.
     uploads: u32,
+    /// SDO download responses since power-up.
+    downloads: u32,
     /// Time of the first SDO response; `None` before it.
     answers_from: Option<Instant>,
     /// Time of the last heartbeat.
@@ -162,11 +166,15 @@ impl TransmitPath {
         }
     }
 
-    /// Counts upload responses; returns whether this one is lost.
+    /// Counts responses; returns whether this one is lost.
     fn is_lost(&mut self, frame: &Frame) -> bool {
-        let is_upload = frame.data().first().is_some_and(|command| command >> 5 == SCS_UPLOAD);
-        self.uploads = self.uploads.saturating_add(u32::from(is_upload));
-        is_upload && self.quirks.lost_response == Some(self.uploads)
+        let (count, lost) = match frame.data().first().map(|command| command >> 5) {
+            Some(SCS_UPLOAD) => (&mut self.uploads, self.quirks.lost_response),
+            Some(SCS_DOWNLOAD) => (&mut self.downloads, self.quirks.lost_confirmation),
+            _ => return false,
+        };
+        *count = count.saturating_add(1);
+        lost == Some(*count)
     }
 
     fn take_heartbeat_slot(&mut self, now: Instant) -> bool {
@@ -221,6 +229,8 @@ fn emcy_cob_id<A: Application>(device: &Device<A>) -> Option<u16> {
 
 /// Server command specifier of an upload response (CiA 301, 7.2.4.3.6).
 const SCS_UPLOAD: u8 = 2;
+/// Server command specifier of a download response (CiA 301, 7.2.4.3.3).
+const SCS_DOWNLOAD: u8 = 3;
 /// Error code of device-specific errors (CiA 301, table 26).
 const DEVICE_SPECIFIC: u16 = 0xFF00;
 /// Generic error, bit 0 of the error register (1001h).

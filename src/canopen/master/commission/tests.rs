@@ -412,7 +412,8 @@ fn mode_not_displayed_is_refused() {
     device.objects.insert(Object::MODE_DISPLAY, vec![0]);
     assert_eq!(
         failure(&elbow(), &mut device),
-        "joint 3 (elbow), node 3: 6061h is 00h, expected 0Ah"
+        "joint 3 (elbow), node 3: 6061h is 00h, expected 0Ah: if it displays its mode only when enabled, say \
+         mode_shown = \"enabled\" in [joint.boot]"
     );
 }
 

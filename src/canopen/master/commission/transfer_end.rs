@@ -109,7 +109,9 @@ impl Boot {
             }
             // A lost answer to a download is no reason to give up, where the same write has the same effect twice.
             Err(SdoError::Timeout)
-                if has_written && may_be_written_twice(object) && !self.retries.is_written_again =>
+                if has_written
+                    && may_be_written_twice(object)
+                    && !self.retries.is_written_again =>
             {
                 self.retries.is_written_again = true;
                 self.take_step(now, out)

@@ -17,7 +17,8 @@ impl Axis {
         }
         let word = Controlword(status::word(dictionary, Object::CONTROLWORD));
         let before = (self.power.state(), self.power.controlword());
-        self.power.on_controlword(word, &self.options, self.monitor.cause().is_none());
+        let may_reset = self.monitor.cause().is_none() && !self.ignores_reset(word);
+        self.power.on_controlword(word, &self.options, may_reset);
         if before != (self.power.state(), word) {
             self.update_task(dictionary);
             if self.is_enabled {
@@ -25,6 +26,18 @@ impl Axis {
             }
             self.follow_power(dictionary);
         }
+    }
+
+    /// Counts edges of bit 7 in a fault; returns whether this word is one that has no effect.
+    fn ignores_reset(&mut self, word: Controlword) -> bool {
+        let bit = Controlword::FAULT_RESET.0;
+        let is_edge = word.0 & bit != 0 && self.power.controlword().0 & bit == 0;
+        if self.power.state() != State::Fault {
+            self.reset_edges = 0;
+        } else if is_edge {
+            self.reset_edges = self.reset_edges.saturating_add(1);
+        }
+        self.quirks.ignores_first_reset && self.reset_edges == 1
     }
 
     /// Updates task, torque and status after a change of state or limit.
@@ -69,10 +82,15 @@ impl Axis {
 
     /// Takes the requested mode (6060h) unless a stop is in progress; returns whether it changed.
     fn adopt_mode(&mut self, dictionary: &Dictionary) -> bool {
-        let mode = dictionary.i8(Object::MODE_OF_OPERATION);
-        let is_new = mode != self.mode
-            && self.task.allows_mode_change()
-            && self.has_mode(dictionary, mode.cast_unsigned());
+        let requested = dictionary.i8(Object::MODE_OF_OPERATION);
+        let is_enabled = self.power.state() == State::OperationEnabled;
+        let mode = match self.quirks.mode_when_enabled {
+            Some(mode) if is_enabled => mode,
+            Some(_) => task::NO_MODE,
+            None => requested,
+        };
+        let is_known = mode == task::NO_MODE || self.has_mode(dictionary, mode.cast_unsigned());
+        let is_new = mode != self.mode && self.task.allows_mode_change() && is_known;
         if is_new {
             self.mode = mode;
         }

@@ -16,8 +16,7 @@ fn download_without_an_answer_is_repeated_once() {
     let mut undisturbed = Scripted::suiting(&plan);
     assert!(boot(&plan, &mut undisturbed).0.is_ok());
     let cob_id = Object::tpdo_communication(1, 1);
-    let repeated =
-        [Object::CONTROLWORD, cob_id, Object::MAX_TORQUE, Object::MODE_OF_OPERATION];
+    let repeated = [Object::CONTROLWORD, cob_id, Object::MAX_TORQUE, Object::MODE_OF_OPERATION];
     for object in repeated {
         let mut device = Scripted::suiting(&plan);
         device.loses_confirmations.push(object);

@@ -1,0 +1,116 @@
+//! Failed boots of several nodes, judged together: drives that are swapped, and nodes that are all silent.
+
+use canopen::master::Master;
+use canopen::master::boot_error::{BootError, Problem};
+use canopen::nameplate::Nameplate;
+use canopen::plan::NodePlan;
+use units::numbering::NodeIndex;
+
+/// What the drives are meant to hold, to find out whose nameplate a drive holds.
+#[derive(Clone, Debug)]
+pub(super) struct ExpectedDrives(Vec<ExpectedDrive>);
+
+#[derive(Clone, Debug)]
+struct ExpectedDrive {
+    /// Joint and drive: `joint 3 (elbow), node 3`.
+    name: String,
+    nameplate: Option<Nameplate>,
+}
+
+impl ExpectedDrives {
+    /// Returns the drives of `plans`, by their indices in the master.
+    pub(super) fn new<'a>(plans: impl Iterator<Item = &'a NodePlan>) -> Self {
+        let drive = |plan: &NodePlan| ExpectedDrive {
+            name: format!("{}, node {}", plan.name, plan.node.raw()),
+            nameplate: plan.nameplate.clone(),
+        };
+        Self(plans.map(drive).collect())
+    }
+
+    /// Names the drives among `failed` that hold each other's nameplates.
+    pub(super) fn name_swapped(&self, master: &Master, failed: &mut [BootError]) {
+        let misfits: Vec<usize> = failed
+            .iter()
+            .filter(|error| is_misfit(error))
+            .filter_map(|error| self.place(error))
+            .collect();
+        for error in failed.iter_mut() {
+            let (Some(place), Problem::Misfit(misfit)) = (self.place(error), &error.problem) else {
+                continue;
+            };
+            let held = master.nameplate(NodeIndex(place));
+            let fits = |other: &&usize| {
+                let other = self.0.get(**other).and_then(|other| other.nameplate.as_ref());
+                other.is_some_and(|nameplate| nameplate.judge(held).is_ok())
+            };
+            let owner = misfits.iter().filter(|other| **other != place).find(fits);
+            if let Some(owner) = owner.and_then(|owner| self.0.get(*owner)) {
+                let (misfit, owner) = (misfit.clone(), owner.name.clone());
+                error.problem = Problem::Swapped { misfit, owner };
+            }
+        }
+    }
+
+    fn place(&self, error: &BootError) -> Option<usize> {
+        let name = format!("{}, node {}", error.name, error.node.raw());
+        self.0.iter().position(|drive| drive.name == name)
+    }
+}
+
+const fn is_misfit(error: &BootError) -> bool {
+    matches!(error.problem, Problem::Misfit(_))
+}
+
+/// Returns one line for each error, and one for all nodes that do not answer, which have one likely reason.
+pub(super) fn lines(errors: &[BootError]) -> String {
+    let mut lines = Vec::new();
+    let mut silent = Vec::new();
+    for error in errors {
+        match error.problem {
+            Problem::Absent { waited } => silent.push((error, waited)),
+            _ => lines.push(error.to_string()),
+        }
+    }
+    match silent.as_slice() {
+        [] => {}
+        [(error, _)] => lines.push(error.to_string()),
+        [(_, waited), ..] => {
+            let name =
+                |(error, _): &(&BootError, _)| format!("{}, node {}", error.name, error.node.raw());
+            lines.push(format!(
+                "{} nodes do not answer, waited {:.1} s: check their power, the cable, its termination (120 Ω at both ends) \
+                 and that all have the bit rate of the bus ({})",
+                silent.len(),
+                waited.as_secs_f64(),
+                silent.iter().map(name).collect::<Vec<_>>().join("; ")
+            ));
+        }
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::BringUpError;
+    use crate::silent_bus::node;
+
+    #[test]
+    fn silent_network_gets_one_line_with_what_to_check() {
+        let mut node = node();
+        let Err(BringUpError::Boot(errors)) = node.bring_up(&mut || false) else {
+            panic!("booted without nodes");
+        };
+        let text = lines(&errors);
+        assert_eq!(text.lines().count(), 1, "{text}");
+        assert!(
+            text.starts_with("7 nodes do not answer, waited 2.0 s: check their power"),
+            "{text}"
+        );
+        for word in ["cable", "termination", "bit rate", "joint 1 (", "switch box, node 16"] {
+            assert!(text.contains(word), "{word}: {text}");
+        }
+        let one = lines(&errors[..1]);
+        assert_eq!(one, errors[0].to_string(), "a single node is named as before");
+    }
+}

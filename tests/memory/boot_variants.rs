@@ -1,0 +1,147 @@
+//! Boots as drives do them and people set them up: swapped drives, warnings by EMCY, slow enabling.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::common::bench::{Wire, until};
+use bus::Bus;
+use canopen::master::event::Event;
+use config::shipped::HAND_CONTROLLERS;
+use config::{Config, files};
+use lab::bench::Bench;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use sim::scenario::Scenario;
+use units::numbering::Joint;
+use units::time::Instant;
+
+const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
+const ELBOW: Joint = Joint::of::<3>();
+
+fn text(file: &str) -> String {
+    String::from_utf8(files::read(file.as_ref()).unwrap()).unwrap()
+}
+
+fn parse(file: &str, text: &str) -> Config {
+    Config::parse(Path::new(file), text).unwrap_or_else(|invalid| panic!("{file}: {invalid}"))
+}
+
+fn bench(world: &Config, config: &Config, faults: &str) -> Bench<Wire> {
+    let scenario = Scenario::parse(&format!("seconds = 20\n{faults}")).unwrap();
+    Bench::in_world_of(world, config, scenario, 1, false, Wire::default())
+}
+
+#[test]
+fn swapped_drives_are_named_as_such_and_a_wrong_rating_alone_is_not() {
+    let right = text(PER_DRIVE);
+    let world = right
+        .replace("\nnode_id = 2\n", "\nnode_id = 93\n")
+        .replace("\nnode_id = 3\n", "\nnode_id = 2\n")
+        .replace("\nnode_id = 93\n", "\nnode_id = 3\n");
+    assert_ne!(world, right);
+    let config = parse(PER_DRIVE, &right);
+    let error = bench(&parse(PER_DRIVE, &world), &config, "").bring_up().unwrap_err().to_string();
+    let remedy =
+        "so the drives seem to be swapped: exchange their node-ids or cables, not their keys";
+    let lines: Vec<&str> = error.lines().collect();
+    assert_eq!(
+        lines,
+        [
+            format!(
+                "joint 2 (elevation), node 2: rated torque (6076h) is 131 mN·m, expected 176.5 mN·m: it fits joint 3 (elbow), \
+                 node 3, {remedy}"
+            ),
+            format!(
+                "joint 3 (elbow), node 3: rated torque (6076h) is 177 mN·m, expected 130.7 mN·m: it fits joint 2 (elevation), \
+                 node 2, {remedy}"
+            ),
+        ]
+    );
+
+    let world = right.replace("rated_torque_nm = 0.1307", "rated_torque_nm = 0.1765");
+    let error = bench(&parse(PER_DRIVE, &world), &config, "").bring_up().unwrap_err().to_string();
+    assert!(error.contains("correct rated_torque_nm") && !error.contains("swapped"), "{error}");
+}
+
+/// Returns `text` with a line in each joint.
+fn in_each_joint(text: &str, line: &str) -> String {
+    text.replace("\nencoder_counts_per_rev", &format!("\n{line}\nencoder_counts_per_rev"))
+}
+
+/// Returns an armed bench of the file whose joints list these codes.
+fn armed(file: &str) -> Bench<Wire> {
+    let config = parse(file, &in_each_joint(&text(file), "emcy_warnings = [0x8611, 0xFF01]"));
+    let mut bench = bench(&config, &config, "");
+    bench.bring_up().unwrap_or_else(|error| panic!("{file}: {error}"));
+    bench.run(20);
+    bench.ask(Request::Arm).unwrap();
+    bench.run(20);
+    while bench.notice().is_some() {}
+    bench
+}
+
+#[test]
+fn hazard_07_listed_emergency_without_an_error_warns_and_every_other_one_stops() {
+    for file in HAND_CONTROLLERS {
+        let mut warned = armed(file);
+        for code in [0x8611, 0xFF01] {
+            warned.world_mut().drive_mut(ELBOW).unwrap().report_transient_error(code, 0);
+            warned.run(20);
+            assert_eq!(warned.node().mode(), Mode::Armed, "{file}: {code:04X}h");
+            let events: Vec<_> = std::iter::from_fn(|| warned.notice()).collect();
+            let is_warning = |event: &Event| {
+                matches!(event, Event::EmergencyWarning { node, emergency }
+                    if *node == ELBOW.into() && emergency.code == code)
+            };
+            assert!(events.iter().any(is_warning), "{file}: {events:?}");
+        }
+        // Listed, but with an error; and not listed.
+        for (code, register) in [(0x8611, 0x01), (0x8612, 0x00)] {
+            let mut stopped = armed(file);
+            stopped.world_mut().drive_mut(ELBOW).unwrap().report_transient_error(code, register);
+            let record = until(&mut stopped, |record| record.mode.is_stopped());
+            let cause = Cause::Emergency { node: ELBOW.into(), code };
+            assert_eq!(record.cause, Some(cause), "{file}: {code:04X}h {register:02X}h");
+        }
+    }
+}
+
+#[test]
+fn error_reset_is_no_warning_to_list() {
+    let text = in_each_joint(&text(PER_DRIVE), "emcy_warnings = [0x0000]");
+    let refused = Config::parse(Path::new(PER_DRIVE), &text).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("emcy_warnings") && refused.contains("error reset"), "{refused}");
+}
+
+#[test]
+fn time_to_enable_is_that_of_the_file() {
+    let right = text(PER_DRIVE);
+    let stuck = "[[fault]]\nat_s = 0\nkind = \"controlword_ignored\"\njoint = 3\n";
+    let mut took = Vec::new();
+    for key in ["", "enable_ms = 500\n", "enable_ms = 4000\n"] {
+        let config = parse(PER_DRIVE, &right.replace("[safety]\n", &format!("[safety]\n{key}")));
+        let wire = Wire::default();
+        let scenario = Scenario::parse(&format!("seconds = 20\n{stuck}")).unwrap();
+        let mut bench = Bench::new(&config, scenario, 1, false, wire.clone());
+        let error = bench.bring_up().unwrap_err().to_string();
+        assert!(error.starts_with("joint 3:") || error.contains("joint 3"), "{error}");
+        let syncs = wire.since(Instant::ZERO, 0x80);
+        let first = syncs.first().unwrap().0;
+        took.push(bench.node().bus().now().since(first));
+    }
+    for (took, millis) in took.iter().zip([2_000, 500, 4_000]) {
+        // The drives that were enabled are switched off behind it.
+        let limit = Duration::from_millis(millis);
+        assert!(
+            *took >= limit && *took < limit + Duration::from_millis(900),
+            "{took:?} of {limit:?}"
+        );
+    }
+}

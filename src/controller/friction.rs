@@ -192,17 +192,23 @@ mod tests {
 
     proptest! {
         #[test]
-        fn friction_takes_all_that_is_given(steps in prop::collection::vec(-0.01..0.01_f64, 3..200)) {
-            // Torque of two cycles ago, against dry friction 30 % below the identified one.
+        fn friction_takes_all_that_is_given(
+            steps in prop::collection::vec(-0.01..0.01_f64, 3..200), way in prop::sample::select(vec![-1.0, 1.0])
+        ) {
+            // Torque of two cycles ago, against dry friction 30 % below the identified one. A steady motion of ten
+            // presliding distances ends it: all of that friction is given then.
             let mut compensation = compensation();
-            let (mut q, mut delayed) = (0.0, [0.0; 2]);
-            for dq in steps {
+            let (mut q, mut delayed, mut given) = (0.0, [0.0; 2], 0.0);
+            let steady = [way * X_S; 12];
+            for dq in steps.into_iter().chain(steady) {
                 q += dq;
                 let [last, acted] = delayed;
-                prop_assert!(acted * dq <= 0.7 * F_C * dq.abs() + 1e-15);
+                given = acted * dq;
+                prop_assert!(given <= 0.7 * F_C * dq.abs() + 1e-15);
                 let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros())[0];
                 delayed = [tau, last];
             }
+            prop_assert!(given >= 0.999 * 0.7 * F_C * X_S, "{given} J");
         }
 
         #[test]

@@ -186,7 +186,10 @@ mod tests {
             passivity.account(energy, &push(1.0), 0.0);
             let f_g = exact(&passivity, &v_g, &push(1.0), 0.0);
             let taken = -f_g.power(&v_g) * 1e-3;
-            prop_assert!(taken >= 0.0 && taken <= -energy * (1.0 + 1e-9));
+            // All of it, or what the strongest damper takes in a cycle of 1 ms; the lever is 0.1 m.
+            let strength = v_g.linear.norm_squared() + 0.01 * v_g.angular.norm_squared();
+            let expected = (-energy).min(1e3 * strength * 1e-3);
+            prop_assert!((taken - expected).abs() <= 1e-9 * expected, "{taken} J for {expected} J");
         }
 
         #[test]

@@ -75,7 +75,10 @@ mod tests {
         fn the_hand_is_drawn_to_the_object(x_b_d in pose(), x_b_m in pose()) {
             let f_d = coupling().wrench(Some(&x_b_d), &x_b_m);
             let way = Twist::reaching(&(x_b_d.inverse() * x_b_m), 1.0);
-            prop_assert!(f_d.power(&way) >= 0.0);
+            let (drawn, turned) = (way.linear.norm_squared(), way.angular.norm_squared());
+            // Twice the energy of its springs, 400 N/m and 5 N·m/rad.
+            let expected = 400.0 * drawn + 5.0 * turned;
+            prop_assert!((f_d.power(&way) - expected).abs() <= 1e-9 * expected, "{f_d:?}");
         }
 
         #[test]

@@ -324,6 +324,25 @@ mod tests {
         }
 
         #[test]
+        fn total_scaling_scales_gravity_with_all_the_rest(
+            gravity in torques(12.0), task in torques(12.0), assist in torques(12.0)
+        ) {
+            let limited = combine(scaled(Scaling::Total, 0.35), &gravity, &task, &assist);
+            let share = |torques: &Joints, fraction: f64| {
+                let ratios = torques.iter().zip(MAX).map(|(torque, max)| fraction * max / torque.abs());
+                ratios.fold(1.0, f64::min)
+            };
+            // The assist keeps to its fraction without gravity.
+            let assist_scale = share(&assist, 0.35);
+            let total = gravity + task + assist * assist_scale;
+            let rest_scale = share(&total, 1.0);
+            prop_assert!((limited.assist_scale - assist_scale).abs() < 1e-12);
+            prop_assert!((limited.rest_scale - rest_scale).abs() < 1e-12, "{limited:?}");
+            prop_assert!((limited.tau - total * rest_scale).norm() < 1e-9, "{limited:?}");
+            prop_assert_eq!(limited.limiting_joint.is_some(), rest_scale < 1.0);
+        }
+
+        #[test]
         fn half_a_share_is_half_the_torque(task in torques(50.0), assist in torques(50.0)) {
             let whole = combine(limits(0.35), &Joints::zeros(), &task, &assist);
             let asked = Asked { gravity: Joints::zeros(), task, assist };
@@ -356,6 +375,30 @@ mod tests {
         assert!((exempt.tau - assist * exempt.assist_scale - gravity).norm() < 1e-12);
         assert!((literal.tau - (assist + gravity) * literal.assist_scale).norm() < 1e-12);
         assert!(literal.assist_scale < 0.2);
+    }
+
+    #[test]
+    fn total_scaling_names_the_tightest_joint_and_keeps_weight() {
+        let on = |torques: [f64; 3]| {
+            let [first, second, third] = torques;
+            Joints::from([first, second, third, 0.0, 0.0, 0.0])
+        };
+        // 15 of 6 N·m, 8 of 8 N·m and 8 of 4 N·m.
+        let asked = Asked {
+            gravity: on([3.0, 1.0, 2.0]),
+            task: on([12.0, 7.0, 6.0]),
+            assist: Joints::zeros(),
+        };
+        let total = scaled(Scaling::Total, 0.35);
+        let limited = total.combine(&asked, 1.0);
+        assert!((limited.rest_scale - 0.4).abs() < 1e-12, "{limited:?}");
+        assert_eq!((limited.limiting_joint, limited.assist_scale), (Some(0), 1.0));
+        assert!((limited.tau - on([6.0, 3.2, 3.2])).norm() < 1e-12, "{limited:?}");
+        // The share is of task and assist: the scaled weight stays.
+        let alone = total.combine(&asked, 0.0);
+        assert!((alone.tau - on([1.2, 0.4, 0.8])).norm() < 1e-12, "{alone:?}");
+        let upwards = Asked { gravity: -asked.gravity, ..asked };
+        assert!((total.combine(&upwards, 1.0).rest_scale - 6.0 / 9.0).abs() < 1e-12);
     }
 
     #[test]

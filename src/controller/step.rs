@@ -317,7 +317,83 @@ fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::{Arm, Link};
+    use crate::calibration::{Calibration, JointCalibration, TorqueCurve};
+    use crate::channels::Channels;
+    use crate::command::CommandLaw;
+    use crate::gains::Gains;
+    use crate::interpretation::Interpretation;
+    use crate::limits::AssistFraction;
+    use crate::period::Period;
+    use crate::reflection::Reflection;
+    use crate::switches::Switches;
     use units::spatial::Twist;
+
+    /// A controller whose last joint lifts 2 kg at a lever of 0.3 m, with 10 N·m in every joint.
+    fn lifting(interpretation: Interpretation) -> Controller {
+        let mut links = [Link { rotor_inertia: 1e-3, ..Link::TURNING }; 6];
+        links[5] = Link { mass: 2.0, centre_of_mass: [0.3, 0.0, 0.0], ..links[5] };
+        let curve = TorqueCurve::new([50.0, 0.0, 0.0], 10.0).unwrap();
+        let joint = JointCalibration::new(4_096, 100.0, 0, curve).unwrap();
+        let none = Gains::new([0.0; 6], "none").unwrap();
+        let command = CommandLaw { rate_gain: none, pose_gain: none, pose_deadband: false };
+        Controller::new(&Settings {
+            interpretation,
+            period: Period::new(1e-3).unwrap(),
+            arm: Arm::new(links, Isometry3::identity(), [0.0, -9.81, 0.0]).unwrap(),
+            calibration: Calibration::new([joint; 6]),
+            channels: Channels::new([0.0; 6], [0.0; 6]).unwrap(),
+            command,
+            reflection: Reflection::new(Isometry3::identity(), none, 10.0, 1.0).unwrap(),
+            damping: none,
+            // The paper scales gravity with the assist.
+            assist_fraction: AssistFraction::new(1.0).unwrap(),
+            extensions: Extensions::default(),
+        })
+    }
+
+    /// An input with every switch open, whose reflection share is not its gravity share.
+    fn carried(gravity_share: f64) -> Input {
+        Input {
+            counts: [Counts(0); 6],
+            f_s: Wrench::ZERO,
+            x_b_m: Isometry3::identity(),
+            switches: Switches::default(),
+            mode: Mode::Rate,
+            gravity_share,
+            reflection_share: 0.3,
+            held: None,
+            restart: true,
+        }
+    }
+
+    #[test]
+    fn step_carries_the_share_of_the_weight_that_is_asked_for() {
+        for interpretation in [Interpretation::CONSISTENT, Interpretation::PAPER_1997] {
+            for share in [0.0, 0.25, 0.8, 1.0] {
+                let output = lifting(interpretation).step(&carried(share));
+                // All joints turn about one axis, level with the weight.
+                let weight = JointVector::repeat(2.0 * 9.81 * 0.3 * share);
+                assert!((output.tau - weight).amax() < 1e-9, "{share}: {}", output.tau);
+                assert!((output.ledger.gravity - weight).amax() < 1e-9, "{share}");
+                assert_eq!(output.fault, None);
+                // 50 ‰ per N·m.
+                let PerMille(target) = output.targets[5];
+                assert!((f64::from(target) - 50.0 * weight[5]).abs() <= 0.5, "{share}: {target}");
+            }
+        }
+    }
+
+    #[test]
+    fn step_with_an_invalid_gravity_share_carries_nothing() {
+        for wrong in [-0.1, 1.1, f64::NAN] {
+            let output = lifting(Interpretation::CONSISTENT).step(&carried(wrong));
+            assert_eq!(
+                (output.tau, output.fault),
+                (JointVector::zeros(), Some(Fault::ShareOutOfRange))
+            );
+        }
+    }
 
     #[test]
     fn wrench_acts_only_where_it_is_permitted() {

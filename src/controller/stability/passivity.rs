@@ -239,6 +239,25 @@ mod tests {
         }
 
         #[test]
+        fn jurys_test_agrees_with_the_roots_of_its_polynomial(
+            ratio in 0.0..2.0_f64, period in 1e-4..1e-2_f64, lag in 0.0..2e-2_f64, is_direct in any::<bool>()
+        ) {
+            let lag = if is_direct { 0.0 } else { lag };
+            let part = if is_direct { 1.0 } else { 1.0 - (-period / lag).exp() };
+            // The bound of Jury's test is at a ratio of 1.
+            let giving_way = ratio * 2.0 * (2.0 - part) / (part * period);
+            let law = Law::Rate { gain: 50.0, giving_way };
+            let law = SampledLaw { law, period, lag, delay: 0 };
+            // (z - 1)(z - 1 + p) + a T p z = z² - 2 b z + c
+            let (b, c) = (1.0 - part / 2.0 - giving_way * period * part / 2.0, 1.0 - part);
+            let spread = b * b - c;
+            let largest = if spread < 0.0 { c.sqrt() } else { b.abs() + spread.sqrt() };
+            prop_assume!((largest - 1.0).abs() > 1e-9);
+            prop_assert_eq!(law.settles(), largest < 1.0, "{} at {}", largest, ratio);
+            prop_assert_eq!(law.required_damping().is_finite(), largest < 1.0);
+        }
+
+        #[test]
         fn no_law_needs_less_than_it_does_at_some_angle(
             k in 0.0..1e3_f64, damping in 0.0..20.0_f64, filter in 0.0..0.02_f64,
             lag in 0.0..0.02_f64, delay in 0..4_u32, angle in 1e-6..PI
@@ -268,6 +287,23 @@ mod tests {
             }
         }
         largest[1] / largest[0]
+    }
+
+    #[test]
+    fn jurys_bound_is_sharp_with_and_without_a_servo() {
+        for lag in [0.0, 1e-3, 20e-3] {
+            let settles = |giving_way| {
+                let law = Law::Rate { gain: 1.0, giving_way };
+                SampledLaw { law, period: 1e-3, lag, delay: 0 }.settles()
+            };
+            let part = if lag > 0.0 { 1.0 - (-1e-3 / lag).exp() } else { 1.0 };
+            let bound = 2.0 * (2.0 - part) / (part * 1e-3);
+            assert!(settles(bound * (1.0 - 1e-9)), "{lag} s");
+            assert!(!settles(bound * (1.0 + 1e-9)), "{lag} s");
+            assert!(settles(1e-9) && !settles(0.0) && !settles(-1e-9), "{lag} s");
+        }
+        let still = Law::Rate { gain: 0.0, giving_way: 0.0 };
+        assert!(SampledLaw { law: still, period: 1e-3, lag: 0.0, delay: 0 }.settles());
     }
 
     #[test]

@@ -106,6 +106,67 @@ mod tests {
         Arm::new(links, Isometry3::identity(), [0.0; 3]).unwrap()
     }
 
+    const RANGES: [[f64; 2]; 6] =
+        [[-1.0, 2.0], [-0.5, 0.25], [0.5, 1.5], [-3.0, -1.0], [-2.0, 1.0], [0.0, 4.0]];
+
+    #[test]
+    fn postures_are_all_corners_each_end_alone_and_the_middle() {
+        let postures = postures(&RANGES);
+        let count = |q: JointVector| postures.iter().filter(|other| **other == q).count();
+        for corner in 0..64_usize {
+            let end = |joint: usize| RANGES[joint][(corner >> joint) % 2];
+            assert_eq!(count(JointVector::from_fn(|joint, _| end(joint))), 1, "{corner}");
+        }
+        let middle = JointVector::from([0.5, -0.125, 1.0, -2.0, -0.5, 2.0]);
+        assert_eq!(count(middle), 1);
+        for (joint, ends) in RANGES.into_iter().enumerate() {
+            for end in ends {
+                let mut alone = middle;
+                alone[joint] = end;
+                assert_eq!(count(alone), 1, "joint {joint} at {end}");
+            }
+        }
+        assert_eq!(postures.len(), 64 + 12 + 1);
+    }
+
+    #[test]
+    fn largest_push_is_found_at_any_corner() {
+        let links = RANGES.map(|range| Link { rotor_inertia: 1e-3, range, ..Link::TURNING });
+        let arm = Arm::new(links, Isometry3::identity(), [0.0; 3]).unwrap();
+        let hand = PushedHand { arm: &arm, coupling: &Coupling::none(), mass: 1.0 };
+        for corner in postures(&RANGES) {
+            assert_eq!(hand.largest(|q, _| if *q == corner { 3.0 } else { 1.0 }), 3.0, "{corner}");
+        }
+    }
+
+    #[test]
+    fn largest_push_is_of_all_signs_but_that_of_the_first() {
+        let pushes = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0].map(|push| SVector::from([push, 0.0, 0.0]));
+        let mut sums: Vec<f64> = (0..32).map(|signs| sum(&pushes, signs).x).collect();
+        sums.sort_by(f64::total_cmp);
+        let expected: Vec<f64> = (0..32).map(|place| 4.0 * f64::from(place) - 61.0).collect();
+        assert_eq!(sums, expected, "the odd sums, with +1 of the first");
+    }
+
+    #[test]
+    fn actuators_push_most_with_the_signs_that_agree() {
+        // All joints turn the grip about one axis, at a lever of 0.5 m.
+        let link = Link { rotor_inertia: 1e-3, range: [-1.0, 1.0], ..Link::TURNING };
+        let lever = Isometry3::translation(0.5, 0.0, 0.0);
+        let arm = Arm::new([link; 6], lever, [0.0; 3]).unwrap();
+        let hand = PushedHand { arm: &arm, coupling: &Coupling::none(), mass: 1.0 };
+        for joint in 1..6 {
+            let mut most = JointVector::from([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            let one = hand.by_actuators(&most);
+            most[joint] = 2.0;
+            let both = hand.by_actuators(&most);
+            most[joint] = -2.0;
+            let opposite = hand.by_actuators(&most);
+            assert!((both - 2.0 * one).abs() < 1e-9, "{both} N of joints 1 and {}", joint + 1);
+            assert!((opposite - both).abs() < 1e-9, "{opposite} N of joints 1 and {}", joint + 1);
+        }
+    }
+
     #[test]
     fn push_of_a_light_arm_is_torque_over_lever() {
         let (arm, coupling) = (arm(), Coupling::none());

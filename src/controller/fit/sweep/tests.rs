@@ -66,6 +66,16 @@ fn friction_that_brakes_nothing_or_falls_is_doubted() {
     let falling = doubts(&|v| 0.06 * v.signum() - 0.01 * v);
     assert!(matches!(falling[0], FrictionDoubt::Falling { direction: Some(Direction::Up), .. }));
     assert!(falling[0].reason("N·m", "N·m·s/rad").contains("friction up falls with speed"));
+    for way in [Direction::Up, Direction::Down] {
+        // It falls in one direction; in both together it does not.
+        let one_way =
+            |v: f64| 0.06 * v.signum() + if v * way.sign() > 0.0 { -0.01 * v } else { 0.03 * v };
+        let [FrictionDoubt::Falling { direction, viscous }] = doubts(&one_way)[..] else {
+            panic!("{way}")
+        };
+        assert_eq!(direction, Some(way));
+        assert!((viscous.value + 0.01).abs() < 1e-9, "{viscous:?}");
+    }
     // A joint without viscous friction has none; it does not fall.
     assert_eq!(doubts(&|v| 0.06 * v.signum()), []);
 }
@@ -107,7 +117,51 @@ fn too_little_is_refused_and_what_is_missing_is_named() {
     assert_eq!(few, NoFriction::TooFew { direction: up, found: 5 });
 }
 
+#[test]
+fn direction_with_too_few_readings_but_outliers_is_named() {
+    for way in [Direction::Up, Direction::Down] {
+        let is_driven = |reading: &Moving| reading.velocity * way.sign() > 0.0;
+        let few = |count: usize| -> Vec<Moving> {
+            // One reading of each speed first, then a second one of each.
+            let all = sweep(shipped, || 0.0);
+            let places = (0..count).map(|place| place % 5 * 20 + place / 5);
+            let driven: Vec<_> = all.iter().copied().filter(is_driven).collect();
+            let chosen = places.map(|place| driven[place % 20 + place / 20 * 10]);
+            chosen.chain(all.iter().copied().filter(|reading| !is_driven(reading))).collect()
+        };
+        assert!(JointFriction::fit(&few(6), STEP, true).is_ok());
+        let mut readings = few(6);
+        readings[2].torque += 0.5;
+        let refused = JointFriction::fit(&readings, STEP, true).unwrap_err();
+        assert_eq!(refused, NoFriction::TooFew { direction: way, found: 5 });
+    }
+}
+
 proptest! {
+    #[test]
+    fn each_direction_of_a_sweep_has_its_own_friction(
+        up in prop::array::uniform2(0.01..1.0_f64), down in prop::array::uniform2(0.01..1.0_f64)
+    ) {
+        let law = |[coulomb, viscous]: [f64; 2], speed: f64| coulomb + viscous * speed;
+        let uneven = |v: f64| if v > 0.0 { law(up, v) } else { -law(down, -v) };
+        let found = JointFriction::fit(&sweep(uneven, || 0.0), STEP, true).unwrap();
+        let mirrored = JointFriction::fit(&sweep(|v| -uneven(-v), || 0.0), STEP, true).unwrap();
+        let ways = [(found.up, up), (found.down, down), (mirrored.up, down), (mirrored.down, up)];
+        for (found, [coulomb, viscous]) in ways {
+            prop_assert!((found.coulomb.value - coulomb).abs() < 1e-9, "{found:?}");
+            prop_assert!((found.viscous.value - viscous).abs() < 1e-9, "{found:?}");
+            prop_assert!(found.readings == 50 && found.rms < 1e-9, "{found:?}");
+        }
+        // Readings are at equal speeds both ways.
+        for (both, up, down) in [
+            (found.both.coulomb, found.up.coulomb, found.down.coulomb),
+            (found.both.viscous, found.up.viscous, found.down.viscous),
+        ] {
+            prop_assert!((both.value - f64::midpoint(up.value, down.value)).abs() < 1e-9);
+        }
+        prop_assert!((found.load.value + mirrored.load.value).abs() < 1e-9);
+    }
+
     #[test]
     fn any_readings_give_friction_or_a_reason(
         numbers in prop::collection::vec((-2.0..2.0_f64, -9.0..9.0_f64), 0..40)

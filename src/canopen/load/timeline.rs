@@ -87,13 +87,14 @@ impl Timeline {
         Self { steps, done_us: now, blocked_us: now + OPENINGS * others_us }
     }
 
-    /// Delay from the sampling of a position, at the end of SYNC, to the torque computed from it.
+    /// Delay from the sampling of a position, at the end of SYNC, to the torque computed from it; zero without RPDOs.
     pub fn loop_delay(&self, period_us: f64) -> LoopDelay {
         let sampled = self.ends(|stage| stage == Stage::Sync).fold(0.0, f64::max);
         let arrivals: Vec<f64> =
             self.ends(|stage| matches!(stage, Stage::Rpdo(_))).map(|end| end - sampled).collect();
         // SYNC always takes the same time: RPDOs complete before the next one starts act at its end.
         let periods = (self.done_us / period_us.max(1.0)).ceil().max(1.0);
+        let periods = if arrivals.is_empty() { 0.0 } else { periods };
         let first = arrivals.iter().copied().reduce(f64::min);
         LoopDelay {
             synchronous_us: periods * period_us,
@@ -187,8 +188,20 @@ mod tests {
 
     #[test]
     fn bus_without_torques_has_no_delay() {
-        let timeline = worst(&streams(&drives(0), 0, master(), 0));
-        let delay = timeline.loop_delay(0.0);
-        assert!(delay.synchronous_us.is_finite() && delay.last_arrival_us >= 0.0);
+        let none = LoopDelay { synchronous_us: 0.0, first_arrival_us: 0.0, last_arrival_us: 0.0 };
+        for period_us in [0, 1_000] {
+            let period = f64::from(period_us);
+            let silent = worst(&streams(&drives(0), period_us, master(), 0));
+            assert_eq!(silent.loop_delay(period), none);
+            // Positions alone: the drives of the bus have their torques on another.
+            let mut planned = streams(&drives(3), period_us, master(), 0);
+            planned.retain(|stream| !matches!(stream.role, Role::Rpdo(_)));
+            let positions = worst(&planned);
+            assert_eq!(positions.loop_delay(period), none);
+            assert_eq!(
+                positions.steps.iter().filter(|step| matches!(step.stage, Stage::Tpdo(_))).count(),
+                3
+            );
+        }
     }
 }

@@ -212,8 +212,21 @@ mod tests {
             .filter(|reading| reading.velocity.abs() <= 0.0)
             .collect();
         let (up, down): (Vec<&SlowReading>, Vec<_>) = held.iter().partition(|r| r.is_rising);
-        for reading in up {
-            assert!(down.iter().any(|other| (other.q - reading.q).amax() < 1e-9));
+        // Eight postures of 80 % of the range, -1 to 1, each from below and from above.
+        let expected: Vec<f64> = (0..8).map(|place| 0.8 * (f64::from(place) / 3.5 - 1.0)).collect();
+        for (side, sign) in [(up, 1.0), (down, -1.0)] {
+            let mut found: Vec<f64> = side.iter().map(|reading| reading.q[5]).collect();
+            found.sort_by(f64::total_cmp);
+            assert_eq!(found.len(), expected.len());
+            assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+            // Friction holds against the side it came from.
+            let rig = rig(1, 0.0);
+            let [coulomb, _] = rig.friction();
+            for reading in side {
+                let torque =
+                    rig.curve.torque(f64::from(reading.per_mille)) - 0.981 * reading.q[5].cos();
+                assert!((sign * torque - coulomb).abs() < 6.0 * rig.noise() + 0.004, "{torque}");
+            }
         }
     }
 

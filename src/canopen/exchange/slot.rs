@@ -78,9 +78,22 @@ mod tests {
         }
 
         #[test]
-        fn any_mapping_has_fields(bits in proptest::collection::vec(any::<u8>(), 0..20)) {
-            for (_, slot) in slots(&service(&bits)) {
-                slot.read(slot.write(u64::MAX, 0xFFFF));
+        fn any_mapping_has_fields(
+            bits in proptest::collection::vec(prop_oneof![0..=16_u8, any::<u8>()], 0..20), before in any::<u64>()
+        ) {
+            let service = service(&bits);
+            let fields: Vec<Slot> = slots(&service).map(|(_, slot)| slot).collect();
+            prop_assert_eq!(fields.len(), bits.len());
+            let mut shift = 0_u32;
+            for (bits, slot) in bits.iter().zip(&fields) {
+                // The field ends with the frame.
+                let size = u32::from(*bits).min(64_u32.saturating_sub(shift));
+                let mask = u64::MAX.unbounded_shr(64 - size).unbounded_shl(shift);
+                let value = before.unbounded_shr(shift) & u64::MAX.unbounded_shr(64 - size);
+                prop_assert_eq!(slot.read(before), value.to_le_bytes(), "{} bits at {}", bits, shift);
+                let written = before & !mask | 0xA5C3_u64.unbounded_shl(shift) & mask;
+                prop_assert_eq!(slot.write(before, 0xA5C3), written, "{} bits at {}", bits, shift);
+                shift += u32::from(*bits);
             }
         }
     }

@@ -277,4 +277,102 @@ mod tests {
         let answer = inquiry.on_frame(Instant::ZERO, &abort, &mut out);
         assert_eq!(answer, Some(Answer::Nothing), "refused, and undisturbed");
     }
+
+    const READ: [u8; 8] = [0x40, 0x41, 0x60, 0, 0, 0, 0, 0];
+    const OFF: [u8; 8] = [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0];
+
+    /// The sent requests, without aborts.
+    fn requests(out: &[Frame]) -> Vec<Frame> {
+        out.iter().filter(|frame| frame.data().first() != Some(&0x80)).copied().collect()
+    }
+
+    /// Lets all replies be late; returns the answer, and how many of them there were.
+    fn unanswered(inquiry: &mut Inquiry, out: &mut Vec<Frame>) -> (Answer, u32) {
+        for timeouts in 1.. {
+            let due = inquiry.deadline().unwrap();
+            assert_eq!(inquiry.on_time(before(due), out), None, "before the deadline");
+            if let Some(answer) = inquiry.on_time(due, out) {
+                return (answer, timeouts);
+            }
+        }
+        unreachable!()
+    }
+
+    fn before(due: Instant) -> Instant {
+        Instant::from_micros(due.as_micros() - 1)
+    }
+
+    #[test]
+    fn unanswered_upload_is_requested_once_more() {
+        let mut out = Vec::new();
+        let mut read = Inquiry::statusword(node(), Instant::ZERO, &mut out).urgent();
+        assert_eq!(unanswered(&mut read, &mut out), (Answer::Nothing, 2));
+        assert_eq!(requests(&out), [Frame::new(0x603, READ); 2]);
+        assert!(read.is_urgent());
+        let mut out = Vec::new();
+        let mut history = Inquiry::history(node(), Instant::ZERO, &mut out);
+        let (answer, timeouts) = unanswered(&mut history, &mut out);
+        assert_eq!((answer, timeouts), (Answer::History(History::default()), 2));
+        assert_eq!(requests(&out), [Frame::new(0x603, [0x40, 0x03, 0x10, 0, 0, 0, 0, 0]); 2]);
+    }
+
+    #[test]
+    fn unanswered_power_off_is_not_repeated() {
+        let mut out = Vec::new();
+        let mut inquiry = Inquiry::power_off(node(), Instant::ZERO, &mut out).unwrap();
+        assert_eq!(unanswered(&mut inquiry, &mut out), (Answer::Nothing, 1));
+        assert_eq!(requests(&out), [Frame::new(0x603, OFF)]);
+    }
+
+    #[test]
+    fn disturbed_power_off_is_written_again_and_stays_urgent() {
+        let mut out = Vec::new();
+        let abort = Frame::new(0x583, [0x80, 0x40, 0x60, 0, 0, 0, 4, 5]);
+        let mut inquiry = Inquiry::power_off(node(), Instant::ZERO, &mut out).unwrap();
+        for _ in 0..MAX_REPEATS {
+            inquiry.disturb();
+            assert_eq!(inquiry.on_frame(Instant::ZERO, &abort, &mut out), None);
+            assert!(inquiry.is_urgent());
+        }
+        assert_eq!(out, [Frame::new(0x603, OFF); 4]);
+        inquiry.disturb();
+        let answer = inquiry.on_frame(Instant::ZERO, &abort, &mut out);
+        assert_eq!((answer, out.len()), (Some(Answer::Nothing), 4));
+    }
+
+    #[test]
+    fn disturbance_counts_for_one_repetition() {
+        let mut out = Vec::new();
+        let abort = Frame::new(0x583, [0x80, 0x41, 0x60, 0, 0, 0, 4, 5]);
+        let mut inquiry = Inquiry::statusword(node(), Instant::ZERO, &mut out);
+        inquiry.disturb();
+        assert_eq!(inquiry.on_frame(Instant::ZERO, &abort, &mut out), None);
+        let answer = inquiry.on_frame(Instant::ZERO, &abort, &mut out);
+        assert_eq!((answer, out.len()), (Some(Answer::Nothing), 2), "undisturbed since");
+    }
+
+    #[test]
+    fn disturbed_inquiry_that_succeeds_is_not_repeated() {
+        let mut out = Vec::new();
+        let mut inquiry = Inquiry::statusword(node(), Instant::ZERO, &mut out);
+        inquiry.disturb();
+        let reply = Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 0x12, 0, 0]);
+        let answer = inquiry.on_frame(Instant::ZERO, &reply, &mut out);
+        assert_eq!(answer, Some(Answer::Statusword(Statusword(0x1237))));
+        assert_eq!(out.len(), 1);
+    }
+
+    #[test]
+    fn repetition_after_a_disturbance_is_not_read_again_twice() {
+        // Unanswered, disturbed and refused, unanswered: a lost reply is forgiven once in all.
+        let mut out = Vec::new();
+        let abort = Frame::new(0x583, [0x80, 0x41, 0x60, 0, 0, 0, 4, 5]);
+        let mut inquiry = Inquiry::statusword(node(), Instant::ZERO, &mut out);
+        let due = inquiry.deadline().unwrap();
+        assert_eq!(inquiry.on_time(due, &mut out), None);
+        inquiry.disturb();
+        assert_eq!(inquiry.on_frame(due, &abort, &mut out), None);
+        assert_eq!(unanswered(&mut inquiry, &mut out), (Answer::Nothing, 1));
+        assert_eq!(requests(&out), [Frame::new(0x603, READ); 3]);
+    }
 }

@@ -1,6 +1,7 @@
 //! Tests of the boot of one node, against a scripted device.
 
 mod fixed_mapping;
+mod repetitions;
 mod second_tries;
 
 use canopen_rs::ByteString;

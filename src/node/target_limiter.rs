@@ -19,13 +19,15 @@ pub(super) struct TargetLimiter {
     previous: [i16; 6],
     /// A target of this cycle was withdrawn.
     is_withdrawn: bool,
+    /// Torque is not allowed in this cycle, or one was not finite.
+    is_zeroed: bool,
 }
 
 impl TargetLimiter {
     /// Returns a limiter at zero torque. `max` is the lesser of the joint's capacity and the drive's max torque (6072h).
     pub(super) fn new(max: [PerMille; 6]) -> Self {
         let max = max.map(|PerMille(max)| max.saturating_abs());
-        Self { max, sent: [0; 6], previous: [0; 6], is_withdrawn: false }
+        Self { max, sent: [0; 6], previous: [0; 6], is_withdrawn: false, is_zeroed: false }
     }
 
     /// Returns the limited `targets` of the torques `tau`. All six are zero if torque is not allowed, or if one of `tau`
@@ -39,6 +41,7 @@ impl TargetLimiter {
         let is_valid = torque_allowed && tau.iter().all(|tau| tau.is_finite());
         self.previous = self.sent;
         self.is_withdrawn = false;
+        self.is_zeroed = !is_valid;
         for ((sent, max), PerMille(target)) in self.sent.iter_mut().zip(self.max).zip(targets) {
             *sent = if is_valid { limited(*sent, *target, max) } else { 0 };
         }
@@ -46,10 +49,10 @@ impl TargetLimiter {
     }
 
     /// Reverts targets that were not sent to those of the previous cycle, from which the next ones rise. Returns the
-    /// targets that the drives hold. A zero stays zero, because it is repeated until it is sent.
+    /// targets that the drives hold. Where all torque ends it stays zero, because zero is repeated until it is sent.
     pub(super) fn revert_unsent(&mut self, was_sent: [bool; 6]) -> [PerMille; 6] {
         let joints = self.sent.iter_mut().zip(self.previous).zip(was_sent);
-        for ((sent, before), _) in joints.filter(|((sent, _), was_sent)| !was_sent && **sent != 0) {
+        for ((sent, before), _) in joints.filter(|(_, was_sent)| !was_sent && !self.is_zeroed) {
             *sent = before;
         }
         self.sent.map(PerMille)
@@ -58,6 +61,7 @@ impl TargetLimiter {
     /// Notes that the target of `joint` was replaced by zero after it was sent.
     pub(super) const fn withdraw(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.sent) = 0;
+        *joint.entry_mut(&mut self.previous) = 0;
         self.is_withdrawn = true;
     }
 
@@ -144,20 +148,55 @@ mod tests {
 
     #[test]
     fn rise_is_limited_from_the_last_sent_target() {
+        for sign in [1, -1] {
+            let signed = |targets: [i16; 6]| targets.map(|target| PerMille(sign * target));
+            let mut limiter = TargetLimiter::new([600, 600, 600, 600, 300, 1_000].map(PerMille));
+            let full = signed([1_000; 6]);
+            let none = JointVector::zeros();
+            assert_eq!(limiter.limit(true, &none, &full), signed([60, 60, 60, 60, 30, 100]));
+            assert_eq!(limiter.limit(true, &none, &full), signed([120, 120, 120, 120, 60, 200]));
+            let was_sent = [true, false, true, false, false, false];
+            let held = signed([120, 60, 120, 60, 30, 100]);
+            assert_eq!(limiter.revert_unsent(was_sent), held);
+            // Not sent again: the drives hold the same.
+            let next = signed([180, 120, 180, 120, 60, 200]);
+            assert_eq!(limiter.limit(true, &none, &full), next);
+            assert_eq!(limiter.revert_unsent([false; 6]), held);
+            assert_eq!(limiter.limit(true, &none, &full), next);
+            assert_eq!(limiter.revert_unsent([true; 6]), next);
+            limiter.withdraw(Joint::ALL[2]);
+            // From zero where it was withdrawn, and to the other side.
+            let other_side = signed([-60, -60, -60, -60, -30, -100]);
+            let mut from_zero = limiter;
+            assert_eq!(from_zero.limit(true, &none, &full), signed([240, 180, 60, 180, 90, 300]));
+            assert_eq!(limiter.limit(true, &none, &signed([-1_000; 6])), other_side);
+        }
+    }
+
+    #[test]
+    fn zero_target_without_permission_is_repeated_until_it_is_sent() {
         let mut limiter = TargetLimiter::new([PerMille(600); 6]);
-        let mut limit = |target| limiter.limit(true, &JointVector::zeros(), &[PerMille(target); 6]);
-        assert_eq!(limit(600), [PerMille(60); 6]);
-        assert_eq!(limit(600), [PerMille(120); 6]);
-        let was_sent = [true, true, true, false, false, false];
-        assert_eq!(limiter.revert_unsent(was_sent), [120, 120, 120, 60, 60, 60].map(PerMille));
-        let sent = limiter.limit(true, &JointVector::zeros(), &[PerMille(600); 6]);
-        assert_eq!(sent, [180, 180, 180, 120, 120, 120].map(PerMille));
+        limiter.limit(true, &JointVector::zeros(), &[PerMille(50); 6]);
+        limiter.limit(false, &JointVector::zeros(), &[PerMille(50); 6]);
+        assert_eq!(limiter.revert_unsent([false; 6]), [PerMille(0); 6]);
+    }
+
+    #[test]
+    fn unsent_zero_target_leaves_the_target_before_it() {
+        let mut limiter = TargetLimiter::new([PerMille(600); 6]);
+        let held = [50, -50, 50, 50, 50, 50].map(PerMille);
+        limiter.limit(true, &JointVector::zeros(), &held);
+        for _ in 0..2 {
+            limiter.limit(true, &JointVector::zeros(), &[PerMille(0); 6]);
+            assert_eq!(limiter.revert_unsent([false; 6]), held);
+        }
         limiter.limit(true, &JointVector::zeros(), &[PerMille(0); 6]);
-        assert_eq!(
-            limiter.revert_unsent([false; 6]),
-            [PerMille(0); 6],
-            "zero is repeated until it is sent"
-        );
+        let sent = [true, false, true, true, true, true];
+        assert_eq!(limiter.revert_unsent(sent), [0, -50, 0, 0, 0, 0].map(PerMille));
+        // Withdrawn: a zero was sent in its place.
+        limiter.limit(true, &JointVector::zeros(), &held);
+        limiter.withdraw(Joint::ALL[1]);
+        assert_eq!(limiter.revert_unsent([false; 6]), [PerMille(0); 6]);
     }
 
     #[test]

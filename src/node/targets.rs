@@ -4,7 +4,8 @@
 //! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods; zero targets and disable
 //! voltage are sent at any age.
 //!
-//! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire.
+//! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire: also
+//! those whose new target is zero, where a frame has the targets of several drives.
 //!
 //! No accepted frame can be recalled. So the clock is read once more after the last one: if it was too late, zero
 //! targets follow in the same cycle, and act at the next SYNC in place of the late ones.
@@ -106,5 +107,34 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns whether targets from the samples of the SYNC sent at `sync_at` are too old.
     pub(super) fn is_late(&self, sync_at: Instant) -> bool {
         self.timing.lateness.is_stale(sync_at, self.wire.now())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::silent_bus::{NoRemote, SilentBus, node};
+    use controller::JointVector;
+
+    /// Limits and sends these targets `periods` tenths of a period after their SYNC; returns what the drives hold then.
+    fn sent(node: &mut Node<SilentBus, NoRemote>, targets: [i16; 6], tenths: u32) -> [i16; 6] {
+        let sync_at = node.bus().now;
+        node.bus_mut().now = sync_at + node.timing.period / 10 * tenths;
+        let limiter = &mut node.drives.limiter;
+        let targets = limiter.limit(true, &JointVector::zeros(), &targets.map(PerMille));
+        let was_sent = node.send_targets(sync_at, &targets, true);
+        node.drives.limiter.revert_unsent(was_sent).map(|PerMille(target)| target)
+    }
+
+    #[test]
+    fn zero_in_a_late_frame_of_several_drives_is_not_taken_for_sent() {
+        let mut node = node();
+        assert_eq!(sent(&mut node, [9, 8, -7, 6, 0, 0], 5), [9, 8, -7, 6, 0, 0]);
+        // The torque of joint 1 drops the frame of joints 1 to 3; that of joints 4 to 6 is all zero, and sent.
+        assert_eq!(sent(&mut node, [10, 0, 0, 0, 0, 0], 16), [9, 8, -7, 0, 0, 0]);
+        let frames: Vec<_> = node.bus().sent.iter().map(|(_, it)| it.frame.to_string()).collect();
+        let targets: Vec<_> = frames.iter().filter(|it| it.starts_with('2')).collect();
+        assert_eq!(targets, ["201#09000800F9FF", "204#060000000000", "204#000000000000"]);
+        assert_eq!(sent(&mut node, [10, 0, 0, 0, 0, 0], 5), [10, 0, 0, 0, 0, 0]);
     }
 }

@@ -48,7 +48,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_services(now, sync_at);
         self.remote.exchange(now, &output.command);
 
-        self.timing.cycle += 1;
+        self.timing.end_cycle();
         self.record(now, sync_at, &input, output, targets)
     }
 
@@ -126,7 +126,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns the input of the controller, which restarts after a gap.
     fn input(&self, permit: &Permit, skipped: u64) -> Input {
-        let restart = skipped > 0 || self.timing.cycle == 0;
+        let restart = self.timing.follows_gap(skipped);
         self.control.input(&self.samples, &self.remote.link, &self.operator, permit, restart)
     }
 
@@ -166,6 +166,7 @@ mod tests {
     use crate::cause::Kind;
     use crate::silent_bus::node;
     use bus::SendError;
+    use canopen::frame::{Channel, Frame, Telegram};
 
     #[test]
     fn sync_comes_first_and_once_a_period() {
@@ -182,6 +183,30 @@ mod tests {
         assert!(syncs.windows(2).all(|pair| apart(pair) == node.timing.period), "{syncs:?}");
         let count = node.bus_mut().identifiers().into_iter().filter(|cob_id| *cob_id == 0x80);
         assert_eq!(count.count(), 20);
+    }
+
+    #[test]
+    fn rates_start_at_zero_after_every_boot() {
+        let mut node = node();
+        let mut moved = Vec::new();
+        let mut last = node.bus().now;
+        for (counts, boots) in [(0_i32, true), (50, false), (100_000, true), (100_000, false)] {
+            if boots {
+                node.samples.restart();
+                last = node.bus().now;
+                node.timing.restart(last);
+            }
+            let sampled = last + node.timing.period + node.timing.period / 10;
+            // Actual position of joint 1.
+            let frame = Frame::new(0x181, counts.to_le_bytes());
+            let telegram = Telegram { channel: Channel(0), frame };
+            node.bus_mut().received.push((sampled, telegram));
+            let record = node.cycle();
+            last = record.at;
+            assert_eq!(record.sampled, [true, false, false, false, false, false]);
+            moved.push(record.output.moving.v_g_raw.angular.norm() > 1e-9);
+        }
+        assert_eq!(moved, [false, true, false, false]);
     }
 
     #[test]

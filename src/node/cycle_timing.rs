@@ -22,6 +22,8 @@ pub(super) struct CycleTiming {
     pub(super) lateness: Lateness,
     /// Number of completed cycles.
     pub(super) cycle: u64,
+    /// No cycle was completed since the last [`restart`](Self::restart).
+    is_restarted: bool,
 }
 
 impl CycleTiming {
@@ -35,12 +37,25 @@ impl CycleTiming {
             schedule: Schedule::starting(now, config.period),
             lateness: Lateness::new(config.period, suspended),
             cycle: 0,
+            is_restarted: true,
         }
     }
 
-    /// Restarts the schedule: the next SYNC is due one period after `now`.
+    /// Restarts the schedule: the next SYNC is due one period after `now`, and its samples follow a gap.
     pub(super) fn restart(&mut self, now: Instant) {
         self.schedule = Schedule::starting(now, self.period);
+        self.is_restarted = true;
+    }
+
+    /// Returns whether the samples of a cycle follow a gap: it skips SYNC slots, or is the first after a restart.
+    pub(super) const fn follows_gap(&self, skipped: u64) -> bool {
+        skipped > 0 || self.is_restarted
+    }
+
+    /// Counts a completed cycle.
+    pub(super) const fn end_cycle(&mut self) {
+        self.cycle += 1;
+        self.is_restarted = false;
     }
 
     /// Returns the end of the window of the SYNC sent at `sync_at`, whose latest TPDO was received at `answered`.

@@ -21,7 +21,7 @@ use units::spatial::Motion;
 use units::time::Instant;
 
 /// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
-/// dropped.
+/// dropped. Not longer: a drive that is found enabled holds its torque until it is switched off after it.
 const LISTEN_TIME: Duration = Duration::from_millis(20);
 
 /// Maximum time between two calls of `give_up` in a boot.
@@ -99,7 +99,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             match event {
                 BusEvent::Frame(frame) => {
                     // A boot would reset the nodes of a running master.
-                    if self.network.master.is_foreign(&Telegram { channel, frame }) {
+                    if self.network.master.is_of_other_master(&Telegram { channel, frame }) {
                         return Err(BringUpError::Bus(Cause::ForeignMaster));
                     }
                 }
@@ -241,6 +241,8 @@ fn lines(errors: &[impl ToString]) -> String {
 mod tests {
     use super::*;
     use crate::silent_bus::node;
+    use canopen::frame::Frame;
+    use units::time::Instant;
 
     /// Returns whether a boot may send this COB-ID before a node has answered: NMT, SDO requests, own heartbeat.
     fn is_of_a_boot(cob_id: u16) -> bool {
@@ -279,6 +281,28 @@ mod tests {
         assert!(matches!(given_up, Err(BringUpError::GivenUp)), "{given_up:?}");
         let elapsed = node.bus().now().since(Instant::ZERO);
         assert!(elapsed < LISTEN_TIME + GIVE_UP_POLL_INTERVAL, "{elapsed:?}");
+    }
+
+    #[test]
+    fn hazard_26_frame_of_another_master_prevents_the_boot() {
+        let others = [Frame::new(0x080, []), Frame::new(0x201, [0; 6]), Frame::new(0x000, [1, 0])];
+        for frame in others.into_iter().chain([Frame::new(0x77F, [5])]) {
+            let mut node = node();
+            let at = Instant::ZERO + LISTEN_TIME - Duration::from_millis(1);
+            node.bus_mut().received = vec![(at, Telegram { channel: Channel(0), frame })];
+            let outcome = node.bring_up(&mut || false);
+            assert!(matches!(outcome, Err(BringUpError::Bus(Cause::ForeignMaster))), "{frame}");
+            assert_eq!((node.bus().now(), node.bus().sent.len()), (at, 0), "{frame}");
+        }
+    }
+
+    #[test]
+    fn heartbeat_of_a_drive_before_the_boot_is_no_master() {
+        let mut node = node();
+        let beat = Telegram { channel: Channel(0), frame: Frame::new(0x703, [5]) };
+        node.bus_mut().received = vec![(Instant::ZERO + LISTEN_TIME / 2, beat)];
+        let outcome = node.bring_up(&mut || false);
+        assert!(matches!(outcome, Err(BringUpError::Boot(_))), "{outcome:?}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Test bus without any other node: `receive` advances the time, `send` keeps the frames.
+//! Test bus without any other node: `receive` advances the time, `send` keeps the frames. A test may plan frames to receive.
 
 use std::path::Path;
 use std::time::Duration;
@@ -20,6 +20,8 @@ pub(super) struct SilentBus {
     pub(super) sent: Vec<(Instant, Telegram)>,
     /// Error of every `send`, if any.
     pub(super) refuses: Option<SendError>,
+    /// Frames of other nodes, with the times of their reception in ascending order.
+    pub(super) received: Vec<(Instant, Telegram)>,
     /// A fault of channel 0, and the time at which it is reported.
     pub(super) fault: Option<(Instant, BusFault)>,
     /// Stall of the process, added to the next wait.
@@ -47,6 +49,11 @@ impl Bus for SilentBus {
         if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
             self.now = self.now.max(at);
             return Some(Received { at, channel: Channel(0), event: BusEvent::Fault(fault) });
+        }
+        if self.received.first().is_some_and(|(at, _)| *at <= until) {
+            let (at, Telegram { channel, frame }) = self.received.remove(0);
+            self.now = self.now.max(at);
+            return Some(Received { at, channel, event: BusEvent::Frame(frame) });
         }
         self.now = self.now.max(until) + std::mem::take(&mut self.stall);
         if self.sent.last().is_some_and(|(_, telegram)| telegram.frame.cob_id == sync::COB_ID) {

@@ -350,10 +350,19 @@ impl Master {
         !frame.is_remote() && self.is_ours_alone(*channel, frame)
     }
 
+    /// Returns whether a frame that is received before the boot is of another master: it [is foreign](Self::is_foreign), or
+    /// has the COB-ID of this master's heartbeat. The heartbeat of a master with another node-id looks like that of a node.
+    pub fn is_of_other_master(&self, telegram: &Telegram) -> bool {
+        self.is_foreign(telegram) || self.has_own_heartbeat_id(&telegram.frame)
+    }
+
     /// Returns whether the frame has the COB-ID of this master's heartbeat while the network runs.
     fn is_own_heartbeat(&self, frame: &Frame) -> bool {
-        let is_running = self.phase == Phase::Running;
-        is_running && self.own.is_some_and(|own| frame.cob_id == heartbeat_cob_id(own))
+        self.phase == Phase::Running && self.has_own_heartbeat_id(frame)
+    }
+
+    fn has_own_heartbeat_id(&self, frame: &Frame) -> bool {
+        !frame.is_remote() && self.own.is_some_and(|own| frame.cob_id == heartbeat_cob_id(own))
     }
 
     /// Returns whether only this master may send the frame.

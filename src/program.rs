@@ -120,3 +120,6 @@ fn init_log(quiet: bool, verbose: u8) {
         .without_time()
         .init();
 }
+
+#[cfg(all(test, feature = "simulation"))]
+mod tests;

@@ -21,6 +21,7 @@ use std::path::PathBuf;
 use std::process::Stdio;
 use std::time::Duration;
 
+use common::documented::{self, Lane};
 use common::log::Log;
 use common::process::{Candump, Outcome, Process, Scratch};
 use nix::sys::signal::Signal;
@@ -813,4 +814,15 @@ fn manners_of_real_drives_are_met_or_refused_with_both_values() {
         }
         sim.terminate().succeeds();
     }
+}
+
+/// The other `sh` blocks: see `tests/program/documented.rs`.
+#[test]
+fn sh_blocks_of_the_documentation_run_as_written() {
+    let scratch = Scratch::new("documented");
+    let count = documented::run(scratch.path("").as_ref(), |lane| match lane {
+        Lane::Vcan(before) => Some(before),
+        Lane::AnyMachine | Lane::NotRun(_) => None,
+    });
+    assert!(count > 10, "{count}");
 }

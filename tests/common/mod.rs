@@ -15,6 +15,7 @@ use std::sync::LazyLock;
 pub(crate) mod bench;
 pub(crate) mod cli;
 pub(crate) mod devices;
+pub(crate) mod documented;
 pub(crate) mod drive;
 pub(crate) mod felt;
 pub(crate) mod golden;
@@ -23,6 +24,7 @@ pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;
 pub(crate) mod rest;
+pub(crate) mod sh_blocks;
 
 /// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.
 pub(crate) fn program() -> &'static str {

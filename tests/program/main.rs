@@ -8,6 +8,7 @@ mod calib;
 mod calib_friction;
 mod calib_table;
 mod decode;
+mod documented;
 mod eds;
 mod ended;
 mod experiments;

@@ -57,6 +57,7 @@ pub mod sync;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 pub mod time_stamp;
+mod used;
 pub mod value;
 pub mod watchdog;
 

@@ -7,8 +7,8 @@ use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::value::Placed;
-use crate::{layouts, plans, raw, value_limits};
-use canopen::eds::Eds;
+use crate::{files, layouts, plans, raw, value_limits};
+use canopen::eds::{Eds, Finding, Gap};
 use canopen::exchange::{self, Exchange};
 use canopen::nameplate::HAS_CYCLIC_TORQUE;
 use canopen::object::Object;
@@ -46,6 +46,7 @@ pub(super) fn check(
         abilities(&raw.eds, &switches.eds, &plans::switches(config, switches), problems);
     }
     layouts::check(config, raw, problems);
+    gaps(config, raw, problems);
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }
 
@@ -77,7 +78,7 @@ fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Pro
             "vendor {vendor:08X}h product {product:08X}h is not what its EDS describes: \
              vendor {eds_vendor:08X}h product {eds_product:08X}h"
         );
-        problems.add(at, reason);
+        problems.add_of_node(at, reason);
     }
 }
 
@@ -86,11 +87,10 @@ fn mode(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_
     let modes = eds.object(Object::SUPPORTED_MODES).and_then(|modes| modes.number);
     let modes = modes.map_or(0, |modes| modes.resolve(plan.node));
     if modes != 0 && modes & i128::from(HAS_CYCLIC_TORQUE) == 0 {
-        let name = &plan.name;
         let reason = format!(
-            "{name}: its drive has no cyclic synchronous torque: 6502h is {modes:08X}h, without bit 9; if it has it, state the value as drive_modes"
+            "its drive has no cyclic synchronous torque: 6502h is {modes:08X}h, without bit 9; if it has it, state the value as drive_modes"
         );
-        problems.add(at, reason);
+        problems.add_of(plan.name.clone(), at, reason);
     }
 }
 
@@ -99,13 +99,38 @@ fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Proble
     for object in plan.demands() {
         match eds.object(object) {
             None => {
-                let (name, remedy) = (&plan.name, remedy(object));
-                problems.add(at, format_args!("{name}: {object} is not in its EDS{remedy}"));
+                let reason = format!("{object} is not in its EDS{}", remedy(object));
+                problems.add_of(plan.name.clone(), at, reason);
             }
             Some(described) if !described.access.is_writable() => {
-                problems.add(at, format_args!("{}: {object} cannot be written", plan.name));
+                let reason = format!("{object} cannot be written");
+                problems.add_of(plan.name.clone(), at, reason);
             }
             Some(_) => {}
+        }
+    }
+}
+
+/// Refuses an EDS that announces an object which the plan of its node uses, and does not describe it. Other miscounts of
+/// makers are warnings.
+fn gaps(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
+    let plans = config.node_plans();
+    let keys = raw.joint.all().iter().map(|joint| &joint.eds);
+    let keys = keys.chain(raw.switches.iter().map(|switches| &switches.eds));
+    for ((_, plan), key) in plans.iter().zip(keys) {
+        let Some(path) = key.as_ref().map(|name| files::beside(&config.file, name)) else {
+            continue;
+        };
+        let Some(Ok(sheet)) = problems.sheets().get(&path).cloned() else { continue };
+        let is_used = |finding: &&Finding| matches!(finding.gap, Some(Gap::Object(index)) if plan.uses(index));
+        let mut used = sheet.gaps.iter().filter(is_used);
+        if let Some(gap) = used.next() {
+            let others = match used.count() {
+                0 => String::new(),
+                others => format!(", and {others} more of its findings"),
+            };
+            let reason = format!("{}:{gap}: the node uses it{others}", path.display());
+            problems.add_of(plan.name.clone(), key, reason);
         }
     }
 }

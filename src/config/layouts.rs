@@ -25,13 +25,12 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
         let Some(bus) = bus else { continue };
         let variants = variants.entry(channel).or_insert_with(|| variants_of(config, channel));
         let reason = format!(
-            "{}: its drive cannot have layout \"{}\": its EDS lacks {}; {}",
-            plan.name,
+            "its drive cannot have layout \"{}\": its EDS lacks {}; {}",
             bus.layout.name(),
             lacks::listed(&missing),
             remedy(variants, number, &bus.name),
         );
-        problems.add(&raw.eds, reason);
+        problems.add_of(plan.name.clone(), &raw.eds, reason);
     }
     if let Some((switches, raw)) = config.switches.as_ref().zip(raw.switches.as_ref()) {
         let missing =

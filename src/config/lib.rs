@@ -75,7 +75,7 @@ pub use held_torque::{HeldTorque, SeenBy, TAKEN_CYCLES};
 pub use joints::JointParameters;
 pub use link::RemoteLink;
 pub use operator::Operator;
-pub use parameters::Parameters;
+pub use parameters::{EdsFile, Parameters};
 pub use plant::{Actuator, Drivetrain, Friction, JointPlant, Plant};
 pub use plausibility::Plausibility;
 pub use problem::{Invalid, Problem};
@@ -94,11 +94,12 @@ use ::remote::site::Virtual;
 use toml::de::DeTable;
 
 use crate::control::Given;
-use crate::problem::Problems;
+use crate::problem::{Problems, Sheet};
 use crate::robots::RobotArm;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
 use ::robot::accommodation::Accommodation;
+use canopen::eds::{Finding, Severity};
 use canopen::exchange::Exchange;
 use canopen::frame::Channel;
 use controller::Settings;
@@ -313,6 +314,13 @@ fn convert(
     let link = link::read(raw, period, problems);
 
     let (remote, robot) = remote?;
+    let eds_files = problems.sheets().iter().filter_map(|(path, sheet)| {
+        let Sheet { errors, gaps, .. } = sheet.as_ref().ok()?;
+        let as_warning = |gap: &Finding| Finding { severity: Severity::Warning, ..gap.clone() };
+        let gaps = gaps.iter().map(as_warning).collect();
+        Some(EdsFile { path: path.clone(), errors: *errors, gaps })
+    });
+    let eds_files = eds_files.collect();
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,
@@ -324,6 +332,7 @@ fn convert(
         stores_configuration: node.store_configuration.or(false).get()?,
         restores_defaults: node.restore_defaults.or(false).get()?,
         buses: buses?,
+        eds_files,
         joints: joints?,
         x_6_g: x_6_g?,
         gravity: gravity?,

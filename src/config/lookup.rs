@@ -1,12 +1,15 @@
 //! Buses, node-ids and EDS files, which several sections name.
 
+use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
 
-use crate::problem::Problems;
+use crate::problem::{Problems, Sheet};
+use crate::trust::Trust;
 use crate::value::Value;
 use crate::{files, raw};
 use canopen::NodeId;
-use canopen::eds::Eds;
+use canopen::eds::{Eds, Severity};
 use canopen::frame::Channel;
 
 /// Reads a node-id, 1 to 127.
@@ -40,30 +43,33 @@ pub(super) fn channel(
 /// Returns the EDS that `file` names.
 pub(super) fn eds(value: &Value<String>, file: &Path, problems: &mut Problems<'_>) -> Option<Eds> {
     let path = files::beside(file, value.as_ref()?);
-    let named = |reason: &dyn std::fmt::Display| format!("{}: {reason}", path.display());
-    if let Some(known) = problems.sheets().get(&path) {
-        let known = known.clone();
-        return whole(value, known, problems);
+    let known = problems.sheets().get(&path).cloned();
+    let sheet = known.unwrap_or_else(|| read(problems.trust(), &path));
+    problems.sheets().insert(path, sheet.clone());
+    match sheet {
+        Ok(sheet) => Some(sheet.eds),
+        Err(reason) => {
+            problems.add_of_node(value, reason);
+            None
+        }
     }
-    let read = files::read_by(problems.trust(), &path).map_err(|error| named(&error));
-    let bytes = problems.take(value, read)?;
-    let eds = Eds::parse(&bytes).map_err(|error| named(&error));
-    let eds = problems.take(value, eds)?;
-    let gap = eds.gap().map(|gap| {
-        named(&format_args!(
-            "{gap}: the file is not whole; frhc check --eds says all that is missing"
-        ))
-    });
-    problems.sheets().insert(path.clone(), (eds.clone(), gap.clone()));
-    whole(value, (eds, gap), problems)
 }
 
-/// Returns the EDS; its incompleteness is a problem at the key that names it.
-fn whole(
-    value: &Value<String>,
-    (eds, gap): (Eds, Option<String>),
-    problems: &mut Problems<'_>,
-) -> Option<Eds> {
-    gap.into_iter().for_each(|gap| problems.add(value, gap));
-    Some(eds)
+/// Reads a file, or returns why it cannot be used.
+fn read(trust: Trust, path: &Path) -> Result<Sheet, String> {
+    let named = |reason: &dyn fmt::Display| format!("{}: {reason}", path.display());
+    let bytes = files::read_by(trust, path).map_err(|error| {
+        let is_missing = error.kind() == ErrorKind::NotFound;
+        let hint = "; a path starts at the folder of the configuration";
+        named(&format_args!("{error}{}", if is_missing { hint } else { "" }))
+    })?;
+    let eds = Eds::parse(&bytes).map_err(|error| named(&error))?;
+    if let Some(end) = eds.truncation() {
+        let reason = "the file ends inside a section; frhc check --eds says all that is missing";
+        return Err(format!("{}:{end}: {reason}", path.display()));
+    }
+    let lint = eds.lint();
+    let errors = lint.iter().filter(|finding| finding.severity == Severity::Error).count();
+    let gaps = lint.into_iter().filter(|finding| finding.gap.is_some()).collect();
+    Ok(Sheet { eds, errors, gaps })
 }

@@ -14,7 +14,7 @@ use crate::plausibility::Plausibility;
 use crate::robots::RobotArm;
 use crate::safety::Safety;
 use crate::switch_box::{NoSwitchBox, SwitchBox};
-use canopen::eds::Eds;
+use canopen::eds::{Eds, Finding};
 use canopen::frame::Channel;
 use canopen::{NodeId, bits};
 use controller::Settings;
@@ -45,6 +45,8 @@ pub struct Parameters {
     pub restores_defaults: bool,
     /// The buses; a [`Channel`] is a place in this list.
     pub buses: Vec<BusSettings>,
+    /// EDS files of all nodes, each once.
+    pub eds_files: Vec<EdsFile>,
     /// The joints, base first.
     pub joints: [JointParameters; 6],
     /// Pose of the grip in the last link.
@@ -69,6 +71,17 @@ pub struct Parameters {
     pub safety: Safety,
     /// Bounds of plausible samples.
     pub plausibility: Plausibility,
+}
+
+/// Findings in an EDS file that do not keep it from being used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EdsFile {
+    /// Path, from the current folder.
+    pub path: PathBuf,
+    /// Number of errors, missing parts included.
+    pub errors: usize,
+    /// Missing parts that the file announces, and no plan uses.
+    pub gaps: Vec<Finding>,
 }
 
 impl Parameters {

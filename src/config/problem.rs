@@ -1,13 +1,14 @@
 //! Problems of a configuration, with place and reason: one line each, all of them in one run.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use crate::trust::Trust;
 use crate::value::{Placed, Value};
-use canopen::eds::Eds;
+use canopen::eds::{Eds, Finding};
+use units::wording::{grouped, listed};
 use written::List;
 
 /// One problem.
@@ -63,18 +64,28 @@ pub(super) struct Problems<'t> {
     ends: Vec<usize>,
     trust: Trust,
     found: Vec<Problem>,
+    /// Problems of nodes, with the names of these; equal ones of several joints become one.
+    of_nodes: Vec<(String, Problem)>,
     sheets: Sheets,
 }
 
-/// EDS files that were read, each with its first sign of incompleteness.
-pub(super) type Sheets = HashMap<PathBuf, (Eds, Option<String>)>;
+/// EDS files that were read, or why they cannot be used.
+pub(super) type Sheets = BTreeMap<PathBuf, Result<Sheet, String>>;
+
+/// An EDS file, with the number of its errors and its missing parts.
+#[derive(Clone, Debug)]
+pub(super) struct Sheet {
+    pub(super) eds: Eds,
+    pub(super) errors: usize,
+    pub(super) gaps: Vec<Finding>,
+}
 
 impl<'t> Problems<'t> {
     /// Returns an empty collection for `file` with the content `text`.
     pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
         let ends = text.match_indices('\n').map(|(end, _)| end).collect();
-        let (file, found, sheets) = (file.to_path_buf(), Vec::new(), Sheets::new());
-        Self { file, text, ends, trust, found, sheets }
+        let (file, sheets) = (file.to_path_buf(), Sheets::new());
+        Self { file, text, ends, trust, found: Vec::new(), of_nodes: Vec::new(), sheets }
     }
 
     /// Returns the EDS files read so far: joints share them.
@@ -89,13 +100,30 @@ impl<'t> Problems<'t> {
 
     /// Adds a problem at a place.
     pub(super) fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+        let problem = self.problem(at, reason);
+        self.found.push(problem);
+    }
+
+    /// Adds a problem of the device of a node, which is not named in the reason. Equal ones of several joints become one
+    /// that names them all.
+    pub(super) fn add_of_node(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+        self.add_of(String::new(), at, reason);
+    }
+
+    /// As [`add_of_node`](Self::add_of_node), with the name that stands before the reason if it is that of one node alone.
+    pub(super) fn add_of(&mut self, name: String, at: &impl Placed, reason: impl fmt::Display) {
+        let problem = self.problem(at, reason);
+        self.of_nodes.push((name, problem));
+    }
+
+    fn problem(&self, at: &impl Placed, reason: impl fmt::Display) -> Problem {
         let place = at.place();
-        self.found.push(Problem {
+        Problem {
             file: self.file.clone(),
             line: place.line(),
             key: place.key().to_owned(),
             reason: reason.to_string(),
-        });
+        }
     }
 
     /// Notes that the text is invalid TOML, or a value of another type, where the error says.
@@ -130,7 +158,7 @@ impl<'t> Problems<'t> {
 
     /// Number of problems found so far.
     pub(super) const fn count(&self) -> usize {
-        self.found.len()
+        self.found.len() + self.of_nodes.len()
     }
 
     /// Like [`take`](Self::take), but silent where one of the numbers it is made of has been noted
@@ -258,8 +286,37 @@ impl<'t> Problems<'t> {
     /// The problems, if there are any.
     pub(super) fn finish(self) -> Result<(), Invalid> {
         let mut found = self.found;
+        found.extend(merged(self.of_nodes));
         let own = self.file;
         found.sort_by_key(|problem| (problem.file != own, problem.line));
         if found.is_empty() { Ok(()) } else { Err(Invalid(found)) }
     }
+}
+
+/// Merges equal problems of several joints: at the first one's key, with the numbers of all.
+fn merged(of_nodes: Vec<(String, Problem)>) -> impl Iterator<Item = Problem> {
+    let messages = of_nodes.into_iter().map(|(name, problem)| {
+        let reason = problem.reason.clone();
+        ((name, problem), reason)
+    });
+    let groups = grouped(messages).into_iter();
+    groups.filter_map(|(nodes, reason)| {
+        let joints: Vec<_> = nodes.iter().map(|(_, problem)| joint(&problem.key)).collect();
+        let several = joints.iter().flatten().count() > 1;
+        let names: Vec<_> =
+            joints.into_iter().map(|joint| joint.unwrap_or("switch box".into())).collect();
+        let (name, first) = nodes.into_iter().next()?;
+        let reason = match (several, name.is_empty()) {
+            (true, _) => format!("joints {}: {reason}", listed(&names)),
+            (false, true) => reason,
+            (false, false) => format!("{name}: {reason}"),
+        };
+        Some(Problem { reason, ..first })
+    })
+}
+
+/// Returns the number of the joint that a key belongs to, from 1.
+fn joint(key: &str) -> Option<String> {
+    let index: usize = key.strip_prefix("joint[")?.split(']').next()?.parse().ok()?;
+    Some((index + 1).to_string())
 }

@@ -50,7 +50,7 @@ fn cautions(eds: &Eds, plan: &NodePlan) -> impl Iterator<Item = Caution> {
 pub(super) fn check(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     let fatal = outside(eds, plan).into_iter().filter(|(is_fatal, _)| *is_fatal);
     for (_, outside) in fatal.filter(|(_, outside)| !lacks::is_parameter(outside.object)) {
-        problems.add(at, format_args!("{}: {outside}", plan.name));
+        problems.add_of(plan.name.clone(), at, outside);
     }
 }
 

@@ -113,6 +113,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "buses": buses.collect::<Vec<_>>(),
             "gains": gains::json(&config.findings()),
             "eds": eds::faulty_json(&config),
+            "eds_warnings": eds::lines(&config),
             "stopping": stopping::json(&config),
             "facts": stopping::facts_json(&config.facts()),
             "cautions": stopping::cautions_json(&config),
@@ -149,7 +150,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
         ));
     }
     stopping::lines(&config).iter().for_each(|line| print::line(line));
-    eds::faulty(&config).iter().for_each(|node| print::line(&node.to_string()));
+    eds::lines(&config).iter().for_each(|line| print::line(line));
     if let Err(reason) = config.switch_box() {
         print::line(&format!("switches warning   {reason}"));
     }

@@ -22,3 +22,4 @@ pub mod drive;
 pub mod numbering;
 pub mod spatial;
 pub mod time;
+pub mod wording;

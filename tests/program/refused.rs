@@ -156,7 +156,12 @@ fn hazard_18_truncated_eds_is_refused_where_check_finds_errors() {
             |eds: Eds| eds.lint().iter().filter(|it| it.severity == Severity::Error).count();
         let errors = Eds::parse(cut).map(errors);
         match Config::load(&config) {
-            Ok(_) => assert_eq!(errors, Ok(0), "cut at {} bytes", cut.len()),
+            // Only objects that no plan uses are missing, and the cut is between two of them.
+            Ok(config) => {
+                let [drive, _] = &config.eds_files[..] else { panic!("two files") };
+                assert_eq!(Ok(drive.gaps.len()), errors, "cut at {} bytes", cut.len());
+                assert!(place > 30, "cut at {} bytes", cut.len());
+            }
             Err(invalid) => {
                 let text = invalid.to_string();
                 assert!(text.contains("joint[0].eds") && text.contains("frhc_drive.eds"), "{text}");
@@ -164,9 +169,70 @@ fn hazard_18_truncated_eds_is_refused_where_check_finds_errors() {
             }
         }
     }
-    assert!(refused >= 39, "{refused} of 40 cuts were refused");
-    fs::write(&file, &whole[..whole.len() * 40 / 41]).unwrap();
-    is_refused(&folder, &["joint[0].eds", "the file is not whole; frhc check --eds"]);
+    assert!(refused >= 35, "{refused} of 40 cuts were refused");
+    let inside = whole.len() - 30;
+    fs::write(&file, &whole[..inside]).unwrap();
+    is_refused(&folder, &["joint[0].eds", "the file ends inside a section; frhc check --eds"]);
+}
+
+/// Returns a copy of the drive's EDS without the section of an object, which its list announces.
+fn without_section(index: &str) -> String {
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let (before, rest) = eds.split_once(&format!("[{index}]\n")).unwrap();
+    let (_, after) = rest.split_once("\n[").unwrap();
+    format!("{before}[{after}")
+}
+
+#[test]
+fn miscounts_of_makers_are_warnings_of_check_once_per_file() {
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let folder = installation("miscounts", TEXT);
+    let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
+    let miscounted = eds.replace("SupportedObjects=112", "SupportedObjects=113");
+    for (text, words) in [
+        (miscounted, "[OptionalObjects] SupportedObjects: 113, but 112 are listed"),
+        (without_section("6065"), "6065h is listed, but there is no [6065]"),
+    ] {
+        fs::write(&file, text).unwrap();
+        let ended = frhc(&["check", "--config", config.to_str().unwrap()]);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        let mut lines = ended.stdout.lines().filter(|line| line.starts_with("eds "));
+        let (line, another) = (lines.next().unwrap(), lines.next());
+        assert_eq!(another, None);
+        for part in ["frhc_drive.eds:", "warning: ", words, "; nothing that is used is missing"] {
+            assert!(line.contains(part), "{part}: {line}");
+        }
+    }
+}
+
+#[test]
+fn eds_that_announces_a_used_object_without_section_is_refused() {
+    for index in ["607E", "1014", "6071"] {
+        let folder = installation(&format!("announced_{index}"), TEXT);
+        fs::write(folder.join("eds/frhc_drive.eds"), without_section(index)).unwrap();
+        let words = format!("{index}h is listed, but there is no [{index}]: the node uses it");
+        is_refused(&folder, &["joint[0].eds: joints 1, 2, 3, 4, 5 and 6: ", &words]);
+    }
+}
+
+#[test]
+fn equal_drives_are_refused_once_by_the_numbers_of_all() {
+    let missing = TEXT.replace("frhc_drive.eds", "none.eds");
+    let hint = "none.eds: No such file or directory (os error 2); a path starts at the folder of the configuration";
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let without_limit = eds.replace("[6072]", "[2072]").replace("=0x6072\n", "=0x2072\n");
+    for (name, text, sheet, reason) in [
+        ("file", missing.as_str(), eds.as_str(), hint),
+        ("object", TEXT, &without_limit, "6072h is not in its EDS; name what limits its torque"),
+    ] {
+        let folder = installation(&format!("equal_{name}"), text);
+        fs::write(folder.join("eds/frhc_drive.eds"), sheet).unwrap();
+        let invalid = Config::load(&folder.join("config/arm.toml")).unwrap_err().to_string();
+        assert_eq!(invalid.lines().count(), 1, "{invalid}");
+        for part in ["joint[0].eds: joints 1, 2, 3, 4, 5 and 6: ", reason] {
+            assert!(invalid.contains(part), "{part}: {invalid}");
+        }
+    }
 }
 
 /// Runs `frhc` with a timeout of 10 s.

@@ -21,7 +21,7 @@ pub mod value;
 pub use described::{Access, Described, Setting};
 pub use device::{Commissioning, DeviceInfo};
 pub use limits::OutsideLimits;
-pub use lint::{Finding, Severity};
+pub use lint::{Finding, Gap, Severity};
 pub use pdo::PdoAbility;
 pub(crate) use sheet::Sheet;
 pub use value::{NoValue, Number};
@@ -103,9 +103,9 @@ impl Eds {
         lint::lint(self)
     }
 
-    /// First sign of a truncated file; `None` for a complete one.
-    pub fn gap(&self) -> Option<Finding> {
-        lint::gap(self)
+    /// First sign that the file ends inside a section.
+    pub fn truncation(&self) -> Option<Finding> {
+        lint::truncation(self)
     }
 
     /// Writes the file again: the same description in the order of CiA 306, without comments.

@@ -1,6 +1,5 @@
 //! `frhc check --eds`: findings in EDS files by line, and the nodes of a configuration whose EDS has errors.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -8,7 +7,7 @@ use anyhow::Context;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
 use canopen::eds::{Eds, Finding, Severity};
-use config::{Config, files};
+use config::{Config, EdsFile, files};
 
 /// A file and its findings.
 struct Report<'a> {
@@ -17,32 +16,34 @@ struct Report<'a> {
     findings: Vec<Finding>,
 }
 
-/// A node whose EDS has errors; its readable objects are used.
-pub(super) struct FaultyEds<'a> {
-    node: &'a str,
-    errors: usize,
-}
+/// Maximum number of missing parts that are listed for a file.
+const MAX_GAPS: usize = 3;
 
-/// Formats as `eds   elbow            2 errors; see frhc check --eds`.
-impl fmt::Display for FaultyEds<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let errors = many(self.errors, "error");
-        write!(f, "eds   {:16} {errors}; see frhc check --eds", self.node)
+/// Returns one line for each miscount of a file's maker, and one for each file with other errors. Each file is named once,
+/// however many nodes have it.
+pub(super) fn lines(config: &Config) -> Vec<String> {
+    let mut lines = Vec::new();
+    for EdsFile { path, errors, gaps } in &config.eds_files {
+        let path = path.display();
+        let shown = gaps.iter().take(MAX_GAPS);
+        lines.extend(
+            shown.map(|gap| format!("eds   {path}:{gap}; nothing that is used is missing")),
+        );
+        let left = errors.saturating_sub(gaps.len().min(MAX_GAPS));
+        if left > 0 {
+            lines.push(format!("eds   {path}: {}; see frhc check --eds", many(left, "error")));
+        }
     }
+    lines
 }
 
-/// Returns the nodes of a configuration whose EDS has errors.
-pub(super) fn faulty(config: &Config) -> Vec<FaultyEds<'_>> {
-    let faulty = config
-        .data_sheets()
-        .map(|(node, eds)| FaultyEds { node, errors: number(&eds.lint(), Severity::Error) });
-    faulty.filter(|eds_of_node| eds_of_node.errors > 0).collect()
-}
-
-/// Returns the nodes of [`faulty`] as JSON.
+/// Returns the nodes whose EDS has errors; its readable objects are used.
 pub(super) fn faulty_json(config: &Config) -> serde_json::Value {
-    let one = |eds_of_node: &FaultyEds<'_>| serde_json::json!({ "node": eds_of_node.node, "errors": eds_of_node.errors });
-    faulty(config).iter().map(one).collect()
+    let faulty = config.data_sheets().filter_map(|(node, eds)| {
+        let errors = number(&eds.lint(), Severity::Error);
+        (errors > 0).then(|| serde_json::json!({ "node": node, "errors": errors }))
+    });
+    faulty.collect()
 }
 
 /// Reads all files, then prints their findings.

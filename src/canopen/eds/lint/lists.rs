@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::data_type::UNSIGNED8;
 use crate::eds::ini::{Entry, Section};
-use crate::eds::lint::{Lint, Spot};
+use crate::eds::lint::{Gap, Lint, Spot};
 use crate::eds::title::{Named, Title};
 use crate::eds::{compact, read, value};
 use crate::object::Object;
@@ -91,7 +91,7 @@ fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mu
     let gap = (1..).zip(&numbers).find(|(wanted, found)| wanted != *found);
     let listed = i128::try_from(numbers.len()).unwrap_or(i128::MAX);
     if listed < count {
-        lint.gap(spot, format_args!("{count}, but {listed} are listed"));
+        lint.gap(spot, Gap::Count, format_args!("{count}, but {listed} are listed"));
     } else if listed > count {
         lint.error(spot, format_args!("{count}, but {listed} are listed"));
     } else if let Some((wanted, found)) = gap {
@@ -115,7 +115,8 @@ fn listed_object(
     let has_objects =
         || lint.eds.objects().binary_search_by_key(&index, |one| one.object.index).is_ok();
     if lint.ini.section(Title::Object(index)).is_none() && !has_objects() {
-        lint.gap(spot, format_args!("{index:04X}h is listed, but there is no [{index:04X}]"));
+        let reason = format_args!("{index:04X}h is listed, but there is no [{index:04X}]");
+        lint.gap(spot, Gap::Object(index), reason);
     }
     if listed.insert(index, list).is_some() {
         lint.warning(spot, format_args!("{index:04X}h is listed twice"));
@@ -147,7 +148,11 @@ fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
         (Some(_), Some(count)) if i128::try_from(subs.len()) != Ok(count) => {
             let reason = format!("{count}, but {} sub-indices are described", subs.len());
             let is_gap = i128::try_from(subs.len()).is_ok_and(|there| there < count);
-            if is_gap { lint.gap(spot, reason) } else { lint.error(spot, reason) }
+            if is_gap {
+                lint.gap(spot, Gap::Object(index), reason);
+            } else {
+                lint.error(spot, reason);
+            }
         }
         (None, _) if !subs.is_empty() => lint.warning(spot, "is missing"),
         (None, _) if read::is_head(section) => {

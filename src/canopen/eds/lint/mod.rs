@@ -46,8 +46,17 @@ pub struct Finding {
     pub key: String,
     /// Reason.
     pub reason: String,
-    /// Set if a part is missing that the file announces, as in a truncated file.
-    pub is_gap: bool,
+    /// Set if a part is missing that the file announces: a miscount of its maker, or a truncated file.
+    pub gap: Option<Gap>,
+}
+
+/// Missing part of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gap {
+    /// Fewer objects are listed than counted.
+    Count,
+    /// No section, or fewer sub-indices than counted, for the object of this index.
+    Object(u16),
 }
 
 /// `12: error: 1018h:1 DefaultValue: not a number`
@@ -81,12 +90,21 @@ pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
     found
 }
 
-/// First sign of a truncated file: a missing part that it announces, or an error in its last section.
-pub(super) fn gap(eds: &Eds) -> Option<Finding> {
-    let end = Ini::read(&eds.text.text).sections().last().map_or(1, |section| section.line);
+/// First sign that the file ends inside a section: an error in its last one, or its object is not complete.
+pub(super) fn truncation(eds: &Eds) -> Option<Finding> {
+    let ini = Ini::read(&eds.text.text);
+    let last = ini.sections().last()?;
+    let (Title::Object(index) | Title::Sub(index, _)) = last.title else {
+        return at_end(eds, last.line, None);
+    };
+    at_end(eds, last.line, Some(Gap::Object(index)))
+}
+
+/// Returns the first error from a line on, or the first with this gap.
+fn at_end(eds: &Eds, line: usize, gap: Option<Gap>) -> Option<Finding> {
     let is_sign = |finding: &Finding| {
-        let is_at_end = finding.severity == Severity::Error && finding.line >= end;
-        finding.is_gap || is_at_end
+        let is_at_end = finding.severity == Severity::Error && finding.line >= line;
+        is_at_end || gap.is_some() && finding.gap == gap
     };
     lint(eds).into_iter().find(is_sign)
 }
@@ -141,10 +159,10 @@ impl<'e> Lint<'e> {
     }
 
     /// Adds an error for a missing part that the file announces.
-    fn gap(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
+    fn gap(&mut self, spot: Spot<'_>, gap: Gap, reason: impl fmt::Display) {
         let before = self.errors.len();
         self.error(spot, reason);
-        self.errors.iter_mut().skip(before).for_each(|finding| finding.is_gap = true);
+        self.errors.iter_mut().skip(before).for_each(|finding| finding.gap = Some(gap));
     }
 
     fn warning(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
@@ -164,7 +182,7 @@ fn add(found: &mut Vec<Finding>, severity: Severity, spot: Spot<'_>, reason: imp
     if found.len() < MAX_FINDINGS {
         let place = spot.title.map(place).unwrap_or_default();
         let (line, key, reason) = (spot.line, spot.key.to_owned(), reason.to_string());
-        found.push(Finding { line, severity, place, key, reason, is_gap: false });
+        found.push(Finding { line, severity, place, key, reason, gap: None });
     }
 }
 

@@ -1,0 +1,50 @@
+//! Words of messages that several rooms share: lists, and equal messages of several nodes as one.
+
+use std::fmt::Display;
+
+/// Joins words as in `1, 2 and 3`.
+pub fn listed<T: Display>(words: &[T]) -> String {
+    match words {
+        [] => String::new(),
+        [only] => only.to_string(),
+        [first @ .., last] => {
+            let first: Vec<_> = first.iter().map(T::to_string).collect();
+            format!("{} and {last}", first.join(", "))
+        }
+    }
+}
+
+/// Joins messages in one line.
+pub fn in_one_line<T: Display>(messages: &[T]) -> String {
+    messages.iter().map(T::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// Groups subjects with equal messages, in the order of their first ones.
+pub fn grouped<S>(messages: impl IntoIterator<Item = (S, String)>) -> Vec<(Vec<S>, String)> {
+    let mut groups: Vec<(Vec<S>, String)> = Vec::new();
+    for (subject, message) in messages {
+        match groups.iter_mut().find(|(_, other)| *other == message) {
+            Some((subjects, _)) => subjects.push(subject),
+            None => groups.push((vec![subject], message)),
+        }
+    }
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_joined_by_commas_and_and() {
+        let lists = [vec![], vec![1], vec![1, 2], vec![1, 2, 3]].map(|words| listed(&words));
+        assert_eq!(lists, ["", "1", "1 and 2", "1, 2 and 3"]);
+    }
+
+    #[test]
+    fn equal_messages_are_one_in_the_order_of_the_first() {
+        let messages = [(1, "a"), (2, "b"), (3, "a")];
+        let groups = grouped(messages.map(|(subject, message)| (subject, message.to_owned())));
+        assert_eq!(groups, [(vec![1, 3], "a".to_owned()), (vec![2], "b".to_owned())]);
+    }
+}

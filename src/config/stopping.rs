@@ -3,46 +3,72 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::buses::BusSettings;
 use crate::force_cap::UNPROVEN_REACTION_TIME;
+use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::protection::timer_tolerance;
 use crate::raw;
+use canopen::bits;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use canopen::watchdog::Watchdog;
+use canopen::watchdog::{Awaited, Watchdog};
+
+/// Time of the proof test between two polls for received frames while RPDOs are withheld.
+const POLL_TIME: Duration = Duration::from_millis(1);
 
 /// Timers that stop the drive of one joint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stopping {
     /// Its timers, by the plan.
     pub watchdogs: Vec<Watchdog>,
+    /// Set if the drive sends no emergencies by its EDS (1014h): its statusword is read.
+    reading: Option<ReadingTime>,
+}
+
+/// Maximum time in which the proof test reads the statuswords (6041h) of all drives by SDO, once their timers have run out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ReadingTime {
+    /// Time for drives that await RPDOs: all are read at once.
+    at_once: Duration,
+    /// Time for drives that await heartbeats or guarding: one is read in each cycle.
+    in_turn: Duration,
 }
 
 impl Stopping {
-    /// Returns what stops the drive of `plan`.
-    pub(super) fn of(plan: &NodePlan) -> Self {
-        Self { watchdogs: plan.watchdogs().collect() }
-    }
-
     /// Maximum time for which the drive goes on without its master: the quickest of its timers stops it. `None` if
     /// nothing does.
     pub fn reaction_time(&self) -> Option<Duration> {
-        let longest = |dog: &Watchdog| {
-            Duration::from_millis(dog.millis.into()) + timer_tolerance(dog.awaited)
-        };
-        self.watchdogs.iter().map(longest).min()
+        self.watchdogs.iter().map(|watchdog| self.time_of(watchdog)).min()
+    }
+
+    /// Maximum time until a timer of the drive has stopped it, and the node knows.
+    pub fn time_of(&self, watchdog: &Watchdog) -> Duration {
+        let reading = self.reading.map_or(Duration::ZERO, |reading| match watchdog.awaited {
+            Awaited::Rpdo => reading.at_once,
+            Awaited::Heartbeat | Awaited::Guarding => reading.in_turn,
+        });
+        let set = Duration::from_millis(watchdog.millis.into());
+        set + timer_tolerance(watchdog.awaited).max(reading)
     }
 }
 
-/// `RPDO timer 8 ms, heartbeat 25 ms`, or `nothing`
+/// `RPDO timer 8 ms, heartbeat 25 ms`, or `nothing`; `heartbeat 22 ms (read from 6041h within 36 ms, as it has no 1014h)`
 impl fmt::Display for Stopping {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.watchdogs.is_empty() {
             return f.write_str("nothing");
         }
         let timers: Vec<_> = self.watchdogs.iter().map(Watchdog::to_string).collect();
-        f.write_str(&timers.join(", "))
+        f.write_str(&timers.join(", "))?;
+        match self.reading.and(self.reaction_time()) {
+            Some(time) => {
+                let millis = time.as_micros().div_ceil(1_000);
+                write!(f, " (read from 6041h within {millis} ms, as it has no 1014h)")
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -50,11 +76,26 @@ impl Parameters {
     /// Timers that stop each drive, in the order of the joints.
     pub fn stopping(&self) -> Vec<Stopping> {
         let plans = self.node_plans();
-        plans
-            .iter()
-            .filter(|(_, plan)| plan.is_drive())
-            .map(|(_, plan)| Stopping::of(plan))
-            .collect()
+        let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
+        self.joints.iter().zip(drives).map(|(joint, plan)| self.stopping_of(joint, plan)).collect()
+    }
+
+    fn stopping_of(&self, joint: &JointParameters, plan: &NodePlan) -> Stopping {
+        let has_emergencies = joint.eds.object(Object::EMCY_COB_ID).is_some();
+        let reading = (!has_emergencies).then(|| self.reading_time());
+        Stopping { watchdogs: plan.watchdogs().collect(), reading }
+    }
+
+    /// Returns the time in which the statuswords of all drives are read.
+    fn reading_time(&self) -> ReadingTime {
+        let drives = u32::try_from(self.joints.len()).unwrap_or(u32::MAX);
+        let transfer = |bus: &BusSettings| {
+            Duration::from_secs(1) * (2 * bits::worst_case(8)) / bus.bitrate.max(1)
+        };
+        let transfer = self.buses.iter().map(transfer).max().unwrap_or_default();
+        // The first request waits for the end of a cycle, and the last answer may come in the next one.
+        let in_turn = self.period * (drives + 1);
+        ReadingTime { at_once: 2 * POLL_TIME + transfer * drives, in_turn }
     }
 
     /// Maximum time for which any drive goes on without its master, by the plan.
@@ -74,7 +115,7 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
     let joints = config.joints.iter().zip(raw.joint.all());
     for (plan, (joint, raw)) in drives.zip(joints) {
-        if Stopping::of(plan).watchdogs.is_empty() {
+        if plan.watchdogs().next().is_none() {
             let has = |object| joint.eds.object(object).is_some();
             let can_be_guarded = has(Object::GUARD_TIME) && has(Object::LIFE_TIME_FACTOR);
             let remedy = if has(Object::rpdo_communication(1, 5)) {
@@ -84,9 +125,8 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
             } else {
                 "it would need 1016h (heartbeat consumer), 100Ch and 100Dh (node guarding) or 1400h:5 (RPDO timer)"
             };
-            let name = &plan.name;
-            let reason = format!("{name}: nothing stops the drive without its master; {remedy}");
-            problems.add(&raw.eds, reason);
+            let reason = format!("nothing stops the drive without its master; {remedy}");
+            problems.add_of(plan.name.clone(), &raw.eds, reason);
         }
     }
     let has_timer = |object| config.joints.iter().any(|joint| joint.eds.object(object).is_some());

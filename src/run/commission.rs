@@ -183,11 +183,11 @@ fn read_back(drive: &DriveResult, check: &Check) -> String {
 fn cell(trip: Option<Trip>) -> String {
     trip.map_or_else(
         || "-".to_owned(),
-        |Trip { watchdog, measured }| format!("{} / {:.1}", watchdog.millis, millis(measured)),
+        |Trip { watchdog, measured, .. }| format!("{} / {:.1}", watchdog.millis, millis(measured)),
     )
 }
 
-fn timer(Trip { watchdog, measured }: Trip) -> serde_json::Value {
+fn timer(Trip { watchdog, measured, .. }: Trip) -> serde_json::Value {
     serde_json::json!({
         "object": watchdog.object.to_string(),
         "said_ms": watchdog.millis,

@@ -41,6 +41,7 @@ mod scenarios;
 mod sdo;
 mod stated;
 mod stiff_wall;
+mod stop_times;
 mod stored_offsets;
 mod teleoperation;
 mod torque_curve;

@@ -30,9 +30,9 @@ use canopen::pdo::DriveSample;
 use canopen::plan::NodePlan;
 use canopen::watchdog::{Awaited, Watchdog};
 use canopen::{NmtState, error_codes};
-use config::Config;
 use config::facts::{self, Facts, FactsRefused};
 use config::force_cap::{ForceAboveCap, ForceCap, UNPROVEN_REACTION_TIME};
+use config::{Config, Stopping};
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
@@ -43,6 +43,8 @@ pub(super) struct ProofTest {
     cap: ForceCap,
     /// Plans of the six drives.
     plans: Vec<NodePlan>,
+    /// Timers of the six drives, by the plan.
+    stopping: Vec<Stopping>,
     phase: Phase,
     report: ProofTestReport,
     /// Drives that reported another NMT state than operational.
@@ -85,6 +87,7 @@ impl ProofTest {
             is_enabled: config.safety.protection.proves_drives,
             cap: config.force_cap(),
             plans: plans.cloned().collect(),
+            stopping: config.stopping(),
             phase: Phase::Pending,
             report: ProofTestReport::default(),
             has_left_operational: [false; 6],
@@ -190,7 +193,12 @@ impl ProofTest {
 
     /// Starts the test of the watchdogs for this frame, which is withheld from `now` on.
     fn start_watchdog_test(&mut self, awaited: Awaited, now: Instant) {
-        let test = WatchdogTest::new(awaited, now, self.watchdogs(awaited));
+        let watchdogs = self.watchdogs(awaited);
+        let planned = |joint: Joint| {
+            let watchdog = (*joint.entry(&watchdogs))?;
+            Some((watchdog, self.stopping.get(joint.index())?.time_of(&watchdog)))
+        };
+        let test = WatchdogTest::new(awaited, now, Joint::ALL.map(planned));
         self.phase = Phase::Running(Box::new(test));
     }
 

@@ -9,7 +9,6 @@ use canopen::NodeId;
 use canopen::nameplate::Held;
 use canopen::object::Object;
 use canopen::watchdog::Watchdog;
-use config::timer_tolerance;
 
 /// A watchdog that tripped in the test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,14 +17,15 @@ pub struct Trip {
     pub watchdog: Watchdog,
     /// Time from the last frame of the master to the first report of the drive, transmission included.
     pub measured: Duration,
+    /// Maximum of this time by the plan, as `frhc check` computes it.
+    pub planned: Duration,
 }
 
 impl Trip {
     /// Returns the maximum time for which the drive applies torque without its master, as limited by this watchdog: the
-    /// set time plus its resolution, or the measured time if that is longer.
+    /// planned time, or the measured time if that is longer.
     pub fn reaction_time(&self) -> Duration {
-        let set = Duration::from_millis(u64::from(self.watchdog.millis));
-        self.measured.max(set + timer_tolerance(self.watchdog.awaited))
+        self.measured.max(self.planned)
     }
 }
 
@@ -129,6 +129,7 @@ impl fmt::Display for NoTrip {
 mod tests {
     use super::*;
     use canopen::watchdog::Awaited;
+    use config::timer_tolerance;
 
     fn trip(awaited: Awaited, millis: u16, measured: u64) -> Option<Trip> {
         let object = match awaited {
@@ -137,7 +138,8 @@ mod tests {
             Awaited::Guarding => Object::LIFE_TIME_FACTOR,
         };
         let watchdog = Watchdog { awaited, object, millis };
-        Some(Trip { watchdog, measured: Duration::from_micros(measured) })
+        let planned = Duration::from_millis(millis.into()) + timer_tolerance(awaited);
+        Some(Trip { watchdog, measured: Duration::from_micros(measured), planned })
     }
 
     fn drive(rpdo: Option<Trip>, heartbeat: Option<Trip>) -> DriveResult {

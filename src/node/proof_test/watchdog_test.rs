@@ -39,6 +39,8 @@ pub(crate) struct WatchdogTest {
 #[derive(Clone, Copy, Debug)]
 struct DriveTest {
     watchdog: Watchdog,
+    /// Maximum time until it is known to have tripped, by the plan.
+    planned: Duration,
     /// Time of its first emergency.
     reported_at: Option<Instant>,
     /// Time of the first statusword with the power stage off.
@@ -58,15 +60,16 @@ enum StatuswordRead {
 }
 
 impl WatchdogTest {
-    /// Starts the test of these watchdogs. The last frame was sent at `started_at`.
+    /// Starts the test of these watchdogs, each with the maximum time until its trip is known, by the plan. The last
+    /// frame was sent at `started_at`.
     pub(crate) fn new(
         awaited: Awaited,
         started_at: Instant,
-        watchdogs: [Option<Watchdog>; 6],
+        watchdogs: [Option<(Watchdog, Duration)>; 6],
     ) -> Self {
-        let drive_test = |watchdog: Watchdog| {
+        let drive_test = |(watchdog, planned): (Watchdog, Duration)| {
             let read = StatuswordRead::Due(started_at + timeout(watchdog));
-            DriveTest { watchdog, reported_at: None, off_at: None, read }
+            DriveTest { watchdog, planned, reported_at: None, off_at: None, read }
         };
         Self { awaited, started_at, drives: watchdogs.map(|watchdog| watchdog.map(drive_test)) }
     }
@@ -145,7 +148,8 @@ impl WatchdogTest {
             return Err(NoTrip::KeptPower { watchdog, duration: timeout(watchdog) + GRACE_TIME });
         };
         let first = drive.reported_at.map_or(off_at, |reported_at| reported_at.min(off_at));
-        Ok(Trip { watchdog, measured: first.since(self.started_at) })
+        let planned = drive.planned;
+        Ok(Trip { watchdog, measured: first.since(self.started_at), planned })
     }
 
     /// Returns the drives without a final result.
@@ -187,7 +191,11 @@ mod tests {
 
     /// Returns a test of six drives, of which only the first has a watchdog: 5 ms.
     fn one() -> WatchdogTest {
-        WatchdogTest::new(Awaited::Rpdo, at(0), [timer(5), None, None, None, None, None])
+        WatchdogTest::new(Awaited::Rpdo, at(0), [planned(5), None, None, None, None, None])
+    }
+
+    fn planned(millis: u16) -> Option<(Watchdog, Duration)> {
+        Some((timer(millis)?, Duration::from_millis(u64::from(millis) + 1)))
     }
 
     fn outcome(test: &WatchdogTest) -> Result<u128, NoTrip> {
@@ -258,7 +266,7 @@ mod tests {
         fn any_input_ends_the_test_and_only_drives_without_power_pass(
             inputs in proptest::collection::vec((0_u64..300_000, 0_usize..6, any::<u16>(), 0..3), 0..50),
         ) {
-            let mut test = WatchdogTest::new(Awaited::Rpdo, at(0), [timer(5); 6]);
+            let mut test = WatchdogTest::new(Awaited::Rpdo, at(0), [planned(5); 6]);
             let mut off = [false; 6];
             for (micros, drive, word, kind) in inputs {
                 let (joint, word) = (Joint::at(drive).unwrap(), Statusword(word));

@@ -1,0 +1,67 @@
+//! Time until a drive stops by itself: what `frhc check` says of the data sheet is what the proof test finds, so arming is
+//! refused by the same force.
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::common::bench::Wire;
+use crate::common::cli::folder;
+use config::Config;
+use lab::bench::Bench;
+use node::Request;
+use sim::scenario::Scenario;
+
+const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
+
+/// Returns a configuration of drives that send no emergencies by their data sheet, with this RPDO timer and force.
+fn without_emergencies(name: &str, rpdo_timer_ms: u16, max_force_n: u16) -> Result<Config, String> {
+    let sheet = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let sheet = sheet.replace("=0x1014\n", "=0x2014\n").replace("[1014]", "[2014]");
+    let path = folder("stop_times", name).join("drive.eds");
+    fs::write(&path, sheet).unwrap();
+    let path = fs::canonicalize(path).unwrap();
+    let text = TEXT.replace("../eds/frhc_drive.eds", path.to_str().unwrap());
+    let text = text.replace("rpdo_timer_ms = 8", &format!("rpdo_timer_ms = {rpdo_timer_ms}"));
+    let text = text.replace("max_force_n = 40.0", &format!("max_force_n = {max_force_n}"));
+    let file = Path::new("config/kraft_like_500hz.toml");
+    Config::parse(file, &text).map_err(|invalid| invalid.to_string())
+}
+
+#[test]
+fn force_without_emergencies_is_refused_by_check_as_at_arming() {
+    let refusal = without_emergencies("refused", 0, 8).unwrap_err();
+    for part in ["controller.max_force_n: 17.5 N", "for the 36.0 ms", "at most 13.8 N in all"] {
+        assert!(refusal.contains(part), "{part}: {refusal}");
+    }
+    let config = without_emergencies("accepted", 0, 4).unwrap();
+    let said = config.stopping().remove(5).to_string();
+    assert_eq!(said, "heartbeat 22 ms (read from 6041h within 36 ms, as it has no 1014h)");
+    let mut bench =
+        Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, false, Wire::default());
+    bench.bring_up().unwrap();
+    bench.ask(Request::Arm).unwrap();
+}
+
+#[test]
+fn proof_test_without_emergencies_keeps_to_the_planned_time() {
+    for (rpdo_timer_ms, heartbeat_is_slower) in [(0, false), (8, true)] {
+        let config = without_emergencies(&format!("{rpdo_timer_ms}"), rpdo_timer_ms, 4).unwrap();
+        let mut bench =
+            Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, false, Wire::default());
+        bench.bring_up().unwrap();
+        let report = bench.node().proof_test_report();
+        for trip in report.drives.iter().flat_map(|drive| drive.trips()) {
+            assert!(trip.measured <= trip.planned, "{trip:?}");
+            assert_eq!(trip.reaction_time(), trip.planned, "{trip:?}");
+        }
+        let longest = report.reaction_time().unwrap();
+        assert_eq!(longest, config.planned_reaction_time());
+        assert_eq!(longest < Duration::from_millis(22), heartbeat_is_slower);
+    }
+}

@@ -1,10 +1,12 @@
 //! Failed boots of several nodes, judged together: drives that are swapped, and nodes that are all silent.
 
+use canopen::NodeId;
 use canopen::master::Master;
 use canopen::master::boot_error::{BootError, Problem};
 use canopen::nameplate::Nameplate;
 use canopen::plan::NodePlan;
 use units::numbering::NodeIndex;
+use units::wording;
 
 /// What the drives are meant to hold, to find out whose nameplate a drive holds.
 #[derive(Clone, Debug)]
@@ -61,32 +63,31 @@ const fn is_misfit(error: &BootError) -> bool {
     matches!(error.problem, Problem::Misfit(_))
 }
 
-/// Returns one line for each error, and one for all nodes that do not answer, which have one likely reason.
+/// What to check where several nodes are silent, which have one likely reason.
+const SILENT: &str =
+    ": check power, cable, termination (120 Ω at both ends), and that they have the bit rate of their bus";
+
+/// Returns one line for each error, with the names of all nodes that have it.
 pub(super) fn lines(errors: &[BootError]) -> String {
-    let mut lines = Vec::new();
-    let mut silent = Vec::new();
-    for error in errors {
-        match error.problem {
-            Problem::Absent { waited } => silent.push((error, waited)),
-            _ => lines.push(error.to_string()),
+    let is_silent = |error: &BootError| matches!(error.problem, Problem::Absent { .. });
+    let are_several = errors.iter().filter(|error| is_silent(error)).count() > 1;
+    grouped(errors.iter().map(|error| {
+        let hint = if are_several && is_silent(error) { SILENT } else { "" };
+        (error.name.as_str(), error.node, format!("{}{hint}", error.problem))
+    }))
+}
+
+/// Returns one line for each error, with the names of all nodes that have it.
+pub(super) fn grouped<'n>(errors: impl Iterator<Item = (&'n str, NodeId, String)>) -> String {
+    let errors = errors.map(|(name, node, error)| ((name, node.raw()), error));
+    let lines = wording::grouped(errors).into_iter().map(|(nodes, error)| match &nodes[..] {
+        [(name, node)] => format!("{name}, node {node}: {error}"),
+        several => {
+            let numbers: Vec<_> = several.iter().map(|(_, node)| node).collect();
+            format!("nodes {}: {error}", wording::listed(&numbers))
         }
-    }
-    match silent.as_slice() {
-        [] => {}
-        [(error, _)] => lines.push(error.to_string()),
-        [(_, waited), ..] => {
-            let name =
-                |(error, _): &(&BootError, _)| format!("{}, node {}", error.name, error.node.raw());
-            lines.push(format!(
-                "{} nodes do not answer, waited {:.1} s: check their power, the cable, its termination (120 Ω at both ends) \
-                 and that all have the bit rate of the bus ({})",
-                silent.len(),
-                waited.as_secs_f64(),
-                silent.iter().map(name).collect::<Vec<_>>().join("; ")
-            ));
-        }
-    }
-    lines.join("\n")
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]
@@ -104,10 +105,10 @@ mod tests {
         let text = lines(&errors);
         assert_eq!(text.lines().count(), 1, "{text}");
         assert!(
-            text.starts_with("7 nodes do not answer, waited 2.0 s: check their power"),
+            text.starts_with("nodes 1, 2, 3, 4, 5, 6 and 16: does not answer, waited 2.0 s: check power"),
             "{text}"
         );
-        for word in ["cable", "termination", "bit rate", "joint 1 (", "switch box, node 16"] {
+        for word in ["cable", "termination", "bit rate"] {
             assert!(text.contains(word), "{word}: {text}");
         }
         let one = lines(&errors[..1]);

@@ -12,6 +12,7 @@ use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
 use crate::stop::NotConfirmed;
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
+use canopen::NodeId;
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
@@ -46,7 +47,7 @@ pub enum BringUpError {
     #[error(transparent)]
     Mode(#[from] WrongMode),
     /// Drives failed the proof test: one line each.
-    #[error("{}", lines(.0))]
+    #[error("{}", boot_failures::grouped(.0.iter().map(|it| (it.name.as_str(), it.node, it.fault.to_string()))))]
     ProofTest(Vec<ProofTestFailure>),
     /// `give_up` returned true.
     #[error("boot given up")]
@@ -230,11 +231,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }
-}
-
-/// Joins errors, one per line.
-fn lines(errors: &[impl ToString]) -> String {
-    errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]

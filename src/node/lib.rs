@@ -56,7 +56,7 @@ mod wire;
 
 pub use bring_up::BringUpError;
 pub use mode_check::WrongMode;
-pub use request::{Request, RequestError};
+pub use request::{Request, RequestError, Unfit};
 pub use rest::NotAtRest;
 pub use stop::NotConfirmed;
 

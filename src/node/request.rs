@@ -12,6 +12,7 @@ use config::force_cap::ForceAboveCap;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
 use units::time::Instant;
+use units::wording::in_one_line;
 
 /// A request of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,18 +33,26 @@ pub enum RequestError {
     /// Refused in this mode.
     #[error(transparent)]
     Mode(#[from] Refusal),
+    /// The arm must not be armed: every reason.
+    #[error("{}", in_one_line(.0))]
+    Unfit(Vec<Unfit>),
+    /// The boot after a reset failed.
+    #[error(transparent)]
+    Boot(#[from] BringUpError),
+}
+
+/// Reason against arming that no change of mode ends.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Unfit {
     /// Facts of drives are stated only, by what the boot found.
-    #[error("{}", listed(.0))]
-    Facts(Vec<FactsRefused>),
+    #[error(transparent)]
+    Facts(#[from] FactsRefused),
     /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
     Force(#[from] ForceAboveCap),
     /// The arm is not in its rest posture.
     #[error(transparent)]
     NotAtRest(#[from] NotAtRest),
-    /// The boot after a reset failed.
-    #[error(transparent)]
-    Boot(#[from] BringUpError),
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -62,9 +71,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Arm => {
                 // A latched stop is refused by its cause, not by a proof test that its boot has not run.
                 if !self.mode().is_latched() {
-                    self.proof_test.check_facts().map_err(RequestError::Facts)?;
-                    self.proof_test.check_force()?;
-                    self.rest.check(&self.control.positions(&self.samples))?;
+                    self.check_fitness()?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
                 self.rest.on_armed();
@@ -74,6 +81,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Command(mode) => self.control.command_mode = mode,
         }
         Ok(self.mode())
+    }
+
+    /// Checks facts, force and posture.
+    fn check_fitness(&self) -> Result<(), RequestError> {
+        let facts = self.proof_test.check_facts().err().into_iter().flatten().map(Unfit::from);
+        let force = self.proof_test.check_force().err().map(Unfit::from);
+        // Before the boot there is no sample of any joint.
+        let rest = self.rest.check(&self.control.positions(&self.samples)).err();
+        let rest = rest.filter(|_| self.mode() != Mode::Boot).map(Unfit::from);
+        let all: Vec<_> = facts.chain(force).chain(rest).collect();
+        if all.is_empty() { Ok(()) } else { Err(RequestError::Unfit(all)) }
     }
 
     /// Ends a stop, with a boot if any of its causes requires one. If the boot fails the stop remains.
@@ -103,11 +121,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 }
 
-fn listed(refused: &[FactsRefused]) -> String {
-    let reasons: Vec<_> = refused.iter().map(FactsRefused::to_string).collect();
-    reasons.join("; ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,7 +136,7 @@ mod tests {
     fn arming_before_the_boot_is_refused() {
         let (answer, mode) = execute(Request::Arm);
         assert!(
-            matches!(answer, Err(RequestError::Mode(_) | RequestError::Force(_))),
+            matches!(answer, Err(RequestError::Mode(_) | RequestError::Unfit(_))),
             "{answer:?}"
         );
         assert_eq!(mode, Mode::Boot);

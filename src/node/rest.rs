@@ -11,6 +11,7 @@ use config::Config;
 use config::rest::Rest;
 use controller::JointVector;
 use units::numbering::Joint;
+use units::wording::in_one_line;
 
 /// Rest posture of the arm, and whether the arm was in it.
 #[derive(Clone, Debug)]
@@ -24,7 +25,7 @@ pub(super) struct RestPosture {
 #[error(
     "{}: at the first arming after a boot the arm must rest; bring it there, or correct the sign of gear_ratio, \
      encoder_counts_per_rev or zero_counts of the joint",
-    listed(.0)
+    in_one_line(.0)
 )]
 pub struct NotAtRest(Vec<Reading>);
 
@@ -85,9 +86,4 @@ impl RestPosture {
     pub(super) const fn on_armed(&mut self) {
         self.is_confirmed = true;
     }
-}
-
-fn listed(readings: &[Reading]) -> String {
-    let readings: Vec<_> = readings.iter().map(Reading::to_string).collect();
-    readings.join("; ")
 }

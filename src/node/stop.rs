@@ -14,6 +14,7 @@ use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use remote::Remote;
 use units::numbering::Joint;
+use units::wording::{grouped, in_one_line, listed};
 
 /// Cycles at zero torque before the drives are switched off.
 const ZERO_TORQUE_CYCLES: u32 = 5;
@@ -35,15 +36,20 @@ pub struct NotConfirmed {
     pub statuswords: [Option<u16>; 6],
 }
 
-/// Returns `joint 3: drive did not confirm that it is off (6041h = 1237h)` for each drive, separated by semicolons.
+/// Returns `joints 3 and 4: drive did not confirm that it is off (6041h = 1237h)` for each statusword, separated by
+/// semicolons.
 fn lines(statuswords: &[Option<u16>; 6]) -> String {
     let line = |(joint, statusword): (Joint, &Option<u16>)| {
         let statusword = (*statusword)?;
-        Some(format!(
-            "joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h)"
-        ))
+        let reason = format!("drive did not confirm that it is off (6041h = {statusword:04X}h)");
+        Some((joint, reason))
     };
-    Joint::each(statuswords).filter_map(line).collect::<Vec<_>>().join("; ")
+    let groups = grouped(Joint::each(statuswords).filter_map(line)).into_iter();
+    let lines = groups.map(|(joints, reason)| {
+        let several = if joints.len() > 1 { "s" } else { "" };
+        format!("joint{several} {}: {reason}", listed(&joints))
+    });
+    in_one_line(&lines.collect::<Vec<_>>())
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {

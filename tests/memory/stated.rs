@@ -18,7 +18,7 @@ use config::facts::FactsRefused;
 use config::{Config, StatedLimit, TorqueLimit};
 use lab::bench::Bench;
 use node::record::Mode;
-use node::{Request, RequestError};
+use node::{Request, RequestError, Unfit};
 use sim::scenario::Scenario;
 
 const FILE: &str = "config/drives/elmo_gold.toml";
@@ -169,8 +169,10 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     let world = parse(&weak(&accepted)).unwrap();
     let listed = parse(&weak(TEXT)).unwrap();
     let mut bench = booted(&world, &listed);
-    let Err(RequestError::Facts(refused)) = bench.ask(Request::Arm) else { panic!("armed") };
-    let [FactsRefused::NotAccepted { joints, facts }] = &refused[..] else { panic!("{refused:?}") };
+    let Err(RequestError::Unfit(refused)) = bench.ask(Request::Arm) else { panic!("armed") };
+    let [Unfit::Facts(FactsRefused::NotAccepted { joints, facts })] = &refused[..] else {
+        panic!("{refused:?}")
+    };
     assert_eq!((joints.len(), &facts[..]), (6, &[Fact::Sign][..]));
     assert_eq!(bench.node().mode(), Mode::Ready);
     // Accepted, it halves the force all the same.
@@ -186,6 +188,28 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
             .to_string()
             .starts_with("sign stated only, position scale verified")
     );
+}
+
+#[test]
+fn arming_is_refused_by_all_its_reasons_at_once() {
+    let sign = "accept_stated_only = [\"sign\"]";
+    let world = parse(&weak(&accepting(&lacking("at-once", &[SIGN]), sign))).unwrap();
+    // Too much force for a fact that is stated only, which is not accepted, and the elbow rests elsewhere.
+    let mut elsewhere = KRAFT_LIKE;
+    elsewhere[2] -= 10.0;
+    let strong = at_rest(TEXT, elsewhere);
+    let mut bench = booted(&world, &parse(&strong).unwrap());
+    let refused = bench.ask(Request::Arm).unwrap_err();
+    let RequestError::Unfit(reasons) = &refused else { panic!("{refused}") };
+    let kinds = reasons.iter().map(|reason| match reason {
+        Unfit::Facts(_) => "facts",
+        Unfit::Force(_) => "force",
+        Unfit::NotAtRest(_) => "rest",
+    });
+    assert_eq!(kinds.collect::<Vec<_>>(), ["facts", "force", "rest"], "{refused}");
+    for part in [sign, "half of 0.5 m/s", "; joint 3 (elbow): reads "] {
+        assert!(refused.to_string().contains(part), "{part}: {refused}");
+    }
 }
 
 #[test]

@@ -17,7 +17,7 @@ use config::Config;
 use config::shipped::HAND_CONTROLLERS;
 use lab::bench::Bench;
 use node::record::Mode;
-use node::{Request, RequestError};
+use node::{Request, RequestError, Unfit};
 use sim::scenario::Scenario;
 
 /// Shipped arms, with a rest posture for each: degrees, and metres of the slide.
@@ -159,9 +159,10 @@ fn arm_is_at_rest_within_five_degrees() {
         bench.bring_up().unwrap();
         match bench.ask(Request::Arm) {
             Ok(_) => assert!(is_armed, "{degrees}°"),
-            Err(RequestError::NotAtRest(reason)) => {
-                assert!(!is_armed, "{degrees}°: {reason}");
+            Err(RequestError::Unfit(reasons)) => {
+                let [Unfit::NotAtRest(reason)] = &reasons[..] else { panic!("{reasons:?}") };
                 let reason = reason.to_string();
+                assert!(!is_armed, "{degrees}°: {reason}");
                 for part in
                     ["joint 3 (elbow): reads ", "rest_deg is 95.0°, within 5.0°", "gear_ratio"]
                 {
@@ -192,7 +193,8 @@ fn rest_is_required_once_after_each_boot() {
     until(&mut bench, |record| record.mode == Mode::Ready);
     bench.bring_up().unwrap();
     (0..700).for_each(|_| _ = bench.cycle());
-    assert!(matches!(bench.ask(Request::Arm), Err(RequestError::NotAtRest(_))));
+    let Err(RequestError::Unfit(reasons)) = bench.ask(Request::Arm) else { panic!("armed") };
+    assert!(matches!(&reasons[..], [Unfit::NotAtRest(_)]), "{reasons:?}");
 }
 
 #[test]

@@ -826,3 +826,43 @@ fn sh_blocks_of_the_documentation_run_as_written() {
     });
     assert!(count > 10, "{count}");
 }
+
+/// Returns time in s, level and text of a line of the log.
+fn logged(line: &str) -> Option<(f64, &str, &str)> {
+    let (seconds, rest) = line.split_once(" s ")?;
+    let (level, text) = rest.trim_start().split_once(' ')?;
+    Some((seconds.parse().ok()?, level, text))
+}
+
+#[test]
+fn boot_is_logged_while_it_happens_in_its_order() {
+    let scratch = Scratch::new("boot-log");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    let run = scratch.frhc(&["run", "--config", CONFIG]);
+    scratch.ctl("--wait arm").succeeds();
+    let ended = run.terminate();
+    sim.terminate().succeeds();
+    ended.succeeds();
+    let lines: Vec<_> = ended.stderr.lines().filter_map(logged).collect();
+    let times = |text: &str| -> Vec<f64> {
+        let found = lines.iter().filter(|(_, level, line)| *level == "INFO" && line.contains(text));
+        found.map(|(seconds, ..)| *seconds).collect()
+    };
+    let stages = [
+        (": configuration downloaded", 7),
+        ("network: every node is operational", 1),
+        (": proof test of its watchdog: emergency 8250h", 6),
+        (": proof test of its watchdog: emergency 8130h", 6),
+        ("ready: all drives enabled at zero torque", 1),
+    ];
+    let mut end_of_last = 0.0;
+    for (text, count) in stages {
+        let times = times(text);
+        assert_eq!(times.len(), count, "{text}: {}", ended.stderr);
+        assert!(times[0] > end_of_last, "{text} at {} s: {}", times[0], ended.stderr);
+        end_of_last = *times.last().unwrap();
+    }
+    // The log is in the order of the times that it prints.
+    assert!(lines.is_sorted_by_key(|(seconds, ..)| *seconds), "{}", ended.stderr);
+    assert!(!lines.iter().any(|(_, level, _)| *level == "WARN"), "{}", ended.stderr);
+}

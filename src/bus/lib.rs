@@ -33,6 +33,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use canopen::frame::{Channel, Frame, Telegram};
+use canopen::master::event::Event;
 use units::time::Instant;
 
 /// One or more CAN buses with a common clock.
@@ -71,6 +72,11 @@ pub trait Bus {
     /// The first bus that is missing, or no longer fit for torques.
     fn reopen(&mut self) -> Result<(), ReopenError> {
         Ok(())
+    }
+
+    /// Passes an event on the network to the observer of the bus. Returns it unless the observer takes events.
+    fn report(&mut self, _at: Instant, event: Event) -> Option<Event> {
+        Some(event)
     }
 }
 
@@ -143,6 +149,11 @@ pub trait Tap {
 
     /// Called for each frame accepted for sending; it may reach the wire later, or never.
     fn on_taken(&mut self, _at: Instant, _telegram: &Telegram) {}
+
+    /// Called for each event that the node has detected on the network. Returns it unless it takes events.
+    fn on_event(&mut self, _at: Instant, event: Event) -> Option<Event> {
+        Some(event)
+    }
 }
 
 /// Observer that ignores all frames.

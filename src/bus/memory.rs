@@ -10,6 +10,7 @@ use crate::disturbance::{Adapter, Change, Schedule, Taken, reported};
 use crate::wire::{Sender, Wire};
 use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
 use canopen::frame::{Channel, Telegram};
+use canopen::master::event::Event;
 use canopen::station::Station;
 use canopen::sync;
 use faults::{Disturbance, Fault};
@@ -340,6 +341,10 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
             Some((place, _)) => Err(ReopenError::Gone(Channel(place))),
             None => Ok(()),
         }
+    }
+
+    fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
+        self.tap.on_event(at, event)
     }
 }
 

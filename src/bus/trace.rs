@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::{Bus, BusEvent, Received, ReopenError, SendError, Tap};
 use canopen::frame::{Channel, Telegram};
+use canopen::master::event::Event;
 use units::time::Instant;
 
 /// Bus `B` observed by `T`. Frames that were not accepted are not observed.
@@ -58,5 +59,9 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
 
     fn reopen(&mut self) -> Result<(), ReopenError> {
         self.bus.reopen()
+    }
+
+    fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
+        self.tap.on_event(at, event)
     }
 }

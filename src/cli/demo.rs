@@ -1,6 +1,6 @@
 //! `frhc demo`: node and simulation in one process, in virtual time.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::time::Duration;
 
@@ -13,6 +13,7 @@ use crate::cli::interrupt::Interrupt;
 use crate::cli::{quirks, scenario};
 use bus::Tap;
 use canopen::frame::Telegram;
+use canopen::master::event::Event;
 use config::Config;
 use config::robots::RobotArm;
 use lab::bench::Bench;
@@ -164,14 +165,22 @@ impl Play<'_> {
         let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
         let bar = progress(cycles, *quiet);
         let recorder = RefCell::new(recorder);
-        let tap = |at: Instant, telegram: &Telegram| recorder.borrow_mut().on_frame(at, telegram);
-        let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
+        let has_faults = !scenario.faults().is_empty();
+        let mut narrator = has_faults.then(|| EventNarrator::of(config));
+        let is_booting = Cell::new(true);
+        let tap = Observer {
+            recorder: &recorder,
+            narrator: narrator.clone(),
+            is_booting: &is_booting,
+            bar: bar.clone(),
+        };
         let side = match &args.robot {
             Some(_) => robot(config, args.seed)?,
             None => Side::of(config),
         };
         let mut bench = Bench::with_side(config, side, scenario, args.seed, args.realtime, tap);
         bench.bring_up().or_fail(Kind::Drive)?;
+        is_booting.set(false);
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let mut summary = Summary::default();
         let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
@@ -211,6 +220,30 @@ impl Play<'_> {
             stopped => stopped.or_fail(Kind::Drive)?,
         }
         Ok(summary)
+    }
+}
+
+/// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.
+struct Observer<'a, 'r> {
+    recorder: &'a RefCell<&'r mut RunRecorder>,
+    narrator: Option<EventNarrator>,
+    is_booting: &'a Cell<bool>,
+    bar: ProgressBar,
+}
+
+impl Tap for Observer<'_, '_> {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self.recorder.borrow_mut().on_frame(at, telegram);
+    }
+
+    fn on_event(&mut self, at: Instant, event: Event) -> Option<Event> {
+        if !self.is_booting.get() {
+            return Some(event);
+        }
+        if let Some(narrator) = &self.narrator {
+            self.bar.suspend(|| print::note(&narrator.event(at, &event)));
+        }
+        None
     }
 }
 

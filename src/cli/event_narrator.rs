@@ -13,7 +13,7 @@ use units::time::Instant;
 const SWITCH_BOX: usize = 6;
 
 /// Formats those lines, with the names of the configuration.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct EventNarrator {
     /// Names of the six drives and of the switch box, if there is one.
     names: Vec<String>,

@@ -227,7 +227,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Event::BootFailed(error) = event {
             failed.push(error);
         } else {
-            self.network.note(event);
+            self.note(event);
         }
         if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }

@@ -114,7 +114,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
-            Relation::Part => return None,
+            Relation::Part => {
+                self.note_tested(event);
+                return None;
+            }
             Relation::Tolerated => None,
             Relation::Unrelated => causes::of_event(&event),
         };
@@ -128,7 +131,24 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.samples.set_statusword(node, statusword);
             return None;
         }
-        self.network.note(event);
+        self.note(event);
         cause
+    }
+
+    /// Logs an emergency that the proof test has caused, apart from the reset of its error.
+    fn note_tested(&mut self, event: Event) {
+        if let Event::Emergency { node, emergency } = event
+            && !emergency.is_reset()
+        {
+            self.note(Event::Tested { node, emergency });
+        }
+    }
+
+    /// Reports an event to the observer of the buses at once, or queues it for [`Node::notice`].
+    pub(super) fn note(&mut self, event: Event) {
+        let now = self.wire.now();
+        if let Some(event) = self.wire.bus.report(now, event) {
+            self.network.note(event);
+        }
     }
 }

@@ -156,7 +156,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let is_kept = matches!(event, Event::MonitoringKept { .. });
         let is_ended = is_kept || matches!(event, Event::MonitoringEnded { .. });
         if is_kept {
-            self.network.note(event);
+            self.note(event);
         }
         usize::from(is_ended)
     }

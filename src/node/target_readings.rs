@@ -85,7 +85,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         };
         let is_unread = joint.entry_mut(&mut self.network.targets.is_unread);
         if !std::mem::replace(is_unread, taken.is_none()) && taken.is_none() {
-            self.network.note(event);
+            self.note(event);
         }
         let cause = self.plausibility.on_target_read(joint, taken);
         self.keep_off_unfollowing(cause);

@@ -100,25 +100,27 @@ fn run_node<B: Bus, R: Remote>(
         None => node.bring_up(&mut give_up),
         Some(cause) => node.bring_up_unpowered(cause, &mut give_up),
     };
-    forward_events(node);
     match booted {
         Ok(()) if latch.cause().is_some() => {
             tracing::warn!("waiting for `frhc ctl reset`: no drive is enabled");
         }
-        Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
+        // The recorder thread logs that the drives are enabled, behind the events of the boot.
+        Ok(()) => {}
         Err(error) => return boot_failure(node, error),
     }
     requests.end_boot(node.bus().now());
     while !stopping() {
         execute_requests(node, requests, latch, stopping);
+        // Events of a cycle are behind its record, which is pushed at its end; those of a boot are pushed at once.
+        node.bus_mut().tap_mut().takes_events(false);
         run_cycle(node);
         forward_events(node);
+        node.bus_mut().tap_mut().takes_events(true);
     }
     requests.close();
     let stopped_by = node.cause().map(|cause| node.in_words(cause));
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     let off = node.stop(&mut || is_urgent());
-    forward_events(node);
     match (stopped_by, off) {
         (None, confirmed) => Ended::of(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
         (Some(cause), Ok(())) => Ended::of(false, Err(stop(format!("stopped by {cause}")))),

@@ -125,8 +125,14 @@ impl EntryHandler for Recorder<'_> {
         self.now = self.now.max(record.at);
         self.writers.push_cycle(record);
         if record.mode != self.mode {
+            let is_boot_over = self.mode == Mode::Boot && record.mode == Mode::Ready;
             self.mode = record.mode;
-            log_time::stamp_with(record.at, || log_mode(record, &self.names.joints));
+            log_time::stamp_with(record.at, || {
+                if is_boot_over {
+                    tracing::info!("ready: all drives enabled at zero torque");
+                }
+                log_mode(record, &self.names.joints);
+            });
         }
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
@@ -207,6 +213,7 @@ fn log_event(event: &Event, names: &[String]) {
         | Event::Configured { .. }
         | Event::Joined { .. }
         | Event::LimitsRaised { .. }
+        | Event::Tested { .. }
         | Event::MonitoringEnded { .. }
         | Event::PowerOffConfirmed { .. }
         | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),

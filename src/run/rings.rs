@@ -49,6 +49,8 @@ pub struct EntryProducer {
     order: Producer<Slot>,
     records: Producer<Record>,
     events: Producer<Event>,
+    /// Set if events are pushed when the node detects them.
+    takes_events: bool,
     lost: LossCounters,
 }
 
@@ -104,7 +106,9 @@ pub fn rings() -> (EntryProducer, EntryConsumer, LossCounters) {
     let (records, records_out) = RingBuffer::new(RECORD_CAPACITY);
     let (events, events_out) = RingBuffer::new(EVENT_CAPACITY);
     let lost = LossCounters::default();
-    let producer = EntryProducer { order, records, events, lost: lost.clone() };
+    let lost_by_producer = lost.clone();
+    let producer =
+        EntryProducer { order, records, events, takes_events: true, lost: lost_by_producer };
     (producer, EntryConsumer { order: order_out, records: records_out, events: events_out }, lost)
 }
 
@@ -115,6 +119,11 @@ impl EntryProducer {
         // The free slot is still free: this is the only producer.
         let is_pushed = is_pushed && self.order.push(Slot::Record).is_ok();
         self.lost.0.records.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
+    }
+
+    /// Sets whether events are pushed when the node detects them, or left to it.
+    pub(super) const fn takes_events(&mut self, takes_events: bool) {
+        self.takes_events = takes_events;
     }
 
     /// Pushes an event on the network.
@@ -129,6 +138,14 @@ impl Tap for EntryProducer {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         let is_pushed = self.order.push(Slot::Frame(at, *telegram)).is_ok();
         self.lost.0.frames.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
+    }
+
+    fn on_event(&mut self, _at: Instant, event: Event) -> Option<Event> {
+        if !self.takes_events {
+            return Some(event);
+        }
+        self.push_event(event);
+        None
     }
 }
 

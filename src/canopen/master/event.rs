@@ -77,6 +77,13 @@ pub enum Event {
         /// Content of the EMCY message.
         emergency: Emergency,
     },
+    /// A drive reports the error that the test of its watchdog has caused.
+    Tested {
+        /// Index of the node in the list of plans.
+        node: NodeIndex,
+        /// Content of the EMCY message.
+        emergency: Emergency,
+    },
     /// The error history (1003h) of a node was read after an emergency.
     ErrorHistory {
         /// Index of the node in the list of plans.
@@ -218,6 +225,7 @@ impl Event {
             | Self::Joined { node }
             | Self::Emergency { node, .. }
             | Self::EmergencyWarning { node, .. }
+            | Self::Tested { node, .. }
             | Self::ErrorHistory { node, .. }
             | Self::Statusword { node, .. }
             | Self::StillOn { node, .. }
@@ -258,6 +266,9 @@ impl fmt::Display for Event {
             Self::Emergency { emergency, .. } => write!(f, "emergency {emergency}"),
             Self::EmergencyWarning { emergency, .. } => {
                 write!(f, "warning {emergency} (emcy_warnings)")
+            }
+            Self::Tested { emergency, .. } => {
+                write!(f, "proof test of its watchdog: emergency {emergency}")
             }
             Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
             Self::Statusword { statusword, .. } => {

@@ -58,7 +58,7 @@ pub(super) struct ProofTest {
 /// Relation of a network event to the proof test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Relation {
-    /// Expected in the test: not a cause, not logged.
+    /// Expected in the test: not a cause. Emergencies are logged as part of the test, all else is not.
     Part,
     /// Possible in the test: not a cause, but logged.
     Tolerated,
@@ -260,6 +260,7 @@ impl ProofTest {
             Event::Emergency { .. }
             | Event::EmergencyWarning { .. }
             | Event::LimitsRaised { .. }
+            | Event::Tested { .. }
             | Event::Booted
             | Event::BootFailed(_)
             | Event::FoundEnabled { .. }
@@ -283,7 +284,7 @@ impl ProofTest {
     }
 
     /// Takes an emergency of a drive during the test, and returns its relation to it. After one of its watchdog a drive
-    /// may send others; device-specific ones are logged, because the node cannot interpret them.
+    /// may send others; they stay warnings, as the node does not know whether the test has caused them.
     fn on_emergency(&mut self, now: Instant, joint: Joint, emergency: &Emergency) -> Relation {
         let is_of_watchdog = error_codes::is_of_communication(emergency.code);
         let is_tolerated = match self.running_test() {
@@ -352,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn emergencies_of_watchdogs_are_expected_and_others_are_logged() {
+    fn emergencies_of_watchdogs_are_part_and_others_are_warnings() {
         use Relation::{Part, Tolerated, Unrelated};
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof_test = ProofTest::new(&config, &config.node_plans());

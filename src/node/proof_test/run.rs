@@ -149,3 +149,44 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_on_every_bus(beat);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cause::Cause;
+    use crate::silent_bus::{NoRemote, SilentBus, node};
+    use bus::{BusEvent, Received};
+    use canopen::frame::{Channel, Frame};
+    use canopen::master::event::Event;
+    use units::time::Instant;
+
+    /// Receives an emergency of the drive of joint 3, and returns its event.
+    fn emergency(node: &mut Node<SilentBus, NoRemote>, code: u16) -> Option<Event> {
+        let [low, high] = code.to_le_bytes();
+        let frame = Frame::new(0x83, [low, high, 0x10, 0, 0, 0, 0, 0]);
+        let at = node.wire.now();
+        node.on_received(Received { at, channel: Channel(0), event: BusEvent::Frame(frame) });
+        node.notice()
+    }
+
+    #[test]
+    fn emergencies_of_the_test_are_logged_as_its_part() {
+        let mut node = node();
+        node.proof_test.start(&node.network.master);
+        node.proof_test.start_watchdog_test(Awaited::Rpdo, Instant::ZERO);
+        let event = emergency(&mut node, 0x8250);
+        assert!(matches!(event, Some(Event::Tested { .. })), "{event:?}");
+        assert_eq!(emergency(&mut node, 0x0000), None, "the error is reset");
+        assert_eq!(node.cause(), None);
+    }
+
+    #[test]
+    fn unexpected_emergency_in_the_test_is_a_warning_and_ends_it() {
+        let mut node = node();
+        node.proof_test.start(&node.network.master);
+        node.proof_test.start_watchdog_test(Awaited::Rpdo, Instant::ZERO);
+        let event = emergency(&mut node, 0x3210);
+        assert!(matches!(event, Some(Event::Emergency { .. })), "{event:?}");
+        assert!(matches!(node.cause(), Some(Cause::Emergency { .. })), "{:?}", node.cause());
+    }
+}

@@ -29,6 +29,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         Event::Emergency { .. }
         | Event::EmergencyWarning { .. }
         | Event::LimitsRaised { .. }
+        | Event::Tested { .. }
         | Event::Booted
         | Event::BootFailed(_)
         | Event::FoundEnabled { .. }

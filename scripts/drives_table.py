@@ -65,6 +65,7 @@ def reason(stderr):
         line = re.sub(r"^frhc: (\S+: )?", "", line)
         line = re.sub(r"^joint\[\d\]\.\w+: ", "", line)
         line = re.sub(r"^joint \d \(\w+\)(, node \d+)?: ", "", line)
+        line = re.sub(r"^(joint|node)s \d(, \d)* and \d: ", "", line)
         if line not in reasons:
             reasons.append(line)
     return "; ".join(reasons[:2]).replace("|", "/")

@@ -115,7 +115,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
             Relation::Part => {
-                self.note_tested(event);
+                self.note_tested(&event);
                 return None;
             }
             Relation::Tolerated => None,
@@ -136,8 +136,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Logs an emergency that the proof test has caused, apart from the reset of its error.
-    fn note_tested(&mut self, event: Event) {
-        if let Event::Emergency { node, emergency } = event
+    fn note_tested(&mut self, event: &Event) {
+        if let &Event::Emergency { node, emergency } = event
             && !emergency.is_reset()
         {
             self.note(Event::Tested { node, emergency });

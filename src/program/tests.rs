@@ -1,4 +1,10 @@
 //! Every command that the documentation shows is one that the command line takes.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::wildcard_enum_match_arm,
+    reason = "what a test cannot do without has failed the test"
+)]
 
 use std::fs;
 use std::path::Path;
@@ -20,7 +26,8 @@ fn of_frhc(line: &str) -> Vec<Vec<String>> {
         for word in words.iter().filter(|word| word.contains("frhc ")) {
             found.extend(of_frhc(word));
         }
-        let behind_timeout = if words[0] == "timeout" { 2 } else { 0 };
+        let behind_timeout =
+            if words.first().is_some_and(|word| word == "timeout") { 2 } else { 0 };
         if words.get(behind_timeout).is_some_and(|word| word == "frhc") {
             found.push(words[behind_timeout..].to_vec());
         }
@@ -70,7 +77,7 @@ fn is_left_out(error: &clap::Error, words: &[&String]) -> bool {
         | ErrorKind::MissingSubcommand
         | ErrorKind::DisplayHelp
         | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => true,
-        ErrorKind::ValueValidation => words.iter().any(|word| is_upper(&word)),
+        ErrorKind::ValueValidation => words.iter().any(is_upper),
         // An option without its value.
         ErrorKind::InvalidValue => words.last().is_some_and(|word| word.starts_with("--")),
         _ => false,

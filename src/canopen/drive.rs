@@ -219,7 +219,9 @@ impl PowerStage {
             (Reset::Lowered { edges, .. }, Some(State::Fault)) => {
                 Reset::Raised { edges: edges + 1, words: 1 }
             }
-            (_, _) => Reset::Idle,
+            (Reset::Idle | Reset::Requested | Reset::Raised { .. } | Reset::Lowered { .. }, _) => {
+                Reset::Idle
+            }
         };
         let controlword = match self.reset {
             Reset::Raised { .. } => Controlword::FAULT_RESET,

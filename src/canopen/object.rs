@@ -95,6 +95,8 @@ impl Object {
     pub const ABORT_CONNECTION: Self = var(0x6007);
     pub const ERROR_CODE: Self = var(0x603F);
     pub const CONTROLWORD: Self = var(0x6040);
+    /// Controlword of the second axis of a node: 800h further.
+    pub const SECOND_CONTROLWORD: Self = var(0x6840);
     pub const STATUSWORD: Self = var(0x6041);
     pub const QUICK_STOP_OPTION: Self = var(0x605A);
     pub const SHUTDOWN_OPTION: Self = var(0x605B);
@@ -202,6 +204,11 @@ impl Object {
     /// TPDO mapping of TPDO `number` (1 to 512), sub-index `sub`.
     pub const fn tpdo_mapping(number: u16, sub: u8) -> Self {
         Self { index: 0x1A00 + number - 1, sub }
+    }
+
+    /// Returns whether it is of the maker, by its index (CiA 301, 7.4.1).
+    pub const fn is_of_maker(self) -> bool {
+        matches!(self.index, 0x2000..=0x5FFF)
     }
 }
 

@@ -50,8 +50,7 @@ pub(crate) const OFFSETS: [Object; 3] =
 /// every write, and so may an object of the maker.
 pub(crate) const fn may_be_written_twice(object: Object) -> bool {
     let is_command = matches!(object.index, 0x1010 | 0x1011 | 0x1F50..=0x1F5F);
-    let is_of_maker = matches!(object.index, 0x2000..=0x5FFF);
-    !is_command && !is_of_maker
+    !is_command && !object.is_of_maker()
 }
 
 /// Writes that clear the offsets.
@@ -112,14 +111,13 @@ pub(crate) const fn remedy(object: Object) -> &'static str {
 /// Returns whether an object can limit torque inside a drive: 6072h, 6073h, 60E0h, 60E1h, or one of the maker (2000h to
 /// 5FFFh). No other object of CiA 301 or CiA 402-2 does; 6087h, for one, is the slope of a profile.
 pub fn can_limit_torque(object: Object) -> bool {
-    let is_of_maker = (0x2000..=0x5FFF).contains(&object.index);
     let standard = [
         Object::MAX_TORQUE,
         Object::MAX_CURRENT,
         Object::POSITIVE_TORQUE_LIMIT,
         Object::NEGATIVE_TORQUE_LIMIT,
     ];
-    is_of_maker || standard.contains(&object)
+    object.is_of_maker() || standard.contains(&object)
 }
 
 impl Need {

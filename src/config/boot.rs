@@ -72,7 +72,9 @@ pub(super) fn of_drive(
 ) -> BootSettings {
     let settings = of_node(raw, given, problems);
     let Some(raw) = raw else { return settings };
-    let shows_mode_when_enabled = shown_mode::read(raw, given, problems);
+    let Given { limit, eds, period, .. } = given;
+    let drive = shown_mode::Drive { limit, eds, period };
+    let shows_mode_when_enabled = shown_mode::read(raw, drive, problems);
     if settings.is_optional {
         problems.add(&raw.optional, "an arm has all its joints");
     }

@@ -50,9 +50,6 @@ pub(super) fn check(
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }
 
-/// Object of the second axis of a node: the controlword, 800h further (CiA 402-2).
-const SECOND_CONTROLWORD: Object = Object { index: 0x6840, sub: 0 };
-
 /// Reason against the node-id of a joint, which another node of its bus has.
 fn twice(config: &Parameters, joint: &JointParameters) -> String {
     let node = joint.node.raw();
@@ -60,7 +57,7 @@ fn twice(config: &Parameters, joint: &JointParameters) -> String {
         (other.channel, other.node) == (joint.channel, joint.node) && other.name != joint.name
     };
     match config.joints.iter().find(is_same) {
-        Some(other) if joint.eds.object(SECOND_CONTROLWORD).is_some() => format!(
+        Some(other) if joint.eds.object(Object::SECOND_CONTROLWORD).is_some() => format!(
             "must be unique on its bus, got {node} twice: node {node} is the drive of {} already, and its second axis (its EDS \
              has 6840h: objects + 800h) cannot be a joint; each joint needs a node of its own",
             other.name

@@ -128,7 +128,7 @@ fn read_one(
     })
 }
 
-/// Error codes of emergencies that are warnings while their error register is 0. An error reset (0000h) is none.
+/// Error codes of emergencies that are warnings while their error register is 0. An error reset (0000h) is not listed.
 fn emcy_warnings(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<u16> {
     let codes = joint.emcy_warnings.as_ref().cloned().unwrap_or_default();
     if codes.iter().any(|code| code >> 8 == 0) {

@@ -5,13 +5,13 @@
 
 use std::time::Duration;
 
-use crate::boot::Given;
 use crate::drive_object::{Content, Written};
 use crate::problem::Problems;
 use crate::raw;
 use crate::section::Sections;
 use crate::torque_limit::TorqueLimit;
 use crate::value::Placed;
+use canopen::eds::Eds;
 use canopen::object::Object;
 
 /// Largest reduced limit, in per mille of rated torque or current.
@@ -26,25 +26,36 @@ const LONGEST_PERIOD: Duration = Duration::from_millis(4);
 /// Objects that set a drive in motion in a mode other than torque.
 const SET_POINTS: [Object; 2] = [Object::TARGET_POSITION, Object::TARGET_VELOCITY];
 
+/// Properties of a drive that decide whether it may be checked.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drive<'a> {
+    /// Limit of its torque in place of 6072h.
+    pub(super) limit: Option<&'a TorqueLimit>,
+    /// Its data sheet.
+    pub(super) eds: Option<&'a Eds>,
+    /// Period of SYNC.
+    pub(super) period: Option<Duration>,
+}
+
 /// Returns whether the drive displays its mode only while it is enabled. Notes what would make looking dangerous.
-pub(super) fn read(raw: &raw::Boot, given: Given<'_>, problems: &mut Problems<'_>) -> bool {
+pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_>) -> bool {
     let times = [("always", false), ("enabled", true)];
     let is_when_enabled =
         problems.one_of(&raw.mode_shown.or("always".to_owned()), &times).unwrap_or_default();
     if !is_when_enabled {
         return false;
     }
-    let is_limited = match given.limit {
+    let is_limited = match drive.limit {
         Some(TorqueLimit::Objects(limits)) => reduced(limits).is_some(),
         Some(TorqueLimit::Stated(_)) => false,
-        None => given.eds.is_none_or(|eds| eds.object(Object::MAX_TORQUE).is_some()),
+        None => drive.eds.is_none_or(|eds| eds.object(Object::MAX_TORQUE).is_some()),
     };
     if !is_limited {
         let reason = "\"enabled\" needs a torque limit that the boot can reduce to 5 %: 6072h in the EDS, or an object of \
                       [joint.torque_limit]";
         problems.add(&raw.mode_shown, reason);
     }
-    if given.period.is_some_and(|period| period > LONGEST_PERIOD) {
+    if drive.period.is_some_and(|period| period > LONGEST_PERIOD) {
         let reason = format!(
             "\"enabled\" needs a cycle of at most {} ms: the drive must be disabled within 10 ms",
             LONGEST_PERIOD.as_millis()
@@ -69,8 +80,7 @@ pub(super) fn read(raw: &raw::Boot, given: Given<'_>, problems: &mut Problems<'_
 pub(super) fn reduced(limits: &[Written]) -> Option<Vec<Written>> {
     let one = |(object, content): &Written| {
         let full = number(content)?;
-        let is_of_maker = (0x2000..=0x5FFF).contains(&object.index);
-        let low = if is_of_maker { full / SHARE_OF_MAKERS_LIMIT } else { full.min(MOST) };
+        let low = if object.is_of_maker() { full / SHARE_OF_MAKERS_LIMIT } else { full.min(MOST) };
         (low > 0).then(|| Some((*object, with_number(content, low)?)))?
     };
     limits.iter().map(one).collect()
@@ -87,7 +97,13 @@ fn number(content: &Content) -> Option<i64> {
         Content::Unsigned16(number) => number.into(),
         Content::Unsigned32(number) => number.into(),
         Content::Unsigned64(number) => number.try_into().ok()?,
-        _ => return None,
+        Content::Boolean(_)
+        | Content::Real32(_)
+        | Content::Real64(_)
+        | Content::VisibleString(_)
+        | Content::OctetString(_)
+        | Content::Domain(_)
+        | _ => return None,
     })
 }
 
@@ -102,7 +118,13 @@ fn with_number(content: &Content, number: i64) -> Option<Content> {
         Content::Unsigned16(_) => Content::Unsigned16(number.try_into().ok()?),
         Content::Unsigned32(_) => Content::Unsigned32(number.try_into().ok()?),
         Content::Unsigned64(_) => Content::Unsigned64(number.try_into().ok()?),
-        _ => return None,
+        Content::Boolean(_)
+        | Content::Real32(_)
+        | Content::Real64(_)
+        | Content::VisibleString(_)
+        | Content::OctetString(_)
+        | Content::Domain(_)
+        | _ => return None,
     })
 }
 

@@ -8,7 +8,7 @@ use canopen::plan::NodePlan;
 use units::numbering::NodeIndex;
 use units::wording;
 
-/// What the drives are meant to hold, to find out whose nameplate a drive holds.
+/// Planned nameplates of the drives, to find out whose a drive holds.
 #[derive(Clone, Debug)]
 pub(super) struct ExpectedDrives(Vec<ExpectedDrive>);
 
@@ -63,9 +63,8 @@ const fn is_misfit(error: &BootError) -> bool {
     matches!(error.problem, Problem::Misfit(_))
 }
 
-/// What to check where several nodes are silent, which have one likely reason.
-const SILENT: &str =
-    ": check power, cable, termination (120 Ω at both ends), and that they have the bit rate of their bus";
+/// Remedy for several silent nodes, which have one likely reason.
+const SILENT: &str = ": check power, cable, termination (120 Ω at both ends), and that they have the bit rate of their bus";
 
 /// Returns one line for each error, with the names of all nodes that have it.
 pub(super) fn lines(errors: &[BootError]) -> String {
@@ -105,7 +104,9 @@ mod tests {
         let text = lines(&errors);
         assert_eq!(text.lines().count(), 1, "{text}");
         assert!(
-            text.starts_with("nodes 1, 2, 3, 4, 5, 6 and 16: does not answer, waited 2.0 s: check power"),
+            text.starts_with(
+                "nodes 1, 2, 3, 4, 5, 6 and 16: does not answer, waited 2.0 s: check power"
+            ),
             "{text}"
         );
         for word in ["cable", "termination", "bit rate"] {

@@ -12,7 +12,6 @@ use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
 use crate::stop::NotConfirmed;
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
-use canopen::NodeId;
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
@@ -22,7 +21,8 @@ use units::spatial::Motion;
 use units::time::Instant;
 
 /// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
-/// dropped. Not longer: a drive that is found enabled holds its torque until it is switched off after it.
+/// dropped. Not longer: a drive that is found enabled holds its torque until it is switched off after it. Nodes are
+/// [reset later](crate::network).
 const LISTEN_TIME: Duration = Duration::from_millis(20);
 
 /// Maximum time between two calls of `give_up` in a boot.
@@ -78,7 +78,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.reopen()?;
-        self.network.restart();
+        self.network.restart(self.wire.now());
         self.samples.restart();
         self.plausibility.restart();
         self.proof_test.restart();
@@ -87,8 +87,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.rest.restart();
         self.listen_before_boot()?;
         let booted = self.boot(give_up);
-        if booted.is_err() {
-            self.enter_pre_operational();
+        match &booted {
+            // The nodes are another master's.
+            Ok(()) | Err(BringUpError::Bus(Cause::ForeignMaster)) => {}
+            Err(_) => self.enter_pre_operational(),
         }
         booted
     }
@@ -290,6 +292,17 @@ mod tests {
             assert!(matches!(outcome, Err(BringUpError::Bus(Cause::ForeignMaster))), "{frame}");
             assert_eq!((node.bus().now(), node.bus().sent.len()), (at, 0), "{frame}");
         }
+    }
+
+    #[test]
+    fn hazard_26_slow_master_found_in_the_boot_keeps_its_nodes() {
+        let mut node = node();
+        let at = Instant::ZERO + Duration::from_millis(90);
+        let sync = Telegram { channel: Channel(0), frame: Frame::new(0x080, []) };
+        node.bus_mut().received = vec![(at, sync)];
+        let outcome = node.bring_up(&mut || false);
+        assert!(matches!(outcome, Err(BringUpError::Bus(Cause::ForeignMaster))), "{outcome:?}");
+        assert!(!node.bus_mut().identifiers().contains(&0x000), "no NMT command");
     }
 
     #[test]

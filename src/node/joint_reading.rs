@@ -38,7 +38,7 @@ impl JointReading {
 impl fmt::Display for JointReading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.ten_thousandths {
-            None => f.write_str("no number"),
+            None => f.write_str("an unknown position"),
             Some(position) if self.is_sliding => write!(f, "{:.3} m", f64::from(position) * 1e-4),
             Some(position) => write!(f, "{:.1}°", (f64::from(position) * 1e-4).to_degrees()),
         }

@@ -110,29 +110,26 @@ impl ModeCheck {
         }
     }
 
-    /// Takes an event of the master; returns whether it is an answer that nobody else needs.
+    /// Takes an event of the master; returns whether it is an answer to this check alone.
     pub(super) fn on_event(&mut self, event: &Event) -> bool {
-        match event {
-            Event::ReadBack { object: Object::MODE_DISPLAY, read, .. } => {
-                self.is_asked = false;
-                self.shown = match read {
-                    ReadBack::Value(byte) => u8::try_from(*byte).ok().map(u8::cast_signed),
-                    ReadBack::Unchanged | ReadBack::Changed { .. } | ReadBack::Unread(_) => None,
-                };
-                true
-            }
-            Event::LimitsRaised { node } => {
-                if let Some(joint) = node.joint() {
-                    *joint.entry_mut(&mut self.raised) = true;
-                }
-                false
-            }
-            Event::BootFailed(error) => {
-                self.refused.push(error.clone());
-                true
-            }
-            _ => false,
+        if let Event::ReadBack { object: Object::MODE_DISPLAY, read, .. } = event {
+            self.is_asked = false;
+            self.shown = match read {
+                ReadBack::Value(byte) => u8::try_from(*byte).ok().map(u8::cast_signed),
+                ReadBack::Unchanged | ReadBack::Changed { .. } | ReadBack::Unread(_) => None,
+            };
+            return true;
         }
+        if let Event::LimitsRaised { node } = event
+            && let Some(joint) = node.joint()
+        {
+            *joint.entry_mut(&mut self.raised) = true;
+        }
+        if let Event::BootFailed(error) = event {
+            self.refused.push(error.clone());
+            return true;
+        }
+        false
     }
 
     /// Joints whose drives are checked.

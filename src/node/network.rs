@@ -1,6 +1,7 @@
 //! CANopen services of the master except PDOs: NMT, SDO, error control, SYNC, heartbeat, TIME.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use crate::guard_requests::GuardRequests;
 use crate::sdo_pacer::SdoPacer;
@@ -12,6 +13,10 @@ use canopen::plan::NodePlan;
 use canopen::{NmtState, heartbeat, sync, time_stamp};
 use config::Config;
 use units::time::Instant;
+
+/// Time after the start of a boot before which no node is reset: a master that sends SYNC four times a second is detected until
+/// then, and its nodes are left as they are.
+const RESET_DELAY: Duration = Duration::from_millis(250);
 
 /// Maximum number of queued notices; further ones are dropped.
 const MAX_NOTICES: usize = 64;
@@ -79,10 +84,10 @@ impl Network {
     }
 
     /// Restarts the master's boot, error control and the SYNC counter.
-    pub(super) fn restart(&mut self) {
+    pub(super) fn restart(&mut self, now: Instant) {
         self.is_silent = false;
         self.guard_requests.clear();
-        self.master.restart();
+        self.master.restart(now + RESET_DELAY);
         self.sync.restart();
     }
 

@@ -39,7 +39,7 @@ fn bench(world: &Config, config: &Config, faults: &str) -> Bench<Wire> {
 }
 
 #[test]
-fn swapped_drives_are_named_as_such_and_a_wrong_rating_alone_is_not() {
+fn swapped_drives_are_named_and_a_wrong_rating_is_not() {
     let right = text(PER_DRIVE);
     let world = right
         .replace("\nnode_id = 2\n", "\nnode_id = 93\n")
@@ -88,7 +88,7 @@ fn armed(file: &str) -> Bench<Wire> {
 }
 
 #[test]
-fn hazard_07_listed_emergency_without_an_error_warns_and_every_other_one_stops() {
+fn hazard_07_listed_emergency_warns_and_every_other_one_stops() {
     for file in HAND_CONTROLLERS {
         let mut warned = armed(file);
         for code in [0x8611, 0xFF01] {

@@ -53,6 +53,8 @@ pub struct Boot {
     plan: NodePlan,
     /// Time allowed for the first reply.
     probe_timeout: Duration,
+    /// The node is not reset before.
+    reset_from: Instant,
     stage: Stage,
     /// Steps of the stage.
     steps: Vec<Step>,
@@ -105,7 +107,8 @@ struct Retries {
 #[derive(Clone, Copy, Debug, Default)]
 struct Resets {
     count: u32,
-    has_answered: bool,
+    /// Time of the first answer after the last reset.
+    answered_at: Option<Instant>,
 }
 
 /// Awaited event.
@@ -123,6 +126,8 @@ enum Wait {
     Heartbeat,
     /// The next attempt.
     Retry(Instant),
+    /// The end of the time in which another master may be detected.
+    Listen,
     /// No event: the node is configured, or the boot has failed.
     Over,
 }
@@ -133,6 +138,7 @@ impl Boot {
         Self {
             plan: plan.clone(),
             probe_timeout: plan.timeouts.boot,
+            reset_from: Instant::ZERO,
             stage: Stage::Probe,
             steps: Stage::Probe.steps(plan),
             at: 0,
@@ -154,6 +160,12 @@ impl Boot {
             retries: Retries::default(),
             wait: Wait::Start,
         }
+    }
+
+    /// Leaves the node as it runs until then, apart from the power of a drive.
+    #[must_use]
+    pub fn resetting_from(self, reset_from: Instant) -> Self {
+        Self { reset_from, ..self }
     }
 
     /// Returns the boot of a running node that has a single stage left.
@@ -217,6 +229,7 @@ impl Boot {
             Wait::Start => Some(Instant::ZERO),
             Wait::Read(transfer) | Wait::Write(transfer) => transfer.deadline(),
             Wait::Retry(at) => Some(*at),
+            Wait::Listen => Some(self.reset_from),
             Wait::BootUp | Wait::Heartbeat => Some(self.until),
             Wait::Over => None,
         }
@@ -233,11 +246,12 @@ impl Boot {
                 self.read(now, out);
                 None
             }
+            Wait::Listen if now >= self.reset_from => self.take_step(now, out),
             Wait::BootUp if now >= self.until => self.fail(Problem::NoBootUp),
             Wait::Heartbeat if now >= self.until => {
                 self.on_mismatch(now, Problem::NoHeartbeat, out)
             }
-            Wait::Retry(_) | Wait::BootUp | Wait::Heartbeat | Wait::Over => None,
+            Wait::Retry(_) | Wait::Listen | Wait::BootUp | Wait::Heartbeat | Wait::Over => None,
         }
     }
 
@@ -249,6 +263,10 @@ impl Boot {
 
     /// Starts the current step, or leaves the stage after its last one.
     fn take_step(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        if self.stage == Stage::Reset && self.at == 0 && now < self.reset_from {
+            self.wait = Wait::Listen;
+            return None;
+        }
         let first_request = *self.first_request.get_or_insert(now);
         if self.stage == Stage::Probe {
             self.latency = now.since(first_request);
@@ -268,7 +286,7 @@ impl Boot {
             }
             Some(Step::Reset(command)) => {
                 out.push(Order::to(self.plan.node, *command).frame());
-                self.resets = Resets { count: self.resets.count + 1, has_answered: false };
+                self.resets = Resets { count: self.resets.count + 1, answered_at: None };
                 self.wait = Wait::BootUp;
             }
             Some(Step::CompareNameplate) => {

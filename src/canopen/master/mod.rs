@@ -20,6 +20,7 @@ mod node_request;
 mod phase;
 mod power_off;
 pub mod read_back;
+mod report;
 mod sdo_traffic;
 mod slave;
 mod standstill;
@@ -108,9 +109,10 @@ impl Master {
         Self { own: Some(own), ..self }
     }
 
-    /// Boots every node again, as after power-up.
-    pub fn restart(&mut self) {
-        self.slaves.iter_mut().for_each(Slave::restart);
+    /// Boots every node again, as after power-up. None is reset before `reset_from`: until then only the power of drives is
+    /// switched off, so that the nodes of another master, if one is detected, stay as they are.
+    pub fn restart(&mut self, reset_from: Instant) {
+        self.slaves.iter_mut().for_each(|slave| slave.restart(reset_from));
         self.transmit_queue.clear();
         self.events.clear();
         self.phase = Phase::Booting;

@@ -2,10 +2,10 @@
 //! start.
 
 use crate::frame::Frame;
-use crate::master::commission::Boot;
+use crate::master::commission::{Boot, BootOutcome};
 use crate::master::inquiry::{Answer, Inquiry};
 use crate::master::read_back::ObjectReader;
-use crate::master::slave::Report;
+use crate::master::report::Report;
 use units::time::Instant;
 
 /// Request under way.
@@ -18,7 +18,7 @@ pub(super) enum NodeRequest {
     Stage(Box<Boot>),
 }
 
-/// A request has ended; without a report, if nobody needs to know.
+/// A request has ended; without a report where none is due.
 #[derive(Clone, Debug)]
 pub(super) struct Ended(pub(super) Option<Report>);
 
@@ -92,7 +92,7 @@ const fn of_answer(answer: Answer) -> Ended {
     })
 }
 
-fn of_stage(outcome: crate::master::commission::BootOutcome) -> Ended {
+fn of_stage(outcome: BootOutcome) -> Ended {
     Ended(Some(match outcome {
         Ok(_) => Report::StageDone,
         Err(error) => Report::Failed(error),

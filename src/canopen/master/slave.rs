@@ -9,16 +9,14 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
 use crate::abort::AbortCode;
-use crate::drive::Statusword;
 use crate::frame::{Channel, Frame};
 use crate::heartbeat::{Health, HeartbeatEvent};
 use crate::master::boot_error::{BootError, Problem};
 use crate::master::commission::{Boot, BootOutcome};
-use crate::master::error_history::History;
 use crate::master::inquiry::Inquiry;
-use crate::master::monitoring_off::Ended;
 use crate::master::node_request::{self, NodeRequest};
-use crate::master::read_back::{ObjectReader, ReadBack, Setting};
+use crate::master::read_back::{ObjectReader, Setting};
+use crate::master::report::Report;
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::{self, Configuration};
 use crate::master::watch::Watch;
@@ -66,29 +64,6 @@ enum Stage {
     Failed,
 }
 
-/// Change of a node.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Report {
-    /// Configured, and monitored from now on.
-    Configured(Configuration),
-    /// Boot failed.
-    Failed(BootError),
-    /// A stage of its boot after its start is over.
-    StageDone,
-    /// Optional and absent. Reported once.
-    Absent(Duration),
-    /// Change of its NMT state, or loss of its heartbeat.
-    HeartbeatEvent(HeartbeatEvent),
-    /// Content of its error history (1003h).
-    History(History),
-    /// Content of its statusword (6041h).
-    Statusword(Statusword),
-    /// Outcome of a read-back.
-    ReadBack(Object, ReadBack),
-    /// Outcome of the end of its monitoring of the master.
-    Monitoring(Ended),
-}
-
 impl Slave {
     /// Returns a slave that starts to boot with the first call of [`on_time`](Self::on_time).
     pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
@@ -108,9 +83,9 @@ impl Slave {
         }
     }
 
-    /// Starts again, as after power-up.
-    pub(super) fn restart(&mut self) {
-        self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
+    /// Starts again, as after power-up. The node is not reset before `reset_from`.
+    pub(super) fn restart(&mut self, reset_from: Instant) {
+        self.stage = Stage::Booting(Box::new(Boot::new(&self.plan).resetting_from(reset_from)));
         self.is_late = false;
         self.awaits_mode = false;
         self.is_read_by_another = false;
@@ -376,10 +351,11 @@ impl Slave {
         if let Stage::Watched { request, .. } = &mut self.stage {
             *request = None;
         }
-        match report {
-            Some(Report::StageDone) => self.awaits_mode = false,
-            Some(Report::Failed(_)) if self.awaits_mode => self.stage = Stage::Failed,
-            _ => {}
+        if report == Some(Report::StageDone) {
+            self.awaits_mode = false;
+        }
+        if self.awaits_mode && matches!(report, Some(Report::Failed(_))) {
+            self.stage = Stage::Failed;
         }
         report
     }

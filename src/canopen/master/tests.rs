@@ -375,11 +375,30 @@ fn restart_configures_every_node_again() {
     for (_, device) in &mut bench.devices {
         device.written.clear();
     }
-    bench.master.restart();
+    bench.master.restart(bench.now);
     assert!(bench.master.is_booting());
     bench.run(300);
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     assert!(bench.devices.iter().all(|(_, device)| !device.written.is_empty()));
+}
+
+#[test]
+fn hazard_26_no_node_is_reset_before_a_master_could_be_found() {
+    let mut bench = Bench::new();
+    let listening = 250;
+    bench.master.restart(bench.now + MS * listening);
+    let is_command = |t: &Telegram| {
+        let is_download = t.frame.cob_id & 0x780 == 0x600 && t.frame.data()[0] >> 5 == 1;
+        t.frame.cob_id == 0 || is_download
+    };
+    bench.run(u64::from(listening) - 1);
+    assert!(bench.sent.iter().any(|t| t.frame.cob_id == 0x603), "they are read");
+    assert!(!bench.sent.iter().any(is_command));
+    let sync = Frame::new(0x080, []);
+    bench.receive(Channel(1), sync);
+    assert_eq!(bench.events, [Event::ForeignMaster { channel: Channel(1), frame: sync }]);
+    bench.run(300);
+    assert!(bench.sent.iter().any(is_command), "the owner ends the boot, not the master");
 }
 
 #[test]

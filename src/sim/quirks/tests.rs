@@ -15,6 +15,7 @@ use crate::quirks::{Quirk, QuirkEffects, Quirks};
 use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::eds::Eds;
+use canopen::error_codes;
 use canopen::frame::{Channel, Frame};
 use canopen::object::Object;
 use canopen::station::Station;
@@ -358,7 +359,7 @@ fn open_rpdo_lets_a_stray_frame_enable_the_drive() {
 }
 
 #[test]
-fn lost_write_reply_loses_one_download_response_after_its_effect() {
+fn lost_write_reply_loses_one_download_response() {
     let received = [
         (ms(1), write(Object::MAX_TORQUE, &[1, 0])),
         (ms(2), read(Object::MAX_TORQUE)),
@@ -404,7 +405,7 @@ fn two_reset_edges_leave_a_fault_at_the_second() {
     for (name, edges) in [(&[][..], 1), (&["two-reset-edges"][..], 2)] {
         let mut drive = drive(name);
         sent(&mut drive, &[], ms(1));
-        drive.fail_with(0x3210);
+        drive.fail_with(error_codes::OVER_VOLTAGE);
         for edge in 1..=edges {
             assert_eq!(drive.state(), State::Fault, "{name:?} before edge {edge}");
             let at = 10 * edge;

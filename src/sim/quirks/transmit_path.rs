@@ -116,6 +116,8 @@ impl TransmitPath {
         if self.quirks == FrameQuirks::default() {
             return out.extend(sent);
         }
+        // First: a late boot-up message precedes the first answer.
+        self.send_due(now, out);
         for frame in sent {
             match Kind::of(&frame, device) {
                 Kind::BootUp => self.send_boot_up(now, frame, out),
@@ -126,7 +128,6 @@ impl TransmitPath {
                 Kind::Other => out.push(frame),
             }
         }
-        self.send_due(now, out);
         self.send_storm(now, device, out);
     }
 

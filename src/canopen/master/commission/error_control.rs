@@ -1,5 +1,7 @@
 //! Heartbeats and boot-up messages during a boot: the one that a step waits for, or a reboot by itself.
 
+use std::time::Duration;
+
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::{NmtCommand, NmtState};
 
@@ -8,9 +10,12 @@ use crate::heartbeat::is_boot_up;
 use crate::master::boot_error::Problem;
 use crate::master::commission::{Boot, BootOutcome, Wait};
 use crate::master::duplicate::Sign;
-use crate::master::steps::Stage;
+use crate::master::steps::{Next, Stage};
 use crate::nmt::Order;
 use units::time::Instant;
+
+/// Maximum time for which a boot-up message waits behind the traffic of the other boots.
+const MAX_BOOT_UP_DELAY: Duration = Duration::from_millis(10);
 
 impl Boot {
     /// Takes a heartbeat or a boot-up message.
@@ -47,7 +52,15 @@ impl Boot {
             Wait::Read(_) | Wait::Heartbeat if self.stage == Stage::CheckRunning => {
                 self.on_mismatch(now, Problem::Rebooted, out)
             }
-            Wait::Read(_) | Wait::Write(_) | Wait::Retry(_) if self.resets.has_answered => {
+            // Answers outrank a boot-up message, which may have waited behind them on a full bus.
+            Wait::Read(_) | Wait::Write(_) | Wait::Retry(_)
+                if self.resets.count == 1 && self.has_just_answered(now) =>
+            {
+                self.go(now, Next::Stage(Stage::Reset), out)
+            }
+            Wait::Read(_) | Wait::Write(_) | Wait::Retry(_)
+                if self.resets.answered_at.is_some() =>
+            {
                 self.fail(Problem::Rebooted)
             }
             // The first of two may stem from the power-up: the node is reset once more.
@@ -62,8 +75,14 @@ impl Boot {
             | Wait::Read(_)
             | Wait::Write(_)
             | Wait::Retry(_)
+            | Wait::Listen
             | Wait::Heartbeat
             | Wait::Over => None,
         }
+    }
+
+    /// Returns whether the first answer after the reset is so recent that its boot-up message may still come.
+    fn has_just_answered(&self, now: Instant) -> bool {
+        self.resets.answered_at.is_some_and(|at| now < at + MAX_BOOT_UP_DELAY)
     }
 }

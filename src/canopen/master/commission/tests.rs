@@ -401,6 +401,36 @@ fn self_starting_node_is_set_pre_operational() {
 }
 
 #[test]
+fn boot_up_message_behind_an_answer_repeats_the_reset() {
+    let plan = elbow();
+    for (late_ms, is_booted) in [(1, true), (9, true), (11, false)] {
+        let mut device = Scripted::suiting(&plan);
+        let (mut boot, mut queue, mut sent) = (Boot::new(&plan), Vec::new(), Vec::new());
+        let (mut now, mut is_sent) = (Instant::ZERO, false);
+        let mut outcome = boot.on_time(now, &mut queue);
+        for _ in 0..10_000 {
+            let Some(frame) = (!queue.is_empty()).then(|| queue.remove(0)) else { break };
+            sent.push(frame);
+            if let Some(answer) = device.answer(&frame) {
+                outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
+            }
+            let has_answered = frame.data().starts_with(&[0x40, 0x00, 0x10]) && sent.len() > 5;
+            if has_answered && !std::mem::replace(&mut is_sent, true) {
+                now = now + Duration::from_millis(late_ms);
+                let boot_up = device.heartbeat(0);
+                outcome = outcome.or(boot.on_frame(now, &boot_up, &mut queue));
+            }
+        }
+        let resets = sent.iter().filter(|frame| frame.data() == [0x82, 3]).count();
+        assert_eq!(
+            (outcome.unwrap().is_ok(), resets),
+            (is_booted, 1 + usize::from(is_booted)),
+            "{late_ms}"
+        );
+    }
+}
+
+#[test]
 fn node_without_boot_up_after_reset_is_named() {
     let mut device = Scripted { boots: false, ..Scripted::suiting(&elbow()) };
     let message = "joint 3 (elbow), node 3: did not boot up after its reset";
@@ -430,7 +460,8 @@ fn reboot_during_boot_is_a_failure() {
             assert_eq!(boot.on_frame(Instant::ZERO, &answer, &mut queue), None);
         }
     }
-    let outcome = boot.on_frame(Instant::ZERO, &device.heartbeat(0), &mut queue);
+    let later = Instant::ZERO + Duration::from_millis(50);
+    let outcome = boot.on_frame(later, &device.heartbeat(0), &mut queue);
     assert_eq!(outcome, Some(Err(BootError::new(&plan, Problem::Rebooted))));
     assert_eq!(boot.deadline(), None);
 }

@@ -52,7 +52,9 @@ impl Boot {
                 self.on_position(now, &content, out)
             }
             Ok(content) if check.accepts(&content) => {
-                self.resets.has_answered |= action == Action::Probe && self.resets.count > 0;
+                if action == Action::Probe && self.resets.count > 0 {
+                    self.resets.answered_at = Some(now);
+                }
                 self.next_step(now, out)
             }
             Ok(_) if action == Action::Await && is_in_time => {

@@ -49,7 +49,7 @@ fn object_of_the_maker_and_save_are_never_written_twice() {
 }
 
 #[test]
-fn mode_refused_in_this_state_waits_for_the_start_and_any_other_refusal_does_not() {
+fn only_a_mode_refused_in_this_state_waits_for_the_start() {
     let plan = elbow();
     for (code, is_awaited) in [
         (AbortCode::DEVICE_STATE, true),
@@ -82,7 +82,7 @@ fn other_objects_refused_in_this_state_fail_the_boot() {
 }
 
 #[test]
-fn mode_shown_only_when_enabled_is_read_back_under_a_reduced_torque_limit() {
+fn hidden_mode_is_read_back_under_a_reduced_torque_limit() {
     let reduced_limits = vec![(Object::MAX_TORQUE, Value::Unsigned16(50))];
     let plan = NodePlan { shown_mode: ShownMode::WhenEnabled { reduced_limits }, ..elbow() };
     let mut device = Scripted::suiting(&plan);

@@ -27,6 +27,9 @@ const LOOK_TIME: Duration = Duration::from_millis(10);
 /// Maximum time until all drives are off after the check.
 const POWER_OFF_TIMEOUT: Duration = Duration::from_millis(500);
 
+/// Maximum time until all planned limits are written and read back.
+const RAISE_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// A drive that did not display its mode when enabled, and was disabled.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WrongMode {
@@ -125,7 +128,9 @@ impl ModeCheck {
         {
             *joint.entry_mut(&mut self.raised) = true;
         }
-        if let Event::BootFailed(error) = event {
+        if let Event::BootFailed(error) = event
+            && self.enabling == Enabling::None
+        {
             self.refused.push(error.clone());
             return true;
         }
@@ -162,13 +167,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         let joints = self.mode_check.joints();
-        for joint in &joints {
+        self.mode_check.refused.clear();
+        let checked = joints.iter().try_for_each(|joint| {
             self.mode_check.enabling = Enabling::Only(*joint);
-            let checked = self.check_mode(*joint, give_up);
-            self.mode_check.enabling = Enabling::None;
-            checked?;
-        }
-        let raised = self.raise_limits(&joints, give_up);
+            self.check_mode(*joint, give_up)
+        });
+        self.mode_check.enabling = Enabling::None;
+        let raised = checked.and_then(|()| self.raise_limits(&joints, give_up));
         self.mode_check.enabling = Enabling::All;
         raised
     }
@@ -240,14 +245,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return Err(BringUpError::GivenUp);
         }
         self.mode_check.raised = [false; 6];
-        let mut waiting = joints.to_vec();
+        let until = self.wire.now() + RAISE_TIMEOUT;
         loop {
             let now = self.wire.now();
-            waiting.retain(|joint| {
-                !self.network.master.raise_limits(now, (*joint).into(), &mut self.wire.out)
-            });
+            // Refused while its last request is under way.
+            for joint in joints.iter().filter(|joint| !*joint.entry(&self.mode_check.raised)) {
+                self.network.master.raise_limits(now, (*joint).into(), &mut self.wire.out);
+            }
             self.send_queued();
-            if give_up() {
+            if give_up() || now >= until {
                 return Err(BringUpError::GivenUp);
             }
             self.cycle();

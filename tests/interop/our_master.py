@@ -111,10 +111,10 @@ def emergency_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
     drives[3].emergencies().send(0x4210, 0x09, b"\x01\x02\x03\x04\x05")
     status = bench.mode("drives-off")
-    cause = "joint 3: emergency 4210h device temperature too high"
+    cause = "joint 3 (elbow): emergency 4210h device temperature too high"
     same(status["stopped_by"], cause, "cause")
     said = bench.stop(node, 6, f"stopped by {cause}")
-    check(said.count("joint 3: emergency 4210h") >= 2, f"logged when it came:\n{said}")
+    check(said.count("joint 3 (elbow): emergency 4210h") >= 2, f"logged when it came:\n{said}")
 
 
 def error_reset_emergency_stops_nothing(bench):
@@ -130,9 +130,9 @@ def silent_heartbeat_stops_the_node(bench):
     drives, node = running(bench)
     drives[4].node.nmt.stop_heartbeat()
     silent = bench.sent(0x704)[-1][0]
-    same(bench.mode("drives-off")["stopped_by"], "joint 4: heartbeat lost", "cause")
+    same(bench.mode("drives-off")["stopped_by"], "joint 4 (pitch): heartbeat lost", "cause")
     until(lambda: drives[1].state == "SWITCH ON DISABLED", "the drives are off")
-    bench.stop(node, 6, "stopped by joint 4: heartbeat lost")
+    bench.stop(node, 6, "stopped by joint 4 (pitch): heartbeat lost")
     off = next(at for at, data in bench.sent(0x201) if at > silent and data[0] == 0)
     check(off - silent < 0.064, f"{off - silent:.3f} s until power was taken off")
 
@@ -148,7 +148,7 @@ def disabled_by_sdo(bench, drives, node_id):
 def silent_tpdo_stops_the_node(bench):
     drives, node = running(bench)
     drives[2].sends = False
-    cause = f"joint 2: no sample for {SAFETY['missing_samples']} cycles"
+    cause = f"joint 2 (elevation): no sample for {SAFETY['missing_samples']} cycles"
     same(bench.mode("drives-off")["stopped_by"], cause, "cause")
     disabled_by_sdo(bench, drives, 2)
     bench.stop(node, 6, f"stopped by {cause}\n")
@@ -157,17 +157,17 @@ def silent_tpdo_stops_the_node(bench):
 def boot_up_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
     drives[5].boot_up()
-    same(bench.mode("drives-off")["stopped_by"], "joint 5: rebooted", "cause")
+    same(bench.mode("drives-off")["stopped_by"], "joint 5 (yaw): rebooted", "cause")
     # python's drive only said that it rebooted: its statusword reports operation enabled until 6040h is written.
     disabled_by_sdo(bench, drives, 5)
-    bench.stop(node, 6, "stopped by joint 5: rebooted\n")
+    bench.stop(node, 6, "stopped by joint 5 (yaw): rebooted\n")
 
 
 def drive_in_fault_stops_the_node_and_a_reset_revives_it(bench):
     drives, node = running(bench)
     drives[6].state = "FAULT"
     cause = bench.mode("drives-off")["stopped_by"]
-    same(cause, "joint 6: drive left operation enabled (6041h = 0208h)", "cause")
+    same(cause, "joint 6 (roll): drive left operation enabled (6041h = 0208h)", "cause")
     bench.frhc("ctl", "reset")
     bench.mode("ready")
     same(drives[6].state, "OPERATION ENABLED", "joint 6 after the reset")

@@ -14,10 +14,10 @@ use units::numbering::Joint;
 /// Emergencies of a drive that is still enabled, so that only the node can take its torque off: over-current, low
 /// supply voltage, encoder, manufacturer's own.
 const EMERGENCIES: [(Joint, u16, u8, &str); 4] = [
-    (ELBOW, 0x2310, 0x03, "joint 3: emergency 2310h"),
-    (Joint::of::<1>(), 0x3120, 0x05, "joint 1: emergency 3120h"),
-    (Joint::of::<6>(), 0x7305, 0x21, "joint 6: emergency 7305h"),
-    (Joint::of::<4>(), 0xFF00, 0x81, "joint 4: emergency FF00h"),
+    (ELBOW, 0x2310, 0x03, "joint 3 (elbow): emergency 2310h"),
+    (Joint::of::<1>(), 0x3120, 0x05, "joint 1 (azimuth): emergency 3120h"),
+    (Joint::of::<6>(), 0x7305, 0x21, "joint 6 (roll): emergency 7305h"),
+    (Joint::of::<4>(), 0xFF00, 0x81, "joint 4 (pitch): emergency FF00h"),
 ];
 
 #[test]
@@ -48,7 +48,7 @@ fn hazard_08_failed_drive_stops_the_others_in_two_cycles() {
     let onset = rig.onset();
     rig.next(0x683);
     rig.run_for(millis(10));
-    rig.is_stopped_by("joint 3: emergency 3210h");
+    rig.is_stopped_by("joint 3 (elbow): emergency 3210h");
     let seen = rig.seen_after(onset, millis(20)).from(|entry| entry.id == 0x683);
     seen.are_free_within(cycles(2), |node| node != 3);
 }
@@ -61,7 +61,7 @@ fn hazard_08_disabled_drive_stops_the_others_in_two_cycles() {
     // "Disable voltage" of another master, which the node does not see.
     Process::of("cansend", &[DRIVES, "303#0000"]).wait().succeeds();
     rig.run_for(millis(10));
-    rig.is_stopped_by("joint 3: drive left operation enabled");
+    rig.is_stopped_by("joint 3 (elbow): drive left operation enabled");
     let seen = rig.seen_after(onset, millis(20));
     let seen = seen.from(|entry| entry.id == 0x283 && entry.data[0] & 0x6F != 0x27);
     seen.are_free_within(cycles(2), |node| node != 3);
@@ -74,7 +74,7 @@ fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     let onset = rig.onset();
     rig.inject(&gateway, Target::Joint(ELBOW), Kind::Device(DeviceFault::Reboot));
     rig.run_for(millis(10));
-    rig.is_stopped_by("joint 3: rebooted");
+    rig.is_stopped_by("joint 3 (elbow): rebooted");
     let seen = rig.seen_after(onset, millis(20));
     let seen = seen.from(|entry| entry.id == 0x703 && entry.data == [0]);
     seen.all_are_free_within(cycles(2));

@@ -45,7 +45,7 @@ fn stopped_with(
 
 #[test]
 fn hazard_01_broken_cable_of_a_drive_stops_all_in_five_cycles() {
-    let reason = "joint 3: no sample for 3 cycles";
+    let reason = "joint 3 (elbow): no sample for 3 cycles";
     let seen = stopped_by("cable", reason, millis(20), ELBOW, WIRE_CUT);
     seen.all_are_free_within(cycles(5));
     seen.are_free_together();
@@ -55,7 +55,7 @@ fn hazard_01_broken_cable_of_a_drive_stops_all_in_five_cycles() {
 fn hazard_02_missing_heartbeat_switches_all_off_in_30_ms() {
     let setup = Setup { changes: QUICK_HEARTBEATS.to_vec(), ..Setup::default() };
     let fault = (ELBOW, every(Service::Heartbeat, Effect::Drop));
-    let reason = "joint 3: heartbeat lost";
+    let reason = "joint 3 (elbow): heartbeat lost";
     let seen = stopped_with(&setup, "heartbeat", reason, millis(60), fault);
     seen.all_are_free_within(millis(30));
     seen.are_free_together();
@@ -63,7 +63,7 @@ fn hazard_02_missing_heartbeat_switches_all_off_in_30_ms() {
 
 #[test]
 fn hazard_03_missing_positions_stop_all_in_five_cycles() {
-    let reason = "joint 3: no sample for 3 cycles";
+    let reason = "joint 3 (elbow): no sample for 3 cycles";
     let lost = every(POSITION, Effect::Drop);
     let seen = stopped_by("tpdo", reason, millis(20), ELBOW, lost);
     seen.all_are_free_within(cycles(5));
@@ -104,7 +104,7 @@ fn hazard_05_frozen_position_under_torque_stops_all_in_600_ms() {
     let onset = rig.onset();
     rig.inject(&gateway, Target::Joint(ELEVATION), every(POSITION, Effect::Freeze));
     rig.run_for(millis(620));
-    rig.is_stopped_by("joint 2: position frozen under torque");
+    rig.is_stopped_by("joint 2 (elevation): position frozen under torque");
     rig.seen_after(onset, millis(620)).all_are_free_within(millis(600));
 }
 
@@ -117,7 +117,7 @@ fn hazard_06_imitated_drive_stops_all_in_three_cycles() {
 
 #[test]
 fn hazard_12_inverted_bit_of_a_position_stops_all_in_two_cycles() {
-    let reason = "joint 3: position jumped";
+    let reason = "joint 3 (elbow): position jumped";
     let inverted = every(POSITION, Effect::Corrupt([0, 0, 0x10, 0, 0, 0, 0, 0]));
     let seen = stopped_by("inverted", reason, millis(20), ELBOW, inverted);
     seen.from(|entry| entry.id == ELBOW_POSITION).all_are_free_within(cycles(2));

@@ -102,7 +102,7 @@ fn hazard_08_heartbeat_with_state_stopped_stops_all() {
     let onset = rig.onset();
     rig.inject(&gateway, BUS, foreign("702#04"));
     rig.run_for(millis(10));
-    rig.is_stopped_by("joint 2: left operational, is stopped");
+    rig.is_stopped_by("joint 2 (elevation): left operational, is stopped");
     let seen = rig.seen_after(onset, millis(20));
     seen.all_are_free_within(cycles(3));
 }

@@ -190,7 +190,7 @@ impl Boot {
         is_offset
     }
 
-    /// Leaves the mode (6060h) for the time after the start, once; returns whether it does. Some drives take a mode only
+    /// Leaves the mode (6060h) for the time after the start; returns whether it does. Some drives take a mode only
     /// when operational.
     fn postpones_mode(&mut self, object: Object) -> bool {
         let is_before_start = self.resets.count > 0;

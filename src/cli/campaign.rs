@@ -315,7 +315,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
         let found = json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len(), "fidelity": fidelity });
         print::line(&found.to_string());
     } else {
-        fidelity.iter().for_each(|fidelity| print::line(&format!("felt, hand: {fidelity}")));
+        fidelity.iter().for_each(|fidelity| print::line(&format!("felt at the hand: {fidelity}")));
         print::line(&format!(
             "{played} cycles in {} laps, {} with a stop or a violation",
             laps.len(),

@@ -44,6 +44,7 @@ mod booking;
 pub mod calibration;
 pub mod channels;
 pub mod command;
+pub mod contact_posture;
 pub mod contact_stiffness;
 pub mod coupling;
 mod damper;

@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 
 use crate::contact::Contact;
-use crate::fidelity::Report;
+use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
 use node::record::{Mode, Record};
@@ -39,9 +39,9 @@ pub struct Summary {
     pub engaged_seconds: f64,
     /// Changes from armed to engaged.
     pub engagements: u64,
-    /// Peak reflected force at the grip, in N.
+    /// Peak force of task and passivity damper at the grip, in N.
     pub peak_felt_force_n: f64,
-    /// Peak reflected moment at the grip, in N·m.
+    /// Peak moment of both at the grip, in N·m.
     pub peak_felt_moment_nm: f64,
     /// Peak contact force on the object, in N.
     pub peak_contact_force_n: f64,
@@ -107,7 +107,7 @@ impl Summary {
 
     fn engaged(&mut self, record: &Record, moved: f64, dt: f64) {
         let contact = record.f_s.force.norm();
-        let felt = record.output.f_g_task;
+        let felt = record.output.f_g_task + record.output.port.f_g_passivity;
         self.peak_contact_force_n = self.peak_contact_force_n.max(contact);
         self.peak_felt_force_n = self.peak_felt_force_n.max(felt.force.norm());
         self.peak_felt_moment_nm = self.peak_felt_moment_nm.max(felt.moment.norm());
@@ -167,7 +167,11 @@ impl fmt::Display for Summary {
             self.contact.lowest_energy_j * 1e3
         )?;
         if let Some(fidelity) = &self.fidelity {
-            writeln!(f, "felt, {:12}{fidelity}", fidelity.judged.to_string())?;
+            let place = match fidelity.judged {
+                Judged::Hand => "felt at the hand ",
+                Judged::Command => "commanded forces ",
+            };
+            writeln!(f, "{place} {fidelity}")?;
         }
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;

@@ -15,8 +15,12 @@ use run::print;
 use run::results::{self, Force};
 
 /// The configurations without `--config`.
-const CONFIGS: [&str; 3] =
-    ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
+const CONFIGS: [&str; 4] = [
+    "config/kraft_like.toml",
+    "config/kraft_like_500hz.toml",
+    "config/jpl_like.toml",
+    "config/sixr_spherical.toml",
+];
 
 /// The arms without `--robot`.
 const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
@@ -24,7 +28,7 @@ const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_
 /// Options of an experiment on configurations.
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// A configuration; repeatable. Default: three of those in config/.
+    /// A configuration; repeatable. Default: those in config/.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     #[command(flatten)]

@@ -1,13 +1,28 @@
-//! The whole experiment: every configuration, arm, hand and seed, and the figures pooled over the seeds.
+//! The whole experiment: every configuration, place, force, arm, hand and seed.
 
 use std::num::NonZero;
 
 use serde::Serialize;
 
-use crate::fidelity::script::{HANDS, Hand};
-use crate::fidelity::trial::{Arm, NoTrial, Trial};
+use crate::fidelity::hold::Hold;
+use crate::fidelity::place::{self, Place, WAYS};
+use crate::fidelity::release::Release;
+use crate::fidelity::script::{Course, HANDS, Hand};
+use crate::fidelity::trial::{Arm, NoTrial, Part, Trial};
 use config::Config;
 use telemetry::fidelity::{Figures, Sample, Situation};
+
+/// Forces felt while the hand holds, in N.
+pub const FORCES: [f64; 3] = [2.0, 5.0, 9.0];
+
+/// Stiffnesses of the walls of the releases, in N/m.
+pub const RELEASE_WALLS: [f64; 3] = [2_000.0, 10_000.0, 50_000.0];
+
+/// Force held before a release in rate mode, in N: 9 N would deflect the grip by 16 cm.
+const RATE_FORCE: f64 = 2.0;
+
+/// Force held before a release in pose mode, in N.
+const POSE_FORCE: f64 = 9.0;
 
 /// Hands and seeds that take part.
 #[derive(Clone, Copy, Debug)]
@@ -40,19 +55,79 @@ impl Participants {
     }
 }
 
+/// Conditions of a run beside its hand and seed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Condition {
+    /// Course.
+    pub course: Course,
+    /// The arm that the hand really holds.
+    pub arm: Arm,
+    /// Way of the hand to the wall, in m.
+    pub way_m: f64,
+    /// Stiffness of the wall, in N/m, if not the configured one.
+    pub stiffness_n_per_m: Option<f64>,
+    /// Force felt while the hand holds, in N.
+    pub felt_n: f64,
+}
+
+impl Condition {
+    /// Returns the conditions of the whole experiment.
+    pub fn full() -> Vec<Self> {
+        let [near, ..] = WAYS;
+        let everywhere = WAYS.iter().flat_map(|way| FORCES.map(|felt| (*way, felt)));
+        let identified = everywhere.map(|(way, felt)| Self::still(Arm::Identified, way, felt));
+        let others = [Arm::LessFriction, Arm::MoreFriction]
+            .into_iter()
+            .flat_map(|arm| [2.0, 9.0].map(|felt| Self::still(arm, near, felt)));
+        let releases = RELEASE_WALLS.iter().flat_map(|wall| Self::releases(Some(*wall)));
+        identified
+            .chain(others)
+            .chain([Self::still(Arm::Frictionless, near, 9.0)])
+            .chain(releases)
+            .collect()
+    }
+
+    /// Returns the conditions of the short form.
+    pub fn short() -> Vec<Self> {
+        let [near, _, far] = WAYS;
+        let still = [near, far]
+            .into_iter()
+            .flat_map(|way| [2.0, 9.0].map(|felt| Self::still(Arm::Identified, way, felt)));
+        still.chain(Self::releases(None)).collect()
+    }
+
+    const fn still(arm: Arm, way_m: f64, felt_n: f64) -> Self {
+        Self { course: Course::Full, arm, way_m, stiffness_n_per_m: None, felt_n }
+    }
+
+    /// Returns the releases of both modes at the nearest place.
+    fn releases(stiffness_n_per_m: Option<f64>) -> [Self; 2] {
+        let [near, ..] = WAYS;
+        let courses = [(Course::PoseRelease, POSE_FORCE), (Course::RateRelease, RATE_FORCE)];
+        courses.map(|(course, felt)| Self {
+            course,
+            stiffness_n_per_m,
+            ..Self::still(Arm::Identified, near, felt)
+        })
+    }
+}
+
 /// One run, in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// The configuration.
     pub config: String,
-    /// The arm.
-    pub arm: Arm,
+    /// Conditions.
+    #[serde(flatten)]
+    pub condition: Condition,
+    /// Posture of the arm at the wall; `None` out of its reach.
+    pub place: Option<Place>,
     /// The hand.
     pub hand: &'static str,
     /// The seed.
     pub seed: u64,
-    /// Still contact after the approach.
-    pub approach: Option<Figures>,
+    /// Still contact after each motion.
+    pub holds: Vec<(Hold, Option<Figures>)>,
     /// Contact at rest, over the whole script.
     pub still_contact: Option<Figures>,
     /// Contact in motion.
@@ -61,8 +136,8 @@ pub struct Row {
     pub free_motion: Option<Figures>,
     /// Rest without contact.
     pub free_rest: Option<Figures>,
-    /// Largest braking force after the release, in N.
-    pub brake_n: f64,
+    /// The release.
+    pub release: Release,
     /// Cycles in which a joint was at its capacity.
     pub saturated_cycles: u64,
     /// Cause of a stop.
@@ -77,91 +152,43 @@ impl Row {
     pub fn play(
         name: &str,
         config: &Config,
-        arm: Arm,
+        condition: Condition,
         (hand, seed): (&'static Hand, u64),
         each: impl FnMut(f64, Option<&Sample>),
     ) -> Result<Self, NoTrial> {
-        let trial = Trial::run(config, arm, hand, seed, each)?;
+        let Condition { course, arm, way_m, stiffness_n_per_m, felt_n } = condition;
+        let placed = place::moved_wall(config, way_m, stiffness_n_per_m);
+        let part = Part { course, arm, hand, seed, felt_n };
+        let trial = Trial::run(&placed, &part, each)?;
         let of = |situation| trial.at_hand.figures(situation);
         Ok(Self {
             config: name.to_owned(),
-            arm,
+            condition,
+            place: Place::new(config, way_m).ok(),
             hand: hand.0,
             seed,
-            approach: trial.still(),
+            holds: trial.holds.figures().to_vec(),
             still_contact: of(Situation::StillContact),
             moving_contact: of(Situation::MovingContact),
             free_motion: of(Situation::FreeMotion),
             free_rest: of(Situation::FreeRest),
-            brake_n: trial.release.peak_n(),
+            release: trial.release.figures(),
             saturated_cycles: trial.saturated_cycles,
             stopped_by: trial.stopped_by,
         })
     }
 
     /// Its figures with the names of their situations.
-    pub const fn situations(&self) -> [(&'static str, Option<&Figures>); 5] {
-        [
-            ("still contact after the approach", self.approach.as_ref()),
+    pub fn situations(&self) -> Vec<(String, Option<&Figures>)> {
+        let holds = self.holds.iter();
+        let holds =
+            holds.map(|(hold, figures)| (format!("hold after {}", hold.name()), figures.as_ref()));
+        let all = [
             ("still contact", self.still_contact.as_ref()),
             ("moving contact", self.moving_contact.as_ref()),
             ("free motion", self.free_motion.as_ref()),
             ("free rest", self.free_rest.as_ref()),
-        ]
-    }
-}
-
-/// Rows of one configuration and arm, in worst cases over hands and seeds.
-#[derive(Clone, Debug, Serialize)]
-pub struct Pooled {
-    /// The configuration.
-    pub config: String,
-    /// The arm.
-    pub arm: Arm,
-    /// RMS error of each hand in still contact after the approach, in percent: the worst seed.
-    pub still_percent: Vec<(&'static str, f64)>,
-    /// The same without inertia.
-    pub without_inertia_percent: Vec<(&'static str, f64)>,
-    /// Maximum error in still contact after the approach, in percent of its RMS force.
-    pub still_max_percent: f64,
-    /// Error in contact in motion beyond the assist, RMS in N.
-    pub moving_n: f64,
-    /// Drag in free motion, RMS in N.
-    pub drag_n: f64,
-    /// Drag in free motion beyond the assist, RMS in N.
-    pub drag_beyond_assist_n: f64,
-    /// Largest braking force after the release, in N.
-    pub brake_n: f64,
-    /// Runs that stopped.
-    pub stopped: usize,
-}
-
-/// Pools rows by configuration and arm, in their order.
-pub fn pooled(rows: &[Row]) -> Vec<Pooled> {
-    let same = |a: &Row, b: &Row| a.config == b.config && a.arm == b.arm;
-    rows.chunk_by(same).filter_map(|rows| rows.first().map(|first| pool(first, rows))).collect()
-}
-
-fn pool(first: &Row, rows: &[Row]) -> Pooled {
-    let worst = |value: fn(&Row) -> Option<f64>| rows.iter().filter_map(value).fold(0.0, f64::max);
-    let by_hand = |value: fn(&Figures) -> f64| {
-        let hands = rows.chunk_by(|a, b| a.hand == b.hand);
-        let percent = |rows: &[Row]| {
-            let worst = rows.iter().filter_map(|row| row.approach.as_ref().map(value));
-            rows.first().map(|row| (row.hand, 100.0 * worst.fold(0.0, f64::max)))
-        };
-        hands.filter_map(percent).collect()
-    };
-    Pooled {
-        config: first.config.clone(),
-        arm: first.arm,
-        still_percent: by_hand(Figures::relative_error),
-        without_inertia_percent: by_hand(|still| still.beyond_assist_rms_n / still.wanted_rms_n),
-        still_max_percent: worst(|row| Some(100.0 * row.approach?.relative_max())),
-        moving_n: worst(|row| Some(row.moving_contact?.beyond_assist_rms_n)),
-        drag_n: worst(|row| Some(row.free_motion?.felt_rms_n)),
-        drag_beyond_assist_n: worst(|row| Some(row.free_motion?.beyond_assist_rms_n)),
-        brake_n: worst(|row| Some(row.brake_n)),
-        stopped: rows.iter().filter(|row| row.stopped_by.is_some()).count(),
+        ];
+        holds.chain(all.map(|(name, figures)| (name.to_owned(), figures))).collect()
     }
 }

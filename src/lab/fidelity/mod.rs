@@ -3,12 +3,18 @@
 //! | file           | part                                                          |
 //! |----------------|---------------------------------------------------------------|
 //! | [`truth`]      | what the hand really feels, and its parts                     |
+//! | [`place`]      | places of the wall, and the posture of the arm there          |
 //! | [`script`]     | free motion, approach, press, slide, release, by four hands   |
-//! | [`release`]    | the braking force of the passivity layer after a release      |
-//! | [`trial`]      | one run of the script                                         |
-//! | [`experiment`] | all runs, and the pooled figures                              |
+//! | [`hold`]       | still contact after each motion                               |
+//! | [`release`]    | the force on a hand that withdraws                            |
+//! | [`trial`]      | one run of a script                                           |
+//! | [`experiment`] | all runs                                                      |
+//! | [`pooled`]     | the worst of all seeds and hands                              |
 
 pub mod experiment;
+pub mod hold;
+pub mod place;
+pub mod pooled;
 pub mod release;
 pub mod script;
 pub mod trial;

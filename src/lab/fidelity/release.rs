@@ -1,38 +1,193 @@
-//! Release: the passivity layer must not brake a hand that only lets go.
+//! Release: what acts on a hand that withdraws, from its start until half a second after the contact.
+//!
+//! Judged are the motors at the hand, in the simulation's own truth: the force between grip and hand along the task,
+//! without inertia and friction of the arm, and without the parts that are no answer to the contact (return to centre,
+//! friction compensation, soft stops). What is left is task, passivity damper and damping K_D. It must lie within
+//!
+//! ```text
+//!  0  ≤  force  ≤  task + K_D |v|      in contact: nothing pulls the hand into the surface
+//!  -K_D |v|  ≤  force                  after it
+//! ```
 
-use crate::fidelity::script::RELEASE_S;
-use node::record::Record;
+use nalgebra::Vector3;
+use serde::Serialize;
 
-/// Force on the object below which the contact has ended, in N.
-const CONTACT: f64 = 0.2;
+use telemetry::fidelity::Sample;
+use units::spatial::Wrench;
 
-/// Braking after the end of the last contact.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Task force at the grip from which its direction is known and there is contact, in N.
+const CONTACT: f64 = 0.06;
+
+/// Time after the contact that still belongs to the release, in s.
+const AFTER: f64 = 0.5;
+
+/// Figures of a release.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Release {
-    has_ended: bool,
-    peak: f64,
-    braked: f64,
+    /// Largest force into the surface beyond what may be, in N.
+    pub pull_n: f64,
+    /// Largest force out of the surface beyond task and damping, in N.
+    pub excess_n: f64,
+    /// Time for which more than 0.3 N pulled or pushed too much, in s.
+    pub outside_s: f64,
+    /// Largest change of the passivity damper's force in a cycle, in N.
+    pub step_n: f64,
+    /// Energy that the passivity damper took from the hand, in J.
+    pub taken_j: f64,
+    /// Time of the release that was judged, in s.
+    pub seconds: f64,
 }
 
-impl Release {
-    /// Adds a cycle at `t` s of the script; each lasts `dt` s.
-    pub fn add(&mut self, t: f64, dt: f64, record: &Record) {
-        let is_contact = record.f_s.force.norm() >= CONTACT;
-        self.has_ended |= t > RELEASE_S && !is_contact;
-        if self.has_ended && !is_contact {
-            let force = record.output.port.f_g_passivity.force.norm();
-            self.peak = self.peak.max(force);
-            self.braked += if force > 1.0 { dt } else { 0.0 };
+/// Judge of a release.
+#[derive(Clone, Copy, Debug)]
+pub struct ReleaseJudge {
+    start: f64,
+    damping: f64,
+    figures: Release,
+    before: Option<Before>,
+    /// Direction of the last task force, in {G}: out of the surface.
+    outwards: Option<Vector3<f64>>,
+    free_since: Option<f64>,
+}
+
+/// Values of the cycle before.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    t: f64,
+    x_0: Vector3<f64>,
+    damper: Wrench,
+}
+
+impl ReleaseJudge {
+    /// Creates a judge of a release that starts at `start` s, with the damping K_D in N·s/m.
+    pub const fn new(start: f64, damping: f64) -> Self {
+        let figures = Release {
+            pull_n: 0.0,
+            excess_n: 0.0,
+            outside_s: 0.0,
+            step_n: 0.0,
+            taken_j: 0.0,
+            seconds: 0.0,
+        };
+        Self { start, damping, figures, before: None, outwards: None, free_since: None }
+    }
+
+    /// Returns the figures so far.
+    pub const fn figures(&self) -> Release {
+        self.figures
+    }
+
+    /// Adds the sample of a cycle at `t` s.
+    pub fn add(&mut self, t: f64, sample: Option<&Sample>) {
+        let Some(sample) = sample else {
+            self.before = None;
+            return;
+        };
+        let now = Before { t, x_0: sample.x_0, damper: sample.parts.passivity };
+        let before = self.before.replace(now);
+        let is_contact = sample.wanted.force.norm() >= CONTACT;
+        if is_contact {
+            self.outwards = sample.wanted.force.try_normalize(0.0);
+            self.free_since = None;
+        } else {
+            self.free_since = self.free_since.or(Some(t));
         }
+        let is_over = self.free_since.is_some_and(|since| t - since > AFTER);
+        let (Some(before), Some(outwards)) = (before, self.outwards) else { return };
+        if t < self.start || is_over {
+            return;
+        }
+        self.judge(sample, &before, now, &outwards, is_contact);
     }
 
-    /// Largest braking force after the end of the contact, in N.
-    pub const fn peak_n(&self) -> f64 {
-        self.peak
+    fn judge(
+        &mut self,
+        sample: &Sample,
+        before: &Before,
+        now: Before,
+        outwards: &Vector3<f64>,
+        is_contact: bool,
+    ) {
+        let dt = now.t - before.t;
+        let speed = (now.x_0 - before.x_0).norm() / dt;
+        let damping = self.damping * speed;
+        let force = answer(sample).force.dot(outwards);
+        let task = sample.wanted.force.dot(outwards);
+        let least = if is_contact { 0.0 } else { -damping };
+        let (pull, excess) = (least - force, force - task - damping);
+        let damper = now.damper.force.dot(outwards).abs();
+        let figures = &mut self.figures;
+        figures.seconds += dt;
+        figures.pull_n = figures.pull_n.max(pull);
+        figures.excess_n = figures.excess_n.max(excess);
+        figures.outside_s += if pull.max(excess) > 0.3 { dt } else { 0.0 };
+        figures.step_n = figures.step_n.max((now.damper.force - before.damper.force).norm());
+        figures.taken_j += damper * speed * dt;
+    }
+}
+
+/// Returns what the motors answer to the contact with, at the hand: task, passivity damper and damping.
+fn answer(sample: &Sample) -> Wrench {
+    let parts = &sample.parts;
+    let beside =
+        parts.friction + parts.inertia + parts.compensation + parts.centring + parts.soft_stops;
+    sample.felt + beside * -1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use telemetry::fidelity::Parts;
+    use units::time::Instant;
+
+    fn along_x(force: f64) -> Wrench {
+        Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO }
     }
 
-    /// Time for which more than 1 N braked, in s.
-    pub const fn braked_s(&self) -> f64 {
-        self.braked
+    /// A task of `task` N against the wall's direction, of which the hand feels `felt` N; it withdraws at 0.1 m/s.
+    fn judged(samples: impl IntoIterator<Item = (f64, f64, f64)>) -> Release {
+        let mut judge = ReleaseJudge::new(0.0, 8.0);
+        for (cycle, (task, felt, damper)) in samples.into_iter().enumerate() {
+            let t = 1e-3 * f64::from(u32::try_from(cycle).unwrap());
+            let sample = Sample {
+                at: Instant::ZERO,
+                x_0: Vector3::new(-0.1 * t, 0.0, 0.0),
+                contact_force: 0.0,
+                is_saturated: false,
+                wanted: along_x(-task),
+                felt: along_x(-felt),
+                parts: Parts { passivity: along_x(damper), ..Parts::default() },
+            };
+            judge.add(t, Some(&sample));
+        }
+        judge.figures()
+    }
+
+    #[test]
+    fn hand_that_is_pulled_into_the_wall_is_found() {
+        let figures = judged([(2.0, 2.0, 0.0), (1.5, -3.2, 4.7), (1.0, 0.5, 0.5)]);
+        assert!((figures.pull_n - 3.2).abs() < 1e-9, "{figures:?}");
+        assert!((figures.step_n - 4.7).abs() < 1e-9);
+        assert!((figures.outside_s - 1e-3).abs() < 1e-12);
+        assert!((figures.taken_j - (4.7 + 0.5) * 0.1 * 1e-3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn task_and_damping_are_no_excess() {
+        let figures = judged([(2.0, 2.0, 0.0), (2.0, 2.7, 0.0), (2.0, 3.1, 0.0)]);
+        assert!((figures.excess_n - (3.1 - 2.8)).abs() < 1e-9, "{figures:?}");
+    }
+
+    #[test]
+    fn drag_after_the_contact_is_no_pull_beyond_damping() {
+        let figures = judged([(2.0, 2.0, 0.0), (0.0, -0.7, 0.0), (0.0, -1.0, 0.0)]);
+        assert!((figures.pull_n - 0.2).abs() < 1e-9, "{figures:?}");
+    }
+
+    #[test]
+    fn half_a_second_after_the_contact_nothing_is_judged() {
+        let after = std::iter::repeat_n((0.0, 0.0, 0.0), 600);
+        let figures = judged([(2.0, 2.0, 0.0)].into_iter().chain(after).chain([(0.0, -9.0, 9.0)]));
+        assert!(figures.pull_n <= 0.0, "{figures:?}");
     }
 }

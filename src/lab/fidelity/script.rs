@@ -1,16 +1,22 @@
-//! The script of the experiment: an operator moves freely, meets a wall, holds, slides along it, presses and lets go.
+//! Scripts of the experiment: an operator moves freely, meets a wall, holds, slides along it, presses and lets go.
 //!
 //! ```text
-//!  3 … 6.5 s   free motion: 5 cm to both sides, up and down
-//!  7 … 8.5 s   approach; until 11 s the hand holds
-//!  11 … 13 s   slides 2 cm along the wall to both sides; until 14 s it holds
-//!  14 … 14.5 s presses harder, to 11 N
-//!  15.5 s      lets the force go within 0.3 s, and withdraws
+//!  pose mode                                                          contact alone
+//!  3 … 6.5 s     free motion: 5 cm to both sides, up and down         –
+//!  7 … 8.5 s     approach; until 11 s the hand holds                  3 … 4.5 s; until 6 s
+//!  11 … 13 s     slides 2 cm to both sides; until 14.5 s it holds     –
+//!  14.5 … 15 s   presses 2 N more; until 16.5 s it holds              –
+//!  16.5 … 17 s   withdraws to half of that; until 18.5 s it holds     –
+//!  18.5 s        lets the force go within 0.3 s, and withdraws        6 s
 //! ```
+//!
+//! In rate mode the hand deflects until the object presses with the same force, and the release is the same.
 //!
 //! The way into the wall depends on the hand: at rest its spring and the wall's, in series, carry the same force.
 
 use std::fmt;
+
+use serde::Serialize;
 
 use config::Config;
 use remote::scene::HALF_CUBE;
@@ -18,20 +24,11 @@ use sim::operator_settings::OperatorSettings;
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
 
-/// Force felt while the hand holds, in N.
-pub const HELD: f64 = 9.0;
+/// Further force of the press, in N.
+const PRESS: f64 = 2.0;
 
-/// Force felt before the release, in N.
-pub const PRESSED: f64 = 11.0;
-
-/// Start of the sliding, in s.
-pub const SLIDE_S: f64 = 11.0;
-
-/// Start of the release, in s.
-pub const RELEASE_S: f64 = 15.5;
-
-/// Length of the script, in s.
-pub const SECONDS: f64 = 17.5;
+/// Time in which the hand lets go, in s.
+const LET_GO_S: f64 = 0.3;
 
 /// The four hands.
 pub const HANDS: [Hand; 4] = [
@@ -51,49 +48,141 @@ impl fmt::Display for Hand {
     }
 }
 
-/// Returns the script of one hand, in pose mode, for the wall of `config`; `None` without a wall.
-pub fn script(config: &Config, hand: &Hand) -> Option<Scenario> {
-    let Hand(_, operator) = hand;
-    let (to_wall, felt_stiffness) = wall(config)?;
-    let deep = |force: f64| to_wall + operator.deflection(force) + force / felt_stiffness;
-    let (held, pressed) = (deep(HELD), deep(PRESSED));
-    let at = |at_s, seconds, [x, y, z]: [f64; 3]| Entry::Move(Move::new(at_s, seconds, [x, y, z]));
-    let entries = switches().into_iter().chain([
-        at(3.0, 0.75, [0.0, 0.05, 0.0]),
-        at(3.75, 1.0, [0.0, -0.05, 0.0]),
-        at(4.75, 1.0, [0.0, 0.0, 0.05]),
-        at(5.75, 0.75, [0.0, 0.0, 0.0]),
-        at(7.0, 1.5, [held, 0.0, 0.0]),
-        at(SLIDE_S, 0.5, [held, 0.02, 0.0]),
-        at(11.5, 1.0, [held, -0.02, 0.0]),
-        at(12.5, 0.5, [held, 0.0, 0.0]),
-        at(14.0, 0.5, [pressed, 0.0, 0.0]),
-        at(RELEASE_S, 0.3, [to_wall, 0.0, 0.0]),
-        at(RELEASE_S + 0.3, 0.7, [0.0, 0.0, 0.0]),
-    ]);
-    let scenario = Scenario::new(SECONDS, entries).ok()?;
-    Some(scenario.with_operator(*operator))
+/// Course of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Course {
+    /// Free motion, approach, slide, press, half release and release, in pose mode.
+    Full,
+    /// Contact and release in pose mode.
+    PoseRelease,
+    /// Contact and release in rate mode.
+    RateRelease,
 }
 
-/// Pose mode, armed; the deadman and reflection on before the motion.
-fn switches() -> [Entry; 6] {
+impl fmt::Display for Course {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Full => "full",
+            Self::PoseRelease => "pose",
+            Self::RateRelease => "rate",
+        })
+    }
+}
+
+/// Start of the release and end of the script, in s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Times {
+    /// Start of the release.
+    pub release: f64,
+    /// End.
+    pub end: f64,
+}
+
+impl Course {
+    /// Returns its times.
+    pub const fn times(self) -> Times {
+        match self {
+            Self::Full => Times { release: 18.5, end: 21.0 },
+            Self::PoseRelease => Times { release: 6.0, end: 8.5 },
+            Self::RateRelease => Times { release: 9.0, end: 11.5 },
+        }
+    }
+
+    /// Returns the script of one hand that holds `felt` N at the wall of `config`; `None` without a wall.
+    pub fn script(self, config: &Config, hand: &Hand, felt: f64) -> Option<Scenario> {
+        let Hand(_, operator) = hand;
+        let wall = FeltWall::new(config)?;
+        let at =
+            |at_s, seconds, [x, y, z]: [f64; 3]| Entry::Move(Move::new(at_s, seconds, [x, y, z]));
+        let Times { release, end } = self.times();
+        let deep = |force: f64| wall.way + operator.deflection(force) + force / wall.stiffness;
+        let (held, pressed) = (deep(felt), deep(felt + PRESS));
+        let moves = match self {
+            Self::Full => vec![
+                at(3.0, 0.75, [0.0, 0.05, 0.0]),
+                at(3.75, 1.0, [0.0, -0.05, 0.0]),
+                at(4.75, 1.0, [0.0, 0.0, 0.05]),
+                at(5.75, 0.75, [0.0, 0.0, 0.0]),
+                at(7.0, 1.5, [held, 0.0, 0.0]),
+                at(11.0, 0.5, [held, 0.02, 0.0]),
+                at(11.5, 1.0, [held, -0.02, 0.0]),
+                at(12.5, 0.5, [held, 0.0, 0.0]),
+                at(14.5, 0.5, [pressed, 0.0, 0.0]),
+                at(16.5, 0.5, [deep((felt + PRESS) / 2.0), 0.0, 0.0]),
+                at(release, LET_GO_S, [wall.way, 0.0, 0.0]),
+                at(release + LET_GO_S, 0.7, [0.0, 0.0, 0.0]),
+            ],
+            Self::PoseRelease => vec![
+                at(3.0, 1.5, [held, 0.0, 0.0]),
+                at(release, LET_GO_S, [wall.way, 0.0, 0.0]),
+                at(release + LET_GO_S, 0.7, [0.0, 0.0, 0.0]),
+            ],
+            Self::RateRelease => {
+                let deflected = wall.deflection(felt) + operator.deflection(felt + wall.plateau);
+                vec![at(3.0, 1.0, [deflected, 0.0, 0.0]), at(release, LET_GO_S, [0.0, 0.0, 0.0])]
+            }
+        };
+        let entries = switches(self, end).into_iter().chain(moves);
+        let scenario = Scenario::new(end, entries).ok()?;
+        Some(scenario.with_operator(*operator))
+    }
+}
+
+/// Returns the switches: armed in the mode of the course; the deadman and reflection on before the motion.
+fn switches(course: Course, end: f64) -> Vec<Entry> {
     let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    [
-        request(0.1, ConsoleRequest::Pose),
+    let mode = match course {
+        Course::Full | Course::PoseRelease => ConsoleRequest::Pose,
+        Course::RateRelease => ConsoleRequest::Rate,
+    };
+    vec![
+        request(0.1, mode),
         request(0.2, ConsoleRequest::Arm),
         Entry::Switch(Switch::deadman(1.5, true)),
         Entry::Switch(Switch::reflection(1.6, true)),
         Entry::Switch(Switch::reflection(1.7, false)),
-        Entry::Switch(Switch::deadman(17.2, false)),
+        Entry::Switch(Switch::deadman(end - 0.3, false)),
     ]
 }
 
-/// Returns the hand's way to the wall along x of {0} in m, if the object moves as the grip, and the stiffness that it feels there in N/m.
-fn wall(config: &Config) -> Option<(f64, f64)> {
-    let (point, normal, contact) = config.remote.wall?;
-    let x_b_m = config.remote.x_b_m;
-    let [k_t, ..] = *config.controller.reflection.gain().values();
-    let [k_p, ..] = *config.controller.command.pose_gain.values();
-    let away = (point - x_b_m.translation.vector).dot(&-normal.into_inner());
-    Some(((away - HALF_CUBE) / k_p, k_t * k_p * contact.stiffness))
+/// The wall as the hand meets it, along x of {0}, if the object moves as the grip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FeltWall {
+    /// Way of the hand to it in pose mode, in m.
+    way: f64,
+    /// Stiffness that the hand feels in pose mode, in N/m.
+    stiffness: f64,
+    /// Deadband, in m.
+    deadband: f64,
+    /// Deflection beyond the deadband per force felt in rate mode, in m/N: `K_FA/(K_V K_T)`.
+    compliance: f64,
+    /// Plateau of the return to centre, in N.
+    plateau: f64,
+}
+
+impl FeltWall {
+    fn new(config: &Config) -> Option<Self> {
+        let (point, normal, contact) = config.remote.wall?;
+        let x_b_m = config.remote.x_b_m;
+        let [k_t, ..] = *config.controller.reflection.gain().values();
+        let [k_p, ..] = *config.controller.command.pose_gain.values();
+        let [k_v, ..] = *config.controller.command.rate_gain.values();
+        let [k_fa, ..] = config.remote.interaction.accommodation.gain();
+        let channels = &config.controller.channels;
+        let ([deadband, ..], [plateau, ..]) = (channels.deadbands(), channels.plateaus());
+        let away = (point - x_b_m.translation.vector).dot(&-normal.into_inner());
+        Some(Self {
+            way: (away - HALF_CUBE) / k_p,
+            stiffness: k_t * k_p * contact.stiffness,
+            deadband,
+            compliance: k_fa / (k_v * k_t),
+            plateau,
+        })
+    }
+
+    /// Returns the grip's deflection in m at which the object in rate mode presses until `force` N are felt.
+    fn deflection(&self, force: f64) -> f64 {
+        self.deadband + force * self.compliance
+    }
 }

@@ -1,4 +1,4 @@
-//! One run of the script by one hand, on the arm as configured or another one.
+//! One run of a script by one hand, on the arm as configured or another one.
 
 use std::fmt;
 
@@ -6,13 +6,14 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::bench::Bench;
-use crate::fidelity::release::Release;
-use crate::fidelity::script::{self, Hand};
+use crate::fidelity::hold::Holds;
+use crate::fidelity::release::ReleaseJudge;
+use crate::fidelity::script::{Course, Hand};
 use crate::fidelity::truth::Truth;
 use config::Config;
 use controller::{Extensions, Settings};
 use node::BringUpError;
-use telemetry::fidelity::{Fidelity, Figures, Judged, Report, Sample};
+use telemetry::fidelity::{Fidelity, Judged, Report, Sample};
 
 /// The arm that the hand really holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -22,19 +23,23 @@ pub enum Arm {
     Identified,
     /// With 30 % less friction than configured.
     LessFriction,
+    /// With 30 % more friction than configured.
+    MoreFriction,
     /// Without friction, and without its compensation.
     Frictionless,
 }
 
 impl Arm {
     /// All arms.
-    pub const ALL: [Self; 3] = [Self::Identified, Self::LessFriction, Self::Frictionless];
+    pub const ALL: [Self; 4] =
+        [Self::Identified, Self::LessFriction, Self::MoreFriction, Self::Frictionless];
 
     /// Its friction, as a share of the configured one.
     pub const fn friction(self) -> f64 {
         match self {
             Self::Identified => 1.0,
             Self::LessFriction => 0.7,
+            Self::MoreFriction => 1.3,
             Self::Frictionless => 0.0,
         }
     }
@@ -53,20 +58,36 @@ impl fmt::Display for Arm {
         f.write_str(match self {
             Self::Identified => "as identified",
             Self::LessFriction => "30 % less friction",
+            Self::MoreFriction => "30 % more friction",
             Self::Frictionless => "without friction",
         })
     }
 }
 
+/// A course, by one hand with one seed, on one arm, with a force held.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The course.
+    pub course: Course,
+    /// The arm that the hand really holds.
+    pub arm: Arm,
+    /// The hand.
+    pub hand: &'static Hand,
+    /// The seed of its tremor.
+    pub seed: u64,
+    /// Force felt while the hand holds, in N.
+    pub felt_n: f64,
+}
+
 /// Outcome of one run.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Fidelity until the end of the first hold: after an approach.
-    pub approach: Fidelity,
+    /// Still contact after each motion.
+    pub holds: Holds,
     /// Fidelity over the whole script.
     pub at_hand: Fidelity,
-    /// Braking after the release.
-    pub release: Release,
+    /// The release.
+    pub release: ReleaseJudge,
     /// Cycles in which a joint was at its capacity.
     pub saturated_cycles: u64,
     /// Cause of a stop.
@@ -85,51 +106,43 @@ pub enum NoTrial {
 }
 
 impl Trial {
-    /// Runs the script; `each` sees every cycle's time of the script in s, with its sample.
+    /// Plays `part` at the wall of `config`; `each` sees every cycle's time of the script in s, with its sample.
     ///
     /// # Errors
     /// Without a wall, or where the drives cannot be enabled.
     pub fn run(
         config: &Config,
-        arm: Arm,
-        hand: &Hand,
-        seed: u64,
+        part: &Part,
         mut each: impl FnMut(f64, Option<&Sample>),
     ) -> Result<Self, NoTrial> {
-        let scenario = script::script(config, hand).ok_or(NoTrial::NoWall)?;
+        let Part { course, arm, hand, seed, felt_n } = *part;
+        let scenario = course.script(config, hand, felt_n).ok_or(NoTrial::NoWall)?;
         let config = &arm.controlled(config);
         let world = config.clone().with_friction(arm.friction());
         let mut bench = Bench::in_world_of(&world, config, scenario, seed, false, ());
         bench.bring_up()?;
         let mut truth = Truth::new(config);
+        let times = course.times();
+        let [damping, ..] = *config.controller.damping.values();
         let mut trial = Self {
-            approach: Fidelity::new(Judged::Hand),
+            holds: Holds::default(),
             at_hand: Fidelity::new(Judged::Hand),
-            release: Release::default(),
+            release: ReleaseJudge::new(times.release, damping),
             saturated_cycles: 0,
             stopped_by: None,
         };
-        let period = config.controller.period;
-        let dt = period.seconds();
-        for _ in 0..period.cycles(script::SECONDS) {
+        for _ in 0..config.controller.period.cycles(times.end) {
             let record = bench.cycle();
             let t = record.at.since(bench.begun()).as_secs_f64();
             let sample = truth.sample(&bench, &record);
             trial.at_hand.add(sample.as_ref());
-            if t < script::SLIDE_S {
-                trial.approach.add(sample.as_ref());
-            }
-            trial.release.add(t, dt, &record);
+            trial.holds.add(t, sample.as_ref().filter(|_| course == Course::Full));
+            trial.release.add(t, sample.as_ref());
             trial.saturated_cycles += u64::from(record.output.is_saturated());
             trial.stopped_by = record.cause.map(|cause| cause.to_string());
             each(t, sample.as_ref());
         }
         Ok(trial)
-    }
-
-    /// Figures of still contact after the approach.
-    pub fn still(&self) -> Option<Figures> {
-        self.approach.report()?.still_contact
     }
 
     /// Figures of what the hand felt.

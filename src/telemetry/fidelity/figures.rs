@@ -89,18 +89,15 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
         if let Some(still) = &self.still_contact {
-            let beyond = still.beyond_assist_rms_n / still.wanted_rms_n;
-            let shares = [still.relative_error(), still.relative_max(), beyond];
-            let [error, max, beyond] = shares.map(|share| 100.0 * share);
             parts.push(format!(
-                "off by {error:.1} % rms ({max:.0} % at most) of {:.1} N in still contact, \
-                 {beyond:.1} % beyond assist and inertia",
-                still.wanted_rms_n
+                "{:.2} N off (rms; {:.2} N at most) while still in contact at {:.1} N, \
+                 {:.2} N without assist and inertia",
+                still.error_rms_n, still.error_max_n, still.wanted_rms_n, still.beyond_assist_rms_n
             ));
         }
         if let Some(free) = &self.free_motion {
             parts.push(format!(
-                "drag of {:.1} N rms in free motion, {:.1} N beyond assist and inertia",
+                "{:.1} N of drag in free motion, {:.1} N without assist and inertia",
                 free.felt_rms_n, free.beyond_assist_rms_n
             ));
         }

@@ -4,15 +4,16 @@ mod report;
 
 use std::num::NonZero;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::cli::experiment::common::{self, Common, Named};
 use crate::cli::experiment::picture::{self, Ink, Panel, Series};
 use crate::cli::experiment::runner;
 use crate::cli::experiment::table;
-use lab::fidelity::experiment::{Participants, Row, pooled};
-use lab::fidelity::script::Hand;
-use lab::fidelity::trial::{Arm, NoTrial};
+use lab::fidelity::experiment::{Condition, Participants, Row};
+use lab::fidelity::pooled::Pooled;
+use lab::fidelity::script::{Course, Hand};
+use lab::fidelity::trial::NoTrial;
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
 use units::spatial::Wrench;
@@ -31,12 +32,24 @@ pub(crate) struct Arguments {
     /// Number of seeds; one with --short, which also takes one hand alone.
     #[arg(long, value_name = "N", default_value = "3", conflicts_with = "short")]
     seeds: NonZero<u64>,
+    /// Part of the experiment: still contact with drag in free motion, or releases. Default: both.
+    #[arg(long, value_name = "PART")]
+    part: Option<Part>,
+}
+
+/// Part of the experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// Still contact, and drag in free motion.
+    Still,
+    /// Releases in both modes.
+    Releases,
 }
 
 /// One run.
 struct Job<'n> {
     named: &'n Named,
-    arm: Arm,
+    condition: Condition,
     participant: (&'static Hand, u64),
 }
 
@@ -45,9 +58,9 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
     configs.iter().try_for_each(require_wall)?;
     args.common.ensure_free(&FILES)?;
-    let rows = rows(&configs, &participants(args), is_quiet)?;
-    let pooled = pooled(&rows);
-    let tables = [report::table(&pooled)];
+    let rows = rows(&configs, args, is_quiet)?;
+    let pooled = Pooled::new(&rows);
+    let tables = report::tables(&pooled);
     args.common.print(&pooled, &tables)?;
     args.common.write(|| {
         let picture = picture(&configs, args)?;
@@ -55,8 +68,9 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         Ok(FILES.into_iter().zip(contents).collect())
     })?;
     common::refuse_stopped(rows.iter().filter_map(|row| {
-        let Row { config, arm, hand, seed, stopped_by, .. } = row;
-        Some((format!("{config}, {arm}, {hand}, seed {seed}"), stopped_by.as_deref()?))
+        let Row { config, condition, hand, seed, stopped_by, .. } = row;
+        let Condition { course, arm, .. } = condition;
+        Some((format!("{config}, {course}, {arm}, {hand}, seed {seed}"), stopped_by.as_deref()?))
     }))
 }
 
@@ -73,21 +87,28 @@ fn participants(args: &Arguments) -> Participants {
     if short { Participants::short(seed) } else { Participants::full(seed, args.seeds) }
 }
 
+fn conditions(args: &Arguments) -> Vec<Condition> {
+    let all = if args.common.short { Condition::short() } else { Condition::full() };
+    let is_asked = |condition: &Condition| match args.part {
+        None => true,
+        Some(Part::Still) => condition.course == Course::Full,
+        Some(Part::Releases) => condition.course != Course::Full,
+    };
+    all.into_iter().filter(is_asked).collect()
+}
+
 /// Plays all runs; the rows are in the order of the runs.
-fn rows(
-    configs: &[Named],
-    participants: &Participants,
-    is_quiet: bool,
-) -> Result<Vec<Row>, Failure> {
+fn rows(configs: &[Named], args: &Arguments, is_quiet: bool) -> Result<Vec<Row>, Failure> {
+    let (conditions, participants) = (conditions(args), participants(args));
     let jobs: Vec<Job<'_>> = configs
         .iter()
-        .flat_map(|named| Arm::ALL.map(|arm| (named, arm)))
-        .flat_map(|(named, arm)| {
-            participants.each().map(move |participant| Job { named, arm, participant })
+        .flat_map(|named| conditions.iter().map(move |condition| (named, *condition)))
+        .flat_map(|(named, condition)| {
+            participants.each().map(move |participant| Job { named, condition, participant })
         })
         .collect();
-    let rows = runner::play_all(&jobs, is_quiet, |Job { named, arm, participant }| {
-        Row::play(&named.name, &named.config, *arm, *participant, |_, _| {})
+    let rows = runner::play_all(&jobs, is_quiet, |Job { named, condition, participant }| {
+        Row::play(&named.name, &named.config, *condition, *participant, |_, _| {})
     });
     rows.into_iter().map(|row| row.or_fail(Kind::Drive)).collect()
 }
@@ -108,8 +129,12 @@ fn picture(configs: &[Named], args: &Arguments) -> Result<String, Failure> {
                 felt.push([t, force(|sample| &sample.felt)]);
             }
         };
-        let Some(participant) = participants(args).each().next() else { continue };
-        Row::play(name, config, Arm::Identified, participant, each).or_fail(Kind::Drive)?;
+        let (Some(participant), Some(condition)) =
+            (participants(args).each().next(), conditions(args).first().copied())
+        else {
+            continue;
+        };
+        Row::play(name, config, condition, participant, each).or_fail(Kind::Drive)?;
         panels.push(Panel {
             title: format!("{name}, {} hand", participant.0),
             axes: ["s", "N"],

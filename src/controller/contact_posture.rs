@@ -1,0 +1,215 @@
+//! Postures of the arm in contact: how well it renders a push there.
+//!
+//! The grip goes straight from where it is, with its orientation, by Newton steps on the Jacobian. Near a singularity the
+//! friction of the joints counts many times at the grip, and an error of their torques does.
+
+use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
+use thiserror::Error;
+
+use crate::JointVector;
+use crate::arm::Arm;
+use units::spatial::{Jacobian, Twist};
+
+/// Longest step of the way, in m: within it, one posture is near enough to the next for Newton's method.
+const STEP: f64 = 5e-3;
+
+/// Newton steps per step of the way.
+const ITERATIONS: u32 = 8;
+
+/// Residual of a pose that is reached, in m and rad.
+const TOLERANCE: f64 = 1e-7;
+
+/// Maximum number of steps of a way; at most 50 m.
+const MAX_STEPS: f64 = 1e4;
+
+/// Quality of a posture for pushes along one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactPosture {
+    /// Joint positions, in rad or m.
+    pub q: JointVector,
+    /// Smallest singular value of the Jacobian at {G}, with rates in rad/s or m/s and twists in m/s and rad/s.
+    pub sigma_min: f64,
+    /// Dry friction of all joints along the direction of the push, in N: `Σ_j |(J⁻¹)_j n| c_j`. Infinite at a singularity.
+    pub friction_n: f64,
+}
+
+/// Bounds of a posture in which contact is rendered well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PostureBounds {
+    /// Minimum of the smallest singular value (m, rad).
+    pub min_sigma: f64,
+    /// Maximum dry friction along the push, in N.
+    pub max_friction_n: f64,
+}
+
+impl PostureBounds {
+    /// Returns whether a posture is within the bounds.
+    pub fn permit(&self, posture: &ContactPosture) -> bool {
+        posture.sigma_min >= self.min_sigma && posture.friction_n <= self.max_friction_n
+    }
+}
+
+/// Every posture is within these bounds.
+impl Default for PostureBounds {
+    fn default() -> Self {
+        Self { min_sigma: 0.0, max_friction_n: f64::INFINITY }
+    }
+}
+
+/// Reason why the arm does not come to a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum OutOfReach {
+    /// No posture has this pose.
+    #[error("no posture of the arm reaches it: the way ends after {reached:.3} m")]
+    NoPosture {
+        /// Way that the grip can go, in m.
+        reached: f64,
+    },
+    /// A joint leaves its range.
+    #[error("joint {joint} would leave its range")]
+    JointRange {
+        /// The joint, from 1.
+        joint: usize,
+    },
+}
+
+impl ContactPosture {
+    /// Judges a posture with Jacobian `j_g`, for pushes along the unit vector `n_g` in {G}, with the joints' dry friction
+    /// `coulomb` in N·m or N.
+    pub fn new(
+        q: &JointVector,
+        j_g: &Jacobian<6>,
+        n_g: &Vector3<f64>,
+        coulomb: &JointVector,
+    ) -> Self {
+        let matrix = j_g.matrix();
+        let sigma_min = matrix.singular_values().min();
+        let along = SVector::from([n_g.x, n_g.y, n_g.z, 0.0, 0.0, 0.0]);
+        let rates = matrix.try_inverse().map(|inverse: SMatrix<f64, 6, 6>| inverse * along);
+        let friction_n = rates.map_or(f64::INFINITY, |qd| qd.abs().dot(coulomb));
+        Self { q: *q, sigma_min, friction_n }
+    }
+
+    /// Returns the posture after a straight way of the grip from `q`, `way` in {0} in m, that pushes along it.
+    ///
+    /// # Errors
+    /// A pose out of reach, with the way to the last one within, or the joint that leaves its range first.
+    pub fn after(
+        arm: &Arm<6>,
+        q: &JointVector,
+        way: &Vector3<f64>,
+        coulomb: &JointVector,
+    ) -> Result<Self, OutOfReach> {
+        let x_0_first = arm.forward(q);
+        let length = way.norm();
+        if !length.is_finite() {
+            return Err(OutOfReach::NoPosture { reached: 0.0 });
+        }
+        let steps = (length / STEP).ceil().clamp(1.0, MAX_STEPS);
+        let (mut q, mut step) = (*q, 0.0);
+        while step < steps {
+            let reached = length * step / steps;
+            step += 1.0;
+            let mut x_0_g = x_0_first;
+            x_0_g.translation.vector += way * (step / steps);
+            q = solved(arm, &q, &x_0_g).ok_or(OutOfReach::NoPosture { reached })?;
+            if let Some(place) = arm.out_of_range(&q) {
+                return Err(OutOfReach::JointRange { joint: place + 1 });
+            }
+        }
+        let posture = arm.posture(&q);
+        let n_g = posture.x_0_g.rotation.inverse() * way.try_normalize(0.0).unwrap_or_default();
+        Ok(Self::new(&q, &arm.jacobian(&posture), &n_g, coulomb))
+    }
+}
+
+/// Returns joint positions near `q` with the grip at `x_0_g`, by Newton's method.
+fn solved(arm: &Arm<6>, q: &JointVector, x_0_g: &Isometry3<f64>) -> Option<JointVector> {
+    let mut q = *q;
+    for _ in 0..ITERATIONS {
+        let posture = arm.posture(&q);
+        let missing = Twist::reaching(&(posture.x_0_g.inverse() * x_0_g), 1.0);
+        let missing = SVector::from(missing.components());
+        if missing.amax() < TOLERANCE {
+            return Some(q);
+        }
+        q += arm.jacobian(&posture).matrix().try_inverse()? * missing;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Link;
+
+    /// Three turning joints in a plane with links of 0.25 m, three for the orientation at the grip.
+    fn arm() -> Arm<6> {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let link = |alpha, a| Link { alpha, a, ..Link::TURNING };
+        let links = [
+            link(0.0, 0.0),
+            link(-quarter, 0.0),
+            link(0.0, 0.25),
+            link(0.0, 0.25),
+            link(quarter, 0.0),
+            link(-quarter, 0.0),
+        ];
+        Arm::new(links, Isometry3::identity(), [0.0; 3]).unwrap()
+    }
+
+    fn bent() -> JointVector {
+        JointVector::from([0.0, -0.8, 1.6, -0.8, 0.5, 0.0])
+    }
+
+    fn after(way: [f64; 3]) -> Result<ContactPosture, OutOfReach> {
+        ContactPosture::after(&arm(), &bent(), &Vector3::from(way), &JointVector::repeat(0.05))
+    }
+
+    #[test]
+    fn straight_way_keeps_the_orientation() {
+        let (arm, way) = (arm(), Vector3::new(0.05, 0.02, 0.01));
+        let found = after(way.into()).unwrap();
+        let (from, to) = (arm.forward(&bent()), arm.forward(&found.q));
+        assert!((to.translation.vector - from.translation.vector - way).norm() < 1e-6);
+        assert!(from.rotation.angle_to(&to.rotation) < 1e-6);
+    }
+
+    #[test]
+    fn friction_counts_more_at_a_stretched_elbow() {
+        let near = after([0.02, 0.0, 0.0]).unwrap();
+        let far = after([0.14, 0.0, 0.0]).unwrap();
+        assert!(far.sigma_min < 0.5 * near.sigma_min, "{near:?} {far:?}");
+        assert!(far.friction_n > 1.5 * near.friction_n, "{near:?} {far:?}");
+    }
+
+    #[test]
+    fn friction_is_the_power_of_the_joints_along_the_push() {
+        let (arm, coulomb) = (arm(), JointVector::from([0.01, 0.02, 0.03, 0.04, 0.05, 0.06]));
+        let way = Vector3::new(0.03, 0.0, 0.0);
+        let found = ContactPosture::after(&arm, &bent(), &way, &coulomb).unwrap();
+        // Joint rates at which the grip moves by 1 m/s along the push.
+        let small = 1e-5;
+        let on = ContactPosture::after(&arm, &found.q, &Vector3::new(small, 0.0, 0.0), &coulomb);
+        let power = (on.unwrap().q - found.q).abs().dot(&coulomb) / small;
+        assert!((found.friction_n / power - 1.0).abs() < 1e-2, "{found:?}, {power} N");
+    }
+
+    #[test]
+    fn way_beyond_the_reach_is_refused() {
+        assert!(matches!(after([0.4, 0.0, 0.0]), Err(OutOfReach::NoPosture { .. })));
+        let nowhere = after([f64::NAN, 0.0, 0.0]);
+        assert!(nowhere.is_err(), "{nowhere:?}");
+    }
+
+    #[test]
+    fn joint_that_leaves_its_range_is_named() {
+        let error = ContactPosture::after(
+            &arm(),
+            &JointVector::from([0.0, 0.5, 2.9, -2.5, 0.5, 0.0]),
+            &Vector3::new(0.0, 0.0, 0.1),
+            &JointVector::zeros(),
+        );
+        assert_eq!(error, Err(OutOfReach::JointRange { joint: 3 }));
+    }
+}

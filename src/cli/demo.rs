@@ -23,11 +23,13 @@ use lab::robot_site::{Equipment, RobotSite};
 use lab::side::Side;
 use node::cause::Cause;
 use node::record::Record;
+use run::check::contact;
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
 use run::run_recorder::RunRecorder;
 use run::{gains, print, session};
 use sim::scenario::Scenario;
+use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Fidelity, Judged};
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
@@ -53,6 +55,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     // A robot that cannot be simulated is refused before any results are replaced.
     args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
     gains::warn(&config);
+    contact::warn(&config);
     if scenario.compares_passivity() {
         return compare(args, quiet, &config, &scenario, seconds);
     }
@@ -182,7 +185,8 @@ impl Play<'_> {
         bench.bring_up().or_fail(Kind::Drive)?;
         is_booting.set(false);
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
-        let mut summary = Summary::default();
+        let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
+        let mut summary = Summary::judging(postures);
         let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
         let mut was_too_fast = false;
         for cycle in 1..=cycles {

@@ -20,6 +20,7 @@ mod boot;
 mod boot_writes;
 mod bus_plan;
 mod buses;
+pub mod contact_postures;
 mod control;
 mod devices;
 mod drive_object;
@@ -303,6 +304,7 @@ fn convert(
         Some(section) => switch_box::read(file, section, raw, problems).map(Some),
     };
     let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
+    let contact_bounds = contact_postures::bounds(&raw.arm, problems);
     let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
     let controller = control::settings(raw, &around, problems);
     let command_mode = control::mode(raw, problems);
@@ -336,6 +338,7 @@ fn convert(
         joints: joints?,
         x_6_g: x_6_g?,
         gravity: gravity?,
+        contact_bounds,
         switches: switches?,
         controller: controller?,
         command_mode: command_mode?,

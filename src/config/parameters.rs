@@ -1,5 +1,6 @@
 //! Values of a configuration file, checked, but not yet resolved into a cyclic exchange.
 
+use controller::contact_posture::PostureBounds;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -53,6 +54,8 @@ pub struct Parameters {
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: [f64; 3],
+    /// Bounds of postures in which contact is rendered well.
+    pub contact_bounds: PostureBounds,
     /// The switch box; without it nothing can be armed.
     pub switches: Option<SwitchBox>,
     /// The controller.

@@ -73,6 +73,8 @@ sections! {
         grip_m: Value<List<f64, 3>>,
         grip_rad: Optional<List<f64, 3>>,
         gravity_balanced: Optional<bool>,
+        min_singular_value: Optional<f64>,
+        max_grip_friction_n: Optional<f64>,
     }
 
     Coupling {

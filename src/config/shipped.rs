@@ -36,6 +36,7 @@ tables! {
         "config/scenarios/free.toml",
         "config/scenarios/relaxed_10s.toml",
         "config/scenarios/stiff-wall.toml",
+        "config/scenarios/stretched.toml",
         "config/scenarios/teleoperation.toml",
         "config/scenarios/faults/bus_off.toml",
         "config/scenarios/faults/corrupt.toml",

@@ -14,9 +14,12 @@ use std::fmt;
 
 use serde::Serialize;
 
+use nalgebra::Vector3;
+
 use config::Config;
 use controller::{Extensions, Settings};
 use sim::scenario::Scenario;
+use sim::scenario::environment::Environment;
 use telemetry::contact::Contact;
 use telemetry::summary::Summary;
 
@@ -106,8 +109,10 @@ impl fmt::Display for Verdict {
 #[must_use]
 pub fn surrounded(config: &Config, scenario: &Scenario) -> Config {
     let mut remote = config.remote.clone();
-    if let (Some(stiffness), Some((.., wall))) = (scenario.wall_stiffness(), &mut remote.wall) {
-        wall.stiffness = stiffness;
+    let Environment { wall_stiffness_n_per_m, wall_point_m } = scenario.environment();
+    if let Some((point, _, wall)) = &mut remote.wall {
+        wall.stiffness = wall_stiffness_n_per_m.unwrap_or(wall.stiffness);
+        *point = wall_point_m.map_or(*point, Vector3::from);
     }
     config.clone().with_remote(remote)
 }

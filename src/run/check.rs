@@ -1,5 +1,6 @@
 //! `frhc check`: validates a configuration or EDS files. Opens no bus.
 
+pub mod contact;
 mod eds;
 
 use std::path::{Path, PathBuf};
@@ -111,6 +112,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "ok": true,
             "sync_period_us": config.period.as_micros(),
             "buses": buses.collect::<Vec<_>>(),
+            "contact": contact::json(&config),
             "gains": gains::json(&config.findings()),
             "eds": eds::faulty_json(&config),
             "eds_warnings": eds::lines(&config),
@@ -154,6 +156,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     if let Err(reason) = config.switch_box() {
         print::line(&format!("switches warning   {reason}"));
     }
+    contact::line(&config).iter().for_each(|line| print::line(line));
     for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }

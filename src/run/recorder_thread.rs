@@ -67,13 +67,14 @@ pub(super) struct Names {
 }
 
 /// Records entries until the cycle thread has ended; returns the summary of the run. `commanded` judges the commanded
-/// wrench, because the drives' truth is unknown.
+/// wrench, because the drives' truth is unknown; `summary` has no cycles yet.
 pub(super) fn run(
     mut entries: EntryConsumer,
     writers: &mut DiskWriters,
     latest: &LatestStatus,
     names: &Names,
     commanded: Commanded,
+    summary: Summary,
     lost: &LossCounters,
 ) -> Summary {
     let mut recorder = Recorder {
@@ -81,7 +82,7 @@ pub(super) fn run(
         names,
         commanded,
         fidelity: Fidelity::new(Judged::Command),
-        summary: Summary::default(),
+        summary,
         mode: Mode::Boot,
         event_log: EventLog::new(),
         now: Instant::ZERO,

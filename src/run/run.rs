@@ -24,8 +24,10 @@ use crate::{check, commission, cycle_thread, gains, log_time, print, rings, sess
 use bus::Traced;
 use node::Node;
 use remote::site::VirtualSite;
+use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::Commanded;
 use telemetry::origin::Origin;
+use telemetry::summary::Summary;
 
 /// Time from the stop signal to the end of the recordings: the process ends within a second, its last lines included.
 const END_LIMIT: Duration = Duration::from_millis(900);
@@ -92,11 +94,13 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         let nodes = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
         let names = Names { nodes, joints: provenance::joint_labels(&config) };
         let commanded = Commanded::new(&config.controller);
+        let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
+        let begun = Summary::judging(postures);
         let recording = thread::Builder::new()
             .name("frhc-recorder".to_owned())
             .stack_size(disk_writers::STACK)
             .spawn_scoped(threads, move || {
-                recorder_thread::run(entries, writers, &latest, &names, commanded, &lost)
+                recorder_thread::run(entries, writers, &latest, &names, commanded, begun, &lost)
             })
             .context("cannot start the recorder thread")
             .or_fail(Kind::Bus)?;

@@ -9,6 +9,7 @@
 
 mod chart;
 pub mod contact;
+pub mod contact_posture;
 pub mod digits;
 pub mod fault_record;
 pub mod fidelity;

@@ -6,6 +6,7 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 
 use crate::contact::Contact;
+use crate::contact_posture::ContactPostures;
 use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
@@ -49,6 +50,8 @@ pub struct Summary {
     pub contact_seconds: f64,
     /// Quality of contact.
     pub contact: Contact,
+    /// Contact in postures that render it badly.
+    pub contact_posture: ContactPostures,
     /// The felt wrench against K_T times the sensed one: at the hand in a simulation, as commanded on drives.
     pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
@@ -78,6 +81,12 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Creates the summary of a session that has not begun; `postures` judges its contacts.
+    #[must_use]
+    pub fn judging(postures: ContactPostures) -> Self {
+        Self { contact_posture: postures, ..Self::default() }
+    }
+
     /// Adds the next record.
     pub fn add(&mut self, record: &Record) {
         let missing = record.sampled.iter().filter(|sampled| !**sampled).count();
@@ -99,6 +108,7 @@ impl Summary {
             if record.mode == Mode::Engaged {
                 self.engaged_seconds += dt;
                 self.engagements += u64::from(mode != Mode::Engaged);
+                self.contact_posture.add(record, dt);
                 self.engaged(record, moved, dt);
             }
         }
@@ -166,6 +176,9 @@ impl fmt::Display for Summary {
             self.contact.energy_j * 1e3,
             self.contact.lowest_energy_j * 1e3
         )?;
+        if self.contact_posture.poor_seconds > 0.0 {
+            writeln!(f, "contact posture   {}", self.contact_posture)?;
+        }
         if let Some(fidelity) = &self.fidelity {
             let place = match fidelity.judged {
                 Judged::Hand => "felt at the hand ",

@@ -22,3 +22,4 @@ mod robots;
 mod stability;
 mod stated;
 mod terminal;
+mod walls;

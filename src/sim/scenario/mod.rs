@@ -6,10 +6,12 @@
 //! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
 //! | [`operator`] | moves, switches, holds, requests to the console             |
+//! | [`environment`] | changes of the wall                                      |
 //! | `entry`      | `[[fault]]` entries, read                                   |
 //! | `to_toml`    | `[[fault]]` entries, written                                |
 
 mod entry;
+pub mod environment;
 mod keys;
 pub mod operator;
 mod problem;
@@ -25,6 +27,7 @@ use toml::Spanned;
 
 use crate::operator_settings::OperatorSettings;
 use crate::quirks::QuirkAssignment;
+use crate::scenario::environment::Environment;
 use crate::scenario::keys::Entry as Table;
 use crate::scenario::operator::{Actions, Console, Hold, Move, Switch};
 use crate::scenario::problem::{MIN_DURATION, Misplaced, follows, within};
@@ -34,17 +37,11 @@ use faults::{Fault, Target};
 /// Maximum length of a scenario, in s.
 const MAX_LENGTH: f64 = 86_400.0;
 
-/// Least stiffness of a wall, in N/m.
-const MIN_WALL_STIFFNESS: f64 = 1.0;
-
-/// Largest stiffness of a wall, in N/m.
-const MAX_WALL_STIFFNESS: f64 = 1e7;
-
 /// A scenario that can be played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     seconds: f64,
-    wall_stiffness: Option<f64>,
+    environment: Environment,
     compares_passivity: bool,
     hand: OperatorSettings,
     quirks: QuirkAssignment,
@@ -94,13 +91,6 @@ struct Script {
     quirks: QuirkAssignment,
 }
 
-/// The environment of the object.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-struct Environment {
-    wall_stiffness_n_per_m: f64,
-}
-
 impl Scenario {
     /// Reads a scenario.
     ///
@@ -143,7 +133,7 @@ impl Scenario {
         check_times(&faults, seconds)?;
         Ok(Self {
             seconds,
-            wall_stiffness: None,
+            environment: Environment::default(),
             compares_passivity: false,
             hand: OperatorSettings::default(),
             quirks: QuirkAssignment::default(),
@@ -169,9 +159,9 @@ impl Scenario {
         self.seconds
     }
 
-    /// Returns the stiffness of the wall in N/m, if it differs from the configured one.
-    pub const fn wall_stiffness(&self) -> Option<f64> {
-        self.wall_stiffness
+    /// Returns what differs from the configured environment.
+    pub const fn environment(&self) -> Environment {
+        self.environment
     }
 
     /// Returns whether it is to be played twice: without and with the passivity layer.
@@ -219,7 +209,8 @@ impl Scenario {
         let seconds = *script.seconds.get_ref();
         within("seconds", seconds, MIN_DURATION, MAX_LENGTH)
             .map_err(|problem| (script.seconds.span(), problem))?;
-        let wall_stiffness = script.environment.as_ref().map(wall_stiffness).transpose()?;
+        let environment = script.environment.as_ref().map(Environment::check).transpose()?;
+        let environment = environment.unwrap_or_default();
         let Script {
             compares_passivity,
             hand,
@@ -233,7 +224,7 @@ impl Scenario {
         } = script;
         let actions = Actions::new(moves, switches, console, holds, seconds)?;
         let faults = entry::read_all(faults, seconds)?;
-        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, quirks, actions, faults })
+        Ok(Self { seconds, environment, compares_passivity, hand, quirks, actions, faults })
     }
 }
 
@@ -278,13 +269,11 @@ struct File<'a> {
 
 impl Serialize for Scenario {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { seconds, wall_stiffness, compares_passivity, hand, quirks, actions, faults } =
-            self;
-        let environment = |wall_stiffness_n_per_m| Environment { wall_stiffness_n_per_m };
+        let Self { seconds, environment, compares_passivity, hand, quirks, actions, faults } = self;
         File {
             seconds: *seconds,
             compares_passivity: *compares_passivity,
-            environment: wall_stiffness.map(environment),
+            environment: Some(*environment).filter(|changes| !changes.is_as_configured()),
             hand: Some(*hand).filter(|hand| *hand != OperatorSettings::default()),
             drive: quirks,
             console: &actions.console,
@@ -295,13 +284,6 @@ impl Serialize for Scenario {
         }
         .serialize(serializer)
     }
-}
-
-fn wall_stiffness(around: &Spanned<Environment>) -> Result<f64, Misplaced> {
-    let stiffness = around.get_ref().wall_stiffness_n_per_m;
-    within("wall_stiffness_n_per_m", stiffness, MIN_WALL_STIFFNESS, MAX_WALL_STIFFNESS)
-        .map_err(|problem| (around.span(), problem))?;
-    Ok(stiffness)
 }
 
 /// Returns the line in which a span begins, from 1.

@@ -1,0 +1,65 @@
+//! Posture in which the hand meets the wall, as `frhc check` reports it.
+
+use config::Config;
+use controller::contact_posture::{ContactPosture, PostureBounds};
+
+/// Logs a wall that the hand cannot meet as one should: out of its reach, or with the object in it from the start.
+pub fn warn(config: &Config) {
+    let is_missed = config.wall_contact().is_some_and(|met| met.posture.is_err());
+    if is_missed || config.wall_depth_at_start().is_some() {
+        line(config).iter().for_each(|line| tracing::warn!("{line}"));
+    }
+}
+
+/// Returns the line on the wall; `None` without one.
+pub(super) fn line(config: &Config) -> Option<String> {
+    if let Some(depth) = config.wall_depth_at_start() {
+        return Some(format!("contact warning   the object starts {depth:.3} m in the wall"));
+    }
+    let met = config.wall_contact()?;
+    let away = met.way.norm();
+    Some(match met.posture {
+        Ok(posture) => {
+            let is_poor = !config.contact_bounds.permit(&posture);
+            let remark = if is_poor { remark(&config.contact_bounds) } else { String::new() };
+            let warning = if is_poor { "warning   " } else { "" };
+            format!(
+                "contact {warning}wall {away:.3} m from the start: {}{remark}",
+                quality(&posture)
+            )
+        }
+        Err(reason) => {
+            format!("contact warning   wall {away:.3} m from the start, in pose mode: {reason}")
+        }
+    })
+}
+
+/// Returns the posture's figures in words.
+fn quality(ContactPosture { sigma_min, friction_n, .. }: &ContactPosture) -> String {
+    format!("smallest singular value {sigma_min:.3}, dry friction {friction_n:.2} N at the grip")
+}
+
+fn remark(PostureBounds { min_sigma, max_friction_n }: &PostureBounds) -> String {
+    format!(
+        "; beyond arm.min_singular_value = {min_sigma} or arm.max_grip_friction_n = {max_friction_n}: \
+         the hand feels friction and torque errors many times"
+    )
+}
+
+/// Returns the same for scripts.
+pub(super) fn json(config: &Config) -> serde_json::Value {
+    if let Some(depth_m) = config.wall_depth_at_start() {
+        return serde_json::json!({ "starts_in_the_wall_m": depth_m });
+    }
+    let Some(met) = config.wall_contact() else { return serde_json::Value::Null };
+    let way_m = met.way.norm();
+    match met.posture {
+        Ok(posture) => serde_json::json!({
+            "way_m": way_m,
+            "smallest_singular_value": posture.sigma_min,
+            "friction_n": posture.friction_n,
+            "is_good": config.contact_bounds.permit(&posture),
+        }),
+        Err(reason) => serde_json::json!({ "way_m": way_m, "out_of_reach": reason.to_string() }),
+    }
+}

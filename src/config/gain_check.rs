@@ -18,11 +18,14 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::{Place, Placed};
 use controller::JointVector;
+use controller::arm::Arm;
 use controller::friction::MAX_SHARE;
 use controller::gains::AXES;
 use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
 use controller::stability::device::{Device, JointResistance, Massless};
 use controller::stability::finding::{Culprit, Finding, Verdict};
+use controller::stability::gate::Gate;
+use controller::stability::grip_dynamics::GripDynamics;
 use remote::site::Contact;
 use robot::interaction::Interaction;
 use units::numbering::Joint;
@@ -47,6 +50,14 @@ const ACCOMMODATION_DELAY: u32 = 0;
 /// Distance from its centre at which the object touches a surface, in m: `k` then resists turning with `k r²`.
 const TOUCH_RADIUS: f64 = 0.02;
 
+/// Postures beside the start: each joint alone moved by these shares of its range.
+const SHARES_OF_RANGE: [f64; 2] = [-0.15, 0.15];
+
+/// A posture is near-singular, and is not judged, where the smallest singular value of the Jacobian is below this share of that
+/// at the start. Rotations count with a lever, in m.
+const MIN_SINGULAR_SHARE: f64 = 0.5;
+const LEVER: f64 = 0.1;
+
 /// Returns whether unstable gains are refused: yes, unless `gain_check = "warn"`.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
     let choices = [("refuse", true), ("warn", false)];
@@ -65,13 +76,13 @@ pub(super) fn check(
     if problems.count() > 0 {
         return;
     }
-    let findings = match axes(config) {
-        Ok(axes) => axes,
+    let findings = match judged(config) {
+        Ok(findings) => findings,
         Err(massless) => return problems.add(&raw.joint, massless),
     };
-    for axes in findings.chunks(3).filter(|_| refuses) {
-        let is_rotation = axes.iter().any(|axis| axis.is_rotation);
-        let found = axes.iter().flat_map(Axis::findings);
+    for (is_rotation, axes) in [false, true].into_iter().zip(findings.chunks(3)).filter(|_| refuses)
+    {
+        let found = axes.iter().flatten().cloned();
         let refused: Vec<Finding> =
             found.filter(|finding| finding.verdict == Verdict::Refuses).collect();
         for worst in worst_of_each(&refused) {
@@ -83,8 +94,19 @@ pub(super) fn check(
 impl Parameters {
     /// Returns every inequality of every axis, held or violated.
     pub fn findings(&self) -> Vec<Finding> {
-        axes(self).iter().flatten().flat_map(Axis::findings).collect()
+        judged(self).into_iter().flatten().flatten().collect()
     }
+}
+
+/// Returns the findings of each axis: passivity and closed forms, then the gate.
+fn judged(config: &Parameters) -> Result<[Vec<Finding>; 6], Massless> {
+    let (axes, postures) = (axes(config)?, postures(config)?);
+    let gate = Gate { axes: &axes, postures: &postures };
+    Ok([0, 1, 2, 3, 4, 5].map(|index| {
+        let mut findings = axes.get(index).map(Axis::findings).unwrap_or_default();
+        findings.extend(gate.findings(index));
+        findings
+    }))
 }
 
 /// Returns the most violated of the findings with the same name.
@@ -105,6 +127,10 @@ fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     match (culprit, is_rotation) {
         (Culprit::Tank, _) => at(tank.map(|tank| &tank.max_damping_ns_per_m), controller),
         (Culprit::Friction, _) => at(friction.map(|friction| &friction.share), controller),
+        (Culprit::PassivityDamper, _) => {
+            let passivity = controller.passivity.as_ref();
+            at(passivity.map(|passivity| &passivity.max_damping_ns_per_m), controller)
+        }
         (Culprit::Damping, false) => controller.damping_ns_per_m.place(),
         (Culprit::Damping, true) => controller.damping_nms_per_rad.place(),
         (Culprit::Wrench, _) => controller.wrench_gain.place(),
@@ -127,10 +153,9 @@ fn at<'r>(key: Option<&'r impl Placed>, controller: &'r raw::Controller) -> &'r 
 /// Returns the six axes of the grip, with all that closes a loop over them.
 #[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
 fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
-    // Where the arm is judged: as it is at the start.
-    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let controller = &config.controller;
-    let devices = Device::at_grip(&controller.arm, &resistances(config), &q)?;
+    let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
+    let devices = Device::at_grip(&controller.arm, &resistances(config), &start)?;
     let environment = stiffest(config);
     let later = link_cycles(config) + if config.robot.is_some() { ROBOT_DELAY } else { 0 };
     let timing = Timing {
@@ -139,7 +164,8 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
         pose_delay: POSE_DELAY + later,
         rate_delay: RATE_DELAY + later,
         accommodation_delay: ACCOMMODATION_DELAY,
-        link_delay: config.link.simulated.map_or(0.0, |link| link.round_trip().as_secs_f64()),
+        link_cycles: link_cycles(config),
+        is_robot: config.robot.is_some(),
         servo_lag: config.remote.servo.time_constant(),
         velocity_filter: controller.extensions.velocity_filter.seconds(),
     };
@@ -163,6 +189,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
             }),
             yielded_inertia: yielded_inertia(config, axis),
             tank_damping: tank_damping(config, is_rotation),
+            passivity_damping: passivity_damping(config, is_rotation),
             gains: AxisGains {
                 rate: controller.command.rate_gain.values()[axis],
                 pose: controller.command.pose_gain.values()[axis],
@@ -176,6 +203,39 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
             is_watched: controller.extensions.passivity.is_some(),
         }
     }))
+}
+
+/// Returns the dynamics of the grip at the postures that are judged, the start first.
+fn postures(config: &Parameters) -> Result<Vec<GripDynamics>, Massless> {
+    let arm = &config.controller.arm;
+    let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
+    let viscous = resistances(config).map(|joint| joint.viscous);
+    let at = |q: &JointVector, posture| GripDynamics::at(arm, &viscous, q, posture);
+    let least = MIN_SINGULAR_SHARE * smallest_singular_value(arm, &start);
+    let mut postures = vec![at(&start, "at the start".to_owned())?];
+    for (place, (joint, [low, high])) in config.joints.iter().zip(arm.ranges()).enumerate() {
+        for share in SHARES_OF_RANGE {
+            let mut q = start;
+            if let Some(moved) = q.get_mut(place) {
+                *moved = (*moved + share * (high - low)).clamp(low, high);
+            }
+            if smallest_singular_value(arm, &q) >= least {
+                let posture =
+                    format!("with {} moved by {:.0} % of its range", joint.name, 100.0 * share);
+                postures.push(at(&q, posture)?);
+            }
+        }
+    }
+    Ok(postures)
+}
+
+/// Returns the smallest singular value of the Jacobian, rotations with a lever.
+fn smallest_singular_value(arm: &Arm<6>, q: &JointVector) -> f64 {
+    let mut weighted = arm.jacobian(&arm.posture(q)).matrix();
+    for mut row in weighted.row_iter_mut().skip(3) {
+        row *= LEVER;
+    }
+    weighted.singular_values().min()
 }
 
 /// Returns the cycles that a simulated link adds to the way from command to wrench: both ways with their jitter, and the
@@ -206,6 +266,14 @@ fn yielded_inertia(config: &Parameters, axis: usize) -> f64 {
 fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
     let tank = config.controller.extensions.tank.filter(|_| !is_rotation);
     tank.map_or(0.0, |tank| tank.max_damping())
+}
+
+/// Returns the maximum damping of the passivity layer, in N·s/m or N·m·s/rad.
+fn passivity_damping(config: &Parameters, is_rotation: bool) -> f64 {
+    let passivity = config.controller.extensions.passivity.as_ref();
+    let lever = passivity.map_or(0.0, |passivity| passivity.lever());
+    let share = if is_rotation { lever * lever } else { 1.0 };
+    passivity.map_or(0.0, |passivity| passivity.max_damping() * share)
 }
 
 /// Returns what is left of the friction of each joint, if there is less of it than identified.

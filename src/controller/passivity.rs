@@ -84,6 +84,11 @@ impl Passivity {
         self.settings.max_damping
     }
 
+    /// Returns the lever whose square makes a damper of rotations of one of translations, in m.
+    pub const fn lever(&self) -> f64 {
+        self.settings.lever
+    }
+
     /// Energy from the hand into the port less energy out of it, in J. Below zero the port was active.
     pub const fn energy(&self) -> f64 {
         self.energy

@@ -20,6 +20,7 @@ mod experiments;
 mod faults;
 mod fidelity;
 mod friction_sweep;
+mod gain_sets;
 mod golden;
 mod held_torque;
 mod late_torques;

@@ -1,7 +1,7 @@
-//! All inequalities of one axis of the grip, judged.
+//! Passivity and closed forms of one axis of the grip, judged at the start.
 //!
-//! Each loop alone: what they add up to is not judged, nor what one axis does to another. Both modes are
-//! judged, as the console may change from one to the other.
+//! Not stability in hands, which is the [`gate`](crate::stability::gate)'s. Each loop alone: what they add up to is not
+//! judged, nor what one axis does to another. Both modes are judged, as the console may change from one to the other.
 //!
 //! | symbol      | what it is                     | symbol     | what it is                           |
 //! |-------------|--------------------------------|------------|--------------------------------------|
@@ -61,8 +61,10 @@ pub struct Timing {
     pub rate_delay: u32,
     /// Cycles by which the wrench is late that the object gives way to.
     pub accommodation_delay: u32,
-    /// Part of these delays that is a link's, from command to wrench, in s; zero without one.
-    pub link_delay: f64,
+    /// Part of these delays that is a link's, from command to wrench; zero without one.
+    pub link_cycles: u32,
+    /// An arm is commanded: its sensor reads the mean of a cycle, and its computer commands the joints a cycle later.
+    pub is_robot: bool,
     /// τ_s of the object's servo, in s.
     pub servo_lag: f64,
     /// τ of the low pass on the grip's velocity, in s; zero for none.
@@ -88,6 +90,8 @@ pub struct Axis {
     pub yielded_inertia: f64,
     /// The strongest damper that refills a tank, in N·s/m; zero without one.
     pub tank_damping: f64,
+    /// The strongest damper of the passivity layer, in N·s/m or N·m·s/rad; zero without one.
+    pub passivity_damping: f64,
     /// The gains.
     pub gains: AxisGains,
     /// Period, delays and time constants of the loop.
@@ -116,9 +120,6 @@ impl Axis {
             self.pose_coupling(),
             self.pose_quantum(),
             self.rate_reflection(),
-            self.rate_in_hand(),
-            self.accommodation(),
-            self.accommodation_damper(),
             self.accommodation_servo(),
             self.accommodation_payload(),
             self.tank_damper(),
@@ -145,8 +146,12 @@ impl Axis {
         let law = SampledLaw { delay: self.timing.torque_delay, ..self.impedance(-stiffness, 0.0) };
         let left = self.damping_side("-s f_c/x_s, sampled", law.required_damping());
         let right = self.damped_side();
-        (stiffness > 0.0)
-            .then(|| self.passive("friction compensation", left, right, Culprit::Friction))
+        // No linear model has the friction that takes its energy: what the hand cannot cover is refused.
+        let is_held = left.value < right.value + self.hand.damping;
+        is_used(stiffness).then(|| {
+            let finding = self.passive("friction compensation", left, right, Culprit::Friction);
+            if is_held { finding } else { Finding { verdict: Verdict::Refuses, ..finding } }
+        })
     }
 
     /// The plateau must overcome friction, or the hand rests wherever it is let go.
@@ -155,24 +160,21 @@ impl Axis {
         let Device { friction, full_friction, .. } = self.device;
         let rest = bounds::rest_offset(plateau, deadband, full_friction);
         let unit = if self.is_rotation { "rad" } else { "m" };
-        let (verdict, friction, reason) = if friction >= plateau {
-            (
-                Verdict::Refuses,
-                friction,
-                "a hand that is let go stays outside the deadband".to_owned(),
-            )
-        } else if full_friction >= plateau {
+        let (verdict, friction, reason) = if full_friction < plateau {
+            let reason = format!("a hand that is let go rests within {} {unit}", Digits(rest));
+            (Verdict::Holds, full_friction, reason)
+        } else if friction < plateau {
             let reason =
                 "a hand displaced along several axes at once may stay outside the deadband";
             (Verdict::Warns, full_friction, reason.to_owned())
         } else {
-            let reason = format!("a hand that is let go rests within {} {unit}", Digits(rest));
-            (Verdict::Holds, full_friction, reason)
+            let reason = "a hand that is let go stays outside the deadband";
+            (Verdict::Refuses, friction, reason.to_owned())
         };
         let unit = self.units().force;
         let left = Side { symbols: "f_c".to_owned(), value: friction, unit };
         let right = Side { symbols: "F0".to_owned(), value: plateau, unit };
-        (plateau > 0.0).then(|| {
+        is_used(plateau).then(|| {
             self.finding(
                 "return to centre, plateau",
                 left,
@@ -211,7 +213,8 @@ impl Axis {
             .then(|| self.finding("tank, damper", left, right, verdict, reason, Culprit::Tank))
     }
 
-    /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must.
+    /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must. Not passive is no
+    /// reason to refuse: stability in hands is judged by the [`gate`](crate::stability::gate).
     pub(super) fn passive(
         &self,
         name: &'static str,
@@ -220,15 +223,17 @@ impl Axis {
         culprit: Culprit,
     ) -> Finding {
         let hand = self.hand.damping;
+        let (digits, unit) = (Digits(hand), self.units().damping);
         let (verdict, reason) = if left.value < right.value {
             (Verdict::Holds, "passive whatever holds the grip".to_owned())
         } else if left.value < right.value + hand {
             let by = if self.is_watched { "the passivity layer and the hand" } else { "the hand" };
-            let (hand, unit) = (Digits(hand), self.units().damping);
-            (Verdict::Warns, format!("left to {by}, b_h = {hand} {unit}"))
+            (Verdict::Warns, format!("left to {by}, b_h = {digits} {unit}"))
         } else {
-            let (hand, unit) = (Digits(hand), self.units().damping);
-            (Verdict::Refuses, format!("more than the hand can add, b_h = {hand} {unit}"))
+            let reason = format!(
+                "more than the hand adds, b_h = {digits} {unit}: stability in hands is judged apart"
+            );
+            (Verdict::Warns, reason)
         };
         self.finding(name, left, right, verdict, reason, culprit)
     }
@@ -253,6 +258,22 @@ impl Axis {
         Side { symbols: symbols.to_owned(), value, unit: self.units().damping }
     }
 
+    /// K_T K_P.
+    pub(super) const fn felt_pose(&self) -> f64 {
+        self.gains.wrench * self.gains.pose
+    }
+
+    /// K_T K_V, in 1/s.
+    pub(super) const fn felt_rate(&self) -> f64 {
+        self.gains.wrench * self.gains.rate
+    }
+
+    /// The steepest slope of the return to centre; zero without one.
+    pub(super) fn centring(&self) -> f64 {
+        let AxisGains { plateau, deadband, .. } = self.gains;
+        if plateau <= 0.0 { 0.0 } else { bounds::steepest_centring(plateau, deadband) }
+    }
+
     /// Damping of device and law, without a hand.
     pub(super) fn damped_side(&self) -> Side {
         self.damping_side("b + K_D", self.device.damping + self.gains.damping)
@@ -272,173 +293,10 @@ impl Axis {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    const AXIS: Axis = Axis {
-        name: "x",
-        is_rotation: false,
-        device: Device {
-            mass: 0.6,
-            damping: 0.1,
-            friction: 0.2,
-            full_friction: 0.4,
-            compensated_stiffness: 0.0,
-            quantum: 1e-5,
-        },
-        hand: Impedance { stiffness: 500.0, damping: 15.0 },
-        environment: Impedance { stiffness: 2_000.0, damping: 20.0 },
-        coupling: None,
-        yielded_inertia: 0.0,
-        tank_damping: 0.0,
-        gains: AxisGains {
-            rate: 2.0,
-            pose: 1.0,
-            wrench: 0.3,
-            damping: 8.0,
-            deadband: 0.01,
-            plateau: 2.0,
-            accommodation: 0.01,
-        },
-        timing: Timing {
-            period: 1e-3,
-            torque_delay: 1,
-            pose_delay: 3,
-            rate_delay: 2,
-            accommodation_delay: 0,
-            link_delay: 0.0,
-            servo_lag: 0.01,
-            velocity_filter: 0.0,
-        },
-        is_watched: false,
-    };
-
-    fn axis() -> impl Strategy<Value = Axis> {
-        let gains = (0.0..4.0_f64, 0.0..2.0_f64, 0.0..2.0_f64, 0.0..40.0_f64, 0.0..2.0_f64);
-        (gains, 1e-3..0.1_f64, 0.0..5.0_f64, 1.0..1e5_f64).prop_map(
-            |((rate, pose, wrench, damping, accommodation), deadband, plateau, stiffness)| Axis {
-                gains: AxisGains { rate, pose, wrench, damping, deadband, plateau, accommodation },
-                environment: Impedance { stiffness, damping: 20.0 },
-                ..AXIS
-            },
-        )
-    }
-
-    fn verdict(axis: &Axis, name: &str) -> Verdict {
-        axis.findings().iter().find(|finding| finding.name == name).unwrap().verdict
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(32))]
-
-        #[test]
-        fn what_holds_has_its_left_side_below_its_right(axis in axis()) {
-            for finding in axis.findings() {
-                let Finding { left, right, verdict, .. } = &finding;
-                prop_assert_eq!(left.value < right.value, *verdict == Verdict::Holds, "{}", finding);
-            }
-        }
-
-        #[test]
-        fn a_hand_that_damps_more_is_refused_no_more(axis in axis(), more in 0.0..50.0_f64) {
-            let damping = axis.hand.damping + more;
-            let calmer = Axis { hand: Impedance { damping, ..axis.hand }, ..axis };
-            for (calmer, finding) in calmer.findings().iter().zip(axis.findings()) {
-                prop_assert!(calmer.verdict <= finding.verdict, "{}, {}", calmer, finding);
-            }
-        }
-
-        #[test]
-        fn a_stiffer_surface_is_felt_no_better_in_pose_mode(axis in axis(), by in 1.0..10.0_f64) {
-            let stiffness = axis.environment.stiffness * by;
-            let harder = Axis { environment: Impedance { stiffness, ..axis.environment }, ..axis };
-            let name = "pose reflection";
-            prop_assert!(verdict(&harder, name) >= verdict(&axis, name));
-        }
-    }
-
-    #[test]
-    fn where_nothing_is_felt_there_is_nothing_to_say() {
-        assert!(Axis { gains: AxisGains::default(), ..AXIS }.findings().is_empty());
-    }
-
-    #[test]
-    fn without_a_surface_there_is_no_reflection_to_judge() {
-        let free = Axis { environment: Impedance::default(), ..AXIS };
-        let names: Vec<&str> = free.findings().iter().map(|finding| finding.name).collect();
-        assert_eq!(names, ["damping", "return to centre, plateau", "return to centre, slope"]);
-    }
-
-    #[test]
-    fn return_to_centre_below_friction_is_refused() {
-        for (plateau, expected) in
-            [(0.2, Verdict::Refuses), (0.3, Verdict::Warns), (0.5, Verdict::Holds)]
-        {
-            let axis = Axis { gains: AxisGains { plateau, ..AXIS.gains }, ..AXIS };
-            assert_eq!(verdict(&axis, "return to centre, plateau"), expected);
-        }
-    }
-
-    #[test]
-    fn reflected_rate_without_accommodation_needs_the_hand() {
-        let gains = AxisGains { accommodation: 0.0, ..AXIS.gains };
-        let stiff = Axis { gains, ..AXIS };
-        assert_eq!(verdict(&stiff, "rate reflection"), Verdict::Warns);
-        assert_eq!(verdict(&stiff, "rate reflection, held"), Verdict::Holds);
-        let weak = Axis { hand: Impedance { stiffness: 20.0, damping: 15.0 }, ..stiff };
-        assert_eq!(verdict(&weak, "rate reflection, held"), Verdict::Refuses);
-    }
-
-    fn found(axis: &Axis, name: &str) -> Finding {
-        axis.findings().into_iter().find(|finding| finding.name == name).unwrap()
-    }
-
-    #[test]
-    fn virtual_coupling_is_a_spring_and_a_damper_as_felt() {
-        let gains = AxisGains { pose: 2.0, ..AXIS.gains };
-        // Felt at 0.3 times 2 of itself: K (T/2 + n T) of the spring, B of the damper.
-        for (delay, stiffness, damping, required) in
-            [(1, 400.0, 0.0, 0.36), (0, 400.0, 4.0, 2.52), (0, 0.0, 4.0, 2.4)]
-        {
-            let timing = Timing { torque_delay: delay, ..AXIS.timing };
-            let coupling = Some(Impedance { stiffness, damping });
-            let tied = Axis { coupling, gains, timing, ..AXIS };
-            let Side { value, .. } = found(&tied, "virtual coupling").left;
-            assert!((value - required).abs() < 1e-6 * required, "{value}");
-            let names: Vec<&str> = tied.findings().iter().map(|finding| finding.name).collect();
-            assert!(!names.contains(&"pose reflection"), "the surface is not felt");
-        }
-    }
-
-    #[test]
-    fn tank_damper_is_judged_together_with_damping() {
-        let tank = |tank_damping| found(&Axis { tank_damping, ..AXIS }, "tank, damper");
-        // 2 tan(π/8) M/T = 497.06 N·s/m, of which K_D takes 8.
-        let Finding { left, right, verdict, .. } = tank(485.0);
-        assert!((left.value - 493.0).abs() < 1e-9 && (right.value - 497.06).abs() < 0.01);
-        assert_eq!((verdict, tank(490.0).verdict), (Verdict::Holds, Verdict::Refuses));
-        assert!(AXIS.findings().iter().all(|finding| finding.name != "tank, damper"));
-    }
-
-    #[test]
-    fn quantum_is_borne_by_all_damping_or_by_friction() {
-        // Felt: 0.3 times 2,000 N/m. All damping: 0.1 + 8 + 15 N·s/m.
-        let Finding { left, right, .. } = found(&AXIS, "pose reflection, quantum");
-        assert!((left.value - 600.0).abs() < 1e-9, "{}", left.value);
-        assert!((right.value - 2.0 * 0.2 / 1e-5).abs() < 1e-6, "{}", right.value);
-        let fine = Axis { device: Device { quantum: 1e-6, ..AXIS.device }, ..AXIS };
-        let most = found(&fine, "pose reflection, quantum").right.value;
-        assert!((most - 2.0 * 23.1 / 1e-3).abs() < 1e-6, "{most}");
-    }
-
-    #[test]
-    fn a_warning_says_what_it_is_left_to() {
-        let warning = |axis: &Axis| axis.findings().first().map(ToString::to_string).unwrap();
-        assert!(warning(&AXIS).ends_with("; left to the hand, b_h = 15.0 N·s/m"));
-        let watched = warning(&Axis { is_watched: true, ..AXIS });
-        assert!(watched.contains("left to the passivity layer and the hand"), "{watched}");
-    }
+/// Returns whether a gain closes a loop: it is positive. NaN counts, and is refused.
+pub(super) fn is_used(gain: f64) -> bool {
+    gain > 0.0 || gain.is_nan()
 }
+
+#[cfg(test)]
+pub(in crate::stability) mod tests;

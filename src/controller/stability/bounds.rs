@@ -18,17 +18,6 @@ pub struct RateReflection {
     pub giving_way: f64,
 }
 
-/// Mass, damping and spring of what holds the grip, the grip's own counted in.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    /// M, in kg or kg·m².
-    pub mass: f64,
-    /// b, in N·s/m or N·m·s/rad.
-    pub damping: f64,
-    /// K_h, in N/m or N·m/rad.
-    pub stiffness: f64,
-}
-
 impl RateReflection {
     /// The damping that makes reflection passive, sampled with `period` and `delay` cycles late:
     /// `b + K_D >= G/a (1/a + T/2 + n T)`, as long as `a T <= 1`. With a period of zero, the
@@ -36,14 +25,6 @@ impl RateReflection {
     pub fn required_damping(&self, period: f64, delay: u32) -> f64 {
         let Self { gain, giving_way } = *self;
         gain / giving_way * (giving_way.recip() + period * (0.5 + f64::from(delay)))
-    }
-
-    /// The gain G below which reflection is stable in the hand that holds the grip, by Routh's test of
-    /// `(M s² + b s + K_h)(s + a) + G`, in continuous time: `G < b/M (K_h + b a + M a²)`.
-    pub fn largest_gain(&self, held: &Held) -> f64 {
-        let Held { mass, damping, stiffness } = *held;
-        let a = self.giving_way;
-        damping / mass * (stiffness + damping * a + mass * a * a)
     }
 }
 
@@ -113,21 +94,6 @@ mod tests {
 
     proptest! {
         #[test]
-        fn reflected_rate_decays_within_its_bound_and_not_beyond(
-            mass in 0.3..3.0_f64, damping in 2.0..20.0_f64, stiffness in 50.0..500.0_f64,
-            giving_way in 0.0..20.0_f64
-        ) {
-            let held = Held { mass, damping, stiffness };
-            let bound = RateReflection { gain: 0.0, giving_way }.largest_gain(&held);
-            for (gain, dies_out) in [(0.8 * bound, true), (1.25 * bound, false)] {
-                let swing = swing(&held, &RateReflection { gain, giving_way });
-                prop_assert_eq!(swing < 1.0, dies_out, "{} of {}", gain, bound);
-            }
-        }
-    }
-
-    proptest! {
-        #[test]
         fn object_rests_on_damped_surface_within_its_bound_only(
             stiffness in 10.0..1e4_f64, damping in 0.0..100.0_f64, lag in 0.0..0.02_f64
         ) {
@@ -163,24 +129,6 @@ mod tests {
                 prop_assert_eq!(v.abs() < 1e-3, rests, "{} of {}", gain, bound);
             }
         }
-    }
-
-    /// The state of the loop after 20 s, and 20 more, by small steps: how much larger it has become.
-    fn swing(held: &Held, reflection: &RateReflection) -> f64 {
-        let (mut x, mut v, mut f) = (1e-3, 0.0, 0.0);
-        let h = 1e-4;
-        let mut sizes = [0.0_f64; 2];
-        for size in &mut sizes {
-            for _ in 0..200_000 {
-                let push = -held.stiffness * x - held.damping * v - f;
-                v += h * push / held.mass;
-                x += h * v;
-                f += h * (reflection.gain * x - reflection.giving_way * f);
-                let energy = held.mass * v * v + held.stiffness * x * x;
-                *size = size.max(energy).min(1e100);
-            }
-        }
-        sizes[1] / sizes[0]
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Symbols as in [`axis`](crate::stability::axis).
 
 use crate::stability::axis::{Axis, AxisGains, Impedance, Timing};
-use crate::stability::bounds::{self, Held, RateReflection};
+use crate::stability::bounds::{self, RateReflection};
 use crate::stability::device::Device;
 use crate::stability::finding::{Culprit, Finding, Side, Verdict};
 use crate::stability::passivity::{Law, SampledLaw};
@@ -67,74 +67,8 @@ impl Axis {
         let symbols = format!("K_T K_V/K_FA (1/(K_FA k_e) + T/2 + {delay} T)");
         (gain > 0.0).then(|| {
             let left = self.damping_side(&symbols, law.required_damping());
-            let finding =
-                self.passive("rate reflection", left, self.damped_side(), Culprit::Wrench);
-            // Never passive enough is no reason to refuse: whether it swings is the next inequality.
-            match finding.verdict {
-                Verdict::Holds | Verdict::Warns => finding,
-                Verdict::Refuses => {
-                    let reason = "not passive; whether this hand holds it stable is judged apart";
-                    Finding { verdict: Verdict::Warns, reason: reason.to_owned(), ..finding }
-                }
-            }
+            self.passive("rate reflection", left, self.damped_side(), Culprit::Wrench)
         })
-    }
-
-    /// The same with the operator's hand on the grip: stable or not, by Routh.
-    pub(super) fn rate_in_hand(&self) -> Option<Finding> {
-        let reflection = self.reflected();
-        let held = Held {
-            mass: self.device.mass,
-            damping: self.device.damping + self.gains.damping + self.hand.damping,
-            stiffness: self.hand.stiffness,
-        };
-        let delay = self.timing.link_delay;
-        let most = reflection.largest_late_gain(&held, delay);
-        let unit = self.units().rate_gain;
-        let left = Side { symbols: "K_T K_V k_e".to_owned(), value: reflection.gain, unit };
-        let symbols = if delay > 0.0 {
-            format!("|K_h + Σb s + M s²| |s + a| where {:.1} ms turn it by 180°", delay * 1e3)
-        } else {
-            "Σb/M (K_h + Σb a + M a²)".to_owned()
-        };
-        let right = Side { symbols, value: most, unit };
-        let verdict = if reflection.gain < most { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "contact in rate mode would swing in the operator's hand".to_owned();
-        let culprit =
-            if reflection.giving_way > 0.0 { Culprit::Wrench } else { Culprit::Accommodation };
-        (reflection.gain > 0.0)
-            .then(|| self.finding("rate reflection, held", left, right, verdict, reason, culprit))
-    }
-
-    /// An object that gives way too fast for its sampling swings on the surface by itself.
-    pub(super) fn accommodation(&self) -> Option<Finding> {
-        let Timing { period, accommodation_delay: delay, .. } = self.timing;
-        let giving_way = self.reflected().giving_way;
-        let left = Side { symbols: "K_FA k_e T".to_owned(), value: giving_way * period, unit: "" };
-        let most = bounds::fastest_giving_way(period, delay) * period;
-        let symbols = format!("2 cos({delay} π/{})", 2 * delay + 1);
-        let right = Side { symbols, value: most, unit: "" };
-        let verdict = if left.value < right.value { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would swing on the surface, whatever the hand does: lower K_FA, or soften the surface".to_owned();
-        let culprit = Culprit::Accommodation;
-        (giving_way > 0.0)
-            .then(|| self.finding("accommodation", left, right, verdict, reason, culprit))
-    }
-
-    /// The same with the surface's damper, which its servo lets pass or not.
-    pub(super) fn accommodation_damper(&self) -> Option<Finding> {
-        let Timing { period, accommodation_delay, servo_lag, .. } = self.timing;
-        let Impedance { stiffness, damping } = self.environment;
-        let gain = self.gains.accommodation;
-        let taken = gain * (stiffness * period / 2.0 + damping);
-        let left = Side { symbols: "K_FA (k_e T/2 + d_e)".to_owned(), value: taken, unit: "" };
-        let most = bounds::most_given_way(period, servo_lag);
-        let right = Side { symbols: "coth(T/2τ_s)".to_owned(), value: most, unit: "" };
-        let verdict = if taken < most { Verdict::Holds } else { Verdict::Refuses };
-        let reason = "the object would chatter on the surface, whatever the hand does: lower K_FA, or soften the surface".to_owned();
-        let culprit = Culprit::Accommodation;
-        (gain * damping > 0.0 && accommodation_delay == 0)
-            .then(|| self.finding("accommodation, damper", left, right, verdict, reason, culprit))
     }
 
     /// Nor may it overtake its servo, or it bounces before it rests.

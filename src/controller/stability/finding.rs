@@ -30,6 +30,8 @@ pub enum Culprit {
     Coupling,
     /// The damper that refills the tank.
     Tank,
+    /// The damper of the passivity layer.
+    PassivityDamper,
 }
 
 /// One side of an inequality.

@@ -1,0 +1,134 @@
+//! Largest multiple of a gain with which a sampled loop is stable, and the frequency at which it then swings.
+//!
+//! A characteristic polynomial comes in two parts: the second is what the gain adds. Not the roots: stability at one
+//! multiple is Jury's table, and the multiple is found by halving.
+
+use std::f64::consts::PI;
+
+use nalgebra::Complex;
+
+use crate::stability::polynomial::Polynomial;
+use crate::stability::sampled_loop::{Loop, SampledLoop};
+
+/// Range in which a bound is searched, as multiples of the gain, with its steps per doubling.
+const DOUBLINGS: [i32; 2] = [-6, 10];
+const STEPS_PER_DOUBLING: i32 = 2;
+
+/// Halvings of a step that holds the bound.
+const HALVINGS: u32 = 16;
+
+/// Angles θ = ωT at which the frequency of a swing is searched, and the least of them.
+const ANGLES: u32 = 120;
+const LEAST_ANGLE: f64 = 1e-4;
+
+/// Times the grip is reduced again at the frequency of the swing found.
+const REFINEMENTS: u32 = 2;
+
+/// Returns the bound of a loop and its frequency in rad/s, the grip reduced at that frequency; `None` unless it is below
+/// `most`. NaN where the loop has no numbers.
+pub(super) fn refined<'a>(
+    reduced: impl Fn(f64) -> SampledLoop<'a>,
+    closed: Loop,
+    most: f64,
+    omega: f64,
+    period: f64,
+) -> Option<(f64, f64)> {
+    let (mut multiple, mut omega, mut most) = (f64::NAN, omega, most);
+    for _ in 0..=REFINEMENTS {
+        let judged = reduced(omega);
+        let parts = judged.characteristic(closed);
+        multiple = bound(&parts, most);
+        if multiple.is_nan() {
+            break;
+        }
+        if multiple >= most {
+            return None;
+        }
+        omega = swing(&parts, multiple) / period;
+        most = f64::INFINITY;
+    }
+    Some((multiple, omega))
+}
+
+/// Returns the angle ωT at which the loop comes nearest to a swing that neither grows nor decays: `L = -1`.
+fn swing([open, added]: &[Polynomial; 2], multiple: f64) -> f64 {
+    let ratio = (PI / LEAST_ANGLE).powf(f64::from(ANGLES).recip());
+    let angles = std::iter::successors(Some(LEAST_ANGLE), |angle| Some(angle * ratio));
+    let distances = angles.take_while(|angle| *angle <= PI).map(|angle| {
+        let w = Complex::cis(-angle);
+        let (open, added) = (open.at(w), added.at(w) * multiple);
+        ((open + added).norm() / (open.norm() + added.norm()), angle)
+    });
+    distances.min_by(|(a, _), (b, _)| a.total_cmp(b)).map_or(PI, |(_, angle)| angle)
+}
+
+/// Returns the least multiple of a gain at which the loop is not stable, at most `most`. NaN if a coefficient is invalid.
+pub(super) fn bound([open, added]: &[Polynomial; 2], most: f64) -> f64 {
+    if !(open.is_finite() && added.is_finite()) {
+        return f64::NAN;
+    }
+    let is_stable = |multiple: &f64| open.plus(added, *multiple).is_stable();
+    if most.is_finite() && [0.25, 0.5, 1.0].iter().all(|share| is_stable(&(share * most))) {
+        return most;
+    }
+    let [lowest, highest] = DOUBLINGS.map(|doublings| doublings * STEPS_PER_DOUBLING);
+    let steps = (lowest..=highest)
+        .map(|step| 2.0_f64.powf(f64::from(step) / f64::from(STEPS_PER_DOUBLING)));
+    let mut low = 0.0;
+    for high in steps {
+        if !is_stable(&high) {
+            return between(is_stable, low, high);
+        }
+        low = high;
+    }
+    f64::INFINITY
+}
+
+/// Returns the multiple between `low`, which is stable, and `high`, which is not.
+fn between(is_stable: impl Fn(&f64) -> bool, mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..HALVINGS {
+        let middle = f64::midpoint(low, high);
+        if is_stable(&middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `1 - w + g w`: the pole `1 - g`.
+    fn integrator() -> [Polynomial; 2] {
+        [Polynomial::new(&[1.0, -1.0]), Polynomial::new(&[0.0, 1.0])]
+    }
+
+    #[test]
+    fn integrator_bears_a_gain_of_two() {
+        assert!((bound(&integrator(), f64::INFINITY) - 2.0).abs() < 1e-4);
+        assert!((swing(&integrator(), 2.0) - PI).abs() < 0.1);
+    }
+
+    #[test]
+    fn bound_above_the_least_so_far_is_not_searched() {
+        assert!((bound(&integrator(), 1.5) - 1.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn loop_that_nothing_swings_has_an_infinite_bound() {
+        let parts = [Polynomial::new(&[1.0, -0.5]), Polynomial::new(&[0.0])];
+        assert!(bound(&parts, f64::INFINITY).is_infinite());
+    }
+
+    #[test]
+    fn invalid_coefficients_have_no_bound() {
+        for value in [f64::NAN, f64::INFINITY] {
+            let parts = [Polynomial::new(&[1.0, -1.0]), Polynomial::new(&[0.0, value])];
+            assert!(bound(&parts, f64::INFINITY).is_nan());
+            assert!(bound(&parts, 1.0).is_nan());
+        }
+    }
+}

@@ -59,6 +59,7 @@ pub(super) fn extensions(
         walls_in_pose: given.walls.as_ref().and_then(|walls| walls.in_pose_mode.get())
             == Some(true),
         contact_fade,
+        damping_never_pulls: given.damping_never_pulls.or(false).get() == Some(true),
         engagement: match &given.engagement {
             Some(given) => engagement(given, period, problems),
             None => period.and_then(|period| Engagement::new(BEGINS_OVER, None, period).ok()),

@@ -175,6 +175,7 @@ sections! {
         gain_check: Optional<String>,
         pose_deadband: Optional<bool>,
         velocity_filter_s: Optional<f64>,
+        damping_never_pulls: Optional<bool>,
         centring_law: Optional<String>,
         contact_fade_n: Optional<f64>,
         torque_rise_s: Optional<f64>,

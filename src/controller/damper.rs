@@ -29,13 +29,14 @@ pub(crate) struct Damper {
 
 impl Damper {
     /// Follows the exact damper, `wanted` of at most `most` N·s/m, of a grip that moves at `v_g`, a cycle of `dt` s later.
-    /// A port that is not engaged has nothing to damp.
+    /// A port that is not engaged has nothing to damp; the damper fades.
     pub(crate) fn next(&mut self, dt: f64, wanted: f64, most: f64, v_g: &Twist, is_engaged: bool) {
         let rise = (most / ATTACK).min(ONSET / v_g.linear.norm());
         let highest = self.damping + rise * dt;
         let lowest = self.damping * (-dt / FADE).exp();
+        let wanted = if is_engaged { wanted } else { 0.0 };
         let damping = wanted.min(highest).max(lowest).min(most);
-        self.damping = if is_engaged { damping } else { 0.0 };
+        self.damping = damping;
         let part = dt / (dt + SMOOTHING);
         self.v_g = self.v_g * (1.0 - part) + *v_g * part;
     }
@@ -106,10 +107,12 @@ mod tests {
     }
 
     #[test]
-    fn damper_ends_with_the_contact() {
+    fn damper_fades_after_the_contact() {
         let mut damper = Damper { damping: MOST, v_g: along(0.1) };
         damper.next(DT, MOST, MOST, &along(0.1), false);
-        assert!(damper.damping() <= 0.0);
+        assert!((damper.damping() - MOST * (-DT / FADE).exp()).abs() < 1e-9);
+        (0..300).for_each(|_| damper.next(DT, MOST, MOST, &along(0.1), false));
+        assert!(damper.damping() < 0.01 * MOST);
     }
 
     #[test]

@@ -56,6 +56,7 @@ mod intake;
 pub mod interpretation;
 mod least_squares;
 pub mod limits;
+mod never_pulls;
 pub mod orientation;
 mod output;
 pub mod passivity;
@@ -71,6 +72,7 @@ pub mod switches;
 pub mod tank;
 pub mod torque_curve;
 pub mod torque_delay;
+mod unloading;
 pub mod velocity;
 pub mod virtual_coupling;
 

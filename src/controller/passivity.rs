@@ -94,6 +94,21 @@ impl Passivity {
         self.energy
     }
 
+    /// Most energy of the credit, in J, beside what the contact stores.
+    pub const fn max_energy(&self) -> f64 {
+        self.settings.max_energy
+    }
+
+    /// Adds a credit, in J.
+    pub const fn grant(&mut self, credit: f64) {
+        self.energy += credit;
+    }
+
+    /// Returns whether the observer is within a contact or its bounces.
+    pub const fn is_in_contact(&self) -> bool {
+        self.cycles_without_contact <= self.settings.contact_release_cycles
+    }
+
     /// Adds the work in J that the hand did against the port since the last cycle; `stored` J are in the spring of the
     /// contact.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench, stored: f64) {

@@ -3,15 +3,17 @@
 //! Neither knows the task: both look only at the torques that were held and at how far the joints came.
 //! `Booking` says which part of those was the port's, [`TorqueDelay`] which torque acted until this sample.
 
-use crate::JointVector;
 use crate::booking::{Booking, PortTorques};
 use crate::coupling::Coupling;
 use crate::damper::Damper;
+use crate::never_pulls::NeverPulls;
 use crate::passivity::Passivity;
 use crate::period::Period;
 use crate::tank::Tank;
 use crate::torque_delay::TorqueDelay;
+use crate::unloading::Unloading;
 use crate::velocity::Moving;
+use crate::{Extensions, JointVector};
 use units::spatial::{Twist, Wrench};
 
 /// The port with its state.
@@ -20,6 +22,10 @@ pub(crate) struct Port {
     period: Period,
     passivity: Option<Passivity>,
     damper: Damper,
+    /// Permits no damping that pulls into the surface.
+    bounds_damping: bool,
+    never_pulls: NeverPulls,
+    unloading: Unloading,
     tank: Option<Tank>,
     booking: Booking,
     /// Torques of the port at the joints, as they were held.
@@ -45,10 +51,27 @@ pub struct Passed {
 }
 
 impl Port {
-    pub(crate) fn new(period: Period, passivity: Option<Passivity>, tank: Option<Tank>) -> Self {
+    /// Returns the damping K_D that may act beside what this cycle passed: in contact nothing pulls into the surface.
+    pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, passed: &Passed) -> Wrench {
+        let f_g_port = passed.f_g_task + passed.f_g_passivity;
+        self.never_pulls.bounded_damping(f_g_damping, &f_g_port)
+    }
+
+    pub(crate) fn new(period: Period, layers: &Extensions) -> Self {
+        let Extensions { passivity, tank, damping_never_pulls, .. } = *layers;
         let held = TorqueDelay::new(PortTorques::zero());
-        let (booking, damper) = (Booking::new(), Damper::default());
-        Self { period, passivity, damper, tank, booking, held, q_before: None }
+        Self {
+            period,
+            passivity,
+            bounds_damping: damping_never_pulls || passivity.is_some(),
+            damper: Damper::default(),
+            never_pulls: NeverPulls::default(),
+            unloading: Unloading::default(),
+            tank,
+            booking: Booking::new(),
+            held,
+            q_before: None,
+        }
     }
 
     /// Returns whether a layer observes energy: without one nothing need be booked.
@@ -68,7 +91,7 @@ impl Port {
         self.booking.ask(tau_a, parts);
     }
 
-    /// Takes the joints' new positions, and lets through what may act of `f_g_task`. `stored` J are in the contact.
+    /// Takes the joints' new positions, and lets through what may act of `f_g_task`.
     ///
     /// A target waits for the next SYNC, however long that takes, so the torque of two cycles ago acted over the whole
     /// way since the last sample, even after skipped cycles.
@@ -77,7 +100,7 @@ impl Port {
         q: &JointVector,
         moving: &Moving,
         f_g_task: &Wrench,
-        stored: f64,
+        storage: Storage,
     ) -> Passed {
         let dt = self.period.seconds();
         let v_g = &moving.v_g_raw;
@@ -90,20 +113,36 @@ impl Port {
             passed.f_g_passivity = damper(tank.refill(), v_g);
             passed.tank = Some(tank.level());
         }
+        if self.bounds_damping {
+            self.never_pulls.update(dt, &passed.f_g_task);
+        }
         if let Some(passivity) = &mut self.passivity {
-            passivity.account(work, f_g_task, stored);
+            let Storage { stored, returned } = storage;
+            passivity.account(work, f_g_task, stored.max(returned));
+            let initial = passivity.max_energy();
+            passivity.grant(self.unloading.grant(passivity.is_in_contact(), initial, returned));
             // If the joints go on as they came.
             let in_flight = -self.held.in_flight().damper.dot(&dq);
             let wanted = passivity.damping(dt, v_g, in_flight);
             self.damper.next(dt, wanted, passivity.max_damping(), v_g, passivity.is_engaged());
             let (damping, v_g) = (self.damper.damping(), self.damper.v_g());
             let f_g_damper = passivity.wrench(damping, v_g, &passed.f_g_task);
+            let f_g_damper = self.never_pulls.bounded_damper(&f_g_damper, &passed.f_g_task);
             passed.f_g_passivity = passed.f_g_passivity + f_g_damper;
             passed.activity = (4.0 * damping / passivity.max_damping()).min(1.0);
             passed.energy = Some(passivity.energy());
         }
         passed
     }
+}
+
+/// Energy of a contact, in J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Storage {
+    /// In the spring of the contact, put there by the hand.
+    pub(crate) stored: f64,
+    /// Returned by the law at most, if the hand unloaded now.
+    pub(crate) returned: f64,
 }
 
 /// A damper of `strength` N·s/m on translations; rotations have none of their own.
@@ -113,6 +152,8 @@ fn damper(strength: f64, v_g: &Twist) -> Wrench {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::passivity::PassivitySettings;
     use crate::tank::TankSettings;
@@ -136,11 +177,12 @@ mod tests {
             refill: 50.0,
             max_damping: 2e3,
         };
-        Port::new(
-            Period::new(DT).unwrap(),
-            (!has_tank).then(|| Passivity::new(observed).unwrap()),
-            has_tank.then(|| Tank::new(tank).unwrap()),
-        )
+        let layers = Extensions {
+            passivity: (!has_tank).then(|| Passivity::new(observed).unwrap()),
+            tank: has_tank.then(|| Tank::new(tank).unwrap()),
+            ..Extensions::default()
+        };
+        Port::new(Period::new(DT).unwrap(), &layers)
     }
 
     fn first(value: f64) -> JointVector {
@@ -164,14 +206,15 @@ mod tests {
     /// Work of the hand booked in each cycle, if these torques are held at these rates.
     fn booked(has_tank: bool, taus: &[f64], rates: &[f64]) -> Vec<f64> {
         let mut port = port(has_tank);
-        let mut before = if has_tank { 0.1 } else { 0.0 };
+        // The passivity observer starts with its credit.
+        let mut before = if has_tank { 0.1 } else { 1e3 };
         let mut q = 0.0;
         let mut held = 0.0;
         let cycle = |(tau, qd): (&f64, &f64)| {
             q += qd * DT;
             hold(&mut port, held, 0.0);
             held = *tau;
-            let passed = port.pass(&first(q), &at_rest(), &push(), 0.0);
+            let passed = port.pass(&first(q), &at_rest(), &push(), Storage::default());
             let level = passed.energy.or(passed.tank).unwrap();
             level - std::mem::replace(&mut before, level)
         };
@@ -182,8 +225,8 @@ mod tests {
     fn torque_works_from_the_sync_after_its_own_to_the_next() {
         // Computed from sample 0, taken over at SYNC 1, in force until SYNC 2: sample 2 shows its motion.
         for has_tank in [false, true] {
-            let work = booked(has_tank, &[3.0, 0.0, 0.0, 0.0], &[-1.0, -10.0, -100.0, -1_000.0]);
-            let of_third = 3.0 * 100.0 * DT;
+            let work = booked(has_tank, &[-3.0, 0.0, 0.0, 0.0], &[-0.1, -1.0, -10.0, -100.0]);
+            let of_third = -3.0 * 10.0 * DT;
             for (work, expected) in work.iter().zip([0.0, 0.0, of_third, 0.0]) {
                 assert!((work - expected).abs() < 1e-12, "{work} J instead of {expected}");
             }
@@ -209,18 +252,31 @@ mod tests {
         for _ in 0..200 {
             hold(&mut port, 10.0, 0.0);
             q += DT;
-            port.pass(&first(q), &moving, &push(), 0.0);
+            port.pass(&first(q), &moving, &push(), Storage::default());
         }
-        let passed = port.pass(&first(q + DT), &moving, &push(), 0.0);
+        let passed = port.pass(&first(q + DT), &moving, &push(), Storage::default());
         assert!(passed.f_g_task.power(&moving.v_g_raw).abs() < 1e-12, "{passed:?}");
         assert!(passed.f_g_passivity.power(&moving.v_g_raw) < 0.0, "{passed:?}");
     }
 
     #[test]
     fn port_without_layers_passes_all() {
-        let mut port = Port::new(Period::new(DT).unwrap(), None, None);
+        let mut port = Port::new(Period::new(DT).unwrap(), &Extensions::default());
         hold(&mut port, 1.0, 0.0);
-        let passed = port.pass(&first(1.0), &at_rest(), &push(), 0.0);
+        let passed = port.pass(&first(1.0), &at_rest(), &push(), Storage::default());
         assert_eq!(passed, Passed { f_g_task: push(), ..Passed::default() });
+    }
+
+    #[test]
+    fn damping_pulls_into_the_surface_unless_it_is_asked_not_to() {
+        let drag = Wrench { force: Vector3::new(-3.0, 1.0, 0.0), ..Wrench::ZERO };
+        let damped = |damping_never_pulls| {
+            let layers = Extensions { damping_never_pulls, ..Extensions::default() };
+            let mut port = Port::new(Period::new(DT).unwrap(), &layers);
+            let passed = port.pass(&first(0.0), &at_rest(), &push(), Storage::default());
+            port.bounded_damping(&drag, &passed).force
+        };
+        assert_eq!(damped(false), drag.force);
+        assert_eq!(damped(true), Vector3::new(-1.0, 1.0, 0.0));
     }
 }

@@ -58,6 +58,8 @@ pub struct Extensions {
     pub friction: Option<FrictionCompensation>,
     /// Springs and dampers before the ends of the joints.
     pub soft_stops: Option<SoftStops<6>>,
+    /// The damping never pulls the hand into what the task pushes it out of; with a passivity layer it never does.
+    pub damping_never_pulls: bool,
     /// Limits on the rate of change of torques.
     pub slew: Option<Slew<6>>,
     /// Passivity observer and controller at the reflection port.

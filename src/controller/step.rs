@@ -10,7 +10,7 @@ use crate::contact_stiffness::ContactStiffness;
 use crate::intake::Trusted;
 use crate::interpretation::{Centring, Felt, Weight};
 use crate::limits::{Asked, Limited, Limits, Slew};
-use crate::port::{Passed, Port};
+use crate::port::{Passed, Port, Storage};
 use crate::reference::{Displacement, Reference};
 use crate::switches::{Mode, Pressed, SwitchLogic};
 use crate::velocity::{JointRates, Moving, Velocity};
@@ -43,6 +43,16 @@ pub struct Controller {
     x_b_asked: Option<Isometry3<f64>>,
 }
 
+/// A contact, as the port takes it.
+struct Touch {
+    /// The wrench to be felt, at {G}.
+    f_g_felt: Wrench,
+    /// The same at {MRF}.
+    f_m_task: Wrench,
+    /// Pose of the grip in its reference.
+    x_h_g: Isometry3<f64>,
+}
+
 impl Controller {
     /// Creates a controller before its first cycle: no reference, reflection off.
     pub fn new(settings: &Settings) -> Self {
@@ -58,7 +68,7 @@ impl Controller {
             rates: JointRates::new(period),
             velocity: Velocity::new(period, extensions.velocity_filter),
             damping: Damping::new(settings.damping, period, interpretation.damping),
-            port: Port::new(period, extensions.passivity, extensions.tank),
+            port: Port::new(period, &extensions),
             contact: ContactStiffness::default(),
             last: (JointVector::zeros(), [PerMille(0); 6]),
             mode: Mode::Rate,
@@ -105,12 +115,14 @@ impl Controller {
         let f_m_task = self.task(&given, &command); // Eq. 6
         let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
         let begun = self.begun(&pressed, &f_g_felt);
-        let port = self.pass(input, &given, &q, &moving, &(f_g_felt * begun), &f_m_task);
+        let contact = Touch { f_g_felt: f_g_felt * begun, f_m_task, x_h_g };
+        let port = self.pass(input, &given, &q, &moving, &contact);
         let f_g_task = port.f_g_task;
 
         let f_g_centring = self.centring(&pressed, input.mode, &x_0_g, &dx) * begun; // Eq. 8
         let is_first = input.restart || is_new || input.mode != self.mode;
         let against = self.damping.wrench(&moving.v_g, &x_h_g, &dx, is_first);
+        let against = self.port.bounded_damping(&against, &port);
         let f_g_damping = permitted(pressed.damping, against); // Eq. 9
 
         let j_g = arm.jacobian(&posture);
@@ -202,23 +214,37 @@ impl Controller {
         given: &Trusted,
         q: &JointVector,
         moving: &Moving,
-        f_g_felt: &Wrench,
-        f_m_task: &Wrench,
+        touch: &Touch,
     ) -> Passed {
-        let Settings { calibration, command, .. } = &self.settings;
-        if !self.port.is_observed() {
-            return Passed { f_g_task: *f_g_felt, ..Passed::default() };
+        let mut storage = Storage::default();
+        if self.port.is_observed() {
+            let (tau_a, targets) = &self.last;
+            let calibration = &self.settings.calibration;
+            let held =
+                input.held.map(|held| calibration.held_torques(&held.targets(), targets, tau_a));
+            self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
+            storage = self.storage(input.mode, given, touch);
         }
-        let (tau_a, targets) = &self.last;
-        let held = input.held.map(|held| calibration.held_torques(&held.targets(), targets, tau_a));
-        self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
+        self.port.pass(q, moving, &touch.f_g_felt, storage)
+    }
+
+    /// Energy of the contact, as the law of the mode stores and returns it.
+    fn storage(&mut self, mode: Mode, given: &Trusted, touch: &Touch) -> Storage {
+        let Touch { f_g_felt, f_m_task, x_h_g } = touch;
         let f_b = given.x_b_m.rotation * f_m_task.force;
         self.contact.update(&f_b, &given.x_b_m.translation.vector);
-        let stored = match input.mode {
-            Mode::Pose => self.contact.stored(f_g_felt, f_m_task, &command.pose_gain),
-            Mode::Rate => 0.0,
-        };
-        self.port.pass(q, moving, f_g_felt, stored)
+        match mode {
+            Mode::Pose => {
+                let pose_gain = &self.settings.command.pose_gain;
+                let stored = self.contact.stored(f_g_felt, f_m_task, pose_gain);
+                Storage { stored, returned: 0.0 }
+            }
+            Mode::Rate => {
+                // Energy of a hand that goes back to its reference while the push stays.
+                let push = x_h_g.rotation * f_g_felt.force;
+                Storage { stored: 0.0, returned: -push.dot(&x_h_g.translation.vector) }
+            }
+        }
     }
 
     /// The return to centre in rate mode; in pose mode at most its walls (3.5).

@@ -6,7 +6,7 @@
 //!   swings of an impact that decay stay under 0.1 J (kraft_like on 20 kN/m, without friction compensation: 85 mJ), a
 //!   limit cycle gives joules.
 //! - A contact is *calm* if it drives the hand with at most `MAX_CALM_ENERGY`, the `max_energy_j` of the shipped layers, or
-//!   if it is not active and the hand reverses at most `MAX_CALM_REVERSALS` times: three swings after the impact.
+//!   if it is not active and the hand reverses at most `MAX_CALM_REVERSALS` times: five swings after the impact.
 //! - A calm contact is *faithful* if the hand at rest feels K_T times the sensed force within `MAX_FELT_ERROR`: a layer
 //!   that takes the contact away bounds it, too.
 
@@ -30,7 +30,7 @@ const MAX_PASSIVE_ENERGY: f64 = 0.1;
 const MAX_CALM_ENERGY: f64 = 0.02;
 
 /// Maximum number of reversals of the hand in a calm contact.
-const MAX_CALM_REVERSALS: u32 = 6;
+const MAX_CALM_REVERSALS: u32 = 10;
 
 /// Maximum RMS error of what the hand feels in still contact, as a share of the wanted force: the bound of the shipped
 /// files with 30 % less friction than identified. Measured on bounded walls of 20 to 50 kN/m: 1.5 to 8.9 %.

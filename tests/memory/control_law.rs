@@ -99,6 +99,7 @@ fn everything() -> Settings {
         velocity_filter: Filter::new(0.005).unwrap(),
         walls_in_pose: true,
         contact_fade: Some(ContactFade::new(5.0).unwrap()),
+        damping_never_pulls: true,
         engagement: Some(Engagement::new(0.05, None, plain.period).unwrap()),
         soft_stops: Some(SoftStops::new(plain.arm.ranges(), &max_torques, 0.1, 0.5).unwrap()),
         friction: Some(

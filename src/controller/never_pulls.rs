@@ -1,0 +1,130 @@
+//! Bound of everything that resists a hand in contact: task, passivity damper and damping together never pull it into the
+//! surface.
+//!
+//! Along the direction of the task force:
+//!
+//! ```text
+//!  F_T + F_P       ≥ 0                    the damper takes away the push at most
+//!  F_T + F_P + F_D ≥ -slack               slack = 0 in contact, and rises by 450 N/s after it
+//! ```
+//!
+//! A hand that withdraws feels the task fade to nothing, and then the damping of free motion, without a step. The damper's
+//! bound outlives the contact: what is owed by a contact that bounces is not taken from a hand that leaves.
+
+use nalgebra::Vector3;
+
+use units::spatial::Wrench;
+
+/// Task force from which there is contact, in N.
+const CONTACT: f64 = 0.02;
+
+/// Rate at which damping returns after a contact, in N/s: a hand takes less for a drag, not for a knock.
+const RETURN: f64 = 450.0;
+
+/// Largest slack, in N: no damping is as strong.
+const MAX_SLACK: f64 = 1e3;
+
+/// The bound, from cycle to cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct NeverPulls {
+    /// Direction of the last task force, in {G}, with the slack after the contact in N.
+    contact: Option<(Vector3<f64>, f64)>,
+}
+
+impl NeverPulls {
+    /// Takes the task wrench of this cycle, which lasts `dt` s.
+    pub(crate) fn update(&mut self, dt: f64, f_g_task: &Wrench) {
+        let force = f_g_task.force.norm();
+        self.contact = if force >= CONTACT {
+            Some((f_g_task.force / force, 0.0))
+        } else {
+            let wider = |slack: f64| (slack + RETURN * dt).min(MAX_SLACK);
+            self.contact.map(|(outwards, slack)| (outwards, wider(slack)))
+        };
+    }
+
+    /// Returns the damper's wrench, bounded.
+    pub(crate) fn bounded_damper(&self, f_g_damper: &Wrench, f_g_task: &Wrench) -> Wrench {
+        self.contact.map_or(*f_g_damper, |(outwards, _)| {
+            bounded(f_g_damper, &outwards, f_g_task.force.dot(&outwards))
+        })
+    }
+
+    /// Returns the wrench of the damping K_D, bounded with the task and the damper, whose sum is `f_g_port`.
+    pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, f_g_port: &Wrench) -> Wrench {
+        self.contact.map_or(*f_g_damping, |(outwards, slack)| {
+            bounded(f_g_damping, &outwards, f_g_port.force.dot(&outwards) + slack)
+        })
+    }
+}
+
+/// Returns `f_g` with at most `push` N against `outwards`.
+fn bounded(f_g: &Wrench, outwards: &Vector3<f64>, push: f64) -> Wrench {
+    let too_much = (f_g.force.dot(outwards) + push.max(0.0)).min(0.0);
+    Wrench { force: f_g.force - outwards * too_much, moment: f_g.moment }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn force(f: [f64; 3]) -> Wrench {
+        Wrench { force: f.into(), ..Wrench::ZERO }
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_pulls_into_the_surface(
+            task in prop::array::uniform3(-5.0..5.0_f64), damper in prop::array::uniform3(-9.0..9.0_f64),
+            damping in prop::array::uniform3(-9.0..9.0_f64)
+        ) {
+            let (task, damper, damping) = (force(task), force(damper), force(damping));
+            let mut bound = NeverPulls::default();
+            bound.update(1e-3, &task);
+            let damper = bound.bounded_damper(&damper, &task);
+            let damping = bound.bounded_damping(&damping, &(task + damper));
+            let outwards = task.force.normalize();
+            prop_assert!((task + damper).force.dot(&outwards) >= -1e-9);
+            prop_assert!((task + damper + damping).force.dot(&outwards) >= -1e-9);
+        }
+
+        #[test]
+        fn what_pushes_out_or_along_is_kept(along in -9.0..9.0_f64, out in 0.0..9.0_f64) {
+            let mut bound = NeverPulls::default();
+            bound.update(1e-3, &force([2.0, 0.0, 0.0]));
+            let f_g = force([out, along, 0.0]);
+            prop_assert_eq!(bound.bounded_damping(&f_g, &force([2.0, 0.0, 0.0])), f_g);
+        }
+    }
+
+    #[test]
+    fn damping_returns_after_the_contact_without_a_step() {
+        let mut bound = NeverPulls::default();
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]));
+        let drag = force([-3.0, 0.0, 0.0]);
+        let mut before = 0.0;
+        for _ in 0..10 {
+            bound.update(1e-3, &Wrench::ZERO);
+            let now = bound.bounded_damping(&drag, &Wrench::ZERO).force.x;
+            assert!((now - before).abs() <= 0.45 + 1e-9, "{before} to {now} N");
+            assert!(bound.bounded_damper(&drag, &Wrench::ZERO).force.x.abs() <= 0.0);
+            before = now;
+        }
+        assert!((before + 3.0).abs() < 1e-9, "{before} N");
+    }
+
+    #[test]
+    fn damper_of_a_bounce_does_not_pull_back() {
+        let mut bound = NeverPulls::default();
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]));
+        for _ in 0..10_000 {
+            bound.update(1e-3, &Wrench::ZERO);
+        }
+        let [back, out] = [-3.0, 3.0].map(|f| force([f, 0.0, 0.0]));
+        assert!(bound.bounded_damper(&back, &Wrench::ZERO).force.norm() <= 0.0);
+        assert_eq!(bound.bounded_damper(&out, &Wrench::ZERO), out, "on the way to the surface");
+        assert_eq!(bound.bounded_damping(&back, &Wrench::ZERO), back, "free motion is damped");
+    }
+}

@@ -237,7 +237,8 @@ fn print_new(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &
     while let Some(event) = bench.notice() {
         print::line(&narrator.event(now, &event));
     }
-    narrator.mode_change(record).into_iter().for_each(|line| print::line(&line));
+    let lines = narrator.withdrawal(record).into_iter().chain(narrator.mode_change(record));
+    lines.for_each(|line| print::line(&line));
 }
 
 /// Plays the only case again, and writes its frames and its scenario.

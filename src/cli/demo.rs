@@ -256,6 +256,9 @@ fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, recor
     while let Some(notice) = bench.fault_notice() {
         print::note(&narrator.fault(bench.begun(), &notice));
     }
+    if let Some(line) = narrator.withdrawal(record) {
+        print::note(&line);
+    }
     if let Some(line) = narrator.mode_change(record) {
         print::note(&line);
     }

@@ -7,6 +7,7 @@ use faults::Target;
 use node::record::{Mode, Record};
 use run::log_time;
 use sim::fault::Notice;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Index of the switch box among the nodes.
@@ -18,6 +19,7 @@ pub(super) struct EventNarrator {
     /// Names of the six drives and of the switch box, if there is one.
     names: Vec<String>,
     mode: Mode,
+    self_driven: Option<Joint>,
     has_begun: bool,
 }
 
@@ -25,7 +27,7 @@ impl EventNarrator {
     /// Returns a narrator for the devices of `config`.
     pub(super) fn of(config: &Config) -> Self {
         let names = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
-        Self { names, mode: Mode::Boot, has_begun: false }
+        Self { names, mode: Mode::Boot, self_driven: None, has_begun: false }
     }
 
     /// Returns `0.443022 s: the scenario begins: its own times count from here`, once.
@@ -64,6 +66,18 @@ impl EventNarrator {
             None => format!("node: {}", record.mode),
         };
         is_new.then(|| line(record.at, &text))
+    }
+
+    /// Returns `4.612025 s: node: joint 3 (elbow): friction compensation drove it by itself and is withdrawn`, once until
+    /// the next arming.
+    pub(super) fn withdrawal(&mut self, record: &Record) -> Option<String> {
+        let joint = record.output.ledger.self_driven;
+        let before = std::mem::replace(&mut self.self_driven, joint);
+        let joint = joint.filter(|_| before.is_none())?;
+        let name = self.names.get(joint.index()).map_or_else(|| joint.to_string(), Clone::clone);
+        let text =
+            "friction compensation drove it by itself and is withdrawn until the next arming";
+        Some(line(record.at, &format!("node: {name}: {text}")))
     }
 }
 

@@ -88,7 +88,12 @@ impl Damping {
     }
 }
 
+/// Steepest fall of `1 / (1 + u²)`, at `u = 1/√3`: `3 √3 / 8`.
+const STEEPEST_FADE: f64 = 0.649_519_052_838_329;
+
 /// Fade of the return to centre in contact (decision 23): a factor of `1 / (1 + (|F| / F0)²)`.
+///
+/// F0 is at least `3 √3 / 8` of the return along the task force, so the sum of both along it never falls as it grows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactFade(f64);
 
@@ -110,9 +115,11 @@ impl ContactFade {
         }
     }
 
-    /// Returns the remaining share of the return to centre at task wrench `f_g_task`, 0 to 1.
-    pub fn share(self, f_g_task: &Wrench) -> f64 {
-        let strength = f_g_task.force.norm() / self.0;
+    /// Returns the remaining share, 0 to 1, of the return to centre `f_g_centring` at task wrench `f_g_task`.
+    pub fn share(self, f_g_task: &Wrench, f_g_centring: &Wrench) -> f64 {
+        let force = f_g_task.force.norm();
+        let along = f_g_task.force.dot(&f_g_centring.force) / force.max(f64::MIN_POSITIVE);
+        let strength = force / self.0.max(STEEPEST_FADE * along);
         (1.0 + strength * strength).recip()
     }
 }
@@ -196,10 +203,11 @@ mod tests {
         #[test]
         fn return_to_centre_fades_and_never_grows(force in 0.0..1e6_f64, half_at in 0.1..100.0_f64) {
             let fade = ContactFade::new(half_at).unwrap();
-            let share = fade.share(&Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]));
+            let none = Wrench::ZERO;
+            let share = fade.share(&Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]), &none);
             prop_assert!((0.0..=1.0).contains(&share));
             let at_half = Wrench::from_components([0.0, half_at, 0.0, 0.0, 0.0, 0.0]);
-            prop_assert!((fade.share(&at_half) - 0.5).abs() < 1e-12);
+            prop_assert!((fade.share(&at_half, &none) - 0.5).abs() < 1e-12);
         }
     }
 
@@ -218,6 +226,34 @@ mod tests {
         let dx = Displacement { translation: x_0_g.translation.vector, ..Displacement::default() };
         let force_in_0 = turned * centring_by_components(&channels(), &dx).force;
         assert!(force_in_0.x > 1.9, "pushed outwards with {} N", force_in_0.x);
+    }
+
+    proptest! {
+        #[test]
+        fn force_along_the_push_never_falls_as_contact_grows(
+            push in prop::array::uniform3(-1.0..1.0_f64), back in prop::array::uniform3(-9.0..9.0_f64),
+            half_at in 0.05..5.0_f64, force in 0.0..20.0_f64, more in 0.0..5.0_f64
+        ) {
+            let Some(push) = Vector3::from(push).try_normalize(1e-3) else { return Ok(()) };
+            let f_g_centring = Wrench { force: back.into(), moment: Vector3::zeros() };
+            let fade = ContactFade::new(half_at).unwrap();
+            let total = |force: f64| {
+                let f_g_task = Wrench { force: push * force, moment: Vector3::zeros() };
+                force + fade.share(&f_g_task, &f_g_centring) * f_g_centring.force.dot(&push)
+            };
+            prop_assert!(total(force + more) >= total(force) - 1e-9, "{} {}", total(force), total(force + more));
+        }
+    }
+
+    #[test]
+    fn fade_along_one_axis_of_the_shipped_files_is_that_of_f0() {
+        let along_x = |force| Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let fade = ContactFade::new(1.3).unwrap();
+        for force in [0.1, 0.75, 1.3, 4.0] {
+            let printed = (1.0 + (force / 1.3_f64).powi(2)).recip();
+            assert!((fade.share(&along_x(force), &along_x(2.0)) - printed).abs() < 1e-12);
+        }
+        assert!((fade.share(&Wrench::ZERO, &along_x(9.0)) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -12,11 +12,15 @@
 //! Dahl's friction is the torque -f_c z on the joint. `|z| ≤ 1`, so a joint is never pushed by more than `s f_c` beyond
 //! the viscous part. Friction of at least `s f_c` then takes all energy that the feed-forward gives, whatever the
 //! delay. A joint with less friction than that would be driven, so `s` leaves out how far the identified friction may be
-//! wrong: [`MAX_SHARE`].
+//! wrong: [`MAX_SHARE`]. In free motion it is [bounded](crate::friction_bound) further, and a joint that is driven all the
+//! same [loses its compensation](crate::self_drive).
 
 use thiserror::Error;
 
 use crate::JointVector;
+use crate::friction_bound::GripLoad;
+use crate::self_drive::SelfDrive;
+use units::numbering::Joint;
 
 /// Part by which identified friction may exceed the real one: it changes with load, temperature and wear.
 pub const UNCERTAINTY: f64 = 0.3;
@@ -58,6 +62,7 @@ pub struct FrictionCompensation {
     /// State of Dahl's model, -1 to 1.
     z: JointVector,
     q_before: Option<JointVector>,
+    self_drive: SelfDrive,
 }
 
 impl FrictionCompensation {
@@ -75,7 +80,12 @@ impl FrictionCompensation {
         coulomb.iter().try_for_each(|f| within("dry friction", [0.0, 1e4], *f))?;
         viscous.iter().try_for_each(|f| within("viscous friction", [0.0, 1e4], *f))?;
         presliding.iter().try_for_each(|x| within("the presliding distance", [1e-5, 1.0], *x))?;
-        Ok(Self { settings, z: JointVector::zeros(), q_before: None })
+        Ok(Self {
+            settings,
+            z: JointVector::zeros(),
+            q_before: None,
+            self_drive: SelfDrive::default(),
+        })
     }
 
     /// The parameters.
@@ -90,16 +100,35 @@ impl FrictionCompensation {
         coulomb.component_div(presliding) * *share
     }
 
+    /// Returns the joint that the compensation has driven by itself, since when it is withdrawn.
+    pub const fn self_driven(&self) -> Option<Joint> {
+        self.self_drive.joint()
+    }
+
+    /// Permits the compensation again, after it was withdrawn.
+    pub fn rearm(&mut self) {
+        self.self_drive = SelfDrive::default();
+    }
+
     /// Takes the joints' new positions, and returns the torques that move against friction, in N·m or N.
     ///
-    /// The state follows every motion, also over gaps; the rate since the last cycle is `qd`, in rad/s or m/s.
-    pub fn torques(&mut self, q: &JointVector, qd: &JointVector) -> JointVector {
+    /// The state follows every motion, also over gaps; the rate since the last cycle is `qd`, in rad/s or m/s. `load` at the
+    /// grip bounds the share. The compensation acts with `weight`, 0 to 1.
+    pub fn torques(
+        &mut self,
+        q: &JointVector,
+        qd: &JointVector,
+        load: &GripLoad,
+        weight: f64,
+    ) -> JointVector {
         let FrictionSettings { share, coulomb, viscous, presliding } = &self.settings;
         let dq = q - self.q_before.replace(*q).unwrap_or(*q);
         for (z, (dq, x_s)) in self.z.iter_mut().zip(dq.iter().zip(presliding.iter())) {
             *z = turned(*z, *dq, *x_s);
         }
-        (coulomb.component_mul(&self.z) + viscous.component_mul(qd)) * *share
+        let all = coulomb.component_mul(&self.z) + viscous.component_mul(qd);
+        let tau = all * (load.share(*share, all.dot(qd)) * weight);
+        tau * self.self_drive.update(&tau, &dq, qd, load)
     }
 }
 
@@ -115,6 +144,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::spatial::{Twist, Wrench};
 
     const F_C: f64 = 0.06;
     const X_S: f64 = 2e-3;
@@ -132,10 +162,26 @@ mod tests {
         FrictionCompensation::new(settings()).unwrap()
     }
 
+    /// A grip that a surface presses with 2 N: the full share.
+    fn contact() -> GripLoad {
+        let f_g = Wrench::from_components([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        GripLoad::new(&Twist::ZERO, &f_g, &Wrench::ZERO, &Wrench::ZERO)
+    }
+
+    /// The same, in a motion from which damping takes 0.02 W.
+    fn damped() -> GripLoad {
+        let along = |y| [0.0, y, 0.0, 0.0, 0.0, 0.0];
+        let f_g = Wrench::from_components([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let against = Wrench::from_components(along(-1.0));
+        GripLoad::new(&Twist::from_components(along(0.02)), &f_g, &Wrench::ZERO, &against)
+    }
+
     /// Torque of the first joint along a path.
     fn along(path: impl IntoIterator<Item = f64>) -> f64 {
         let mut compensation = compensation();
-        let step = |q| compensation.torques(&JointVector::repeat(q), &JointVector::zeros())[0];
+        let step = |q| {
+            compensation.torques(&JointVector::repeat(q), &JointVector::zeros(), &contact(), 1.0)[0]
+        };
         path.into_iter().map(step).last().unwrap()
     }
 
@@ -163,6 +209,23 @@ mod tests {
         let fine = along((0..=1_000).map(|k| 3e-6 * f64::from(k)));
         let coarse = along([0.0, 1e-3, 3e-3]);
         assert!((fine - coarse).abs() < 1e-12);
+    }
+
+    #[test]
+    fn withdrawn_compensation_acts_again_once_it_is_rearmed() {
+        let mut compensation = compensation();
+        let mut at = |cycle: u32, rearm: bool| {
+            if rearm {
+                compensation.rearm();
+            }
+            let q = JointVector::repeat(1.2e-3 * f64::from(cycle));
+            let tau = compensation.torques(&q, &JointVector::repeat(1.2), &damped(), 1.0)[0];
+            (tau, compensation.self_driven())
+        };
+        let driven = (0..200).map(|cycle| at(cycle, false)).last().unwrap();
+        assert!(driven.0 < 1e-6 && driven.1 == Some(Joint::of::<1>()), "{driven:?}");
+        let (tau, self_driven) = at(200, true);
+        assert!((tau - 0.7 * F_C).abs() < 1e-9 && self_driven.is_none(), "{tau}");
     }
 
     #[test]
@@ -205,7 +268,7 @@ mod tests {
                 let [last, acted] = delayed;
                 given = acted * dq;
                 prop_assert!(given <= 0.7 * F_C * dq.abs() + 1e-15);
-                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros())[0];
+                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros(), &contact(), 1.0)[0];
                 delayed = [tau, last];
             }
             prop_assert!(given >= 0.999 * 0.7 * F_C * X_S, "{given} J");
@@ -215,7 +278,7 @@ mod tests {
         fn torque_is_bounded_and_finite(q in prop::collection::vec(any::<f64>(), 1..50)) {
             let mut compensation = compensation();
             for q in q {
-                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros());
+                let tau = compensation.torques(&JointVector::repeat(q), &JointVector::zeros(), &contact(), 1.0);
                 prop_assert!(tau.iter().all(|tau| tau.abs() <= 0.7 * F_C + 1e-12), "{tau}");
             }
         }

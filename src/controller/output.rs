@@ -119,6 +119,8 @@ pub struct Ledger {
     pub soft_stops: JointVector,
     /// Friction compensation, times the share of the engagement ramp.
     pub friction: JointVector,
+    /// Joint that its friction compensation has driven by itself: the compensation is withdrawn until the next arming.
+    pub self_driven: Option<Joint>,
     /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,
     /// Scale of task and assist together, 0 to 1.
@@ -143,6 +145,7 @@ impl Ledger {
             passivity: none,
             soft_stops: none,
             friction: none,
+            self_driven: None,
             assist_scale: 1.0,
             rest_scale: 1.0,
             share: 1.0,

@@ -7,6 +7,8 @@ use crate::assist::{self, Damping};
 use crate::booking::PortTorques;
 use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
+use crate::friction::FrictionCompensation;
+use crate::friction_bound::GripLoad;
 use crate::intake::Trusted;
 use crate::interpretation::{Centring, Felt, Weight};
 use crate::limits::{Asked, Limited, Limits, Slew};
@@ -126,16 +128,21 @@ impl Controller {
         let f_g_damping = permitted(pressed.damping, against); // Eq. 9
 
         let j_g = arm.jacobian(&posture);
-        let fade = self.fade(&f_g_task);
+        let f_g_return = f_g_centring * self.fade(&f_g_task, &f_g_centring);
+        let soft_stops = self.soft_stops(&pressed, &q, &qd);
+        let load = GripLoad::new(&moving.v_g, &f_g_task, &f_g_return, &f_g_damping)
+            .driven_by(soft_stops.dot(&qd));
+        // An active port needs the friction that takes energy.
+        let weight = begun * (1.0 - port.activity);
         let asked = Ledger {
             task: j_g.torques(&f_g_task),                                // Eq. 7
             gravity: self.gravity(&posture, &j_g) * given.gravity_share, // 3.3
-            centring: j_g.torques(&f_g_centring) * fade,
+            centring: j_g.torques(&f_g_return),
             damping: j_g.torques(&f_g_damping),
             passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
-            soft_stops: self.soft_stops(&pressed, &q, &qd),
-            // An active port needs the friction that takes energy.
-            friction: self.friction(&q, &qd) * (begun * (1.0 - port.activity)),
+            soft_stops,
+            friction: self.friction(&given, &q, &qd, &load, weight),
+            self_driven: self.self_driven(),
             share: given.reflection_share,
             ..Ledger::nothing()
         };
@@ -271,8 +278,8 @@ impl Controller {
     }
 
     /// Remaining share of the return to centre in contact, 0 to 1 (decision 23). Damping stays: contact needs it.
-    fn fade(&self, f_g_task: &Wrench) -> f64 {
-        self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
+    fn fade(&self, f_g_task: &Wrench, f_g_centring: &Wrench) -> f64 {
+        self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task, f_g_centring))
     }
 
     /// Gravity compensation (decision 12).
@@ -290,10 +297,26 @@ impl Controller {
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
 
-    /// Torques that compensate friction; none without a compensation.
-    fn friction(&mut self, q: &JointVector, qd: &JointVector) -> JointVector {
-        let compensation = self.layers.friction.as_mut();
-        compensation.map_or_else(JointVector::zeros, |friction| friction.torques(q, qd))
+    /// Torques that compensate friction with `weight`, 0 to 1; none without a compensation. An arm whose gravity is not compensated is not
+    /// armed: that ends a withdrawal.
+    fn friction(
+        &mut self,
+        given: &Trusted,
+        q: &JointVector,
+        qd: &JointVector,
+        load: &GripLoad,
+        weight: f64,
+    ) -> JointVector {
+        let Some(friction) = &mut self.layers.friction else { return JointVector::zeros() };
+        if given.gravity_share <= 0.0 {
+            friction.rearm();
+        }
+        friction.torques(q, qd, load, weight)
+    }
+
+    /// Returns the joint that its friction compensation has driven, until the next arming.
+    fn self_driven(&self) -> Option<Joint> {
+        self.layers.friction.as_ref().and_then(FrictionCompensation::self_driven)
     }
 
     /// Limits the requested torques to the actuators' capacities and rates of change.

@@ -184,8 +184,8 @@ causes! {
         ),
         reaction armed(ReflectionOff, &[43]);
     UncommandedMotion
-        description "joint driven by gravity compensation while it ramps up",
-        message ("uncommanded motion while gravity compensation ramps up"),
+        description "joint driven by gravity or friction compensation",
+        message ("uncommanded motion: gravity or friction compensation drives a joint"),
         reaction armed(ZeroTorque, &[41]);
     Unstable
         description "oscillation of the grip that does not decay, or excess power into the hand",

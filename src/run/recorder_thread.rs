@@ -15,6 +15,7 @@ use telemetry::fidelity::{Commanded, Fidelity, Judged};
 use telemetry::status::{JointLabel, Status};
 use telemetry::summary::Summary;
 use telemetry::token_bucket::TokenBucket;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Polling interval of the rings. The recorder polls because waking it would cost the cycle thread a system call.
@@ -84,6 +85,7 @@ pub(super) fn run(
         fidelity: Fidelity::new(Judged::Command),
         summary,
         mode: Mode::Boot,
+        self_driven: None,
         event_log: EventLog::new(),
         now: Instant::ZERO,
         newest: None,
@@ -111,6 +113,7 @@ struct Recorder<'a> {
     fidelity: Fidelity,
     summary: Summary,
     mode: Mode,
+    self_driven: Option<Joint>,
     event_log: EventLog,
     now: Instant,
     newest: Option<Record>,
@@ -134,6 +137,11 @@ impl EntryHandler for Recorder<'_> {
                 }
                 log_mode(record, &self.names.joints);
             });
+        }
+        let self_driven = record.output.ledger.self_driven;
+        let before = std::mem::replace(&mut self.self_driven, self_driven);
+        if let Some(joint) = self_driven.filter(|_| before.is_none()) {
+            log_time::stamp_with(record.at, || log_self_driven(joint, &self.names.joints));
         }
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
@@ -249,6 +257,16 @@ fn log_mode(record: &Record, labels: &[JointLabel]) {
         Some(cause) => tracing::warn!(%mode, %cause, "mode"),
         None => tracing::info!(%mode, "mode"),
     }
+}
+
+/// Logs that friction compensation was withdrawn, because it drove a joint.
+fn log_self_driven(joint: Joint, labels: &[JointLabel]) {
+    let name = labels.get(joint.index()).map(|label| label.name.as_str());
+    tracing::warn!(
+        joint = joint.number(),
+        name,
+        "friction compensation drove a joint by itself and is withdrawn until the next arming: measure its friction"
+    );
 }
 
 #[cfg(test)]

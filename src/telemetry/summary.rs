@@ -11,6 +11,7 @@ use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
 use node::record::{Mode, Record};
+use units::numbering::Joint;
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -56,6 +57,9 @@ pub struct Summary {
     pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
     pub saturated_cycles: u64,
+    /// Joint, from 1, that friction compensation drove by itself last: the compensation was withdrawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_driven_joint: Option<u8>,
     /// RMS of commanded minus actual speed in rate mode and free motion, in m/s.
     pub rate_tracking_rms_m_per_s: f64,
     /// RMS of commanded minus actual position in pose mode and free motion, in m.
@@ -95,6 +99,8 @@ impl Summary {
         self.missing_samples += u64::try_from(missing).unwrap_or(0);
         self.cycles_with_missing_samples += u64::from(missing > 0);
         self.saturated_cycles += u64::from(record.output.is_saturated());
+        let self_driven = record.output.ledger.self_driven.map(Joint::number);
+        self.self_driven_joint = self_driven.or(self.self_driven_joint);
         self.contact.add(record);
         self.final_mode = record.mode.to_string();
         self.stopped_by = record.cause.map(|cause| cause.to_string());
@@ -188,6 +194,12 @@ impl fmt::Display for Summary {
         }
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
+        if let Some(joint) = self.self_driven_joint {
+            writeln!(
+                f,
+                "friction          compensation withdrawn: it drove joint {joint} by itself; measure its friction"
+            )?;
+        }
         for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate()
         {
             writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;

@@ -70,7 +70,15 @@ fn non_finite_number_is_refused_with_its_line() {
 
 #[test]
 fn missing_key_is_named() {
-    let optional = ["start_deg", "contact_fade_n", "torque_rise_s", "one_sided"];
+    let optional = [
+        "start_deg",
+        "contact_fade_n",
+        "torque_rise_s",
+        "damping_never_pulls",
+        "one_sided",
+        "min_singular_value",
+        "max_grip_friction_n",
+    ];
     for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
         let refusal = refusal(&with(number, |_| String::new()));
         assert!(refusal.contains(&format!("missing field `{key}`")), "{number}: {refusal}");
@@ -706,4 +714,49 @@ fn remote_environment_accepts_friction_and_a_sphere() {
         assert!(refusal.contains(reason), "{reason}: {refusal}");
         assert!(refusal.starts_with(&format!("{FILE}:")), "{refusal}");
     }
+}
+
+#[test]
+fn bounds_of_contact_postures_are_positive() {
+    let keys = ["min_singular_value = 0.1 ", "max_grip_friction_n = 0.6 "];
+    for key in keys {
+        let (name, _) = key.split_once(" = ").unwrap();
+        for wrong in ["0.0", "-1.0", "nan", "inf"] {
+            let text = TEXT.replace(key, &format!("{name} = {wrong} "));
+            let refusal = refusal(&text);
+            assert!(refusal.contains(&format!("arm.{name}: must be above zero")), "{refusal}");
+        }
+    }
+}
+
+#[test]
+fn wall_of_each_shipped_file_is_met_in_a_good_posture() {
+    for file in shipped() {
+        let config = Config::load(Path::new(&file)).unwrap();
+        let posture = config.wall_contact().unwrap().posture.unwrap();
+        assert!(posture.friction_n <= 0.6 && posture.sigma_min >= 0.1, "{file}: {posture:?}");
+        assert!(config.contact_bounds.permit(&posture), "{file}");
+    }
+}
+
+#[test]
+fn wall_beyond_the_reach_has_no_posture() {
+    let text = TEXT.replace("point_m = [0.47,", "point_m = [0.8,");
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    assert!(config.wall_contact().unwrap().posture.is_err());
+    let touching = TEXT.replace("point_m = [0.47,", "point_m = [0.42,");
+    let config = Config::parse(Path::new(FILE), &touching).unwrap();
+    assert_eq!((config.wall_contact(), config.wall_depth_at_start()), (None, None));
+    let inside = TEXT.replace("point_m = [0.47,", "point_m = [0.30,");
+    let config = Config::parse(Path::new(FILE), &inside).unwrap();
+    assert_eq!(config.wall_contact(), None);
+    assert!((config.wall_depth_at_start().unwrap() - 0.12).abs() < 1e-9);
+}
+
+/// Returns the files of config/ and config/drives/.
+fn shipped() -> Vec<String> {
+    let files = ["config", "config/drives"].map(|folder| std::fs::read_dir(folder).unwrap());
+    let files = files.into_iter().flatten().map(|file| file.unwrap().path());
+    let files = files.filter(|file| file.extension().is_some_and(|one| one == "toml"));
+    files.map(|file| file.to_str().unwrap().to_owned()).collect()
 }

@@ -35,7 +35,7 @@ const MS: Duration = Duration::from_millis(1);
 
 /// Returns a bench whose object stands 0.1 mm before the wall, behind a link.
 fn pressing(settings: DelaySettings) -> Bench<()> {
-    let text = TEXT.replace("start_m = [0.4,", "start_m = [0.5299,");
+    let text = TEXT.replace("start_m = [0.4,", "start_m = [0.4499,");
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
     let link = RemoteLink { simulated: Some(settings), ..config.link };
     let scenario = Scenario::parse(PRESSING).unwrap();

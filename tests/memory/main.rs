@@ -9,6 +9,7 @@ mod boot;
 mod boot_variants;
 mod bus_hazards;
 mod campaign;
+mod compensated_push;
 mod config;
 mod control_law;
 mod coupling;

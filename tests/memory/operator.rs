@@ -223,7 +223,7 @@ fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
     // In pose mode without reflection, the hand presses into the wall; then reflection is enabled.
     let script = "[[console]]\nat_s = 0.05\nrequest = \"mode pose\"\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
         [[switch]]\nat_s = 1.5\ndeadman = true\n\
-        [[move]]\nat_s = 1.8\nduration_s = 0.7\nto_m = [0.14, 0.0, 0.0]\n\
+        [[move]]\nat_s = 1.8\nduration_s = 0.7\nto_m = [0.06, 0.0, 0.0]\n\
         [[switch]]\nat_s = 3.0\nreflection = true\n[[switch]]\nat_s = 3.05\nreflection = false\n";
     let records = records(&config, script, 3.6);
     let on = records.iter().position(|record| record.output.pressed.task).unwrap();

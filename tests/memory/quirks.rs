@@ -119,9 +119,9 @@ const HOLDS_500: &str = "kept its power stage on for 43 ms without RPDOs (1400h:
 const NO_TIMER: &str = "58.6 N (max_force_n = 40, return to centre and walls 3.5, soft stops 15.1) and \
     dampers of 83 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 2.54 m/s \
     fast, more than 0.5 m/s: at most 0.0 N in all";
-const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) for the \
-    25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.24 m/s fast, more than 0.5 m/s: at \
-    most 20.0 N in all";
+const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) and \
+    dampers of 48 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.44 m/s \
+    fast, more than 0.5 m/s: at most 11.9 N in all";
 const FIXED: &str = "1A00h refused: 06010002h object is read only; 1A00h:1 is 60410010h, expected 60640020h: choose a \
     layout that the device has";
 const FIXED_500: &str = "1A00h refused: 06010002h object is read only; 1A00h:2 is 00000000h, expected 60640020h: choose \

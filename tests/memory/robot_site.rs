@@ -154,7 +154,7 @@ fn displaced(x: f64) -> Scenario {
 fn held_displacement_presses_with_gain_and_deadband() {
     // A wall on the other side for the other sign.
     let behind = [
-        ("point_m = [0.55, 0.0, 0.0]", "point_m = [0.25, 0.0, 0.0]"),
+        ("point_m = [0.47, 0.0, 0.0]", "point_m = [0.25, 0.0, 0.0]"),
         ("normal = [-1.0, 0.0, 0.0]", "normal = [1.0, 0.0, 0.0]"),
     ];
     let yielding = "accommodation_m_per_ns = 0.01 ";

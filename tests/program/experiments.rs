@@ -100,7 +100,8 @@ fn delay_is_refused_where_nothing_would_rest() {
         assert!(played.stderr.contains("arm.toml"), "{}", played.stderr);
         assert!(played.stderr.contains(reason), "{reason}: {}", played.stderr);
     }
-    let slow = frhc(&["experiment", "delay", "--config", "config/kraft_like_500hz.toml"]);
+    let makers = "config/drives/maxon_epos4.toml";
+    let slow = frhc(&["experiment", "delay", "--config", makers]);
     assert!(
         slow.code == 3 && slow.stderr.contains("add [controller.passivity]"),
         "{}",

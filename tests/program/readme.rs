@@ -138,7 +138,7 @@ fn refusals_name_file_line_and_key_as_shown() {
         ("a_m = 0.254", "a_m = nan"),
         ("mass_kg = 0.45", "mass_kg = \"heavy\""),
     ];
-    let bad = [("damping_ns_per_m = [8.0", "damping_ns_per_m = [30.0")];
+    let bad = [("stiffness_n_per_m = 2000.0", "stiffness_n_per_m = 50000.0")];
     for (name, slips, beginning) in
         [("broken.toml", &broken[..], "frhc: broken.toml:"), ("bad.toml", &bad, "frhc: bad.toml:")]
     {

@@ -134,7 +134,7 @@ fn configurations_with_invalid_robots_are_refused() {
     );
     check(
         &fast,
-        &["hand.toml:237: remote.accommodation_m_per_ns: accommodation, z: K_FA k_e T = 3.00"],
+        &["hand.toml:239: remote.accommodation_m_per_ns: accommodation, z: K_FA k_e T = 3.00"],
     );
 }
 

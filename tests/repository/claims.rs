@@ -142,6 +142,7 @@ pub(crate) const HAZARDS: [Claim; 46] = [
         41,
         "Reflection begins with a large wrench; power comes on while the arm is not held, or with a wrong sign or scale",
         "ramps of 300 ms and 1 s from zero; an arm driven one way for 0.9 rad, or whose grip reaches 1 m/s, stops; \
+         engaged, a joint that its friction compensation drives for 0.05 rad loses it, and stops the node if it goes on for 0.25 rad; \
          a joint whose facts are stated only is armed within 5° of its rest posture alone",
     ),
     (

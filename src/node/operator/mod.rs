@@ -5,7 +5,7 @@
 //! | [`deadman`]          | deadman released, stuck, bouncing, closed at power-up   | 38, 39 |
 //! | `buttons`            | bouncing reference and reflection switches              | 39     |
 //! | `anti_tie_down`      | deadman held for a minute without motion of the grip    | 39     |
-//! | `uncommanded_motion` | joint driven while gravity compensation ramps up        | 41     |
+//! | `uncommanded_motion` | joint driven by gravity or friction compensation         | 41     |
 //! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
 //!
 //! `sampled_motion` is the motion that `instability` judges.
@@ -25,7 +25,7 @@ use crate::operator::buttons::Buttons;
 use crate::operator::deadman::{Deadman, EnableState};
 use crate::operator::instability::Instability;
 use crate::operator::sampled_motion::{Motion, SampledMotion};
-use crate::operator::uncommanded_motion::UncommandedMotion;
+use crate::operator::uncommanded_motion::{DrivenOn, UncommandedMotion};
 use crate::permit::Permit;
 use config::switch_inputs::SwitchInputs;
 use controller::switches::Switches;
@@ -42,6 +42,7 @@ pub(super) struct Operator {
     buttons: Buttons,
     anti_tie_down: AntiTieDown,
     uncommanded_motion: UncommandedMotion,
+    driven_on: DrivenOn,
     sampled_motion: SampledMotion,
     instability: Instability,
     /// Joint positions of the last cycle.
@@ -59,6 +60,7 @@ impl Operator {
             buttons: Buttons::new(),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
+            driven_on: DrivenOn::default(),
             sampled_motion: SampledMotion::default(),
             instability: Instability::default(),
             previous_q: None,
@@ -122,6 +124,9 @@ impl Operator {
         let dt = self.period.as_secs_f64();
         let is_unheld_ramp = permit.gravity_ramps_up && !is_held;
         let uncommanded = self.uncommanded_motion.check(dt, is_unheld_ramp, &acted, &dq, fresh);
+        let self_driven = output.ledger.self_driven.filter(|_| permit.engaged);
+        let driven_on = self.driven_on.check(dt, self_driven, &dq, fresh);
+        let uncommanded = uncommanded.or(driven_on);
         let motion = Motion::new(self.period, &output.moving.v_g, acted_felt.dot(&dq));
         let sampled = self.sampled_motion.add(&motion, is_complete);
         if !permit.engaged {

@@ -1,4 +1,5 @@
-//! Uncommanded motion while gravity compensation ramps up, caused by a wrong mass, sign or zero.
+//! Uncommanded motion: while gravity compensation ramps up, caused by a wrong mass, sign or zero; and of a joint that its
+//! friction compensation drove, if it goes on after the controller has withdrawn the compensation.
 //!
 //! Correct gravity compensation drives no joint: it relieves the hand or the stop that carries the weight, or brakes a
 //! falling arm. So motion in the direction of the torque is checked while gravity compensation ramps up and the deadman
@@ -7,6 +8,7 @@
 
 use crate::cause::Cause;
 use controller::JointVector;
+use units::numbering::Joint;
 
 /// Minimum speed of a joint that counts as motion, in rad/s (m/s).
 const MIN_SPEED: f64 = 0.1;
@@ -14,6 +16,46 @@ const MIN_SPEED: f64 = 0.1;
 /// Maximum motion in one direction, in rad (m): a relaxed hand rises by 0.65 rad as the weight leaves it. The speed
 /// limit of the grip stops faster arms before.
 const MAX_MOTION: f64 = 0.9;
+
+/// Maximum motion of a joint that goes on without its friction compensation, in rad (m): something else drives it.
+const MAX_MOTION_WITHDRAWN: f64 = 0.25;
+
+/// Monitor of the joint that its friction compensation drove.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DrivenOn {
+    /// Motion since the withdrawal, in rad (m); `None` before, and once the joint has stopped or turned.
+    travel: Option<f64>,
+    was_withdrawn: bool,
+}
+
+impl DrivenOn {
+    /// Checks the motion `dq` of the joints in the last `dt` s, in rad (m). `self_driven` is the joint whose compensation is
+    /// withdrawn, and `None` while not engaged.
+    pub(super) fn check(
+        &mut self,
+        dt: f64,
+        self_driven: Option<Joint>,
+        dq: &JointVector,
+        fresh: &[bool; 6],
+    ) -> Option<Cause> {
+        let Some((dq, is_fresh)) = self_driven.and_then(|joint| {
+            let place = joint.index();
+            Some((*dq.get(place)?, *fresh.get(place)?))
+        }) else {
+            *self = Self::default();
+            return None;
+        };
+        if !std::mem::replace(&mut self.was_withdrawn, true) {
+            self.travel = Some(0.0);
+        }
+        if is_fresh {
+            let goes_on = |travel: &f64| dq.abs() > MIN_SPEED * dt && travel * dq >= 0.0;
+            self.travel = self.travel.filter(goes_on).map(|travel| travel + dq);
+        }
+        let is_beyond = self.travel.is_some_and(|travel| travel.abs() > MAX_MOTION_WITHDRAWN);
+        is_beyond.then_some(Cause::UncommandedMotion)
+    }
+}
 
 /// Monitor of all joints.
 #[derive(Clone, Copy, Debug, Default)]
@@ -102,12 +144,48 @@ mod tests {
     #[test]
     fn hazard_41_joint_beyond_its_limit_in_the_ramp_ends_torque() {
         let at = JointReading::new(2.0, JointKind::Revolute);
-        let joint = units::numbering::Joint::of::<3>();
+        let joint = Joint::of::<3>();
         let beyond = Some(Cause::BeyondLimit { joint, position: at, limit: at });
         assert_eq!(of_limit(beyond, true), Some(Cause::UncommandedMotion));
         assert_eq!(of_limit(beyond, false), None, "the row of the cause applies");
         assert_eq!(of_limit(Some(Cause::Late), true), None);
         assert_eq!(of_limit(None, true), None);
+    }
+
+    /// Returns the time in ms of the trip within a second of a second joint that moves on at a rate in rad/s that depends on
+    /// the time in s, its compensation withdrawn.
+    fn trips_withdrawn(qd: impl Fn(f64) -> f64) -> Option<u32> {
+        let mut monitor = DrivenOn::default();
+        let second = Some(Joint::of::<2>());
+        (0..1_000_u32).find(|ms| {
+            let dq = joints(qd(f64::from(*ms) * 1e-3) * 1e-3);
+            monitor.check(1e-3, second, &dq, &[true; 6]).is_some()
+        })
+    }
+
+    #[test]
+    fn hazard_41_joint_that_moves_on_without_compensation_trips() {
+        assert_eq!(
+            (trips_withdrawn(|_| 1.01), trips_withdrawn(|_| -0.501)),
+            (Some(247), Some(499))
+        );
+        assert_eq!(trips_withdrawn(|t| 1.0 - 4.0 * t), None, "comes to rest within 0.125 rad");
+        assert_eq!(trips_withdrawn(|t| if t < 0.2 { 1.0 } else { -2.0 }), None, "a hand");
+        assert_eq!(trips_withdrawn(|t| if t < 0.1 { 0.0 } else { 2.0 }), None, "it was at rest");
+        assert_eq!(trips_withdrawn(|_| f64::NAN), None);
+    }
+
+    #[test]
+    fn hazard_41_each_withdrawal_is_checked_anew() {
+        let mut monitor = DrivenOn::default();
+        let [moves, rests] = [2e-3, 0.0].map(joints);
+        let second = Some(Joint::of::<2>());
+        let mut check = |self_driven, dq| monitor.check(1e-3, self_driven, dq, &[true; 6]);
+        assert!((0..1_000).all(|_| check(None, &moves).is_none()), "not withdrawn");
+        assert_eq!(check(second, &rests), None);
+        assert!((0..1_000).all(|_| check(second, &moves).is_none()), "it was at rest");
+        assert_eq!(check(None, &moves), None);
+        assert!((0..1_000).any(|_| check(second, &moves).is_some()));
     }
 
     #[test]

@@ -261,6 +261,10 @@ fn place(kind: u8, surface: Surface) -> (Contact, Isometry3<f64>) {
     }
 }
 
+/// Energy that a path misses where a point of a circle enters or leaves between two steps, in J: k d² / 2, d = 5 µm, a
+/// step's length. Without it a graze of a few steps, 10⁻⁷ J in all, would be held to 0.2 % of itself.
+const GRAIN_J: f64 = 0.5 * SMOOTH.stiffness / 36.0 * 5e-6 * 5e-6;
+
 /// Returns the work of the scene on the tool along a closed path around `middle` that comes from free space, in J, and
 /// its positive part.
 fn work(kind: u8, surface: Surface, reach: &[f64; 6]) -> (f64, f64) {
@@ -299,13 +303,13 @@ proptest! {
     #[test]
     fn contact_takes_energy_on_a_closed_path(kind in 0..6_u8, reach in reach(), friction in 0.0..0.8_f64) {
         let (total, given) = work(kind, Surface { friction, ..ROUGH }, &reach);
-        prop_assert!(total <= 1e-3 * given + 1e-12, "{total} J of {given}");
+        prop_assert!(total <= 1e-3 * given + GRAIN_J, "{total} J of {given}");
     }
 
     #[test]
     fn contact_without_friction_and_damping_conserves_energy(kind in 0..6_u8, reach in reach()) {
         let (total, given) = work(kind, SMOOTH, &reach);
-        prop_assert!(total.abs() <= 2e-3 * given + 1e-12, "{total} J of {given}");
+        prop_assert!(total.abs() <= 2e-3 * given + GRAIN_J, "{total} J of {given}");
     }
 
     #[test]

@@ -16,6 +16,7 @@ pub mod fidelity;
 pub mod losses;
 pub mod origin;
 pub mod session;
+pub mod shaking;
 pub mod status;
 pub mod summary;
 pub mod token_bucket;

@@ -10,6 +10,7 @@ use crate::contact_posture::ContactPostures;
 use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
+use crate::shaking::Shaking;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
 use units::spatial::Motion;
@@ -53,6 +54,8 @@ pub struct Summary {
     pub contact: Contact,
     /// Contact in postures that render it badly.
     pub contact_posture: ContactPostures,
+    /// Shaking of a robot in free motion.
+    pub shaking: Shaking,
     /// The felt wrench against K_T times the sensed one: at the hand in a simulation, as commanded on drives.
     pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
@@ -109,6 +112,7 @@ impl Summary {
         self.seconds = record.at.since(first).as_secs_f64();
         if let Some((at, mode, x_b_m)) = self.last {
             let dt = record.at.since(at).as_secs_f64();
+            self.shaking.add(&record.f_s, dt);
             let moved = (record.x_b_m.translation.vector - x_b_m.translation.vector).norm();
             self.object_travel_m += moved;
             if record.mode == Mode::Engaged {
@@ -193,6 +197,9 @@ impl fmt::Display for Summary {
             writeln!(f, "{place} {fidelity}")?;
         }
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
+        if self.shaking.is_reported() {
+            writeln!(f, "robot             {}", self.shaking)?;
+        }
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
         if let Some(joint) = self.self_driven_joint {
             writeln!(

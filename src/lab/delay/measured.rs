@@ -13,6 +13,7 @@ use controller::torque_delay::TorqueDelay;
 use node::cause::{Cause, Kind};
 use node::record::{Mode, Record};
 use telemetry::contact::Contact;
+use telemetry::shaking::Shaking;
 use units::time::Instant;
 
 /// Speed of the grip in m/s, RMS, below which a hand rests.
@@ -56,6 +57,8 @@ impl fmt::Display for Outcome {
 pub(super) struct Measured {
     /// Energy in contact.
     pub(super) contact: Contact,
+    /// Shaking of the arm in free motion.
+    pub(super) shaking: Shaking,
     /// Energy that the layer took from the hand, in J.
     pub(super) taken: f64,
     /// Largest torque beyond gravity compensation, in N·m.
@@ -87,6 +90,7 @@ impl Measured {
     pub(super) fn new(config: &Config, outage: Option<f64>) -> Self {
         Self {
             contact: Contact::default(),
+            shaking: Shaking::default(),
             taken: 0.0,
             largest: 0.0,
             reflected_for: None,
@@ -105,6 +109,7 @@ impl Measured {
     pub(super) fn add(&mut self, bench: &Bench<()>, record: &Record) {
         let t = record.at.since(bench.begun()).as_secs_f64();
         self.contact.add(record);
+        self.shaking.add(&record.f_s, self.dt);
         self.cause = record.cause;
         self.was_engaged |= record.mode == Mode::Engaged;
         self.add_layer(record);

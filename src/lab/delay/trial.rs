@@ -14,6 +14,7 @@ use crate::robot_site::{Equipment, NoRobot, RobotSite};
 use crate::side::Side;
 use config::Config;
 use config::robots::RobotArm;
+use telemetry::shaking::Shaking;
 
 /// Object or arm that the hand leads.
 #[derive(Clone, Copy, Debug)]
@@ -97,6 +98,9 @@ pub struct Row {
     pub reflected_for_s: Option<f64>,
     /// Cause of a stop.
     pub stopped_by: Option<String>,
+    /// Shaking of the arm in free motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaking: Option<Shaking>,
 }
 
 /// Reason why a run cannot be played.
@@ -175,6 +179,7 @@ impl Trial<'_> {
             largest_nm: measured.largest,
             reflected_for_s: measured.reflected_for,
             stopped_by: measured.cause.map(|cause| cause.to_string()),
+            shaking: measured.shaking.reported(),
         })
     }
 

@@ -10,6 +10,7 @@ use crate::robot_site::NoRobot;
 use config::dual_peg::DualPeg;
 use robot::contact_work::ContactWork;
 use sim::operator_settings::OperatorSettings;
+use telemetry::shaking::Shaking;
 use units::spatial::Twist;
 
 /// Force at which the contact phase begins, in N.
@@ -69,6 +70,9 @@ pub struct Trial {
     pub mean_n: f64,
     /// Mean contact moment, in N·m.
     pub mean_nm: f64,
+    /// Shaking of the arm in free motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaking: Option<Shaking>,
 }
 
 impl Trial {
@@ -85,8 +89,10 @@ impl Trial {
     ) -> Result<Self, NoRobot> {
         let mut bench = PegBench::new(settings, condition, operator, situation)?;
         let mut phase = ContactPhase::default();
+        let mut shaking = Shaking::default();
         let outcome = loop {
             let record = bench.cycle();
+            shaking.add(&record.f_s, bench.period());
             let Some(robot) = bench.robot() else { return Err(NoRobot::NoArm) };
             let arm = robot.arm();
             let (f_m, x_b_m) = (*arm.f_m_contact(), *arm.x_b_m());
@@ -120,6 +126,7 @@ impl Trial {
             peak_nm,
             mean_n: over(sum_n),
             mean_nm: over(sum_nm),
+            shaking: shaking.reported(),
         })
     }
 

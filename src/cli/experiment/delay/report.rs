@@ -14,12 +14,12 @@ const ACCEPTED: &str = " ✓";
 
 /// Returns what each delay costs, the maps, and the links that are disturbed.
 pub(super) fn tables(figures: &[Figure]) -> Vec<Table> {
-    vec![
-        accepted(figures),
-        map(figures, Commanded::Pose),
-        map(figures, Commanded::Rate),
-        disturbed(figures),
-    ]
+    let mut accepted = accepted(figures);
+    let shaking = figures.iter().filter_map(|Figure { row, .. }| Some((&row.led, row.shaking?)));
+    if let Some((led, shaking)) = shaking.max_by(|(_, a), (_, b)| a.peak_n.total_cmp(&b.peak_n)) {
+        accepted.note.push_str(&format!("; {led} {shaking}"));
+    }
+    vec![accepted, map(figures, Commanded::Pose), map(figures, Commanded::Rate), disturbed(figures)]
 }
 
 /// A run without the layer, and the same with it.

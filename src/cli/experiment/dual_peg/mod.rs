@@ -18,6 +18,7 @@ use lab::dual_peg::pooled::{self, Pooled};
 use lab::dual_peg::trial::Trial;
 use run::exit::{Failure, Kind, OrFail};
 use sim::operator_settings::OperatorSettings;
+use telemetry::shaking::Shaking;
 
 /// Files of the results.
 const FILES: [&str; 4] = ["trials.csv", "figures.json", "work.svg", "report.md"];
@@ -85,6 +86,9 @@ struct Figures {
     ratios: Vec<Ratio>,
     aligned: Vec<Pooled>,
     sweep: Vec<Swept>,
+    /// The strongest shaking of the arm in free motion, of all trials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shaking: Option<Shaking>,
 }
 
 /// Runs everything, prints the tables and writes the files.
@@ -211,7 +215,13 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
         Swept { series, ratios: ratios(&pooled), pooled }
     });
     let table = of(Series::Table);
-    Figures { ratios: ratios(&table), table, aligned: of(Series::Aligned), sweep: sweep.collect() }
+    Figures {
+        ratios: ratios(&table),
+        table,
+        aligned: of(Series::Aligned),
+        sweep: sweep.collect(),
+        shaking: Shaking::strongest(trials.iter().filter_map(|(_, trial)| trial.shaking)),
+    }
 }
 
 /// Refuses an experiment in which perfect alignment is not enough, or takes longer in one condition than in another.

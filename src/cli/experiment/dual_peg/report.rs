@@ -21,6 +21,9 @@ pub(super) fn tables(figures: &Figures) -> Vec<Table> {
     if !figures.sweep.is_empty() {
         tables.push(sweep(figures));
     }
+    if let (Some(shaking), Some(table)) = (figures.shaking, tables.last_mut()) {
+        table.note.push_str(&format!("; the robot {shaking}"));
+    }
     tables
 }
 

@@ -100,7 +100,7 @@ impl FrictionCompensation {
         coulomb.component_div(presliding) * *share
     }
 
-    /// Returns the joint that the compensation has driven by itself, since when it is withdrawn.
+    /// Returns the joint that the compensation drove without a hand; it is withdrawn since.
     pub const fn self_driven(&self) -> Option<Joint> {
         self.self_drive.joint()
     }

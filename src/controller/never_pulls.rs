@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A hand that withdraws feels the task fade to nothing, and then the damping of free motion, without a step. The damper's
-//! bound outlives the contact: what is owed by a contact that bounces is not taken from a hand that leaves.
+//! bound outlives the contact: a hand that leaves does not pay the energy debt of a contact that bounces.
 
 use nalgebra::Vector3;
 

@@ -119,7 +119,7 @@ pub struct Ledger {
     pub soft_stops: JointVector,
     /// Friction compensation, times the share of the engagement ramp.
     pub friction: JointVector,
-    /// Joint that its friction compensation has driven by itself: the compensation is withdrawn until the next arming.
+    /// Joint that its friction compensation drove without a hand: the compensation is withdrawn until the next arming.
     pub self_driven: Option<Joint>,
     /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,

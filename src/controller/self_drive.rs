@@ -1,8 +1,8 @@
-//! Monitor of friction compensation that drives a joint by itself, because real friction is less than it may be.
+//! Monitor of friction compensation that drives a joint without a hand, because real friction is less than it may be.
 //!
 //! The [bound](crate::friction_bound) keeps an arm at rest whose friction is at least 0.3 of the identified one. This
 //! monitor sees what the bound cannot know: less friction than that, or the full share in a contact that no hand holds. A
-//! joint is driven by itself while it moves with its compensation, does not slow down, and its own compensation gives more
+//! joint is self-driven while it moves with its compensation, does not slow down, and its own compensation gives more
 //! than all else. A hand that moves a joint faster than `MIN_SPEED` gives more than the compensation: damping K_D takes
 //! it. The full share of a contact hides slower hands, down to `MIN_SPEED_IN_CONTACT`.
 

@@ -60,7 +60,7 @@ pub struct Summary {
     pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
     pub saturated_cycles: u64,
-    /// Joint, from 1, that friction compensation drove by itself last: the compensation was withdrawn.
+    /// Joint, from 1, that friction compensation drove last without a hand: the compensation was withdrawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_driven_joint: Option<u8>,
     /// RMS of commanded minus actual speed in rate mode and free motion, in m/s.
@@ -88,7 +88,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Creates the summary of a session that has not begun; `postures` judges its contacts.
+    /// Creates an empty summary; `postures` judges its contacts.
     #[must_use]
     pub fn judging(postures: ContactPostures) -> Self {
         Self { contact_posture: postures, ..Self::default() }

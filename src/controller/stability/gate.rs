@@ -160,7 +160,7 @@ impl<'a> Bench<'a> {
         self.finding(judged, 1, bound.multiple, verdict, reason)
     }
 
-    /// The object that gives way to the surface by itself, at the touch and within.
+    /// Accommodation of the object to the surface, at the touch and within.
     fn object(&self) -> impl Iterator<Item = Finding> {
         let Axis { gains, environment, timing, .. } = *self.axis;
         let cases = [(0.0, "accommodation"), (environment.damping, "accommodation, damper")];

@@ -1,4 +1,4 @@
-//! The whole experiment: every configuration, place, force, arm, hand and seed.
+//! All runs of the experiment: every configuration, place, force, arm, hand and seed.
 
 use std::num::NonZero;
 
@@ -71,7 +71,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// Returns the conditions of the whole experiment.
+    /// Returns all conditions of the experiment.
     pub fn full() -> Vec<Self> {
         let [near, ..] = WAYS;
         let everywhere = WAYS.iter().flat_map(|way| FORCES.map(|felt| (*way, felt)));

@@ -2,7 +2,7 @@
 //!
 //! Judged are the motors at the hand, in the simulation's own truth: the force between grip and hand along the task,
 //! without inertia and friction of the arm, and without the parts that are no answer to the contact (return to centre,
-//! friction compensation, soft stops). What is left is task, passivity damper and damping K_D. It must lie within
+//! friction compensation, soft stops). Task, passivity damper and damping K_D remain. It must lie within
 //!
 //! ```text
 //!  0  ≤  force  ≤  task + K_D |v|      in contact: nothing pulls the hand into the surface

@@ -32,7 +32,7 @@ const GAP: f64 = 0.01;
 /// Half the edge of the object, in m.
 const HALF_EDGE: f64 = 0.02;
 
-/// Energy that a calm contact gives to the hand after the first impact at most, in mJ.
+/// Maximum energy that a stable contact gives to the hand after the first impact, in mJ.
 const MAX_ENERGY_MJ: f64 = 100.0;
 
 /// Speed of a swing, in m/s.

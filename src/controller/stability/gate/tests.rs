@@ -1,6 +1,6 @@
 use super::*;
-use crate::stability::axis::{AxisGains, Timing};
 use crate::stability::axis::tests::AXIS;
+use crate::stability::axis::{AxisGains, Timing};
 
 /// The findings of the first axis of a grip that is a mass of 0.6 kg along every axis.
 fn findings(axis: Axis) -> Vec<Finding> {

@@ -9,11 +9,12 @@
 //! ```
 //!
 //! A hand that withdraws feels the task fade to nothing, and then the damping of free motion, without a step. The damper's
-//! bound outlives the contact: a hand that leaves does not pay the energy debt of a contact that bounces.
+//! bound outlives the contact: a hand that leaves does not pay the energy debt of a contact that bounces. Nor does it when
+//! it comes back from farther away than a bounce goes.
 
 use nalgebra::Vector3;
 
-use units::spatial::Wrench;
+use units::spatial::{Twist, Wrench};
 
 /// Task force from which there is contact, in N.
 const CONTACT: f64 = 0.02;
@@ -24,35 +25,56 @@ const RETURN: f64 = 450.0;
 /// Largest slack, in N: no damping is as strong.
 const MAX_SLACK: f64 = 1e3;
 
+/// Distance from the surface beyond which a hand has left it, in m: the bounces of a stiff wall are shorter.
+const LEFT: f64 = 0.01;
+
 /// The bound, from cycle to cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct NeverPulls {
-    /// Direction of the last task force, in {G}, with the slack after the contact in N.
-    contact: Option<(Vector3<f64>, f64)>,
+    contact: Option<LastContact>,
+}
+
+/// Contact of this cycle, or the last one before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LastContact {
+    /// Direction of the task force, in {G}: out of the surface.
+    outwards: Vector3<f64>,
+    /// Slack since its end, in N.
+    slack: f64,
+    /// Way outwards since its end, in m.
+    retreat: f64,
 }
 
 impl NeverPulls {
-    /// Takes the task wrench of this cycle, which lasts `dt` s.
-    pub(crate) fn update(&mut self, dt: f64, f_g_task: &Wrench) {
+    /// Takes the task wrench of this cycle, which lasts `dt` s, and the twist of the grip.
+    pub(crate) fn update(&mut self, dt: f64, f_g_task: &Wrench, v_g: &Twist) {
         let force = f_g_task.force.norm();
         self.contact = if force >= CONTACT {
-            Some((f_g_task.force / force, 0.0))
+            Some(LastContact { outwards: f_g_task.force / force, slack: 0.0, retreat: 0.0 })
         } else {
-            let wider = |slack: f64| (slack + RETURN * dt).min(MAX_SLACK);
-            self.contact.map(|(outwards, slack)| (outwards, wider(slack)))
+            self.contact.map(|LastContact { outwards, slack, retreat }| LastContact {
+                outwards,
+                slack: (slack + RETURN * dt).min(MAX_SLACK),
+                retreat: retreat + v_g.linear.dot(&outwards) * dt,
+            })
         };
+    }
+
+    /// Returns whether the hand is farther from the surface than a bounce goes.
+    pub(crate) fn has_left(&self) -> bool {
+        self.contact.is_some_and(|contact| contact.retreat > LEFT)
     }
 
     /// Returns the damper's wrench, bounded.
     pub(crate) fn bounded_damper(&self, f_g_damper: &Wrench, f_g_task: &Wrench) -> Wrench {
-        self.contact.map_or(*f_g_damper, |(outwards, _)| {
+        self.contact.map_or(*f_g_damper, |LastContact { outwards, .. }| {
             bounded(f_g_damper, &outwards, f_g_task.force.dot(&outwards))
         })
     }
 
     /// Returns the wrench of the damping K_D, bounded with the task and the damper, whose sum is `f_g_port`.
     pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, f_g_port: &Wrench) -> Wrench {
-        self.contact.map_or(*f_g_damping, |(outwards, slack)| {
+        self.contact.map_or(*f_g_damping, |LastContact { outwards, slack, .. }| {
             bounded(f_g_damping, &outwards, f_g_port.force.dot(&outwards) + slack)
         })
     }
@@ -82,7 +104,7 @@ mod tests {
         ) {
             let (task, damper, damping) = (force(task), force(damper), force(damping));
             let mut bound = NeverPulls::default();
-            bound.update(1e-3, &task);
+            bound.update(1e-3, &task, &Twist::ZERO);
             let damper = bound.bounded_damper(&damper, &task);
             let damping = bound.bounded_damping(&damping, &(task + damper));
             let outwards = task.force.normalize();
@@ -93,7 +115,7 @@ mod tests {
         #[test]
         fn what_pushes_out_or_along_is_kept(along in -9.0..9.0_f64, out in 0.0..9.0_f64) {
             let mut bound = NeverPulls::default();
-            bound.update(1e-3, &force([2.0, 0.0, 0.0]));
+            bound.update(1e-3, &force([2.0, 0.0, 0.0]), &Twist::ZERO);
             let f_g = force([out, along, 0.0]);
             prop_assert_eq!(bound.bounded_damping(&f_g, &force([2.0, 0.0, 0.0])), f_g);
         }
@@ -102,11 +124,11 @@ mod tests {
     #[test]
     fn damping_returns_after_the_contact_without_a_step() {
         let mut bound = NeverPulls::default();
-        bound.update(1e-3, &force([1.0, 0.0, 0.0]));
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]), &Twist::ZERO);
         let drag = force([-3.0, 0.0, 0.0]);
         let mut before = 0.0;
         for _ in 0..10 {
-            bound.update(1e-3, &Wrench::ZERO);
+            bound.update(1e-3, &Wrench::ZERO, &Twist::ZERO);
             let now = bound.bounded_damping(&drag, &Wrench::ZERO).force.x;
             assert!((now - before).abs() <= 0.45 + 1e-9, "{before} to {now} N");
             assert!(bound.bounded_damper(&drag, &Wrench::ZERO).force.x.abs() <= 0.0);
@@ -118,13 +140,26 @@ mod tests {
     #[test]
     fn damper_of_a_bounce_does_not_pull_back() {
         let mut bound = NeverPulls::default();
-        bound.update(1e-3, &force([1.0, 0.0, 0.0]));
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]), &Twist::ZERO);
         for _ in 0..10_000 {
-            bound.update(1e-3, &Wrench::ZERO);
+            bound.update(1e-3, &Wrench::ZERO, &Twist::ZERO);
         }
         let [back, out] = [-3.0, 3.0].map(|f| force([f, 0.0, 0.0]));
         assert!(bound.bounded_damper(&back, &Wrench::ZERO).force.norm() <= 0.0);
         assert_eq!(bound.bounded_damper(&out, &Wrench::ZERO), out, "on the way to the surface");
         assert_eq!(bound.bounded_damping(&back, &Wrench::ZERO), back, "free motion is damped");
+    }
+
+    #[test]
+    fn hand_beyond_a_bounce_has_left() {
+        let at = |speed: f64| Twist { linear: Vector3::new(speed, 0.0, 0.0), ..Twist::ZERO };
+        let mut bound = NeverPulls::default();
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]), &at(1.0));
+        (0..9).for_each(|_| bound.update(1e-3, &Wrench::ZERO, &at(1.0)));
+        assert!(!bound.has_left(), "9 mm");
+        (0..2).for_each(|_| bound.update(1e-3, &Wrench::ZERO, &at(1.0)));
+        assert!(bound.has_left(), "11 mm");
+        bound.update(1e-3, &force([1.0, 0.0, 0.0]), &at(-1.0));
+        assert!(!bound.has_left(), "in contact again");
     }
 }

@@ -109,6 +109,12 @@ impl Passivity {
         self.cycles_without_contact <= self.settings.contact_release_cycles
     }
 
+    /// Ends the contact and its debt: the hand has left the surface.
+    pub const fn release(&mut self) {
+        self.cycles_without_contact = u32::MAX;
+        self.energy = 0.0;
+    }
+
     /// Adds the work in J that the hand did against the port since the last cycle; `stored` J are in the spring of the
     /// contact.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench, stored: f64) {

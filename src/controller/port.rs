@@ -114,11 +114,14 @@ impl Port {
             passed.tank = Some(tank.level());
         }
         if self.bounds_damping {
-            self.never_pulls.update(dt, &passed.f_g_task);
+            self.never_pulls.update(dt, &passed.f_g_task, v_g);
         }
         if let Some(passivity) = &mut self.passivity {
             let Storage { stored, returned } = storage;
             passivity.account(work, f_g_task, stored.max(returned));
+            if self.never_pulls.has_left() {
+                passivity.release();
+            }
             let initial = passivity.max_energy();
             passivity.grant(self.unloading.grant(passivity.is_in_contact(), initial, returned));
             // If the joints go on as they came.

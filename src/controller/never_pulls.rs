@@ -80,8 +80,8 @@ impl NeverPulls {
     }
 }
 
-/// Returns `f_g` with at most `push` N against `outwards`.
-fn bounded(f_g: &Wrench, outwards: &Vector3<f64>, push: f64) -> Wrench {
+/// Returns `f_g` with at most `push` N against the unit vector `outwards`.
+pub(crate) fn bounded(f_g: &Wrench, outwards: &Vector3<f64>, push: f64) -> Wrench {
     let too_much = (f_g.force.dot(outwards) + push.max(0.0)).min(0.0);
     Wrench { force: f_g.force - outwards * too_much, moment: f_g.moment }
 }

@@ -14,6 +14,7 @@
 
 use thiserror::Error;
 
+use crate::never_pulls;
 use units::spatial::{Twist, Wrench};
 
 /// Minimum speed at which a damper can take energy, in m/s.
@@ -164,9 +165,7 @@ fn one_sided(f_g: &Wrench, f_g_task: &Wrench) -> Wrench {
     if push <= 0.0 {
         return Wrench::ZERO;
     }
-    let outwards = f_g_task.force / push;
-    let too_much = (f_g.force.dot(&outwards) + push).min(0.0);
-    Wrench { force: f_g.force - outwards * too_much, moment: f_g.moment }
+    never_pulls::bounded(f_g, &(f_g_task.force / push), push)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use crate::stability::axis::{Axis, Impedance, is_used};
 use crate::stability::finding::{Culprit, Digits, Finding, Side, Verdict};
-use crate::stability::grip_dynamics::{GripDynamics, Held, ReducedGrip};
+use crate::stability::grip_dynamics::{GripDynamics, ReducedGrip, Restraint};
 use crate::stability::least_multiple::{bound, refined};
 use crate::stability::sampled_loop::{Loop, SampledLoop};
 
@@ -232,7 +232,7 @@ impl<'a> Bench<'a> {
         least
     }
 
-    fn held_by(&self, hand: Hand) -> Held {
+    fn held_by(&self, hand: Hand) -> Restraint {
         let hand = self.gate.axes.each_ref().map(|axis| match hand {
             Hand::None => Impedance::default(),
             Hand::Configured => axis.hand,
@@ -244,7 +244,7 @@ impl<'a> Bench<'a> {
                 }
             }
         });
-        Held { hand, damping: self.gate.axes.each_ref().map(|axis| axis.gains.damping) }
+        Restraint { hand, damping: self.gate.axes.each_ref().map(|axis| axis.gains.damping) }
     }
 
     fn loops(&self) -> [Judged; 6] {

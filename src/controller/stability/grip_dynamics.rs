@@ -27,7 +27,7 @@ pub struct GripDynamics {
 
 /// Impedance of the hand and K_D on each axis, which hold the grip and damp it.
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct Restraint {
     /// K_h and b_h.
     pub hand: [Impedance; 6],
     /// K_D.
@@ -71,7 +71,7 @@ impl GripDynamics {
     }
 
     /// Returns the grip's motion along `axis` at `omega` rad/s, reduced to that axis. NaN where it is not defined.
-    pub fn reduced(&self, axis: usize, held: &Held, omega: f64) -> ReducedGrip {
+    pub fn reduced(&self, axis: usize, held: &Restraint, omega: f64) -> ReducedGrip {
         let stiffness = SVector::from(held.hand.map(|hand| hand.stiffness));
         let damping = SVector::from(held.hand.map(|hand| hand.damping));
         let sampled = SVector::from(held.damping);
@@ -112,8 +112,8 @@ mod tests {
         }
     }
 
-    fn held(stiffness: f64) -> Held {
-        Held { hand: [Impedance { stiffness, damping: 10.0 }; 6], damping: [5.0; 6] }
+    fn held(stiffness: f64) -> Restraint {
+        Restraint { hand: [Impedance { stiffness, damping: 10.0 }; 6], damping: [5.0; 6] }
     }
 
     #[test]

@@ -24,6 +24,8 @@ import threading
 import time
 from pathlib import Path
 
+from rust_source import blanked, functions, test_files, tests
+
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "target" / "mutants"
 TREE = WORK / "tree"
@@ -49,65 +51,6 @@ extern "C" fn read() {
     unsafe { MUTANT = number.unwrap_or(0) };
 }
 '''
-
-
-# --- parsing of Rust ------------------------------------------------------------------------------------------
-
-def blanked(text):
-    """Returns the text with comments, strings and characters blanked out; offsets are unchanged."""
-    out, at = list(text), 0
-    pattern = re.compile(
-        r'//[^\n]*|/\*.*?\*/|b?r(#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?\'(?:\\[^\n]{1,8}?|[^\\\'\n])\'', re.S)
-    while match := pattern.search(text, at):
-        for place in range(match.start(), match.end()):
-            if text[place] != "\n":
-                out[place] = " "
-        at = match.end()
-    return "".join(out)
-
-
-def closing(text, at):
-    """Returns the index of the brace that closes the one at `at`."""
-    depth = 0
-    for place in range(at, len(text)):
-        if text[place] == "{":
-            depth += 1
-        elif text[place] == "}":
-            depth -= 1
-            if depth == 0:
-                return place
-    return len(text) - 1
-
-
-def tests(code):
-    """Returns the spans, and the files, compiled only for tests."""
-    spans, files = [], set()
-    for match in re.finditer(r"#\[cfg\(test\)\]\s*(?:pub(?:\([^)]*\))? )?(mod (\w+) *([;{])|[^;{]*([;{]))", code):
-        if match[3] == ";":
-            files.add(match[2])
-        elif code[match.end() - 1] == "{":
-            spans.append((match.start(), closing(code, match.end() - 1)))
-    return spans, files
-
-
-def functions(code, skipped):
-    """(start of the body, its end, signature) of every function that is not skipped."""
-    found = []
-    for match in re.finditer(r"\bfn (\w+)", code):
-        if any(low <= match.start() <= high for low, high in skipped):
-            continue
-        depth, at = 0, match.end()
-        while at < len(code):
-            if code[at] in "([":
-                depth += 1
-            elif code[at] in ")]":
-                depth -= 1
-            elif depth == 0 and code[at] in "{;":
-                break
-            at += 1
-        if at < len(code) and code[at] == "{":
-            found.append((at, closing(code, at), code[match.start():at]))
-    return found
 
 
 # --- possible mutations ---------------------------------------------------------------------------------------
@@ -190,9 +133,7 @@ def every_site(paths):
     all_files += [(ROOT / where).with_suffix(".rs") for where in paths if (ROOT / where).with_suffix(".rs").exists()]
     excluded = set()
     for file in all_files:
-        _, files = tests(blanked(file.read_text()))
-        excluded |= {file.parent / (name + ".rs") for name in files}
-        excluded |= {file.with_suffix("") / (name + ".rs") for name in files}
+        excluded |= test_files(file)
     found = []
     for file in all_files:
         if file in excluded:

@@ -7,4 +7,4 @@
 # 120 mutants take an hour or two. Not in CI. Builds below target/mutants, which may be deleted at any time.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-exec python3 scripts/mutants.py "$@"
+exec python3 -B scripts/mutants.py "$@"

@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""lines.py: counts the lines of code of each room, without blank lines, comments and what is compiled only for tests.
+
+usage: scripts/lines.sh [--json | --check | --functions]
+"""
+
+import argparse
+import json
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+from rust_source import blanked, functions, test_files, tests
+
+ROOT = Path(__file__).resolve().parent.parent
+# What scripts/check.sh holds the rack to.
+MAX_RACK_LINES = 33_000
+MAX_FUNCTION_LINES = 60
+PUBLIC = re.compile(r"(?m)^\s*pub (?:const |async |unsafe |extern )*(?:fn|struct|enum|trait|const|static|type|mod|union|macro) ")
+
+
+def is_test_code(file, test_roots):
+    """Returns whether a file, or a folder above it, is a module that is compiled only for tests."""
+    return file in test_roots or any(root.name == "mod.rs" and root.parent in file.parents or
+                                     root.with_suffix("") in file.parents for root in test_roots)
+
+
+def long_functions(code, spans):
+    """Returns (first line, length in lines, name) of every function of more than MAX_FUNCTION_LINES lines of code."""
+    for start, end, signature in functions(code, spans):
+        first = start - len(signature)
+        length = sum(1 for line in code[first:end + 1].split("\n") if line.strip())
+        if length > MAX_FUNCTION_LINES:
+            yield code.count("\n", 0, first) + 1, length, re.match(r"fn (\w+)", signature)[1]
+
+
+def room_of(file):
+    """Returns the half and the room of a file below src/; the program itself is a room."""
+    parts = file.relative_to(ROOT / "src").parts
+    half = "bench" if parts[0] == "bench" else "rack"
+    parts = parts[1:] if half == "bench" else parts
+    return half, parts[0] if len(parts) > 1 and parts[0] != "program" else "frhc"
+
+
+def measured():
+    """Returns lines, public items and long functions by (half, room)."""
+    files = sorted((ROOT / "src").rglob("*.rs"))
+    test_roots = set().union(*(test_files(file) for file in files))
+    lines, public, long = Counter(), Counter(), []
+    for file in files:
+        if is_test_code(file, test_roots):
+            continue
+        text = blanked(file.read_text(), keep_strings=True)
+        code = blanked(file.read_text())
+        spans, _ = tests(code)
+        for first, last in sorted(spans, reverse=True):
+            text, code = text[:first] + text[last + 1:], code[:first] + code[last + 1:]
+        lines[room_of(file)] += sum(1 for line in text.split("\n") if line.strip())
+        public[room_of(file)] += len(PUBLIC.findall(code))
+        long += [(room_of(file), file.relative_to(ROOT), *found) for found in long_functions(code, [])]
+    return lines, public, long
+
+
+def printed(lines, public, long):
+    """Prints a table: a row for each room, and the sum of each half."""
+    print("%-8s%-18s%8s%8s%6s" % ("half", "room", "lines", "public", "long"))
+    for half in ("rack", "bench"):
+        rooms = sorted(room for room in lines if room[0] == half)
+        for room in rooms:
+            count = sum(1 for found in long if found[0] == room)
+            print("%-8s%-18s%8d%8d%6d" % (*room, lines[room], public[room], count))
+        if rooms:
+            count = sum(1 for found in long if found[0][0] == half)
+            print("%-8s%-18s%8d%8d%6d" % (half, "(all)", sum(lines[room] for room in rooms),
+                                        sum(public[room] for room in rooms), count))
+    print("%-26s%8d%8d%6d" % ("(all)", lines.total(), public.total(), len(long)))
+
+
+def checked(lines, long):
+    """Reports where the rack is over its limits; returns whether it is."""
+    rack = sum(count for (half, _), count in lines.items() if half == "rack")
+    complaints = ["the rack has %d lines of code, at most %d" % (rack, MAX_RACK_LINES)] * (rack > MAX_RACK_LINES)
+    for (half, _), path, line, length, name in long:
+        if half == "rack":
+            complaints.append("%s:%d: %s has %d lines, at most %d" % (path, line, name, length, MAX_FUNCTION_LINES))
+    for complaint in complaints:
+        print("lines: " + complaint, file=sys.stderr)
+    return bool(complaints)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="scripts/lines.sh", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--check", action="store_true", help="print only where the rack is over its limits, and fail there")
+    parser.add_argument("--functions", action="store_true", help="print the functions of more than %d lines" % MAX_FUNCTION_LINES)
+    args = parser.parse_args()
+    lines, public, long = measured()
+    if args.check:
+        return checked(lines, long)
+    if args.functions:
+        for _, path, line, length, name in long:
+            print("%s:%d: %s, %d lines" % (path, line, name, length))
+    elif args.json:
+        print(json.dumps({"/".join(room): {"lines": lines[room], "public": public[room]} for room in sorted(lines)}, indent=1))
+    else:
+        printed(lines, public, long)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -196,7 +196,7 @@ def copied():
     (TREE / "src/units/mutants.rs").write_text(SWITCH)
     lib = (TREE / "src/units/lib.rs").read_text().replace("#![forbid(unsafe_code)]\n", "")
     (TREE / "src/units/lib.rs").write_text(lib + "\n#[doc(hidden)]\npub mod mutants;\n")
-    for manifest in [TREE / "Cargo.toml", *TREE.glob("src/*/Cargo.toml")]:
+    for manifest in [TREE / "Cargo.toml", *TREE.glob("src/**/Cargo.toml")]:
         cargo = manifest.read_text().replace("[lints]\nworkspace = true\n", "")
         cargo = re.sub(r"(?ms)^\[workspace\.lints\.[^\]]*\]\n.*?(?=^\[(?!workspace\.lints)|\Z)", "", cargo)
         manifest.write_text(cargo)
@@ -351,7 +351,7 @@ def judged(mutant, steps):
 
 def own(mutant):
     """Returns the room of the mutant and its module path there, whose own tests run first."""
-    _, room, *parts = mutant.path.with_suffix("").parts
+    room, *parts = (part for part in mutant.path.with_suffix("").parts[1:] if part != "bench")
     return room, "::".join(parts[:-1] if parts[-1] in ("mod", "lib") else parts)
 
 
@@ -377,12 +377,12 @@ def main():
         print("FRHC_MUTANT=N %s" % executables["frhc", False])
         return 0
     targets = IN_MEMORY
-    rooms = sorted(manifest.parent.name for manifest in ROOT.glob("src/*/Cargo.toml"))
+    rooms = {manifest.parent.name: str(manifest.parent.relative_to(ROOT)) for manifest in sorted(ROOT.glob("src/**/Cargo.toml"))}
     executables = built(mutants, ["test", "--no-run", "--workspace", "--lib"] + [word for name in targets for word in ("--test", name)])
     print("built in %.0f s" % (time.monotonic() - begun), flush=True)
     steps = []
-    for name in rooms + targets:
-        command, folder = [executables[name, True]], "src/" + name if name in rooms else "."
+    for name in [*sorted(rooms), *targets]:
+        command, folder = [executables[name, True]], rooms.get(name, ".")
         start = time.monotonic()
         is_failed, why = ran(command, 0, 3600, folder)
         if is_failed:
@@ -394,7 +394,7 @@ def main():
     for mutant in random.Random(args.seed).sample(mutants, len(mutants)):
         if not mutant.result:
             room, module = own(mutant)
-            first = (module, [executables[room, True], module], 60.0, "src/" + room)
+            first = (module, [executables[room, True], module], 60.0, rooms[room])
             judged(mutant, [first] + steps)
         print("%4d %s: %s%s" % (mutant.number, mutant.result, mutant, " by " + mutant.by if mutant.by else ""), flush=True)
     viable = [mutant for mutant in mutants if mutant.result != "not viable"]

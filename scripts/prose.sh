@@ -51,7 +51,9 @@ findings() {
 counts() {
   awk -v by="$1" '
     { split($1, place, ":"); group = place[1] }
-    by == "--rooms" { n = split(group, part, "/"); group = part[1] == "src" && n > 2 ? part[1] "/" part[2] : n > 1 ? part[1] : "(root)" }
+    by == "--rooms" { n = split(group, part, "/"); depth = part[2] == "bench" ? 3 : 2
+      if (part[1] != "src" || n <= depth) depth = 1
+      group = n > 1 ? part[1] : "(root)"; for (i = 2; i <= depth; i++) group = group "/" part[i] }
     { all[group]; seen[group, $2]++ }
     END { for (group in all) print group, seen[group, "doc"] + 0, seen[group, "opening"] + 0, seen[group, "word"] + 0, seen[group, "test"] + 0 }
   ' | sort

@@ -402,11 +402,11 @@ fn hazard_18_list_of_a_wrong_length_is_refused_by_key() {
 fn sections_have_no_silently_truncated_arrays() {
     for file in [
         "src/config/raw.rs",
-        "src/sim/scenario/mod.rs",
-        "src/sim/scenario/operator.rs",
-        "src/sim/operator_settings.rs",
-        "src/sim/quirks/assignment.rs",
-        "src/sim/quirks/quirk.rs",
+        "src/bench/sim/scenario/mod.rs",
+        "src/bench/sim/scenario/operator.rs",
+        "src/bench/sim/operator_settings.rs",
+        "src/bench/sim/quirks/assignment.rs",
+        "src/bench/sim/quirks/quirk.rs",
     ] {
         let text = std::fs::read_to_string(file).unwrap();
         let mut in_section = false;

@@ -75,7 +75,7 @@ fn every_room_has_the_lints_and_no_automatic_targets() {
         }
         assert_eq!(manifest["lib"]["name"].as_str(), Some(room.as_str()));
         assert_eq!(package["name"].as_str().unwrap(), format!("frhc-{}", room.replace('_', "-")));
-        let lib = fs::read_to_string(src().join(&room).join("lib.rs")).unwrap();
+        let lib = fs::read_to_string(folder(&room).join("lib.rs")).unwrap();
         assert!(lib.contains("#![forbid(unsafe_code)]"), "{room}: unsafe code");
     }
 }
@@ -86,9 +86,9 @@ fn every_room_is_a_workspace_member() {
     let manifest: toml::Table = text.parse().unwrap();
     for list in ["members", "default-members"] {
         let listed = manifest["workspace"][list].as_array().unwrap().iter();
-        let listed = listed.filter_map(|path| path.as_str()?.strip_prefix("src/"));
-        let listed: BTreeSet<String> = listed.map(str::to_owned).collect();
-        assert_eq!(listed, rooms().collect(), "{list}");
+        let listed = listed.filter_map(toml::Value::as_str).filter(|path| *path != ".");
+        let listed: BTreeSet<PathBuf> = listed.map(|path| root().join(path)).collect();
+        assert_eq!(listed, rooms().map(|room| folder(&room)).collect(), "{list}");
     }
 }
 
@@ -133,7 +133,7 @@ fn circular_imports_are_found() {
 #[test]
 fn monitor_of_the_campaign_imports_neither_node_nor_controller() {
     let mut count = 0;
-    for path in sources("lab/campaign/monitor") {
+    for path in rust_files(folder("lab").join("campaign/monitor")) {
         let text = ungrouped(&fs::read_to_string(&path).unwrap());
         let foreign = text.lines().find(|line| {
             ["node::", "controller::"].iter().any(|room| line.starts_with(&format!("use {room}")))
@@ -175,11 +175,18 @@ fn documented_rooms() -> BTreeMap<String, BTreeSet<String>> {
     rows.map(row).collect()
 }
 
-/// Returns the folders of `src/` that are crates.
+/// Returns the folders of `src/` and `src/bench/` that are crates.
 fn rooms() -> impl Iterator<Item = String> {
-    let folders = fs::read_dir(src()).unwrap().map(|entry| entry.unwrap().path());
+    let folders = ["", "bench"].map(|half| fs::read_dir(src().join(half)).unwrap());
+    let folders = folders.into_iter().flatten().map(|entry| entry.unwrap().path());
     let rooms = folders.filter(|folder| folder.join("Cargo.toml").is_file());
     rooms.map(|folder| folder.file_name().unwrap().to_str().unwrap().to_owned())
+}
+
+/// Returns the folder of a room: on the bench, or in the rack.
+fn folder(room: &str) -> PathBuf {
+    let bench = src().join("bench").join(room);
+    if bench.is_dir() { bench } else { src().join(room) }
 }
 
 /// Returns the rooms that a room depends on, except for its tests.
@@ -187,11 +194,11 @@ fn dependencies(room: &str) -> BTreeSet<String> {
     let manifest = manifest(room);
     let all = manifest.get("dependencies").and_then(toml::Value::as_table);
     let names = all.into_iter().flat_map(toml::Table::keys).cloned();
-    names.filter(|name| src().join(name).join("Cargo.toml").is_file()).collect()
+    names.filter(|name| folder(name).join("Cargo.toml").is_file()).collect()
 }
 
 fn manifest(room: &str) -> toml::Table {
-    fs::read_to_string(src().join(room).join("Cargo.toml")).unwrap().parse().unwrap()
+    fs::read_to_string(folder(room).join("Cargo.toml")).unwrap().parse().unwrap()
 }
 
 /// Returns the violations in `text` as a file of `room`.
@@ -282,7 +289,7 @@ fn is_comment(line: &str) -> bool {
 type Imports = BTreeMap<String, BTreeSet<String>>;
 
 fn imports(room: &str) -> Imports {
-    let folder = src().join(room);
+    let folder = folder(room);
     let module = |file: &Path| {
         let path = file.strip_prefix(&folder).unwrap().with_extension("");
         let parts = path.iter().map(|part| part.to_str().unwrap());
@@ -327,7 +334,12 @@ fn in_cycles(mut imports: Imports) -> Imports {
 
 /// Returns the source files of a room.
 fn sources(room: &str) -> Vec<PathBuf> {
-    let (mut files, mut folders) = (Vec::new(), vec![src().join(room)]);
+    rust_files(folder(room))
+}
+
+/// Returns the files below a folder that contain Rust.
+fn rust_files(folder: PathBuf) -> Vec<PathBuf> {
+    let (mut files, mut folders) = (Vec::new(), vec![folder]);
     while let Some(folder) = folders.pop() {
         for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             match path.extension() {

@@ -55,7 +55,7 @@ mod tests {
 
     /// Returns the number of periods in which `slope` ‰/s lowers a torque of 3,000 ‰.
     fn periods(slope: u32) -> usize {
-        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
         let mut dictionary = Dictionary::new(&eds, NodeId::new(1).unwrap());
         dictionary.set(Object::TARGET_TORQUE, &3_000_i16.to_le_bytes());
         let (mut motion, feedback) = (Motion::default(), Feedback::default());

@@ -28,7 +28,7 @@ fn node() -> NodeId {
 }
 
 fn dictionary() -> Dictionary {
-    let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
     Dictionary::new(&eds, node())
 }
 

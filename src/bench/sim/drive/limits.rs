@@ -58,7 +58,7 @@ mod tests {
     const INCREMENTS: f64 = 16_384.0;
 
     fn dictionary() -> Dictionary {
-        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
         Dictionary::new(&eds, NodeId::new(1).unwrap())
     }
 

@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn position_factor_is_increments_per_unit() {
-        let infranor = include_bytes!("../../../eds/drives/infranor-easy-ak.eds");
+        let infranor = include_bytes!("../../../../eds/drives/infranor-easy-ak.eds");
         let eds = canopen::eds::Eds::parse(infranor).unwrap();
         let mut dictionary = Dictionary::new(&eds, canopen::NodeId::new(1).unwrap());
         assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(900.0), 900.0, "4096:4096");

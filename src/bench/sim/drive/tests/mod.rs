@@ -37,7 +37,7 @@ fn node() -> NodeId {
 }
 
 fn drive() -> Drive {
-    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
+    let eds = Eds::parse(include_bytes!("../../../../../eds/frhc_drive.eds")).unwrap();
     Drive::new(DriveSettings {
         channel: BUS,
         node: node(),

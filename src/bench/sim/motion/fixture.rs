@@ -10,7 +10,7 @@ use canopen::object::Object;
 
 /// Returns the object dictionary of a drive with default values.
 pub(super) fn drive() -> Dictionary {
-    let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
     Dictionary::new(&eds, NodeId::new(1).unwrap())
 }
 

@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn drive_without_option_codes_faults_and_disables_at_once() {
-        let eds = Eds::parse(include_bytes!("../../../eds/drives/schunk-lwa4p.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../../eds/drives/schunk-lwa4p.eds")).unwrap();
         let options = Options::of(&Dictionary::new(&eds, NodeId::new(1).unwrap()));
         assert_eq!(options.on_connection_loss(), Abort::Fault);
         assert_eq!((options.fault_ramp(), options.shutdown_ramp()), (None, None));

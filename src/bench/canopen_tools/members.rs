@@ -144,7 +144,7 @@ mod tests {
     /// Configuration of the first arm with two coupled joints.
     fn coupled() -> Config {
         let file = Path::new(CONFIGS[0]);
-        let text = include_str!("../../config/kraft_like.toml");
+        let text = include_str!("../../../config/kraft_like.toml");
         let rows = (0..6).map(|row| {
             let one = |column: usize| if row == column { 1.0 } else { 0.0 };
             let numbers: Vec<_> = (0..6)

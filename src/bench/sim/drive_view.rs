@@ -111,7 +111,7 @@ mod tests {
 
     fn drive() -> Drive {
         let node = NodeId::new(3).unwrap();
-        let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         Drive::new(DriveSettings {
             channel: Channel(1),
             node,

@@ -13,7 +13,7 @@ const MODES: [i8; 9] = [0, 1, 3, 4, 6, 8, 9, 10, -5];
 
 /// Returns each object of the profile, whatever its access, with its size.
 fn profile(dictionary: &Dictionary) -> Vec<(Object, usize)> {
-    let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
     let objects = eds.objects().iter().map(|described| described.object);
     objects
         .filter(|object| object.index >= Object::ABORT_CONNECTION.index)

@@ -377,7 +377,7 @@ mod tests {
 
     #[test]
     fn every_shipped_scenario_is_written_and_read_as_the_same() {
-        let mut folders = vec![PathBuf::from("../../config/scenarios")];
+        let mut folders = vec![PathBuf::from("../../../config/scenarios")];
         let mut count = 0;
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(&folder).unwrap() {

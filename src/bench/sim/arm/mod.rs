@@ -323,26 +323,26 @@ pub(crate) mod tests {
 
     /// Returns the arm of the default configuration.
     pub(crate) fn kraft_like() -> Arm {
-        model(include_str!("../../../tests/oracles/kraft_like.json"))
+        model(include_str!("../../../../tests/oracles/kraft_like.json"))
     }
 
     /// Returns an arm with a prismatic joint.
     pub(crate) fn jpl_like() -> Arm {
-        model(include_str!("../../../tests/oracles/jpl_like.json"))
+        model(include_str!("../../../../tests/oracles/jpl_like.json"))
     }
 
     /// Returns an arm with a spherical wrist and an offset grip.
     pub(crate) fn sixr_spherical() -> Arm {
-        model(include_str!("../../../tests/oracles/sixr_spherical.json"))
+        model(include_str!("../../../../tests/oracles/sixr_spherical.json"))
     }
 
     #[test]
     fn arms_match_independent_programs() {
         for text in [
-            include_str!("../../../tests/oracles/kraft_like.json"),
-            include_str!("../../../tests/oracles/jpl_like.json"),
-            include_str!("../../../tests/oracles/sixr_spherical.json"),
-            include_str!("../../../tests/oracles/puma560_corke_mdh.json"),
+            include_str!("../../../../tests/oracles/kraft_like.json"),
+            include_str!("../../../../tests/oracles/jpl_like.json"),
+            include_str!("../../../../tests/oracles/sixr_spherical.json"),
+            include_str!("../../../../tests/oracles/puma560_corke_mdh.json"),
         ] {
             let oracle: Value = serde_json::from_str(text).unwrap();
             let arm = arm(&oracle["model"]);
@@ -376,7 +376,7 @@ pub(crate) mod tests {
 
     /// Returns the PUMA 560 of Corke and Armstrong-Helouvry 1994, and its model.
     fn puma() -> (Value, Arm<9>) {
-        let text = include_str!("../../../tests/oracles/puma560_corke_mdh.json");
+        let text = include_str!("../../../../tests/oracles/puma560_corke_mdh.json");
         let oracle: Value = serde_json::from_str(text).unwrap();
         let model = &oracle["model"];
         let gravity = Vector3::from(numbers(&model["g0"]));

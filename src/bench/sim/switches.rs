@@ -129,7 +129,7 @@ mod tests {
 
     /// Returns a box configured as by the master, and operational.
     fn switch_box() -> SwitchBox {
-        let eds = Eds::parse(include_bytes!("../../eds/frhc_switches.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_switches.eds")).unwrap();
         let node = NodeId::new(16).unwrap();
         let mut switches = SwitchBox::new(BUS, node, Dictionary::new(&eds, node));
         let mut out = Vec::new();

@@ -20,7 +20,7 @@ fn drive_of(eds: &[u8], quirks: &[&str]) -> Drive {
 
 macro_rules! sheets {
     ($($name:literal),* $(,)?) => {
-        [$(($name, include_bytes!(concat!("../../../../eds/drives/", $name, ".eds")).as_slice())),*]
+        [$(($name, include_bytes!(concat!("../../../../../eds/drives/", $name, ".eds")).as_slice())),*]
     };
 }
 
@@ -124,7 +124,7 @@ fn mode_10_is_refused_by_a_drive_whose_6502h_lacks_it() {
 
 #[test]
 fn limit_by_current_limits_the_torque() {
-    let eds = include_bytes!("../../../../eds/drives/ingenia-eve-net-c.eds");
+    let eds = include_bytes!("../../../../../eds/drives/ingenia-eve-net-c.eds");
     let mut line = Line::with(eds, &[MODE_10]);
     assert!(line.write(Object::MAX_CURRENT, &[60, 0]));
     line.enable();
@@ -133,7 +133,7 @@ fn limit_by_current_limits_the_torque() {
 
 #[test]
 fn torque_limit_of_the_maker_is_stored() {
-    let mut line = Line::of(include_bytes!("../../../../eds/drives/maxon-epos4.eds"));
+    let mut line = Line::of(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
     let output_current_limit: Object = "3001h:2".parse().unwrap();
     assert!(line.write(output_current_limit, &1_200_u32.to_le_bytes()));
     assert_eq!(line.drive.dictionary().unsigned(output_current_limit), 1_200);
@@ -142,10 +142,10 @@ fn torque_limit_of_the_maker_is_stored() {
 
 #[test]
 fn absent_objects_cannot_be_written() {
-    let mut ingenia = Line::of(include_bytes!("../../../../eds/drives/ingenia-eve-net-c.eds"));
+    let mut ingenia = Line::of(include_bytes!("../../../../../eds/drives/ingenia-eve-net-c.eds"));
     assert!(!ingenia.write(Object::CONSUMER_HEARTBEAT, &0x007F_0016_u32.to_le_bytes()));
     assert!(!ingenia.write(Object::MAX_TORQUE, &[0, 1]));
-    let mut epos4 = Line::of(include_bytes!("../../../../eds/drives/maxon-epos4.eds"));
+    let mut epos4 = Line::of(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
     assert!(!epos4.write(Object::rpdo_communication(1, 5), &[8, 0]));
     assert!(!epos4.write(Object::ERROR_BEHAVIOUR, &[1]));
 }
@@ -153,8 +153,8 @@ fn absent_objects_cannot_be_written() {
 #[test]
 fn life_guarding_stops_drives_without_heartbeat_consumer() {
     for eds in [
-        include_bytes!("../../../../eds/drives/ingenia-eve-net-c.eds").as_slice(),
-        include_bytes!("../../../../eds/drives/eyou-euservo.eds"),
+        include_bytes!("../../../../../eds/drives/ingenia-eve-net-c.eds").as_slice(),
+        include_bytes!("../../../../../eds/drives/eyou-euservo.eds"),
     ] {
         let mut line = Line::with(eds, &[MODE_10]);
         assert!(line.write(Object::GUARD_TIME, &[20, 0]));
@@ -172,7 +172,7 @@ fn life_guarding_stops_drives_without_heartbeat_consumer() {
 
 #[test]
 fn sync_is_80h_where_1005h_is_absent() {
-    let mut line = Line::of(include_bytes!("../../../../eds/drives/elmo-gold.eds"));
+    let mut line = Line::of(include_bytes!("../../../../../eds/drives/elmo-gold.eds"));
     assert!(line.drive.dictionary().entry(Object::SYNC_COB_ID).is_none());
     let cob_id = Object::tpdo_communication(1, 1);
     assert!(line.write(cob_id, &0x8000_0183_u32.to_le_bytes()));
@@ -187,7 +187,7 @@ fn sync_is_80h_where_1005h_is_absent() {
 
 #[test]
 fn delivered_polarity_of_80h_is_stored_whole() {
-    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
+    let eds = Eds::parse(include_bytes!("../../../../../eds/frhc_drive.eds")).unwrap();
     let settings = DriveSettings {
         channel: BUS,
         node: node(),

@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn sync_is_lost_at_80h_where_1005h_is_absent() {
-        let eds = Eds::parse(include_bytes!("../../../eds/drives/elmo-gold.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../../eds/drives/elmo-gold.eds")).unwrap();
         let node = NodeId::new(3).unwrap();
         let objects = Dictionary::new(&eds, node);
         assert!(objects.entry(Object::SYNC_COB_ID).is_none());

@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn parallelogram_matches_an_independent_program() {
-        let text = include_str!("../../tests/oracles/paper.json");
+        let text = include_str!("../../../tests/oracles/paper.json");
         let oracle = &serde_json::from_str::<Value>(text).unwrap()["coupling"];
         let six = |key: &str| Joints::from_fn(|row, _| oracle[key][row].as_f64().unwrap());
         let matrix = JointMatrix::from_fn(|row, column| oracle["C"][row][column].as_f64().unwrap());

@@ -128,7 +128,7 @@ mod tests {
     use canopen::NodeId;
     use canopen::testing::plans::{elbow, switch_box};
 
-    const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
+    const DRIVE: &str = include_str!("../../../eds/frhc_drive.eds");
 
     fn parse(text: &str) -> Eds {
         Eds::parse(text.as_bytes()).unwrap()
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn absent_pdo_need_not_be_disabled() {
-        let eds = parse(include_str!("../../eds/frhc_switches.eds"));
+        let eds = parse(include_str!("../../../eds/frhc_switches.eds"));
         let downloads = downloads(&eds, &switch_box()).unwrap();
         assert!(downloads.iter().all(|download| eds.object(download.object).is_some()));
         let node = NodeId::new(16).unwrap();

@@ -13,7 +13,7 @@ const RIGID: Surface =
 
 /// Returns the PUMA 560 with its motors' inertia; friction and torque from the data of Corke.
 fn puma() -> ManipulatorSettings {
-    let text = include_str!("../../../tests/oracles/puma560_corke_mdh.json");
+    let text = include_str!("../../../../tests/oracles/puma560_corke_mdh.json");
     let oracle: Value = serde_json::from_str(text).unwrap();
     let start = [0.0, 0.8, -2.2, 0.0, 1.4, 0.0];
     let coulomb = [6.3, 5.5, 2.6, 1.3, 1.0, 1.2];

@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn nameplate_follows_the_motor_and_survives_a_reset() {
-        let mut dictionary = delivered(include_bytes!("../../../eds/frhc_drive.eds"));
+        let mut dictionary = delivered(include_bytes!("../../../../eds/frhc_drive.eds"));
         dictionary.restore(0..=u16::MAX);
         for (object, value) in [
             (Object::RATED_TORQUE, 317),
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn consumer_heartbeat_limited_by_a_slip_is_writable() {
-        let eds = include_bytes!("../../../eds/drives/elmo-gold.eds");
+        let eds = include_bytes!("../../../../eds/drives/elmo-gold.eds");
         let entry = |dictionary: &Dictionary| {
             let entry = dictionary.entry(Object::CONSUMER_HEARTBEAT).unwrap().clone();
             entry.in_range(&0x007F_0016_u32.to_le_bytes())
@@ -161,17 +161,17 @@ mod tests {
 
     #[test]
     fn blank_values_of_real_data_sheets_are_filled() {
-        let epos4 = delivered(include_bytes!("../../../eds/drives/maxon-epos4.eds"));
+        let epos4 = delivered(include_bytes!("../../../../eds/drives/maxon-epos4.eds"));
         assert_eq!(epos4.unsigned(Object::DEVICE_TYPE), SERVO_DRIVE);
         assert_eq!(epos4.unsigned(Object::SUPPORTED_MODES), 0x3AD, "homing methods, so mode 6");
         assert_eq!(epos4.unsigned(Object::RATED_TORQUE), 317);
         assert!(epos4.entry(Object::ENCODER_INCREMENTS).is_none(), "absent objects stay absent");
-        let nanotec = delivered(include_bytes!("../../../eds/drives/nanotec-cl4-e.eds"));
+        let nanotec = delivered(include_bytes!("../../../../eds/drives/nanotec-cl4-e.eds"));
         assert_eq!(nanotec.unsigned(Object::SUPPORTED_MODES), 0x3EF, "as its data sheet has it");
         assert_eq!(nanotec.unsigned(Object::MAX_TORQUE), 100);
         assert_eq!(nanotec.unsigned(Object::MAX_CURRENT), 0x7FFF, "blank: no limit");
         assert_eq!(nanotec.unsigned(Object::VELOCITY_INCREMENTS), 4_096);
-        let epos2 = delivered(include_bytes!("../../../eds/drives/maxon-epos2.eds"));
+        let epos2 = delivered(include_bytes!("../../../../eds/drives/maxon-epos2.eds"));
         assert_eq!(epos2.unsigned(Object::SUPPORTED_MODES) & 1 << 9, 0, "no 6071h, no mode 10");
     }
 }

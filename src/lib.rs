@@ -1,11 +1,9 @@
 //! `frhc`: the CANopen master of a force-reflecting hand controller.
 //!
 //! The program's parts are crates, the folders of `src/`. Here they become one program: the commands of the rack
-//! ([`run`]), and those that a rack does without ([`cli`], the feature `simulation`).
+//! ([`run`]), and those that a rack does without (`cli`, the feature `simulation`).
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "simulation")]
-pub mod cli;
 mod program;
 
 pub use program::main;

@@ -45,7 +45,7 @@ struct Cli {
 enum Command {
     #[cfg(feature = "simulation")]
     #[command(flatten)]
-    Bench(crate::cli::Command),
+    Bench(cli::Command),
     #[command(flatten)]
     Rack(run::command::Command),
 }

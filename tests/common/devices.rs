@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use frhc::cli::live_bus::Session;
+use cli::live_bus::Session;
 
 use super::bench::Wire;
 use bus::{Bus, Memory};

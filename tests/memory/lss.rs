@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use frhc::cli::live_bus::Session;
+use cli::live_bus::Session;
 
 use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session, settle};

@@ -9,8 +9,8 @@
 use std::process::Command;
 use std::time::Duration;
 
-use frhc::cli::live_bus::Session;
-use frhc::cli::live_bus::objects::{self, ObjectError, Target};
+use cli::live_bus::Session;
+use cli::live_bus::objects::{self, ObjectError, Target};
 
 use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session};

@@ -1,0 +1,66 @@
+//! Arguments of `demo` and `sim`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::live_bus::parsers;
+use crate::quirks::QuirkArgs;
+use crate::rig::CalibrationRig;
+use run::config_arg::ConfigArg;
+use run::interfaces::Interfaces;
+use run::results::Force;
+
+/// `frhc demo`.
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Configuration file (TOML).
+    #[arg(short, long, value_name = "FILE", default_value = "config/kraft_like.toml")]
+    pub(super) config: PathBuf,
+    /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
+    #[arg(short, long, value_name = "NAME|FILE", default_value = "teleoperation")]
+    pub(super) scenario: String,
+    /// Robot that follows the commands, simulated with masses, servos and a wrist sensor: a file such as
+    /// config/robots/puma560.toml.
+    #[arg(long, value_name = "FILE")]
+    pub(super) robot: Option<PathBuf>,
+    /// Duration in simulated seconds [default: that of the scenario].
+    #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
+    pub(super) seconds: Option<f64>,
+    /// Seed of the operator's tremor.
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    pub(super) seed: u64,
+    /// Run in real time instead of as fast as possible.
+    #[arg(long)]
+    pub(super) realtime: bool,
+    /// Record bus.log (candump format), summary.json and faults/ in this folder.
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) force: Force,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// `frhc sim`.
+#[derive(Debug, Args)]
+pub struct Sim {
+    #[command(flatten)]
+    pub(super) config: ConfigArg,
+    #[command(flatten)]
+    pub(super) interfaces: Interfaces,
+    /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
+    #[arg(short, long, value_name = "NAME|FILE", default_value = "free")]
+    pub(super) scenario: String,
+    /// Seed of the operator's tremor, or of what the --calibrate options measure.
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    pub(super) seed: u64,
+    /// Print each report of the drives' state as one JSON object per line.
+    #[arg(long, conflicts_with = "rig")]
+    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) quirks: QuirkArgs,
+    #[command(flatten)]
+    pub(super) rig: CalibrationRig,
+}

@@ -1,0 +1,153 @@
+//! Judgement of one joint's sweep: fitted friction, gravity in held postures, and what speaks against them.
+
+use crate::calib::friction::sweep::{Source, Swept};
+use controller::arm::JointKind;
+use controller::fit::posture::{Posture, postures};
+use controller::fit::sweep::JointFriction;
+
+/// Error of gravity that is a warning, relative to the capacity.
+const MAX_GRAVITY_ERROR: f64 = 0.05;
+
+/// Result of one joint.
+pub(super) struct Judged<'c> {
+    pub(super) swept: Swept<'c>,
+    /// Friction, if the readings determine it.
+    pub(super) friction: Option<JointFriction>,
+    /// Held postures that were reached from both sides.
+    pub(super) gravity: Option<Gravity>,
+    /// Reasons of its rejection; without one it is accepted.
+    pub(super) reasons: Vec<String>,
+    /// Remarks that do not reject it.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Held postures compared with gravity.
+#[derive(Clone, Debug)]
+pub(super) struct Gravity {
+    /// Number of postures.
+    pub(super) postures: usize,
+    /// Error, RMS, in N·m or N.
+    pub(super) rms: f64,
+    /// Largest error with its sign, in N·m or N.
+    pub(super) largest: f64,
+    /// Its place.
+    pub(super) at: Source,
+    /// Mean friction at rest, in N·m or N.
+    pub(super) friction: f64,
+}
+
+impl Judged<'_> {
+    pub(super) fn name(&self) -> &str {
+        &self.swept.parameters.name
+    }
+
+    /// Returns the friction, if it is accepted.
+    pub(super) fn accepted(&self) -> Option<&JointFriction> {
+        self.friction.as_ref().filter(|_| self.reasons.is_empty())
+    }
+
+    /// Returns the end of the calibrated range, in N·m or N.
+    pub(super) fn capacity(&self) -> f64 {
+        self.swept.parameters.calibration.curve().max_torque()
+    }
+
+    /// Returns the units of torque and of viscous friction.
+    pub(super) const fn units(&self) -> [&'static str; 2] {
+        match self.swept.parameters.plant.link.kind {
+            JointKind::Revolute => ["N·m", "N·m·s/rad"],
+            JointKind::Prismatic => ["N", "N·s/m"],
+        }
+    }
+
+    /// Returns place and distance of each reading that was left out.
+    pub(super) fn outliers(&self) -> Vec<(&Source, f64)> {
+        let outliers = self.friction.iter().flat_map(|friction| &friction.outliers);
+        let source = |place: usize| self.swept.moving_at.get(place);
+        outliers.filter_map(|outlier| Some((source(outlier.place)?, outlier.distance))).collect()
+    }
+}
+
+/// Fits friction, and compares held postures with gravity.
+pub(super) fn judge(swept: Swept<'_>) -> Judged<'_> {
+    let resolution = swept.parameters.calibration.resolution();
+    let fitted = JointFriction::fit(&swept.moving, resolution, swept.has_gravity);
+    let found = postures(&swept.held);
+    let gravity = Gravity::of(&found, &swept.held_at);
+    let (reasons, warnings) = (Vec::new(), Vec::new());
+    let mut judged = Judged { swept, friction: None, gravity, reasons, warnings };
+    match fitted {
+        Ok(friction) => judged.friction = Some(friction),
+        Err(error) => judged.reasons.push(error.to_string()),
+    }
+    doubt_friction(&mut judged);
+    doubt_gravity(&mut judged, &found);
+    judged
+}
+
+fn doubt_friction(judged: &mut Judged<'_>) {
+    let [unit, viscous] = judged.units();
+    let Some(friction) = &judged.friction else { return };
+    let reasons = friction.doubts().iter().map(|doubt| doubt.reason(unit, viscous)).collect();
+    let load = friction.load.value;
+    let share = load.abs() / judged.capacity();
+    if !judged.swept.has_gravity {
+        judged.warnings.push(
+            "without q1 to q6 gravity is not subtracted; a constant load is fitted, and must be one".to_owned(),
+        );
+    } else if share > MAX_GRAVITY_ERROR {
+        judged.warnings.push(format!(
+            "a constant torque of {load:+.4} {unit} is left besides gravity, {:.1} % of the capacity; check masses, \
+             centres of mass and the torque curve",
+            100.0 * share
+        ));
+    }
+    judged.reasons.extend::<Vec<String>>(reasons);
+}
+
+fn doubt_gravity(judged: &mut Judged<'_>, found: &[Posture]) {
+    let [unit, _] = judged.units();
+    for posture in found.iter().filter(|posture| posture.error.is_none()) {
+        if let Some(Source { file, line }) = judged.swept.held_at.get(posture.place) {
+            judged.warnings.push(format!(
+                "{file}:{line}: this posture was reached from one side only; gravity is not checked there"
+            ));
+        }
+    }
+    let Some(Gravity { largest, at: Source { file, line }, friction, .. }) = &judged.gravity else {
+        return;
+    };
+    let share = largest.abs() / judged.capacity();
+    if share > MAX_GRAVITY_ERROR {
+        judged.warnings.push(format!(
+            "{file}:{line}: the held torque is {largest:+.4} {unit} off the configured gravity, {:.1} % of the capacity; \
+             check masses and centres of mass",
+            100.0 * share
+        ));
+    }
+    if *friction < 0.0 {
+        judged.reasons.push(format!(
+            "held postures need more torque from above than from below, by {:.4} {unit}; exchange up and down",
+            -2.0 * friction
+        ));
+    }
+}
+
+impl Gravity {
+    /// Returns the errors of postures that were reached from both sides; `None` without one.
+    fn of(postures: &[Posture], held_at: &[Source]) -> Option<Self> {
+        let both = postures.iter().filter_map(|posture| {
+            Some((posture.error?, posture.friction?, held_at.get(posture.place)?))
+        });
+        let both: Vec<(f64, f64, &Source)> = both.collect();
+        let count = u32::try_from(both.len()).map_or(f64::INFINITY, f64::from);
+        let (largest, _, at) =
+            both.iter().max_by(|(a, ..), (b, ..)| a.abs().total_cmp(&b.abs()))?;
+        Some(Self {
+            postures: both.len(),
+            rms: (both.iter().map(|(error, ..)| error * error).sum::<f64>() / count).sqrt(),
+            largest: *largest,
+            at: (*at).clone(),
+            friction: both.iter().map(|(_, friction, _)| friction).sum::<f64>() / count,
+        })
+    }
+}

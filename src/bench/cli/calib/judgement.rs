@@ -1,0 +1,96 @@
+//! Judgement of one joint's measurements: the fitted curve, and everything that speaks against it.
+
+use crate::calib::session::{Evidence, Fitted};
+use crate::calib::{fragment, report};
+use config::torque_data::Measured;
+use config::{Actuator, JointParameters};
+use controller::arm::JointKind;
+use controller::fit::Calibrated;
+use controller::fit::doubt::Doubt;
+
+/// Fits a curve to the samples of a joint, and checks it against its entry in a configuration.
+pub(super) fn judge<'a>(
+    joint: String,
+    measured: &'a Measured,
+    is_force: bool,
+    configured: Option<&JointParameters>,
+) -> Fitted<'a> {
+    let (evidence, reasons, warnings) = (None, Vec::new(), Vec::new());
+    let mut fitted = Fitted { joint, measured, evidence, reasons, warnings };
+    if let Some(joint) = configured {
+        fitted.reasons.extend(wrong_unit(is_force, joint));
+    }
+    let fit = match Calibrated::fit(&measured.samples) {
+        Ok(fit) => fit,
+        Err(error) => {
+            fitted.reasons.push(error.to_string());
+            return fitted;
+        }
+    };
+    let curve = match fragment::written(&fit.curve) {
+        Ok(curve) => curve,
+        Err(error) => {
+            fitted.reasons.push(error.to_string());
+            return fitted;
+        }
+    };
+    let line = straight_line(&fit, configured);
+    let before =
+        configured.and_then(|joint| fit.distance(&measured.samples, joint.calibration.curve()));
+    fitted.evidence = Some(Evidence { fit, curve, before, line });
+    doubt(&mut fitted, report::unit(is_force), configured);
+    fitted
+}
+
+/// Adds what the readings and the configuration say against the curve.
+fn doubt(fitted: &mut Fitted<'_>, unit: &str, configured: Option<&JointParameters>) {
+    let Some(Evidence { fit, curve, .. }) = &fitted.evidence else { return };
+    let against = configured.and_then(|joint| fit.doubt_against(joint.calibration.curve()));
+    let doubts: Vec<Doubt> = fit.doubts().into_iter().chain(against).collect();
+    let mut reasons: Vec<String> = doubts.iter().map(|doubt| doubt.reason(unit)).collect();
+    let mut warnings = Vec::new();
+    if let Some(joint) = configured {
+        reasons.extend(wrong_direction(fit, joint));
+        let needed = joint.calibration.curve().max_torque();
+        if curve.max_torque() < needed && against.is_none() {
+            warnings.push(format!(
+                "range ±{} {unit} is below the configured {needed} {unit}; measure further, or lower it",
+                curve.max_torque()
+            ));
+        }
+    }
+    if doubts.iter().any(|doubt| matches!(doubt, Doubt::Outliers { .. })) {
+        let lines = fitted.outliers().into_iter().map(|(line, _)| line.to_string());
+        reasons.push(format!("outliers are in lines {}", lines.collect::<Vec<_>>().join(", ")));
+    }
+    fitted.reasons.extend(reasons);
+    fitted.warnings.extend(warnings);
+}
+
+/// Returns whether the column of the readings is that of the other kind of joint.
+fn wrong_unit(is_force: bool, joint: &JointParameters) -> Option<String> {
+    let (kind, column) = match joint.plant.link.kind {
+        JointKind::Revolute => ("revolute", "torque_nm"),
+        JointKind::Prismatic => ("prismatic", "force_n"),
+    };
+    let is_right = is_force == (joint.plant.link.kind == JointKind::Prismatic);
+    (!is_right).then(|| format!("the joint is {kind}; its readings must be in a column {column}"))
+}
+
+/// Returns whether the motor turns otherwise than configured.
+fn wrong_direction(fit: &Calibrated, joint: &JointParameters) -> Option<String> {
+    let gear_ratio = joint.plant.actuator.gear_ratio;
+    let motor = if fit.is_reversed { "against" } else { "with" };
+    ((gear_ratio < 0.0) != fit.is_reversed)
+        .then(|| format!("the motor turns {motor} the joint, but gear_ratio is {gear_ratio}"))
+}
+
+/// Returns the straight line to compare with: that of the data sheets, or the best one.
+fn straight_line(fit: &Calibrated, joint: Option<&JointParameters>) -> (&'static str, f64) {
+    let [slope] = fit.line.coefficients;
+    joint.map_or(("best straight line", slope), |joint| {
+        // Nominal data of motor and gear: 1000 ‰ at their product.
+        let Actuator { rated_torque, gear_ratio, .. } = joint.plant.actuator;
+        ("manufacturer (rated × gear)", 1e3 / (rated_torque * gear_ratio.abs()))
+    })
+}

@@ -1,0 +1,114 @@
+//! `frhc decode`: annotates candump lines with their meaning.
+//!
+//! Every input line is one output line, even if it cannot be decoded. Input may be a live pipe: output is flushed
+//! before each wait for input. Decoding a line allocates no memory.
+
+mod decoded;
+mod input;
+mod json;
+mod malformed_lines;
+mod recorder_line;
+mod text;
+mod timestamps;
+mod transcriber;
+
+use std::io::{self, BufReader, BufWriter, IsTerminal};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::decode::malformed_lines::MalformedLines;
+use crate::decode::transcriber::{Broken, Form, Names, Transcriber};
+use canopen_tools::decode::Decoder;
+use canopen_tools::members;
+use canopen_tools::signals::{Member, identifier};
+use config::Config;
+use run::exit::{Failure, Kind, OrFail};
+use run::interfaces::{self, Interfaces};
+use run::print;
+
+/// `frhc decode`.
+#[derive(Debug, Args)]
+pub struct Decode {
+    /// Configuration with node names and scaling; without it the predefined connection set.
+    #[arg(short, long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    interfaces: Interfaces,
+    /// Show only lines of this joint, node or node-id. Repeatable.
+    #[arg(long, value_name = "NAME", requires = "config")]
+    only: Vec<String>,
+    /// Timestamps are relative to the previous line (candump -t d).
+    #[arg(long)]
+    delta: bool,
+    /// Print one JSON object per line.
+    #[arg(long)]
+    json: bool,
+    /// Log of candump -l or -L, or its screen output [default: stdin, also for `-`].
+    #[arg(value_name = "LOG")]
+    log: Option<PathBuf>,
+}
+
+/// Decodes the log and prints it.
+pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
+    let (decoder, names) = decoder(args)?;
+    let only = members(args, &decoder)?;
+    let (input, name) = input::open(args.log.as_deref())?;
+    let mut malformed = MalformedLines::new(name.clone(), quiet);
+    let is_coloured = io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let form =
+        if args.json { Form::Json } else { Form::Text(text::Columns::new(&decoder, is_coloured)) };
+    let mut transcriber = Transcriber::new(decoder, names, only, form, args.delta);
+    let input = BufReader::with_capacity(input::BUFFER, input);
+    let output = print::data().map(|to| BufWriter::with_capacity(input::BUFFER, to));
+    let written = output.map_err(Broken::Output).and_then(|output| {
+        transcriber.run(input, output, |number, error| malformed.line(number, error))
+    });
+    match written {
+        Err(Broken::Input(error)) => {
+            return Err(Failure::new(Kind::File, format!("{name}: {error}")));
+        }
+        Err(Broken::Output(error)) => {
+            print::record_result(Err(error));
+            return Ok(());
+        }
+        Ok(()) => {}
+    }
+    malformed.conclude(transcriber.counts)
+}
+
+fn decoder(args: &Decode) -> Result<(Decoder, Names), Failure> {
+    let Some(file) = &args.config else {
+        if let Some(interface) = args.interfaces.interfaces.first() {
+            let reason = format!("-i {interface} maps a bus of a configuration: add --config FILE");
+            return Err(Failure::new(Kind::Usage, reason));
+        }
+        return Ok((Decoder::generic(), Vec::new()));
+    };
+    let config = Config::load(file).or_fail(Kind::Configuration)?;
+    let interfaces = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let buses = config.buses.iter().map(|bus| bus.name.clone());
+    let channels = config.channels();
+    let named = interfaces.into_iter().zip(channels.iter().copied());
+    let names = named.chain(buses.zip(channels.iter().copied())).collect();
+    Ok((Decoder::new(members::members(&config), members::timing(&config)), names))
+}
+
+/// Returns the members selected by `--only`; `None` for all.
+fn members(args: &Decode, decoder: &Decoder) -> Result<Option<Vec<usize>>, Failure> {
+    let find = |name: &String| {
+        let number = name.parse::<u8>().ok();
+        let is_it = |member: &Member| {
+            member.name == identifier(name)
+                || member.plan.name == *name
+                || Some(member.node().raw()) == number
+        };
+        let all = || decoder.members().iter().map(|member| member.name.as_str());
+        decoder.members().iter().position(is_it).ok_or_else(|| {
+            let all = all().collect::<Vec<_>>().join(", ");
+            Failure::new(Kind::Usage, format!("--only {name}: unknown node; expected {all}"))
+        })
+    };
+    let found: Vec<usize> = args.only.iter().map(find).collect::<Result<_, _>>()?;
+    Ok((!found.is_empty()).then_some(found))
+}

@@ -1,0 +1,53 @@
+//! Reports of lines that are not candump lines: the first few by number and reason, then their total.
+
+use crate::decode::transcriber::Counts;
+use bus::candump::NotALine;
+use run::exit::{Failure, Kind};
+use run::print;
+
+/// Maximum number of lines reported one by one; a binary file has thousands.
+const MAX_REPORTED: u32 = 5;
+
+/// Reports malformed lines of one input.
+#[derive(Debug)]
+pub(super) struct MalformedLines {
+    /// The input, as the user named it.
+    input: String,
+    is_quiet: bool,
+    reported: u32,
+}
+
+impl MalformedLines {
+    /// Reports on `input`; with `is_quiet` only an input without any valid line.
+    pub(super) const fn new(input: String, is_quiet: bool) -> Self {
+        Self { input, is_quiet, reported: 0 }
+    }
+
+    /// Reports a line, or says that further ones are only counted.
+    pub(super) fn line(&mut self, number: u64, error: NotALine) {
+        if self.is_quiet || self.reported > MAX_REPORTED {
+            return;
+        }
+        self.reported += 1;
+        let input = &self.input;
+        if self.reported > MAX_REPORTED {
+            print::error(&format!("{input}: further malformed lines are counted, not reported"));
+        } else {
+            print::error(&format!("{input}:{number}: {error}"));
+        }
+    }
+
+    /// Prints the total; returns a failure if no line is a candump line.
+    pub(super) fn conclude(&self, counts: Counts) -> Result<(), Failure> {
+        let Counts { lines, malformed, .. } = counts;
+        let input = &self.input;
+        if malformed > 0 && malformed == lines {
+            let reason = format!("{input}: none of {lines} lines is a candump line");
+            return Err(Failure::new(Kind::Negative, reason));
+        }
+        if malformed > 0 && !self.is_quiet {
+            print::note(&format!("{input}: {malformed} of {lines} lines are not candump lines"));
+        }
+        Ok(())
+    }
+}

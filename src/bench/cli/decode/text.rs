@@ -1,0 +1,111 @@
+//! Text output of `decode`: in columns the unchanged line, the frame's name, its meaning, and its anomalies.
+
+use std::fmt::Write;
+
+use crate::decode::decoded::Decoded;
+use crate::decode::timestamps::GoesBack;
+use canopen_tools::decode::Decoder;
+
+/// Positions and widths of the columns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Columns {
+    /// Position of the annotation: behind the longest classical frame so far.
+    annotation: usize,
+    /// Width of the names.
+    name: usize,
+    is_coloured: bool,
+}
+
+/// Maximum line length that moves the annotation column; longer lines overrun it.
+const MAX_LINE_WIDTH: usize = 100;
+
+/// Minimum width of the names: that of `heartbeat node 127`.
+const MIN_NAME_WIDTH: usize = 18;
+
+impl Columns {
+    /// Returns columns wide enough for the names of a decoder.
+    pub(super) fn new(decoder: &Decoder, is_coloured: bool) -> Self {
+        let frames = decoder.frames().iter().map(|frame| frame.name.len());
+        let members = decoder.members().iter().map(|member| "heartbeat ".len() + member.name.len());
+        let name = frames.chain(members).max().unwrap_or_default().max(MIN_NAME_WIDTH);
+        Self { annotation: 0, name, is_coloured }
+    }
+
+    /// Widens the first column to eight data bytes after the identifier of `raw`.
+    fn fit(&mut self, raw: &str) {
+        let end = match raw.find(['#', ']', '}']) {
+            Some(hash) if raw.as_bytes().get(hash) == Some(&b'#') => {
+                hash + "#0011223344556677".len()
+            }
+            Some(bracket) => bracket + "]  00 11 22 33 44 55 66 77".len(),
+            None => raw.len(),
+        };
+        self.annotation = self.annotation.max(end.max(raw.len().min(MAX_LINE_WIDTH)) + 2);
+    }
+}
+
+const DIM: &str = "\x1b[2m";
+const CYAN: &str = "\x1b[36m";
+const RED: &str = "\x1b[1;31m";
+const PLAIN: &str = "\x1b[0m";
+
+/// Replaces the content of `to` by the output line.
+pub(super) fn line(
+    raw: &str,
+    decoded: &Decoded<'_>,
+    back: Option<GoesBack>,
+    columns: &mut Columns,
+    to: &mut String,
+) {
+    if !matches!(decoded, Decoded::RecorderLine(_)) {
+        columns.fit(raw);
+    }
+    to.clear();
+    // Writing into a String cannot fail.
+    write(raw, decoded, back, columns, to).ok();
+    to.truncate(to.trim_end().len());
+    to.push('\n');
+}
+
+fn write(
+    raw: &str,
+    decoded: &Decoded<'_>,
+    back: Option<GoesBack>,
+    columns: &Columns,
+    to: &mut String,
+) -> std::fmt::Result {
+    let Columns { annotation: column, name: width, is_coloured } = *columns;
+    let colour = |colour: &'static str| if is_coloured { colour } else { "" };
+    let plain = colour(PLAIN);
+    let gap = column.saturating_sub(raw.len()).max(2);
+    write!(to, "{}{raw}{plain}{:gap$}{}", colour(DIM), "", colour(CYAN))?;
+    let start = to.len();
+    match decoded {
+        Decoded::Frame(annotation) => write!(to, "{}", annotation.name())?,
+        Decoded::RecorderLine(pseudo) => to.push_str(pseudo.name()),
+        Decoded::Error(_) => to.push_str("error frame"),
+        Decoded::Other(what) => to.push_str(what),
+    }
+    let gap = width.saturating_sub(to.len() - start) + 1;
+    write!(to, "{plain}{:gap$}", "")?;
+    match decoded {
+        Decoded::Frame(annotation) if annotation.is_alarming() => {
+            write!(to, "{}{annotation}{plain}", colour(RED))?;
+        }
+        Decoded::Frame(annotation) => write!(to, "{annotation}")?,
+        Decoded::RecorderLine(pseudo) => write!(to, "{pseudo}")?,
+        Decoded::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
+        Decoded::Other(_) => {}
+    }
+    let mut lead = "  ! ";
+    if let Some(back) = back {
+        write!(to, "{}{lead}{back}{plain}", colour(RED))?;
+        lead = ", ";
+    }
+    let Decoded::Frame(annotation) = decoded else { return Ok(()) };
+    for remark in annotation.remarks() {
+        write!(to, "{}{lead}{remark}{plain}", colour(RED))?;
+        lead = ", ";
+    }
+    Ok(())
+}

@@ -1,0 +1,298 @@
+//! `frhc demo`: node and simulation in one process, in virtual time.
+
+use std::cell::{Cell, RefCell};
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::args::Demo;
+use crate::event_narrator::EventNarrator;
+use crate::interrupt::Interrupt;
+use crate::{quirks, scenario};
+use bus::Tap;
+use canopen::frame::Telegram;
+use canopen::master::event::Event;
+use config::Config;
+use config::robots::RobotArm;
+use lab::bench::Bench;
+use lab::comparison::{self, Comparison};
+use lab::fidelity::truth::Truth;
+use lab::robot_site::{Equipment, RobotSite};
+use lab::side::Side;
+use node::cause::Cause;
+use node::record::Record;
+use run::check::contact;
+use run::exit::{Failure, Kind, OrFail};
+use run::provenance::Provenance;
+use run::run_recorder::RunRecorder;
+use run::{gains, print, session};
+use sim::scenario::Scenario;
+use telemetry::contact_posture::ContactPostures;
+use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::origin::Origin;
+use telemetry::summary::Summary;
+use units::time::Instant;
+
+/// Cycles between two updates of the progress bar.
+const BAR_EVERY: u64 = 500;
+
+/// Runs the scenario and prints its summary.
+pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
+    let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    let config = match &args.robot {
+        Some(file) => config.with_robot(RobotArm::load(file).or_fail(Kind::Configuration)?),
+        None => config,
+    };
+    let scenario = scenario::load(&args.scenario)?;
+    quirks::check(&config, scenario.quirks())?;
+    let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
+    if scenario.needs_switch_box() {
+        scenario::require_switch_box(&config)?;
+    }
+    let config = comparison::surrounded(&config, &scenario);
+    // A robot that cannot be simulated is refused before any results are replaced.
+    args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
+    gains::warn(&config);
+    contact::warn(&config);
+    if scenario.compares_passivity() {
+        return compare(args, quiet, &config, &scenario, seconds);
+    }
+    let out = args.out.as_deref();
+    out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
+    let summary = play(args, out, quiet, &config, scenario, seconds)?;
+    if args.json {
+        print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
+    } else {
+        print::line(&summary.to_string());
+    }
+    refuse_interrupted(&summary)?;
+    match &summary.stopped_by {
+        Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
+        None => Ok(()),
+    }
+}
+
+/// Returns a failure if the run was interrupted.
+fn refuse_interrupted(summary: &Summary) -> Result<(), Failure> {
+    match summary.is_interrupted {
+        false => Ok(()),
+        true => {
+            let reason = format!("interrupted after {:.3} s", summary.seconds);
+            Err(Failure::new(Kind::Interrupted, reason))
+        }
+    }
+}
+
+/// Runs the scenario without and with the passivity layer.
+fn compare(
+    args: &Demo,
+    quiet: bool,
+    config: &Config,
+    scenario: &Scenario,
+    seconds: f64,
+) -> Result<(), Failure> {
+    if config.controller.extensions.passivity.is_none() {
+        let reason = "the scenario compares passivity layers; add [controller.passivity]";
+        let file = args.config.display();
+        return Err(Failure::new(Kind::Configuration, format!("{file}: {reason}")));
+    }
+    let without = comparison::without_passivity(config);
+    let folder = |name| args.out.as_ref().map(|folder| folder.join(name));
+    for folder in ["without", "with"].into_iter().filter_map(folder) {
+        session::make_room(&folder, args.force)?;
+    }
+    let run = |config, name| {
+        let summary =
+            play(args, folder(name).as_deref(), quiet, config, scenario.clone(), seconds)?;
+        refuse_interrupted(&summary).map(|()| summary)
+    };
+    let wall_stiffness = config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness);
+    let comparison =
+        Comparison::new(wall_stiffness, run(&without, "without")?, run(config, "with")?);
+    if args.json {
+        print::line(&serde_json::to_string(&comparison).or_fail(Kind::Bus)?);
+    } else {
+        print::line(&comparison.to_string());
+    }
+    let verdict = comparison.verdict;
+    if verdict.is_good() { Ok(()) } else { Err(Failure::new(Kind::Negative, verdict.to_string())) }
+}
+
+/// Runs the scenario once, and records it in `folder` if given.
+fn play(
+    args: &Demo,
+    folder: Option<&Path>,
+    quiet: bool,
+    config: &Config,
+    scenario: Scenario,
+    seconds: f64,
+) -> Result<Summary, Failure> {
+    let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
+    let provenance = Provenance::of(config, &interfaces, Origin::default());
+    let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance));
+    let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
+    let interrupt = folder.map(|_| Interrupt::watch()).transpose();
+    let interrupt = interrupt.context("cannot receive signals").or_fail(Kind::Bus)?;
+    let interrupt = interrupt.unwrap_or_default();
+    let play = Play { args, quiet, config, seconds, interrupt };
+    let summary = play.simulate(scenario, &mut recorder)?;
+    let (records, finished) = recorder.finish(&summary);
+    records.iter().for_each(|line| print::note(line));
+    finished.or_fail(Kind::Bus)?;
+    Ok(summary)
+}
+
+/// Returns the robot of a configuration, simulated; its tool and scene are those of the free object.
+fn robot(config: &Config, seed: u64) -> Result<Side, Failure> {
+    let equipment = Equipment::of(&config.remote);
+    let site = RobotSite::in_free_space(config, &equipment, seed);
+    site.or_fail(Kind::Configuration).map(Side::from)
+}
+
+/// Settings of one run.
+struct Play<'a> {
+    args: &'a Demo,
+    quiet: bool,
+    config: &'a Config,
+    seconds: f64,
+    interrupt: Interrupt,
+}
+
+impl Play<'_> {
+    fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
+        let Self { args, quiet, config, seconds, interrupt } = self;
+        let length = Duration::try_from_secs_f64(*seconds).or_fail(Kind::Usage)?;
+        let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
+        let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
+        let bar = progress(cycles, *quiet);
+        let recorder = RefCell::new(recorder);
+        let has_faults = !scenario.faults().is_empty();
+        let mut narrator = has_faults.then(|| EventNarrator::of(config));
+        let is_booting = Cell::new(true);
+        let tap = Observer {
+            recorder: &recorder,
+            narrator: narrator.clone(),
+            is_booting: &is_booting,
+            bar: bar.clone(),
+        };
+        let side = match &args.robot {
+            Some(_) => robot(config, args.seed)?,
+            None => Side::of(config),
+        };
+        let mut bench = Bench::with_side(config, side, scenario, args.seed, args.realtime, tap);
+        bench.bring_up().or_fail(Kind::Drive)?;
+        is_booting.set(false);
+        narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
+        let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
+        let mut summary = Summary::judging(postures);
+        let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
+        let mut was_too_fast = false;
+        for cycle in 1..=cycles {
+            let record = bench.cycle();
+            summary.add(&record);
+            at_hand.add(truth.sample(&bench, &record).as_ref());
+            let is_too_fast = record.cause == Some(Cause::GripOverspeed);
+            if is_too_fast && !std::mem::replace(&mut was_too_fast, is_too_fast) {
+                bar.suspend(|| print::note(&overspeed(&record, config)));
+            }
+            if let Some(narrator) = &mut narrator {
+                bar.suspend(|| print_cycle(narrator, &mut bench, &record));
+            }
+            recorder.borrow_mut().on_cycle(&record);
+            while let Some(message) = recorder.borrow_mut().next_message() {
+                bar.suspend(|| print::note(&message));
+            }
+            if cycle % BAR_EVERY == 0 || cycle == cycles {
+                bar.set_position(cycle);
+                bar.set_message(record.mode.name());
+            }
+            if interrupt.is_set() {
+                summary.is_interrupted = true;
+                break;
+            }
+        }
+        bar.finish_and_clear();
+        summary.fidelity = at_hand.report();
+        let carried = bench.carried();
+        summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
+        summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
+        match bench.stop() {
+            // A drive with an injected fault may be unable to confirm the stop.
+            Err(error) if narrator.is_some() => print::note(&error.to_string()),
+            stopped => stopped.or_fail(Kind::Drive)?,
+        }
+        Ok(summary)
+    }
+}
+
+/// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.
+struct Observer<'a, 'r> {
+    recorder: &'a RefCell<&'r mut RunRecorder>,
+    narrator: Option<EventNarrator>,
+    is_booting: &'a Cell<bool>,
+    bar: ProgressBar,
+}
+
+impl Tap for Observer<'_, '_> {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self.recorder.borrow_mut().on_frame(at, telegram);
+    }
+
+    fn on_event(&mut self, at: Instant, event: Event) -> Option<Event> {
+        if !self.is_booting.get() {
+            return Some(event);
+        }
+        if let Some(narrator) = &self.narrator {
+            self.bar.suspend(|| print::note(&narrator.event(at, &event)));
+        }
+        None
+    }
+}
+
+/// Prints faults injected since the last cycle, a mode change, and events on the network.
+fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, record: &Record) {
+    while let Some(notice) = bench.fault_notice() {
+        print::note(&narrator.fault(bench.begun(), &notice));
+    }
+    if let Some(line) = narrator.withdrawal(record) {
+        print::note(&line);
+    }
+    if let Some(line) = narrator.mode_change(record) {
+        print::note(&line);
+    }
+    print_events(narrator, bench);
+}
+
+/// Returns the speed of the grip at a stop for it, its limit and the remedies: the hand alone may overshoot its script.
+fn overspeed(record: &Record, config: &Config) -> String {
+    let speed = record.output.moving.v_g_raw.linear.norm();
+    let limit = config.plausibility.max_grip_speed;
+    format!(
+        "the scripted hand moved the grip at {speed:.2} m/s, above safety.max_grip_speed_m_per_s = {limit}: \
+         give its moves more time, or raise damping_ns_per_m of [controller] or [hand]"
+    )
+}
+
+/// Prints events that the node has detected on the network.
+fn print_events<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>) {
+    narrator.scenario_start(bench.begun()).iter().for_each(|line| print::note(line));
+    let now = bench.now();
+    while let Some(event) = bench.notice() {
+        print::note(&narrator.event(now, &event));
+    }
+}
+
+/// Returns a progress bar, which is shown only on a terminal.
+fn progress(cycles: u64, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::new(cycles);
+    if quiet {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let style = "{bar:40} {percent:>3} %  {pos}/{len} cycles  {msg}  {elapsed}";
+    if let Ok(style) = ProgressStyle::with_template(style) {
+        bar.set_style(style);
+    }
+    bar
+}

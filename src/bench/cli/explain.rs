@@ -1,0 +1,213 @@
+//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, the fault table, a robot arm, or a peg.
+
+mod input;
+mod peg;
+mod robot;
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use serde_json::Value as Json;
+
+use crate::explain::input::Flags;
+use crate::explain::peg::Peg;
+use crate::explain::robot::Robot;
+use config::Config;
+use lab::explanation::{self, Entry, Explanation, Value};
+use lab::world;
+use run::exit::{Failure, Kind, OrFail};
+use run::faults::{self, Faults};
+use run::print;
+use telemetry::digits;
+
+/// `frhc explain`.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Explain {
+    #[command(subcommand)]
+    topic: Option<Topic>,
+    /// Configuration [default: config/DEVICE.toml of the question's device, or config/kraft_like.toml].
+    #[arg(short, long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Joint positions in rad or m: six comma-separated numbers.
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
+    q: Option<[f64; 6]>,
+    /// Joint positions one cycle earlier [default: those of --q].
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
+    q_before: Option<[f64; 6]>,
+    /// Joint positions when the reference was set [default: those of --q].
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
+    q_reference: Option<[f64; 6]>,
+    /// Wrench on the object at the sensor, payload removed, in N and N·m.
+    #[arg(long, value_name = "F,...", value_parser = parse_six, allow_hyphen_values = true)]
+    wrench: Option<[f64; 6]>,
+    /// Control mode, rate or pose [default: as configured].
+    #[arg(long)]
+    mode: Option<String>,
+    /// Variant of the control law, consistent or paper1997 [default: as configured].
+    #[arg(long)]
+    preset: Option<String>,
+    /// Compute with the deadman switch released.
+    #[arg(long)]
+    no_deadman: bool,
+    /// Compute with force reflection off.
+    #[arg(long)]
+    no_reflection: bool,
+    /// Include the layers beyond the paper's control law (passivity, soft stops, ...).
+    #[arg(long)]
+    layers: bool,
+    /// Print one JSON object; each value has its unit, frame and equation.
+    #[arg(long)]
+    json: bool,
+    /// JSON object with the same inputs and more, such as gains, or a file with one. `-` reads stdin, which is
+    /// also read if it is not a terminal and --q is absent.
+    #[arg(value_name = "QUESTION")]
+    question: Option<OsString>,
+}
+
+/// Other topics of `explain`.
+#[derive(Debug, Subcommand)]
+enum Topic {
+    /// Prints the fault table: for each cause the reaction in each mode, who acts first, and how to reset it.
+    Faults(Faults),
+    /// Prints pose, Jacobian, gravity torques and mass matrix of a robot arm at given joint positions.
+    Robot(Robot),
+    /// Prints the contact of one peg with the plate and its hole, and where a lowered peg ends.
+    Peg(Peg),
+}
+
+/// Computes the cycle and prints it.
+pub(super) fn run(args: &Explain) -> Result<(), Failure> {
+    match &args.topic {
+        Some(Topic::Faults(args)) => {
+            faults::run(args);
+            return Ok(());
+        }
+        Some(Topic::Robot(args)) => return robot::run(args),
+        Some(Topic::Peg(args)) => return peg::run(args),
+        None => {}
+    }
+    if args.question.as_deref().is_some_and(|question| question == "faults") {
+        return Err(Failure::new(Kind::Usage, "`explain faults` accepts no options of `explain`"));
+    }
+    let mut input = input::read(args.question.as_deref(), args.flags())?;
+    let question = &mut input.question;
+    question.q = args.q.or(question.q);
+    question.q_before = args.q_before.or(question.q_before);
+    question.q_reference = args.q_reference.or(question.q_reference);
+    question.f_s = args.wrench.or(question.f_s);
+    question.mode = args.mode.clone().or_else(|| question.mode.take());
+    question.preset = args.preset.clone().or_else(|| question.preset.take());
+    question.deadman = if args.no_deadman { Some(false) } else { question.deadman };
+    question.reflection = if args.no_reflection { Some(false) } else { question.reflection };
+    question.layers |= args.layers;
+
+    let device = input.device.as_deref().unwrap_or("kraft_like");
+    let shipped = || Path::new("config").join(device).with_extension("toml");
+    let file = args.config.clone().unwrap_or_else(shipped);
+    let config = Config::load(&file).or_fail(Kind::Configuration)?;
+    let start = world::start(&config.plant());
+    let explanation =
+        explanation::explain(&config, &start, &input.question).or_fail(Kind::Usage)?;
+    print::line(&if args.json { json(&explanation) } else { text(&explanation) });
+    Ok(())
+}
+
+impl Explain {
+    /// Returns how much of the question the flags give.
+    fn flags(&self) -> Flags {
+        let numbers = [self.q_before, self.q_reference, self.wrench];
+        let names = [&self.mode, &self.preset];
+        let switches = [self.no_deadman, self.no_reflection, self.layers];
+        let is_any = numbers.iter().any(Option::is_some)
+            || names.iter().any(|name| name.is_some())
+            || switches.contains(&true);
+        match (self.q, is_any) {
+            (Some(_), _) => Flags::Position,
+            (None, true) => Flags::Some,
+            (None, false) => Flags::Absent,
+        }
+    }
+}
+
+/// Parses six comma-separated numbers.
+fn parse_six(text: &str) -> Result<[f64; 6], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let numbers = numbers.map_err(|error| error.to_string())?;
+    let found = numbers.len();
+    numbers.try_into().map_err(|_| format!("expected six numbers, got {found}"))
+}
+
+/// Returns one object: name to value, unit, frame, equation and description.
+fn json(explanation: &Explanation) -> String {
+    let Explanation(entries) = explanation;
+    let object = entries.iter().map(|entry| {
+        let described = serde_json::json!({
+            "value": json_value(&entry.value),
+            "unit": entry.unit,
+            "frame": entry.frame,
+            "place": entry.place,
+            "what": entry.what,
+        });
+        (entry.name.to_owned(), described)
+    });
+    Json::Object(object.collect()).to_string()
+}
+
+fn json_value(value: &Value) -> Json {
+    match value {
+        Value::Number(number) => serde_json::json!(number),
+        Value::Six(six) => serde_json::json!(six),
+        Value::Three(three) => serde_json::json!(three),
+        Value::Pose(rows) => serde_json::json!(rows),
+        Value::Matrix(rows) => serde_json::json!(rows),
+        Value::Targets(targets) => serde_json::json!(targets),
+        Value::Joints(joints) => serde_json::json!(joints),
+        Value::Rows(rows) => serde_json::json!(rows),
+        Value::Word(word) => serde_json::json!(word),
+    }
+}
+
+/// Returns one line per value; poses and matrices take several.
+fn text(explanation: &Explanation) -> String {
+    let Explanation(entries) = explanation;
+    let lines: Vec<String> = entries.iter().map(line).collect();
+    lines.join("\n")
+}
+
+fn line(entry: &Entry) -> String {
+    let Entry { name, what, place, unit, frame, value } = entry;
+    let place = match place.chars().next() {
+        None => String::new(),
+        Some('F') => format!(" ({place})"),
+        Some(_) if place.contains('.') => format!(" (section {place})"),
+        Some(_) => format!(" (Eq. {place})"),
+    };
+    let frame = if frame.is_empty() { String::new() } else { format!(" {{{frame}}}") };
+    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+    let head = format!("{name:15}{}", shown(value));
+    format!("{head}{unit}{frame}  {what}{place}")
+}
+
+fn shown(value: &Value) -> String {
+    // Shows values that round to -0.00000 as zero.
+    let number = |number: &f64| if number.abs() < 5e-6 { 0.0 } else { *number };
+    let row = |numbers: &[f64]| {
+        numbers.iter().map(|n| digits::column(number(n), 10, 5)).collect::<Vec<_>>().join(" ")
+    };
+    let rows = |rows: Vec<String>| rows.join("\n               ");
+    match value {
+        Value::Number(number) => row(&[*number]),
+        Value::Six(six) => row(six),
+        Value::Three(three) => row(three),
+        Value::Pose(matrix) => rows(matrix.iter().take(3).map(|numbers| row(numbers)).collect()),
+        Value::Matrix(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
+        Value::Joints(joints) => row(joints),
+        Value::Rows(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
+        Value::Targets(targets) => {
+            targets.iter().map(|target| format!("{target:10}")).collect::<Vec<_>>().join(" ")
+        }
+        Value::Word(word) => format!("{:>10}", word.as_deref().unwrap_or("none")),
+    }
+}

@@ -1,0 +1,64 @@
+//! `frhc explain robot`: a robot arm at given joint positions.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::explain::{json, text};
+use config::robots::RobotArm;
+use lab::explanation::Explanation;
+use lab::robot_explanation;
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
+
+/// `frhc explain robot`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  frhc explain robot config/robots/puma560.toml --q 0,45,-180,0,45,0\n  \
+        frhc explain robot config/robots/puma560.toml --json | jq -c .mass_matrix.value"
+)]
+pub(super) struct Robot {
+    /// The arm: a file such as config/robots/puma560.toml.
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Joint positions in degrees, as many comma-separated numbers as joints; repeat it for several postures
+    /// [default: the start position].
+    #[arg(long, value_name = "DEG,...", value_parser = parse_list, allow_hyphen_values = true)]
+    q: Vec<Degrees>,
+    /// Print one JSON object per posture and line; each value has its unit and frame.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Positions of the joints, in degrees.
+#[derive(Clone, Debug)]
+struct Degrees(Vec<f64>);
+
+/// Explains every posture, and prints once all are accepted.
+pub(super) fn run(args: &Robot) -> Result<(), Failure> {
+    let arm = RobotArm::load(&args.file).or_fail(Kind::Configuration)?;
+    let explanations = if args.q.is_empty() {
+        vec![robot_explanation::explain(&arm, None).or_fail(Kind::Configuration)?]
+    } else {
+        args.q.iter().map(|degrees| posture(&arm, degrees)).collect::<Result<_, _>>()?
+    };
+    let (shown, separator): (fn(&Explanation) -> String, _) =
+        if args.json { (json, "\n") } else { (text, "\n\n") };
+    let shown: Vec<String> = explanations.iter().map(shown).collect();
+    print::line(&shown.join(separator));
+    Ok(())
+}
+
+fn posture(arm: &RobotArm, Degrees(degrees): &Degrees) -> Result<Explanation, Failure> {
+    robot_explanation::explain(arm, Some(degrees))
+        .map_err(|error| Failure::new(Kind::Usage, format!("--q: {error}")))
+}
+
+/// Parses comma-separated numbers.
+fn parse_list(text: &str) -> Result<Degrees, String> {
+    let number = |part: &str| {
+        let part = part.trim();
+        part.parse().map_err(|_| format!("expected a number, got \"{part}\""))
+    };
+    text.split(',').map(number).collect::<Result<_, _>>().map(Degrees)
+}

@@ -1,0 +1,33 @@
+//! `frhc export`: DBC and DCF files of a configuration, for other tools.
+
+pub mod dbc;
+pub mod dcf;
+
+use clap::Subcommand;
+
+use run::exit::Failure;
+
+/// `frhc export`.
+#[derive(Debug, Subcommand)]
+pub enum Export {
+    /// Writes a DBC file of the buses, with SI scaling and joint names.
+    #[command(
+        after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
+            cantools decode kraft_like.dbc < session/bus.log\n  \
+            frhc export dbc --config config/jpl_like.toml --bus wrist | less"
+    )]
+    Dbc(dbc::Dbc),
+    /// Writes a device configuration file (CiA 306) for each drive and the switch box.
+    #[command(
+        after_help = "Example:\n  frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
+    )]
+    Dcf(dcf::Dcf),
+}
+
+/// Executes the export.
+pub(super) fn run(export: &Export) -> Result<(), Failure> {
+    match export {
+        Export::Dbc(args) => dbc::run(args),
+        Export::Dcf(args) => dcf::run(args),
+    }
+}

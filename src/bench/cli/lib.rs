@@ -1,0 +1,134 @@
+//! Commands that the rack does not need: simulation, tools for a live bus, and offline tools for logs and configurations.
+#![forbid(unsafe_code)]
+
+pub mod args;
+pub mod calib;
+pub mod campaign;
+pub mod decode;
+mod demo;
+mod event_narrator;
+pub mod experiment;
+pub mod explain;
+pub mod export;
+mod interrupt;
+pub mod live_bus;
+pub mod lss;
+pub mod nmt;
+pub mod plan;
+mod quirks;
+mod rig;
+pub mod scan;
+mod scenario;
+pub mod sdo;
+mod sim;
+
+use clap::Subcommand;
+
+use crate::args::{Demo, Sim};
+use crate::calib::Calib;
+use crate::campaign::Campaign;
+use crate::decode::Decode;
+use crate::experiment::Experiment;
+use crate::explain::Explain;
+use crate::export::Export;
+use crate::lss::Lss;
+use crate::nmt::Nmt;
+use crate::plan::Plan;
+use crate::scan::Scan;
+use crate::sdo::Sdo;
+use run::exit::Failure;
+
+/// Commands that the rack does not need.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Runs node, simulated drives, operator and remote side in one process; opens no bus.
+    #[command(after_help = "Examples:\n  frhc demo --scenario faults/unplug\n  \
+        frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
+    Demo(Demo),
+    /// Injects many faults, one per simulated run, and checks the node's reaction to each.
+    #[command(
+        after_help = "The exit code is 1 when a fault was missed or detected late, a rule of the bus was violated, or the node \
+            stopped without need. --replay runs such a case again and writes its log.\n\nExamples:\n  \
+            frhc campaign --seed 1 --faults 2000\n  \
+            frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
+            frhc campaign --seed 1 --soak 1000000"
+    )]
+    Campaign(Campaign),
+    /// Measures on the simulation what is felt and what it costs.
+    #[command(subcommand, after_help = "Example:\n  frhc experiment fidelity --short")]
+    Experiment(Experiment),
+    /// Simulates the drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
+    #[command(
+        after_help = "Prints the state of each drive at the end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
+            frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario contact_10s\n  \
+            frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
+    )]
+    Sim(Sim),
+    /// Plans the buses of a configuration: frames and worst-case response times, cycle timeline, load, maximum rate, loop
+    /// delay; proposes changes if it does not fit.
+    #[command(
+        after_help = "Examples:\n  frhc plan --config config/kraft_like.toml\n  frhc plan --config config/kraft_like_500hz.toml --rate 1000 --layout grouped --json | jq .fits"
+    )]
+    Plan(Plan),
+    /// Computes one controller cycle and prints every intermediate value (Fig. 3 of the paper).
+    #[command(
+        after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value\n  frhc explain '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"rate_gain\": [1,1,1,2,2,2]}'\n  frhc explain robot config/robots/puma560.toml --q 0,45,-180,0,45,0"
+    )]
+    Explain(Box<Explain>),
+    /// Fits torque curves to measurements, or checks those of a configuration.
+    #[command(
+        after_help = "Examples:\n  frhc sim --config config/kraft_like.toml --calibrate elbow --out elbow.csv\n  \
+            frhc calib fit elbow.csv --config config/kraft_like.toml\n  \
+            frhc calib check --config config/kraft_like.toml"
+    )]
+    Calib(Calib),
+    /// Lists the nodes on a bus: identity, NMT state, and whether the configuration expects them.
+    Scan(Scan),
+    /// Reads or writes one object of one node.
+    Sdo(Sdo),
+    /// Sends NMT commands, or shows NMT states, heartbeats and emergencies.
+    Nmt(Nmt),
+    /// Sets node-ids and bit rates of devices by LSS (CiA 305).
+    Lss(Lss),
+    /// Annotates a candump log by joint and in SI units.
+    #[command(
+        after_help = "Each line is printed unchanged, followed by its meaning. Anomalies follow a `!`: a missing or late frame, \
+            a wrong length, a timestamp that goes back. Lines in another format pass unchanged; the first ones \
+            are reported on stderr. The exit code is 1 when no line is a candump line.\n\nExamples:\n  \
+            frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
+            candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
+            frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
+    )]
+    Decode(Decode),
+    /// Writes a DBC file of the buses, or DCF files of the nodes.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
+            frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
+    )]
+    Export(Export),
+}
+
+impl Command {
+    /// Executes the command; `is_quiet` hides the progress bar.
+    ///
+    /// # Errors
+    /// The failure, with its exit code.
+    pub fn execute(&self, is_quiet: bool) -> Result<(), Failure> {
+        match self {
+            Self::Demo(args) => demo::run(args, is_quiet),
+            Self::Campaign(args) => campaign::run(args, is_quiet),
+            Self::Experiment(experiment) => experiment::run(experiment, is_quiet),
+            Self::Sim(args) => sim::run(args),
+            Self::Plan(args) => plan::run(args),
+            Self::Explain(args) => explain::run(args),
+            Self::Calib(args) => calib::run(args),
+            Self::Scan(args) => scan::run(args),
+            Self::Sdo(args) => sdo::run(args),
+            Self::Nmt(args) => nmt::run(args),
+            Self::Lss(args) => lss::run(args),
+            Self::Decode(args) => decode::run(args, is_quiet),
+            Self::Export(args) => export::run(args),
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Reading and writing one object of one node.
+
+use std::fmt;
+
+use crate::live_bus::{Session, SessionError};
+use bus::Bus;
+use canopen::NodeId;
+use canopen::object::Object;
+use canopen::sdo::{Content, SdoError, Terms, Transfer};
+use canopen::value::Octets;
+
+/// An object of a node, and the terms of its transfer.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Node-id.
+    pub node: NodeId,
+    /// Object.
+    pub object: Object,
+    /// Response timeout, and segmented or block transfer.
+    pub terms: Terms,
+}
+
+/// Error of reading or writing an object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ObjectError {
+    /// The bus failed, or the session was interrupted.
+    Session(SessionError),
+    /// The node aborted the transfer or did not respond.
+    Node {
+        /// Node-id.
+        node: NodeId,
+        /// Object.
+        object: Object,
+        /// Error of the transfer.
+        error: SdoError,
+    },
+    /// The value read back differs from the one written.
+    Differs {
+        /// Node-id.
+        node: NodeId,
+        /// Object.
+        object: Object,
+        /// Bytes written.
+        written: Vec<u8>,
+        /// Bytes read back.
+        read: Vec<u8>,
+    },
+}
+
+/// Formats as `node 3: 6071h refused: 06090030h value is invalid`.
+impl fmt::Display for ObjectError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Session(error) => error.fmt(f),
+            Self::Node { node, object, error: error @ SdoError::Timeout } => {
+                write!(f, "node {}: {object}: {error}", node.raw())
+            }
+            Self::Node { node, object, error } => {
+                write!(f, "node {}: {object} {error}", node.raw())
+            }
+            Self::Differs { node, object, written, read } => {
+                let (written, read) = (Octets(written), Octets(read));
+                write!(f, "node {}: {object} is {read}, expected {written}", node.raw())
+            }
+        }
+    }
+}
+
+impl std::error::Error for ObjectError {}
+
+/// Reads the value of an object.
+///
+/// # Errors
+/// When the bus fails, or the node aborts or does not respond.
+pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
+    let Target { node, object, terms } = target;
+    let outcome = session.run(|now, out| Transfer::read_on(terms, node, object, now, out));
+    outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))
+}
+
+/// Writes `bytes`; with `verify` reads them back and compares.
+///
+/// # Errors
+/// As [`read`], or when the value read back differs.
+pub fn write<B: Bus>(
+    session: &mut Session<B>,
+    target: Target,
+    bytes: &[u8],
+    verify: bool,
+) -> Result<(), ObjectError> {
+    let Target { node, object, terms } = target;
+    let mut out = Vec::new();
+    let transfer = Transfer::write_on(terms, node, object, bytes.to_vec(), session.now(), &mut out);
+    let mut transfer = transfer.map_err(|error| target.failed(error))?;
+    session.queue(out);
+    let outcome = session.resume(&mut transfer);
+    outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))?;
+    if !verify {
+        return Ok(());
+    }
+    let content = read(session, target)?;
+    // An expedited response without size has four bytes, of which the type uses some.
+    if content.exactly(bytes.len()) == Some(bytes) {
+        return Ok(());
+    }
+    let (written, read) = (bytes.to_vec(), content.bytes().to_vec());
+    Err(ObjectError::Differs { node, object, written, read })
+}
+
+impl Target {
+    const fn failed(self, error: SdoError) -> ObjectError {
+        ObjectError::Node { node: self.node, object: self.object, error }
+    }
+}

@@ -28,7 +28,6 @@ pub mod abort;
 pub mod bits;
 pub mod concise;
 pub mod data_type;
-pub mod device;
 pub mod dictionary;
 pub mod drive;
 pub mod eds;

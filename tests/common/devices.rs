@@ -9,12 +9,12 @@ use cli::live_bus::Session;
 use super::bench::Wire;
 use bus::{Bus, Memory};
 use canopen::NodeId;
-use canopen::device::{Application, Device};
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
 use canopen::station::Station;
+use canopen_device::{Application, Device};
 use canopen_tools::diagnostics::watch::Watch;
 use units::time::Instant;
 

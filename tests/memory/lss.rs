@@ -16,13 +16,13 @@ use crate::common::golden::compare;
 use bus::Memory;
 use canopen::frame::Frame;
 use canopen::lss::codec::{Mode, Request};
-use canopen::lss::identify::{Description, Identify};
-use canopen::lss::job::{Job, LssError, Report, Selection, Timeouts};
-use canopen::lss::master::Master;
 use canopen::lss::{Address, BitRate};
 use canopen::nmt::Order;
 use canopen::procedure::Procedure;
 use canopen::{NmtCommand, NodeId};
+use canopen_tools::lss::identify::{Description, Identify};
+use canopen_tools::lss::job::{Job, LssError, Report, Selection, Timeouts};
+use canopen_tools::lss::master::Master;
 use units::time::Instant;
 
 const TIMEOUTS: Timeouts = Timeouts {

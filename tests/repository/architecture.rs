@@ -15,6 +15,7 @@ const PURE: &[&str] = &[
     "units",
     "written",
     "canopen",
+    "canopen_device",
     "faults",
     "canopen_tools",
     "controller",

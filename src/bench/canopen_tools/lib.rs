@@ -17,6 +17,7 @@ pub mod dbc;
 pub mod dcf;
 pub mod decode;
 pub mod diagnostics;
+pub mod lss;
 pub mod members;
 pub mod object_text;
 pub mod signals;

@@ -44,8 +44,8 @@ mod transfer;
 
 pub use content::{Content, bytes};
 pub use queue::{Done, Queue, Request, Task, Ticket};
-pub(crate) use receiver::{BlockParameters, Receiver, Taken};
-pub(crate) use sender::Sender;
+pub use receiver::{BlockParameters, Receiver, Taken};
+pub use sender::Sender;
 pub use terms::{Block, InvalidBlockSize, MAX_BYTES, Protocol, SEGMENTED_BYTES, Terms};
 pub use transfer::Transfer;
 

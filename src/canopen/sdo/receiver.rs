@@ -13,7 +13,7 @@ use crate::sdo::sender::LAST;
 
 /// Effect of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Taken {
+pub enum Taken {
     /// The next segment; more follow.
     InSequence,
     /// Out of sequence: segments were lost, or it is a repetition. More follow.
@@ -24,20 +24,20 @@ pub(crate) enum Taken {
 
 /// Parameters of a block transfer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BlockParameters {
+pub struct BlockParameters {
     /// Indicated size, in bytes.
-    pub(crate) declared: Option<usize>,
+    pub declared: Option<usize>,
     /// Set if a CRC follows at the end.
-    pub(crate) has_crc: bool,
+    pub has_crc: bool,
     /// Maximum size, in bytes.
-    pub(crate) limit: usize,
+    pub limit: usize,
     /// Segments per sub-block.
-    pub(crate) block_size: u8,
+    pub block_size: u8,
 }
 
 /// Value in transfer, and its progress.
 #[derive(Clone, Debug)]
-pub(crate) struct Receiver {
+pub struct Receiver {
     bytes: Vec<u8>,
     /// CRC of the first `summed` bytes.
     crc: Crc,
@@ -63,7 +63,7 @@ impl Receiver {
     ///
     /// # Errors
     /// Returns an abort code if the indicated size exceeds `limit`.
-    pub(crate) fn new(
+    pub fn new(
         [opening, reply]: [SdoPayload; 2],
         BlockParameters { declared, has_crc, limit, block_size }: BlockParameters,
     ) -> Result<Self, AbortCode> {
@@ -89,7 +89,7 @@ impl Receiver {
     ///
     /// # Errors
     /// Returns an abort code for an invalid sequence number, or for more bytes than indicated.
-    pub(crate) fn take(&mut self, segment: &SdoPayload) -> Result<Taken, AbortCode> {
+    pub fn take(&mut self, segment: &SdoPayload) -> Result<Taken, AbortCode> {
         let &[command, ref seven @ ..] = segment;
         let (number, is_last) = (command & !LAST, command & LAST != 0);
         let is_end = is_last || number == self.block_size;
@@ -111,7 +111,7 @@ impl Receiver {
     }
 
     /// Acknowledges the segments of this sub-block that arrived in sequence; the next starts after them.
-    pub(crate) fn answer(&mut self) -> SdoPayload {
+    pub fn answer(&mut self) -> SdoPayload {
         let unknown = if self.is_complete { SEGMENT_DATA_MAX } else { 0 };
         let end = self.bytes.len().saturating_sub(unknown);
         self.crc.take(self.bytes.get(self.summed..end).unwrap_or_default());
@@ -122,7 +122,7 @@ impl Receiver {
 
     /// Returns the acknowledgement, or the last reply, to send after a timeout. The last reply may look like
     /// an acknowledgement of a lost sub-block, so it is repeated only if a size or CRC would reveal that.
-    pub(crate) fn retry(&mut self) -> Option<SdoPayload> {
+    pub fn retry(&mut self) -> Option<SdoPayload> {
         if self.has_received() {
             return Some(self.answer());
         }
@@ -131,22 +131,22 @@ impl Receiver {
     }
 
     /// Returns whether a segment of this sub-block was received.
-    pub(crate) const fn has_received(&self) -> bool {
+    pub const fn has_received(&self) -> bool {
         self.arrived > 0
     }
 
     /// Returns whether the last segment was received.
-    pub(crate) const fn is_complete(&self) -> bool {
+    pub const fn is_complete(&self) -> bool {
         self.is_complete
     }
 
     /// Returns whether the size was indicated.
-    pub(crate) const fn is_declared(&self) -> bool {
+    pub const fn is_declared(&self) -> bool {
         self.declared.is_some()
     }
 
     /// Returns whether `frame` repeats the last accepted one.
-    pub(crate) fn is_again(&self, frame: &SdoPayload) -> bool {
+    pub fn is_again(&self, frame: &SdoPayload) -> bool {
         *frame == self.last
     }
 
@@ -154,7 +154,7 @@ impl Receiver {
     ///
     /// # Errors
     /// Returns an abort code if the CRC differs from `sum`, or the size from the indicated one.
-    pub(crate) fn finish(&mut self, unused: u8, sum: u16) -> Result<Vec<u8>, AbortCode> {
+    pub fn finish(&mut self, unused: u8, sum: u16) -> Result<Vec<u8>, AbortCode> {
         self.bytes.truncate(self.bytes.len().saturating_sub(usize::from(unused)));
         let rest = self.bytes.get(self.summed..).ok_or(AbortCode::COMMAND_UNKNOWN)?;
         self.crc.take(rest);

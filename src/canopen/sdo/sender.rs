@@ -15,7 +15,7 @@ const MAX_FRUITLESS: u8 = 8;
 
 /// Value in transfer, and its progress.
 #[derive(Clone, Debug)]
-pub(crate) struct Sender {
+pub struct Sender {
     bytes: Vec<u8>,
     /// First byte of the current sub-block; the bytes before it have arrived.
     begin: usize,
@@ -35,14 +35,14 @@ impl Sender {
     ///
     /// # Errors
     /// Returns an abort code unless `block_size` is within 1..=127.
-    pub(crate) fn new(bytes: Vec<u8>, block_size: u8) -> Result<Self, AbortCode> {
+    pub fn new(bytes: Vec<u8>, block_size: u8) -> Result<Self, AbortCode> {
         let block_size = checked(block_size)?;
         let crc = Crc::default();
         Ok(Self { bytes, begin: 0, crc, block_size, sent: 0, arrived: 0, fruitless: 0 })
     }
 
     /// Returns the next segment; `None` once an acknowledgement is due.
-    pub(crate) fn next(&mut self) -> Option<SdoPayload> {
+    pub fn next(&mut self) -> Option<SdoPayload> {
         let at = self.place(self.sent);
         let is_over = self.sent > 0 && at >= self.bytes.len();
         if is_over || self.sent >= self.block_size {
@@ -59,7 +59,7 @@ impl Sender {
     }
 
     /// Returns whether [`next`](Self::next) has a segment.
-    pub(crate) const fn has_next(&self) -> bool {
+    pub const fn has_next(&self) -> bool {
         self.sent < self.block_size && (self.sent == 0 || self.place(self.sent) < self.bytes.len())
     }
 
@@ -69,7 +69,7 @@ impl Sender {
     /// # Errors
     /// Returns an abort code if more arrived than was sent, if nothing arrives repeatedly, or if `block_size`
     /// is not within 1..=127.
-    pub(crate) fn answered(&mut self, arrived: u8, block_size: u8) -> Result<bool, AbortCode> {
+    pub fn answered(&mut self, arrived: u8, block_size: u8) -> Result<bool, AbortCode> {
         // A repeated acknowledgement of the previous sub-block: nothing of the current one has arrived.
         let is_again = arrived > self.sent && arrived == self.arrived;
         if arrived > self.sent && !is_again {
@@ -99,12 +99,12 @@ impl Sender {
     ///
     /// # Errors
     /// Returns an abort code after too many repetitions.
-    pub(crate) fn again(&mut self) -> Result<(), AbortCode> {
+    pub fn again(&mut self) -> Result<(), AbortCode> {
         self.answered(0, self.block_size).map(|_| ())
     }
 
     /// Number of unused bytes in the last segment.
-    pub(crate) fn unused(&self) -> u8 {
+    pub fn unused(&self) -> u8 {
         let used = match self.bytes.len() % SEGMENT_DATA_MAX {
             0 if !self.bytes.is_empty() => SEGMENT_DATA_MAX,
             used => used,
@@ -113,7 +113,7 @@ impl Sender {
     }
 
     /// CRC of all bytes that have arrived.
-    pub(crate) const fn sum(&self) -> u16 {
+    pub const fn sum(&self) -> u16 {
         self.crc.sum()
     }
 

@@ -7,10 +7,10 @@ use crate::lss::{Lss, Task};
 use bus::Bus;
 use canopen::NodeId;
 use canopen::lss::Address;
-use canopen::lss::identify::{Description, Identify};
-use canopen::lss::job::{Job, Report, Selection, Timeouts};
-use canopen::lss::master::Master;
 use canopen_tools::diagnostics::scan::{Found, Scan};
+use canopen_tools::lss::identify::{Description, Identify};
+use canopen_tools::lss::job::{Job, Report, Selection, Timeouts};
+use canopen_tools::lss::master::Master;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 

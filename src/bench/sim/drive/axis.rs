@@ -18,10 +18,10 @@ use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use crate::quirks::AxisQuirks;
 use canopen::abort::AbortCode;
-use canopen::device::{Application, ConnectionLoss, Reset};
 use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::object::Object;
+use canopen_device::{Application, ConnectionLoss, Reset};
 use units::time::Instant;
 
 /// One axis.

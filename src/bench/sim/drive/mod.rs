@@ -39,7 +39,6 @@ use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Tuning, encoder_counts};
 use crate::quirks::{QuirkEffects, Quirks, TorqueFilter, TransmitPath, start_running};
-use canopen::device::Device;
 use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::frame::{Channel, Frame, Telegram};
@@ -47,6 +46,7 @@ use canopen::nmt::Order;
 use canopen::object::Object;
 use canopen::station::Station;
 use canopen::{NmtCommand, NmtState, NodeId};
+use canopen_device::Device;
 use units::time::Instant;
 
 /// Settings of one drive.

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use crate::quirks::{FrameQuirks, Quirk, Quirks, TorqueFilter};
 use canopen::abort::AbortCode;
-use canopen::device::{Application, Misbehaviour};
 use canopen::dictionary::Dictionary;
 use canopen::drive::{CYCLIC_SYNCHRONOUS_TORQUE, Controlword};
 use canopen::object::Object;
 use canopen::{NodeId, layout};
+use canopen_device::{Application, Misbehaviour};
 use units::time::Instant;
 
 /// Deviations of state machine and mode.

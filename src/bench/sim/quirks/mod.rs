@@ -1,7 +1,7 @@
 //! Quirks: deviations of real drives from the standards, for tests of masters.
 //!
 //! A [`Quirk`] is one deviation; a drive may have several ([`Quirks`]). `QuirkEffects` holds the effects: dictionary
-//! values at power-up, [`Misbehaviour`](canopen::device::Misbehaviour) of the CANopen slave, delayed or dropped frames,
+//! values at power-up, [`Misbehaviour`](canopen_device::Misbehaviour) of the CANopen slave, delayed or dropped frames,
 //! and motion before the first command. A quirk changes nothing else; a drive without quirks is a conforming one.
 
 mod assignment;

@@ -10,11 +10,11 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 use canopen_rs::{EmergencyMessage, NmtState};
 
-use canopen::device::{Application, Device};
 use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::heartbeat::is_boot_up;
 use canopen::master::check::COB_ID_INVALID;
 use canopen::object::Object;
+use canopen_device::{Application, Device};
 use units::time::Instant;
 
 /// Deviations of transmitted frames. The default has none.

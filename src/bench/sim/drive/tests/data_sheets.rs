@@ -1,7 +1,7 @@
 //! Drives made from the data sheets of real ones: each has what its EDS has, and no more.
 
 use super::*;
-use canopen::device::ConnectionLoss;
+use canopen_device::ConnectionLoss;
 use canopen_rs::nmt::heartbeat_cob_id;
 
 fn drive_of(eds: &[u8], quirks: &[&str]) -> Drive {

@@ -17,9 +17,10 @@ use std::time::{Duration, Instant};
 
 use drive::{carry, drive, node};
 
-use bus::{Bus, Memory};
+use bus::Bus;
 use canopen::object::Object;
 use canopen::sdo::{Block, Terms, Transfer};
+use memory_bus::Memory;
 
 const SIZE: usize = 1 << 20;
 

@@ -6,13 +6,14 @@
 use std::error::Error;
 use std::time::Duration;
 
-use bus::{Bus, BusEvent, Memory, Received, Tap};
+use bus::{Bus, BusEvent, Received, Tap};
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::{Channel, Telegram};
 use canopen::master::Master;
 use canopen::plan::{Identity, NodePlan, Watch};
 use canopen::{NodeId, layout};
+use memory_bus::Memory;
 use sim::actuator::ActuatorSettings;
 use sim::drive::{Drive, DriveSettings};
 use sim::motion::Tuning;

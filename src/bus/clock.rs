@@ -46,7 +46,7 @@ impl Reading {
 }
 
 /// Returns the monotonic time since boot, without suspension.
-pub(super) fn monotonic() -> Duration {
+pub fn monotonic() -> Duration {
     read(ClockId::CLOCK_MONOTONIC)
 }
 
@@ -63,7 +63,7 @@ pub(super) fn suspended() -> Duration {
 }
 
 /// Waits until [`monotonic`] reaches `until`.
-pub(super) fn wait(until: Duration) {
+pub fn wait(until: Duration) {
     let until = TimeSpec::from_duration(until);
     let absolute = ClockNanosleepFlags::TIMER_ABSTIME;
     while clock_nanosleep(ClockId::CLOCK_MONOTONIC, absolute, &until).is_err() {

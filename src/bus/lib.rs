@@ -11,10 +11,8 @@
 
 mod arrival;
 pub mod candump;
-mod clock;
-mod disturbance;
+pub mod clock;
 pub mod interface;
-mod memory;
 mod netlink;
 mod raw_frame;
 pub mod realtime;
@@ -22,9 +20,7 @@ pub mod screen;
 mod socket;
 mod socketcan;
 mod trace;
-mod wire;
 
-pub use memory::{Memory, Watch};
 pub use socketcan::{OpenError, SocketCan};
 pub use trace::Traced;
 

@@ -219,12 +219,12 @@ mod tests {
     use super::*;
     use crate::console::{self, Phase, RequestSender};
     use crate::rings::{self, EntryConsumer};
-    use bus::Memory;
     use canopen::frame::{Channel, Frame, Telegram};
     use canopen::station::Station;
     use config::Config;
     use controller::switches::Mode as CommandMode;
     use lab::world;
+    use memory_bus::Memory;
     use node::record::Mode;
     use remote::site::VirtualSite;
     use sim::scenario::Scenario;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use cli::live_bus::Session;
 
 use super::bench::Wire;
-use bus::{Bus, Memory};
+use bus::Bus;
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
@@ -16,6 +16,7 @@ use canopen::object::Object;
 use canopen::station::Station;
 use canopen_device::{Application, Device};
 use canopen_tools::diagnostics::watch::Watch;
+use memory_bus::Memory;
 use units::time::Instant;
 
 /// Application that only resets a written max motor speed to 0.

@@ -11,11 +11,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::common::bench::{config, scenario};
-use bus::Memory;
 use config::Config;
 use faults::LinkFault;
 use lab::bench::Bench;
 use lab::world;
+use memory_bus::Memory;
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use node::{Node, Request};

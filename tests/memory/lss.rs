@@ -13,7 +13,6 @@ use cli::live_bus::Session;
 use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session, settle};
 use crate::common::golden::compare;
-use bus::Memory;
 use canopen::frame::Frame;
 use canopen::lss::codec::{Mode, Request};
 use canopen::lss::{Address, BitRate};
@@ -23,6 +22,7 @@ use canopen::{NmtCommand, NodeId};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, LssError, Report, Selection, Timeouts};
 use canopen_tools::lss::master::Master;
+use memory_bus::Memory;
 use units::time::Instant;
 
 const TIMEOUTS: Timeouts = Timeouts {

@@ -15,10 +15,11 @@ use crate::common::bench::Wire;
 use crate::common::drive::{carry, drive, node};
 use crate::common::golden::compare;
 use crate::common::lossy::{ErrorRates, Lossy};
-use bus::{Bus, Memory, Tap};
+use bus::{Bus, Tap};
 use canopen::abort::AbortCode;
 use canopen::object::Object;
 use canopen::sdo::{Block, Content, Outcome, SdoError, Task, Terms, Transfer};
+use memory_bus::Memory;
 use sim::drive::Drive;
 
 const BUFFER: Object = Object::SAMPLE_BUFFER;

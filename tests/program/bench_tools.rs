@@ -14,7 +14,6 @@ use cli::live_bus::objects::{self, ObjectError, Target};
 
 use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session};
-use bus::Memory;
 use canopen::abort::AbortCode;
 use canopen::nmt::Order;
 use canopen::object::Object;
@@ -25,6 +24,7 @@ use canopen_tools::diagnostics::confirm::Confirmation;
 use canopen_tools::diagnostics::scan::{Found, Scan};
 use canopen_tools::diagnostics::states::{Answer, States};
 use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
+use memory_bus::Memory;
 use units::time::Instant;
 
 type TestSession = Session<Memory<Devices, Wire>>;

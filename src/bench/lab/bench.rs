@@ -7,11 +7,12 @@ use nalgebra::Vector3;
 
 use crate::side::Side;
 use crate::world;
-use bus::{Bus, Memory, Tap};
+use bus::{Bus, Tap};
 use canopen::master::event::Event;
 use config::Config;
 use controller::switches::Mode as CommandMode;
 use faults::{Fault, Kind, LinkFault};
+use memory_bus::Memory;
 use node::record::{Mode, Record};
 use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
 use remote::delayed::Delayed;

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::{BusFault, Received, SendError};
+use bus::{BusFault, Received, SendError};
 use canopen::frame::{Channel, Frame};
 use faults::{Disturbance, Fault, HostFault, Kind, Target};
 use units::time::Instant;
@@ -206,7 +206,8 @@ pub(super) const fn reported(disturbance: Disturbance) -> Option<BusFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bus, BusEvent, Memory};
+    use crate::Memory;
+    use bus::{Bus, BusEvent};
     use canopen::frame::Telegram;
     use canopen::station::Station;
 

@@ -1,5 +1,9 @@
 //! A bus in memory that is also the clock: waiting on it advances time for all its stations. Equal inputs give equal
 //! outputs, bit for bit.
+#![forbid(unsafe_code)]
+
+mod disturbance;
+mod wire;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,7 +12,7 @@ use std::time::Duration;
 
 use crate::disturbance::{Adapter, Change, Schedule, Taken, reported};
 use crate::wire::{Sender, Wire};
-use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
+use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use canopen::station::Station;

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use bus::candump::Line;
+use calibration::torque_data::TorqueData;
 use canopen::NodeId;
 use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
@@ -18,7 +19,6 @@ use canopen::plan::NodePlan;
 use canopen::sdo::{Block, MAX_BYTES, Terms, Transfer};
 use canopen::station::Station;
 use config::Config;
-use config::torque_data::TorqueData;
 use lab::world;
 use sim::drive::Drive;
 use sim::scenario::Scenario;

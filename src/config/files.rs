@@ -101,7 +101,7 @@ fn guarded(path: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// As [`read_by`], as a problem of a configuration.
-pub(super) fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
+pub fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
     let alone = |reason: String| {
         let file = file.to_path_buf();
         Invalid(vec![Problem { file, line: None, key: String::new(), reason }])

@@ -63,7 +63,6 @@ mod start;
 mod stopping;
 mod switch_box;
 pub mod switch_inputs;
-pub mod torque_data;
 mod torque_limit;
 pub mod trust;
 mod units;

@@ -9,7 +9,6 @@
 //! | [`interpretation`]        |               | how the paper is read where it can be read in several ways |
 //! | [`calibration`]     | 4.2           | counts to positions, torques to per mille          |
 //! | [`torque_curve`]    | Fig. 6        | an odd polynomial that is proven to rise           |
-//! | [`fit`]             | Fig. 6        | such a curve from measurements                     |
 //! | [`coupling`]        | 4.2           | joints and the actuators that move them            |
 //! | [`arm`]             | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]        | 4.1           | what the operator permits                          |
@@ -49,13 +48,11 @@ pub mod contact_stiffness;
 pub mod coupling;
 mod damper;
 pub mod engagement;
-pub mod fit;
 pub mod friction;
 pub mod friction_bound;
 pub mod gains;
 mod intake;
 pub mod interpretation;
-mod least_squares;
 pub mod limits;
 mod never_pulls;
 pub mod orientation;

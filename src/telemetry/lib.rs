@@ -7,7 +7,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod chart;
 pub mod contact;
 pub mod contact_posture;
 pub mod digits;
@@ -20,4 +19,3 @@ pub mod shaking;
 pub mod status;
 pub mod summary;
 pub mod token_bucket;
-pub mod torque_plot;

@@ -10,10 +10,10 @@
 
 use std::path::Path;
 
+use calibration::fit::Direction;
+use calibration::fit::posture::{Held, postures};
+use calibration::fit::sweep::{Estimate, JointFriction, Moving};
 use config::Config;
-use controller::fit::Direction;
-use controller::fit::posture::{Held, postures};
-use controller::fit::sweep::{Estimate, JointFriction, Moving};
 use lab::world;
 use sim::friction_rig::{FrictionRig, FrictionRigSettings, SlowReading};
 use units::drive::PerMille;

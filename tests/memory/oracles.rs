@@ -9,13 +9,13 @@ use crate::common::oracle::{
     self, assert_near, assert_same_pose, farthest, joints, list, number, numbers, pose, rotation,
     rows, vector, wrench,
 };
+use calibration::fit::{self, Direction, Sample};
 use controller::arm::{Arm, JointKind, Link, Posture};
 use controller::assist::{self, Damping};
 use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
 use controller::command::CommandLaw;
 use controller::coupling::Coupling;
-use controller::fit::{self, Direction, Sample};
 use controller::gains::Gains;
 use controller::interpretation::{Difference, Interpretation, Scaling};
 use controller::limits::{Asked, AssistFraction, Limited, Limits};

@@ -16,10 +16,10 @@ use std::path::Path;
 use nalgebra::SVector;
 
 use crate::common::bench::scenario;
+use calibration::fit::{Calibrated, Direction, Sample};
 use config::{Config, JointParameters, files};
 use controller::Output;
 use controller::calibration::TorqueCurve;
-use controller::fit::{Calibrated, Direction, Sample};
 use lab::bench::Bench;
 use lab::world;
 use node::record::Mode;

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use config::torque_data::{Measured, SweepData, SweepReading, Swept, TorqueData};
+use calibration::fit::{Direction, Sample};
+use calibration::torque_data::{Measured, SweepData, SweepReading, Swept, TorqueData};
 use config::{Config, JointParameters};
 use controller::arm::JointKind;
-use controller::fit::{Direction, Sample};
 use lab::world;
 use run::exit::{Failure, Kind};
 use run::print;

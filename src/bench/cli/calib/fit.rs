@@ -7,12 +7,12 @@ use anyhow::Context;
 
 use crate::calib::session::{Evidence, Fitted, Session};
 use crate::calib::{Fit, fragment, judgement, report};
-use config::torque_data::TorqueData;
+use calibration::torque_data::TorqueData;
+use calibration::torque_plot::TorquePlot;
 use config::{Config, JointParameters};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
-use telemetry::torque_plot::TorquePlot;
 
 /// Fits the curves, prints the report and writes the files.
 pub(super) fn run(args: &Fit) -> Result<(), Failure> {

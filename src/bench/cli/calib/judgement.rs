@@ -2,11 +2,11 @@
 
 use crate::calib::session::{Evidence, Fitted};
 use crate::calib::{fragment, report};
-use config::torque_data::Measured;
+use calibration::fit::Calibrated;
+use calibration::fit::doubt::Doubt;
+use calibration::torque_data::Measured;
 use config::{Actuator, JointParameters};
 use controller::arm::JointKind;
-use controller::fit::Calibrated;
-use controller::fit::doubt::Doubt;
 
 /// Fits a curve to the samples of a joint, and checks it against its entry in a configuration.
 pub(super) fn judge<'a>(

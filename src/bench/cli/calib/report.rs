@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use crate::calib::session::{Evidence, Fitted, Session};
-use config::torque_data::Measured;
-use controller::fit::{Calibrated, Polynomial, Residuals};
+use calibration::fit::{Calibrated, Polynomial, Residuals};
+use calibration::torque_data::Measured;
 use telemetry::digits::significant;
 
 /// Returns the unit of the measurements.

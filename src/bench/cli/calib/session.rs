@@ -1,8 +1,8 @@
 //! Results of fitting a file of measurements.
 
-use config::torque_data::{Measured, TorqueData};
+use calibration::fit::Calibrated;
+use calibration::torque_data::{Measured, TorqueData};
 use controller::calibration::TorqueCurve;
-use controller::fit::Calibrated;
 
 /// A file of measurements and the results of its joints.
 pub(super) struct Session<'a> {

@@ -4,10 +4,10 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::world;
+use calibration::fit::{Calibrated, Direction, NotCalibrated, Sample};
 use config::{Actuator, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
-use controller::fit::{Calibrated, Direction, NotCalibrated, Sample};
 use sim::rig::{Reading, Rig};
 
 /// Torques over the range at which errors are taken.

@@ -3,7 +3,7 @@
 use crate::calib::fragment::toml_string;
 use crate::calib::friction::judgement::Judged;
 use crate::calib::friction::report;
-use config::torque_data::SweepData;
+use calibration::torque_data::SweepData;
 use controller::arm::JointKind;
 use telemetry::digits::significant;
 

@@ -1,9 +1,9 @@
 //! Judgement of one joint's sweep: fitted friction, gravity in held postures, and what speaks against them.
 
 use crate::calib::friction::sweep::{Source, Swept};
+use calibration::fit::posture::{Posture, postures};
+use calibration::fit::sweep::JointFriction;
 use controller::arm::JointKind;
-use controller::fit::posture::{Posture, postures};
-use controller::fit::sweep::JointFriction;
 
 /// Error of gravity that is a warning, relative to the capacity.
 const MAX_GRAVITY_ERROR: f64 = 0.05;

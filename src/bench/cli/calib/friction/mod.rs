@@ -13,8 +13,8 @@ use anyhow::Context;
 
 use crate::calib::Friction;
 use crate::calib::friction::judgement::Judged;
+use calibration::torque_data::SweepData;
 use config::Config;
-use config::torque_data::SweepData;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results;

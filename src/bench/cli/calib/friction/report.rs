@@ -1,7 +1,7 @@
 //! Report of `frhc calib friction` on every joint, as text and JSON.
 
 use crate::calib::friction::judgement::{Gravity, Judged};
-use controller::fit::sweep::{Estimate, JointFriction, Law};
+use calibration::fit::sweep::{Estimate, JointFriction, Law};
 
 /// Returns a table for every joint.
 pub(super) fn text(joints: &[Judged<'_>]) -> String {

@@ -1,11 +1,11 @@
 //! Recorded sweeps as torques at the joints, less gravity: readings of all files, joint by joint.
 
 use crate::rig;
-use config::torque_data::{SweepData, SweepReading, Swept as Recorded};
+use calibration::fit::posture::Held;
+use calibration::fit::sweep::Moving;
+use calibration::torque_data::{SweepData, SweepReading, Swept as Recorded};
 use config::{Config, Invalid, JointParameters, Problem};
 use controller::arm::JointKind;
-use controller::fit::posture::Held;
-use controller::fit::sweep::Moving;
 use units::drive::PerMille;
 
 /// Maximum number of reported problems.

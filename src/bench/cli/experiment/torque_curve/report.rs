@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use crate::experiment::picture::{Ink, Panel, Series};
 use crate::experiment::table::Table;
+use calibration::fit::Direction;
 use config::JointParameters;
 use controller::calibration::TorqueCurve;
-use controller::fit::Direction;
 use lab::torque_curves::calibration::{Bench, Row, TorqueError};
 use lab::torque_curves::test_force::{self, Feeling, TEST_FORCE, TEST_MOMENT};
 

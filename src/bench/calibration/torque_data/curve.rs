@@ -17,11 +17,11 @@
 use std::fmt;
 use std::path::Path;
 
-use crate::files;
-use crate::problem::Invalid;
+use crate::fit::Sample;
 use crate::torque_data::readings::{self, Readings};
-use crate::trust::Trust;
-use controller::fit::Sample;
+use config::Invalid;
+use config::files;
+use config::trust::Trust;
 
 /// Readings of one file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -185,8 +185,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::fit::Direction;
     use crate::torque_data::readings::MAX_PROBLEMS;
-    use controller::fit::Direction;
 
     fn parse(text: &str) -> Result<TorqueData, String> {
         TorqueData::parse(Path::new("a.csv"), text).map_err(|invalid| invalid.to_string())

@@ -19,11 +19,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::files;
-use crate::problem::Invalid;
+use crate::fit::Direction;
 use crate::torque_data::readings::{self, Readings};
-use crate::trust::Trust;
-use controller::fit::Direction;
+use config::Invalid;
+use config::files;
+use config::trust::Trust;
 
 /// Sweeps of one file.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -9,7 +9,7 @@ use crate::fit::robust::chosen;
 use crate::fit::sample::{Direction, Outlier, Sample, range};
 use crate::fit::selection;
 use crate::fit::uneven::Unevenness;
-use crate::torque_curve::{InvalidTorqueCurve, TorqueCurve};
+use controller::torque_curve::{InvalidTorqueCurve, TorqueCurve};
 
 /// Samples in each driving direction, two more than a quintic has coefficients.
 const LEAST: usize = 8;

@@ -4,7 +4,7 @@
 
 use crate::fit::calibrated::{Calibrated, EXCHANGED};
 use crate::fit::uneven::Unevenness;
-use crate::torque_curve::TorqueCurve;
+use controller::torque_curve::TorqueCurve;
 
 /// Largest share of readings that may be left out.
 const MAX_OUTLIERS: f64 = 0.02;

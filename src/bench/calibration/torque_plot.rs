@@ -2,8 +2,8 @@
 //! polynomial; below, the residuals of the measurements.
 
 use crate::chart::{Axis, Chart, Ink, Panel, minus};
-use crate::digits::significant;
-use controller::fit::{Calibrated, Direction, Sample};
+use crate::fit::{Calibrated, Direction, Sample};
+use telemetry::digits::significant;
 
 /// Points of a curve.
 const POINTS: u16 = 160;

@@ -7,8 +7,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::problem::{Invalid, Problem};
-use controller::fit::Direction;
+use crate::fit::Direction;
+use config::{Invalid, Problem};
 
 /// Maximum number of reported problems.
 pub(super) const MAX_PROBLEMS: usize = 20;

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::torque_curve::{InvalidTorqueCurve, TorqueCurve};
+use controller::torque_curve::{InvalidTorqueCurve, TorqueCurve};
 
 const CURVE: [f64; 3] = [133.144, -0.393_453, 0.019_672_6];
 const FRICTION: f64 = 0.06;

@@ -16,10 +16,10 @@ use bus::Tap;
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use config::Config;
-use lab::bench::Bench;
 use node::record::Record;
 use run::rings::{EntryHandler, EntryProducer, rings};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 
 const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 const TURNS: usize = 100;

@@ -22,10 +22,10 @@ use canopen::frame::{Channel, Telegram};
 use canopen::station::Station;
 use canopen::sync;
 use config::Config;
-use lab::bench::Bench;
 use sim::hand::Hand;
 use sim::scenario::Scenario;
 use sim::world::World;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const CONFIG: &str = "config/kraft_like.toml";

@@ -7,8 +7,8 @@ use std::error::Error;
 use std::path::Path;
 
 use config::Config;
-use lab::bench::Bench;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const SCENARIO: &str = r#"

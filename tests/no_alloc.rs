@@ -20,12 +20,12 @@ use common::bench::scenario;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use config::{Config, RemoteLink};
-use lab::bench::Bench;
 use remote::delayed::DelaySettings;
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
 use sim::wrist_sensor::WristSensorSettings;
+use testbench::bench::Bench;
 
 /// Counts allocations of the threads that set [`IS_COUNTED`]. The test harness has a thread of its own, which allocates
 /// when a test takes longer than a minute.

@@ -31,7 +31,7 @@ use bus::{Bus, BusEvent, SendError, SocketCan};
 use canopen::drive::{State, Statusword};
 use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
-use lab::world;
+use testbench::world;
 
 const CONFIG: &str = "config/kraft_like.toml";
 

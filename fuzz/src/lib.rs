@@ -19,9 +19,9 @@ use canopen::plan::NodePlan;
 use canopen::sdo::{Block, MAX_BYTES, Terms, Transfer};
 use canopen::station::Station;
 use config::Config;
-use lab::world;
 use sim::drive::Drive;
 use sim::scenario::Scenario;
+use testbench::world;
 use units::time::Instant;
 
 /// Maximum frames caused by one received frame or one deadline: a block of SDO segments to each node.

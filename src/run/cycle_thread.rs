@@ -223,12 +223,12 @@ mod tests {
     use canopen::station::Station;
     use config::Config;
     use controller::switches::Mode as CommandMode;
-    use lab::world;
     use memory_bus::Memory;
     use node::record::Mode;
     use remote::site::VirtualSite;
     use sim::scenario::Scenario;
     use sim::world::World;
+    use testbench::world;
     use units::time::Instant;
 
     /// A node without threads, on an in-memory bus.

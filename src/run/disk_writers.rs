@@ -271,10 +271,10 @@ mod tests {
     use crate::provenance::Provenance;
     use canopen::frame::{Channel, Frame};
     use config::Config;
-    use lab::bench::Bench;
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
+    use testbench::bench::Bench;
     use units::numbering::Joint;
 
     /// Frames on two full buses in a cycle of 1 ms.

@@ -283,11 +283,11 @@ mod tests {
     use super::*;
     use crate::scratch::path as scratch;
     use config::Config;
-    use lab::bench::Bench;
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
     use telemetry::origin::Origin;
+    use testbench::bench::Bench;
 
     const TRIP: Trip = Trip {
         cycle: 4_213,

@@ -187,8 +187,8 @@ mod tests {
     use super::*;
     use canopen::frame::{Channel, Frame};
     use config::Config;
-    use lab::bench::Bench;
     use sim::scenario::Scenario;
+    use testbench::bench::Bench;
     use units::numbering::NodeIndex;
 
     /// Logs the order of the entries.

@@ -94,10 +94,10 @@ mod tests {
     use crate::scratch::path as scratch;
     use canopen::frame::{Channel, Frame};
     use config::Config;
-    use lab::bench::Bench;
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
+    use testbench::bench::Bench;
     use units::numbering::Joint;
 
     fn provenance() -> Provenance {

@@ -7,9 +7,9 @@ use std::rc::Rc;
 use bus::Tap;
 use canopen::frame::{Channel, Frame, Telegram};
 use config::{Config, files};
-use lab::bench::Bench;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 /// Frames of all buses, with the times at which they were complete.

@@ -8,11 +8,11 @@ use nalgebra::SVector;
 
 use crate::common::oracle;
 use config::Config;
-use lab::bench::Bench;
-use lab::world;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
+use testbench::world;
 use units::drive::{Counts, PerMille};
 
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");

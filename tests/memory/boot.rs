@@ -21,9 +21,9 @@ use canopen::frame::Frame;
 use canopen::master::event::Event;
 use canopen::master::steps::Configuration;
 use config::Config;
-use lab::bench::Bench;
 use node::BringUpError;
 use node::record::Mode;
+use testbench::bench::Bench;
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 

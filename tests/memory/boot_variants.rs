@@ -14,11 +14,11 @@ use bus::Bus;
 use canopen::master::event::Event;
 use config::shipped::HAND_CONTROLLERS;
 use config::{Config, files};
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

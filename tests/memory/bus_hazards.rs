@@ -16,11 +16,11 @@ use crate::common::bench::{Wire, config};
 use bus::Bus;
 use canopen::frame::{Channel, Frame};
 use faults::{Disturbance, Fault, HostFault, Target};
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Kind;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";

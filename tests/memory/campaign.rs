@@ -12,17 +12,17 @@ use std::num::NonZero;
 use std::time::Duration;
 
 use crate::common::bench::{Wire, config};
+use campaign::case::Case;
+use campaign::run::Campaign;
+use campaign::situation::Situation;
+use campaign::table::Table;
+use campaign::verdict::{Outcome, Verdict};
+use campaign::{catalogue, soak, timers};
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use lab::bench::Bench;
-use lab::campaign::case::Case;
-use lab::campaign::run::Campaign;
-use lab::campaign::situation::Situation;
-use lab::campaign::table::Table;
-use lab::campaign::verdict::{Outcome, Verdict};
-use lab::campaign::{catalogue, soak, timers};
 use node::{BringUpError, cause};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const SEED: u64 = 7;

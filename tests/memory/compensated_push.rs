@@ -11,10 +11,10 @@ use std::path::Path;
 use crate::common::bench::scenario;
 use config::Config;
 use controller::arm::JointKind;
-use lab::bench::Bench;
-use lab::fidelity::script::{Course, HANDS};
+use experiments::fidelity::script::{Course, HANDS};
 use node::record::Mode;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 
 /// Real friction, as shares of the configured one: 1.0 is what the gains were chosen for.

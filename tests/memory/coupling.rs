@@ -6,10 +6,10 @@ use std::path::Path;
 
 use config::Config;
 use controller::JointVector;
-use lab::bench::Bench;
-use lab::world;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
+use testbench::world;
 use units::spatial::{Motion, Wrench};
 
 /// 5 kN/m and 20 N·m/rad.

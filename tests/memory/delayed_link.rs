@@ -9,12 +9,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use config::{Config, RemoteLink};
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
 use remote::delayed::DelaySettings;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::spatial::Motion;
 use units::time::Instant;
 

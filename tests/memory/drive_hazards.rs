@@ -21,12 +21,12 @@ use canopen::object::Object;
 use canopen::station::Station;
 use config::Config;
 use faults::Disturbance;
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

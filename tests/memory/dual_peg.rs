@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use config::dual_peg::DualPeg;
-use lab::dual_peg::bench::{self, Situation};
-use lab::dual_peg::condition::Condition;
-use lab::dual_peg::trial::{Outcome, Trial};
+use experiments::dual_peg::bench::{self, Situation};
+use experiments::dual_peg::condition::Condition;
+use experiments::dual_peg::trial::{Outcome, Trial};
 
 const FILE: &str = "config/experiments/dual_peg.toml";
 

@@ -6,7 +6,7 @@ use crate::common::bench::{config, scenario};
 use crate::common::oracle::{self, assert_near, list, number, numbers};
 use controller::passivity::{Passivity, PassivitySettings};
 use controller::tank::{Tank, TankSettings};
-use lab::bench::Bench;
+use testbench::bench::Bench;
 use units::spatial::{Twist, Wrench};
 
 /// Limits that none of the traces reaches.

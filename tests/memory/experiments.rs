@@ -9,11 +9,11 @@ use std::path::Path;
 
 use config::Config;
 use controller::Settings;
-use lab::fidelity::trial::Arm;
-use lab::return_to_centre::script::Sweep;
-use lab::return_to_centre::trial::Row;
-use lab::torque_curves::calibration::Bench;
-use lab::torque_curves::test_force::{self, Curve};
+use experiments::fidelity::trial::Arm;
+use experiments::return_to_centre::script::Sweep;
+use experiments::return_to_centre::trial::Row;
+use experiments::torque_curves::calibration::Bench;
+use experiments::torque_curves::test_force::{self, Curve};
 
 const LEG_S: f64 = 4.0;
 

@@ -10,10 +10,10 @@
 use std::time::Duration;
 
 use crate::common::bench::{Wire, booted, until, until_contact};
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

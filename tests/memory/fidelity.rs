@@ -10,16 +10,16 @@ use std::path::Path;
 
 use config::Config;
 use controller::arm::JointKind;
-use lab::bench::Bench;
-use lab::fidelity::experiment::{Condition, Row};
-use lab::fidelity::place::{Place, WAYS, moved_wall};
-use lab::fidelity::release::{Release, ReleaseJudge};
-use lab::fidelity::script::{Course, HANDS, Hand};
-use lab::fidelity::trial::Arm;
-use lab::fidelity::truth::Truth;
+use experiments::fidelity::experiment::{Condition, Row};
+use experiments::fidelity::place::{Place, WAYS, moved_wall};
+use experiments::fidelity::release::{Release, ReleaseJudge};
+use experiments::fidelity::script::{Course, HANDS, Hand};
+use experiments::fidelity::trial::Arm;
 use node::record::{Mode, Record};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
+use testbench::truth::Truth;
 use units::numbering::Joint;
 
 const CONFIGS: [&str; 4] = [

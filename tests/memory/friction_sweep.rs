@@ -14,8 +14,8 @@ use calibration::fit::Direction;
 use calibration::fit::posture::{Held, postures};
 use calibration::fit::sweep::{Estimate, JointFriction, Moving};
 use config::Config;
-use lab::world;
 use sim::friction_rig::{FrictionRig, FrictionRigSettings, SlowReading};
+use testbench::world;
 use units::drive::PerMille;
 
 const CONFIGS: [&str; 4] = ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"];

@@ -11,10 +11,10 @@ use std::time::Duration;
 use crate::common::bench::{Wire, config};
 use bus::Bus;
 use config::{Config, SeenBy};
-use lab::bench::Bench;
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

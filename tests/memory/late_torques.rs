@@ -16,13 +16,13 @@ use crate::common::bench::config;
 use bus::Tap;
 use canopen::frame::{Frame, Telegram};
 use faults::{Fault, HostFault};
-use lab::bench::Bench;
 use node::cause::Kind;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

@@ -13,8 +13,6 @@ use std::time::Duration;
 use crate::common::bench::{config, scenario};
 use config::Config;
 use faults::LinkFault;
-use lab::bench::Bench;
-use lab::world;
 use memory_bus::Memory;
 use node::cause::Cause;
 use node::record::{Mode, Record};
@@ -23,6 +21,8 @@ use remote::site::VirtualSite;
 use remote::{Remote, Sensed};
 use sim::scenario::Scenario;
 use sim::world::World;
+use testbench::bench::Bench;
+use testbench::world;
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 

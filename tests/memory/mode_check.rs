@@ -18,11 +18,11 @@ use canopen::master::event::Event;
 use config::Config;
 use config::files;
 use config::shipped::HAND_CONTROLLERS;
-use lab::bench::Bench;
 use node::Request;
 use node::record::Mode;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

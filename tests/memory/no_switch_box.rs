@@ -12,11 +12,11 @@ use std::time::Duration;
 use crate::common::bench::{Wire, scenario};
 use canopen::drive::State;
 use config::{Config, NoSwitchBox};
-use lab::bench::Bench;
 use node::Request;
 use node::record::Mode;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const FILES: [&str; 2] = ["config/kraft_like.toml", "config/jpl_like.toml"];

@@ -15,13 +15,13 @@ use nalgebra::Isometry3;
 use crate::common::bench::{config, scenario};
 use config::{Config, JointPlant};
 use controller::arm::{Arm, Link};
-use lab::bench::Bench;
-use lab::comparison;
+use experiments::comparison;
 use node::Request;
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
 use units::spatial::Motion;
 
 const KRAFT: &str = "config/kraft_like.toml";

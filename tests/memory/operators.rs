@@ -14,10 +14,10 @@ use nalgebra::Vector3;
 use config::Config;
 use controller::assist::ContactFade;
 use controller::{Extensions, Settings};
-use lab::bench::Bench;
 use node::record::Record;
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
 use units::spatial::Wrench;
 
 const FILE: &str = "config/kraft_like.toml";

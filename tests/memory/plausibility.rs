@@ -12,11 +12,11 @@ use std::path::Path;
 
 use crate::common::bench::{config, scenario};
 use config::Config;
-use lab::bench::Bench;
 use node::cause::{Cause, Kind};
 use node::record::{Mode, Record};
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 
 const ELBOW: Joint = Joint::of::<3>();

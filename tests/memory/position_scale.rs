@@ -11,9 +11,9 @@ use std::path::Path;
 use crate::common::bench::{Wire, until};
 use canopen::object::Object;
 use config::Config;
-use lab::bench::Bench;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 
 const ARM: &str = include_str!("../../config/kraft_like_500hz.toml");

@@ -13,11 +13,11 @@ use canopen_rs::NmtState;
 use crate::common::bench::{Wire, config, until};
 use bus::Bus;
 use canopen::drive::State;
-use lab::bench::Bench;
 use node::Request;
 use node::cause::{Cause, Kind};
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

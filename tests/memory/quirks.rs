@@ -21,12 +21,12 @@ use canopen::master::event::Event;
 use canopen::object::Object;
 use canopen::station::Station;
 use config::Config;
-use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::time::Instant;
 
 const GROUPED: &str = include_str!("../../config/kraft_like.toml");

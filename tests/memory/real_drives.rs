@@ -10,14 +10,14 @@ use std::path::Path;
 
 use crate::common::bench::{Wire, config};
 use bus::Bus;
+use campaign::monitor::{Answer, Monitor};
 use canopen::drive::State;
 use canopen::object::Object;
 use config::Config;
-use lab::bench::Bench;
-use lab::campaign::monitor::{Answer, Monitor};
 use node::record::Mode;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 
 /// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.

@@ -7,12 +7,12 @@ use std::time::Duration;
 use config::Config;
 use config::robots::RobotArm;
 use controller::stability::finding::Verdict;
-use lab::bench::Bench;
-use lab::robot_site::{Equipment, RobotSite};
 use remote::Remote;
 use robot::arm_control::WrenchLimit;
 use sim::scenario::Scenario;
 use sim::wrist_sensor::WristSensorSettings;
+use testbench::bench::Bench;
+use testbench::robot_site::{Equipment, RobotSite};
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
 

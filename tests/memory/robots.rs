@@ -10,7 +10,6 @@ use crate::common::oracle::{
 };
 use config::Config;
 use config::robots::RobotArm;
-use lab::bench::Bench;
 use robot::accommodation::Accommodation;
 use robot::chain::Joints;
 use robot::contact_work::ContactWork;
@@ -19,6 +18,7 @@ use robot::interaction::Interaction;
 use robot::object::{Object, Servo};
 use robot::payload::{Moving, Payload};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::spatial::{Motion, Twist, Wrench, rotation as rotations};
 
 const DT: f64 = 1e-3;

@@ -17,10 +17,10 @@ use canopen::frame::Channel;
 use canopen::object::Object;
 use config::Config;
 use faults::{LinkFault, Target};
-use lab::bench::Bench;
 use node::cause;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 
 const KRAFT: &str = "config/kraft_like.toml";
 const JPL: &str = "config/jpl_like.toml";

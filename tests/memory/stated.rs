@@ -16,10 +16,10 @@ use canopen::fact::Fact;
 use canopen::object::Object;
 use config::facts::FactsRefused;
 use config::{Config, StatedLimit, TorqueLimit};
-use lab::bench::Bench;
 use node::record::Mode;
 use node::{Request, RequestError, Unfit};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 
 const FILE: &str = "config/drives/elmo_gold.toml";
 const TEXT: &str = include_str!("../../config/drives/elmo_gold.toml");

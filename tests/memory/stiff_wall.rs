@@ -3,12 +3,12 @@
 
 use crate::common::bench::{config, scenario};
 use config::Config;
-use lab::bench::Bench;
-use lab::comparison::{self, Comparison, Verdict};
-use lab::fidelity::truth::Truth;
+use experiments::comparison::{self, Comparison, Verdict};
 use remote::site::Virtual;
 use telemetry::fidelity::{Fidelity, Judged};
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
+use testbench::truth::Truth;
 
 /// Plays the scenario to the end.
 fn played(config: &Config) -> Summary {

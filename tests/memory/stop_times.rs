@@ -13,9 +13,9 @@ use std::time::Duration;
 use crate::common::bench::Wire;
 use crate::common::cli::folder;
 use config::Config;
-use lab::bench::Bench;
 use node::Request;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 
 const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
 

@@ -15,11 +15,11 @@ use canopen::object::Object;
 use canopen::station::Station;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use lab::bench::Bench;
 use node::cause::Cause;
 use node::record::Mode;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 

@@ -11,9 +11,9 @@ use std::path::Path;
 
 use crate::common::bench::{booted, config, scenario, until, until_contact};
 use config::Config;
-use lab::bench::Bench;
 use node::record::Mode;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
 use units::spatial::Motion;
 
 const ONE_KILOHERTZ: &str = "config/kraft_like.toml";

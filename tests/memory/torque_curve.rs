@@ -20,10 +20,10 @@ use calibration::fit::{Calibrated, Direction, Sample};
 use config::{Config, JointParameters, files};
 use controller::Output;
 use controller::calibration::TorqueCurve;
-use lab::bench::Bench;
-use lab::world;
 use node::record::Mode;
 use sim::rig::{Reading, Rig};
+use testbench::bench::Bench;
+use testbench::world;
 use units::spatial::{Jacobian, Wrench};
 
 const CONFIG: &str = "config/kraft_like.toml";

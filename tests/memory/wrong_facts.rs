@@ -15,10 +15,10 @@ use crate::common::rest::{KRAFT_LIKE, at_rest};
 use canopen::fact::Fact;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use lab::bench::Bench;
 use node::record::Mode;
 use node::{Request, RequestError, Unfit};
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
 
 /// Shipped arms, with a rest posture for each: degrees, and metres of the slide.
 const ARMS: [(&str, [f64; 6]); 3] = [

@@ -26,14 +26,14 @@ use canopen::NmtState;
 use canopen::drive::State;
 use canopen::frame::{Frame, Telegram};
 use config::Config;
-use lab::bench::Bench;
-use lab::world;
 use memory_bus::Memory;
 use node::cause::{Cause, ResetReason};
 use node::record::Mode;
 use node::{BringUpError, Node, NotConfirmed, Request};
 use remote::site::VirtualSite;
 use sim::scenario::Scenario;
+use testbench::bench::Bench;
+use testbench::world;
 use units::numbering::Joint;
 use units::time::Instant;
 

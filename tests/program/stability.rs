@@ -20,12 +20,12 @@ use controller::stability::finding::Verdict;
 use controller::stability::grip_dynamics::ReducedGrip;
 use controller::stability::passivity::{Law, SampledLaw};
 use controller::stability::sampled_loop::{Loop, SampledLoop};
-use lab::world;
 use remote::Remote;
 use remote::scene::{Scene, Surface, Wall};
 use remote::site::VirtualSite;
 use robot::accommodation::Accommodation;
 use sim::plant::{Plant, Resistance};
+use testbench::world;
 use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 

@@ -134,7 +134,7 @@ fn circular_imports_are_found() {
 #[test]
 fn monitor_of_the_campaign_imports_neither_node_nor_controller() {
     let mut count = 0;
-    for path in rust_files(folder("lab").join("campaign/monitor")) {
+    for path in rust_files(folder("campaign").join("monitor")) {
         let text = ungrouped(&fs::read_to_string(&path).unwrap());
         let foreign = text.lines().find(|line| {
             ["node::", "controller::"].iter().any(|room| line.starts_with(&format!("use {room}")))

@@ -14,8 +14,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::claims::{Claim, HAZARDS, PROMISES, PROPERTIES};
-use lab::campaign::catalogue;
-use lab::campaign::expectation::{EXPECTATIONS, Expectation};
+use campaign::catalogue;
+use campaign::expectation::{EXPECTATIONS, Expectation};
 
 const PAGE: &str = "docs/safety.md";
 

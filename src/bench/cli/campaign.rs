@@ -12,23 +12,23 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::event_narrator::EventNarrator;
-use crate::scenario;
 use bus::candump::LogWriter;
+use campaign::case::Case;
+use campaign::monitor::Monitor;
+use campaign::run::Campaign as Cases;
+use campaign::table::Table;
+use campaign::verdict::Verdict;
+use campaign::{catalogue, soak};
 use canopen::frame::Telegram;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use lab::bench::Bench;
-use lab::campaign::case::Case;
-use lab::campaign::monitor::Monitor;
-use lab::campaign::run::Campaign as Cases;
-use lab::campaign::table::Table;
-use lab::campaign::verdict::Verdict;
-use lab::campaign::{catalogue, soak};
+use experiments::command::require_switch_box;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
 use telemetry::fidelity::{Fidelity, Judged};
+use testbench::bench::Bench;
 use units::time::Instant;
 
 /// Most failed cases that leave a log.
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     };
     let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();
     let configs = configs.or_fail(Kind::Configuration)?;
-    configs.iter().try_for_each(scenario::require_switch_box)?;
+    configs.iter().try_for_each(require_switch_box)?;
     match (args.soak, args.replay) {
         (Some(cycles), _) => soak(args, quiet, &configs, cycles.get()),
         (None, Some(number)) => replay(args, configs, number),

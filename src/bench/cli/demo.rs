@@ -16,11 +16,8 @@ use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use config::Config;
 use config::robots::RobotArm;
-use lab::bench::Bench;
-use lab::comparison::{self, Comparison};
-use lab::fidelity::truth::Truth;
-use lab::robot_site::{Equipment, RobotSite};
-use lab::side::Side;
+use experiments::command::require_switch_box;
+use experiments::comparison::{self, Comparison};
 use node::cause::Cause;
 use node::record::Record;
 use run::check::contact;
@@ -33,6 +30,10 @@ use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Fidelity, Judged};
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
+use testbench::bench::Bench;
+use testbench::robot_site::{Equipment, RobotSite};
+use testbench::side::Side;
+use testbench::truth::Truth;
 use units::time::Instant;
 
 /// Cycles between two updates of the progress bar.
@@ -49,7 +50,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     quirks::check(&config, scenario.quirks())?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
     if scenario.needs_switch_box() {
-        scenario::require_switch_box(&config)?;
+        require_switch_box(&config)?;
     }
     let config = comparison::surrounded(&config, &scenario);
     // A robot that cannot be simulated is refused before any results are replaced.

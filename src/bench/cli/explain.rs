@@ -14,12 +14,12 @@ use crate::explain::input::Flags;
 use crate::explain::peg::Peg;
 use crate::explain::robot::Robot;
 use config::Config;
-use lab::explanation::{self, Entry, Explanation, Value};
-use lab::world;
 use run::exit::{Failure, Kind, OrFail};
 use run::faults::{self, Faults};
 use run::print;
 use telemetry::digits;
+use testbench::explanation::{self, Entry, Explanation, Value};
+use testbench::world;
 
 /// `frhc explain`.
 #[derive(Debug, Args)]

@@ -7,7 +7,6 @@ pub mod campaign;
 pub mod decode;
 mod demo;
 mod event_narrator;
-pub mod experiment;
 pub mod explain;
 pub mod export;
 mod interrupt;
@@ -28,7 +27,6 @@ use crate::args::{Demo, Sim};
 use crate::calib::Calib;
 use crate::campaign::Campaign;
 use crate::decode::Decode;
-use crate::experiment::Experiment;
 use crate::explain::Explain;
 use crate::export::Export;
 use crate::lss::Lss;
@@ -36,6 +34,7 @@ use crate::nmt::Nmt;
 use crate::plan::Plan;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
+use experiments::command::{self as experiment, Experiment};
 use run::exit::Failure;
 
 /// Commands that the rack does not need.

@@ -9,13 +9,13 @@ use calibration::fit::{Direction, Sample};
 use calibration::torque_data::{Measured, SweepData, SweepReading, Swept, TorqueData};
 use config::{Config, JointParameters};
 use controller::arm::JointKind;
-use lab::world;
 use run::exit::{Failure, Kind};
 use run::print;
 use run::results::{self, Force};
 use sim::friction_rig::{FrictionRig, FrictionRigSettings, SlowReading};
 use sim::rig::{Reading, Rig};
 use telemetry::digits::significant;
+use testbench::world;
 
 /// Options of the simulated calibration rig.
 #[derive(Debug, Args)]

@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use config::{Config, files, shipped};
+use config::{files, shipped};
 use run::exit::{Failure, Kind};
 use sim::scenario::Scenario;
 
@@ -23,16 +23,6 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     })?;
     let text = String::from_utf8(bytes).map_err(|error| wrong(error.to_string()))?;
     Scenario::parse(&text).map_err(|error| wrong(error.to_string()))
-}
-
-/// Refuses a configuration in which nothing can be armed.
-///
-/// # Errors
-/// When it has no switch box (exit 3).
-pub(super) fn require_switch_box(config: &Config) -> Result<(), Failure> {
-    let refuse = |reason| format!("{}: {reason}", config.file.display());
-    let found = config.switch_box().map_err(refuse);
-    found.map(drop).map_err(|reason| Failure::new(Kind::Configuration, reason))
 }
 
 /// Returns the failure for an unknown name, with the known ones by folder.

@@ -181,12 +181,12 @@ mod tests {
     use crate::console::{RequestReceiver, channel};
     use crate::recorder_thread::LatestStatus;
     use config::Config;
-    use lab::bench;
     use node::record::{Mode, Record};
     use node::{BringUpError, Request, RequestError};
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
+    use testbench::bench;
     use units::time::Instant;
 
     /// A console without a node, in a folder of its own.

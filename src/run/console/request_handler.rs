@@ -311,11 +311,11 @@ mod tests {
     use super::*;
     use crate::console::{RequestReceiver, channel};
     use config::Config;
-    use lab::bench::Bench;
     use node::BringUpError;
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
+    use testbench::bench::Bench;
 
     const NOW: Instant = Instant::from_micros(1_000_000);
 

@@ -8,8 +8,8 @@ use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 
 use config::files;
-use lab::question::Question;
 use run::exit::{Failure, Kind};
+use testbench::question::Question;
 
 /// Maximum length of the input, in bytes.
 const MAX_LENGTH: u64 = 1 << 20;

@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::explain::{json, text};
 use config::robots::RobotArm;
-use lab::explanation::Explanation;
-use lab::robot_explanation;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
+use testbench::explanation::Explanation;
+use testbench::robot_explanation;
 
 /// `frhc explain robot`.
 #[derive(Debug, Args)]

@@ -18,8 +18,6 @@ use bus::{SocketCan, realtime};
 use canopen::frame::Channel;
 use config::Config;
 use faults::{Fault, Target};
-use lab::transmit_queue::Down;
-use lab::{station, world};
 use run::exit::{Failure, Kind, OrFail};
 use run::signals::{self, StatusSignals};
 use run::{interfaces, log_time, print};
@@ -27,6 +25,8 @@ use sim::drive_view::Report;
 use sim::fault::Notice;
 use sim::world::World;
 use telemetry::origin::Origin;
+use testbench::transmit_queue::Down;
+use testbench::{station, world};
 use units::time::Instant;
 
 /// Serves the bus until a stop signal; prints the state of the drives at the end and on request.

@@ -1,0 +1,68 @@
+//! One case of a campaign: a fault, its hand controller, its situation, its time.
+
+use std::time::Duration;
+
+use crate::catalogue;
+use crate::injection::{Conditions, Injection, seconds};
+use crate::kind::Kind;
+use crate::random::{Random, rounded};
+use crate::situation::Situation;
+use config::Config;
+use sim::scenario::{Problem, Scenario};
+
+/// Latest onset after the situation is reached, in s.
+const SPREAD_S: f64 = 0.1;
+
+/// Length of a scenario beyond its observed part, in s.
+const MARGIN_S: f64 = 0.5;
+
+/// One case.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Its number in the campaign, from 1.
+    pub number: u32,
+    /// Seed of the faults' own random sequences.
+    pub seed: u64,
+    /// The kind of fault.
+    pub kind: &'static Kind,
+    /// The hand controller: an index into the campaign's list.
+    pub config: usize,
+    /// The situation at the onset.
+    pub situation: Situation,
+    /// Time of the onset after the first SYNC, at any microsecond.
+    pub onset: Duration,
+    /// Faults and actions from the onset on.
+    pub injection: Injection,
+}
+
+impl Case {
+    /// Case `number` of a campaign on these hand controllers. Each round of the kinds is played on one of them, in turn.
+    pub fn of(seed: u64, number: u32, configs: &[Config]) -> Option<Self> {
+        let kind = catalogue::kind_of(number)?;
+        let mut random = Random::of(seed, number);
+        let config = catalogue::round_of(number)?.checked_rem(configs.len())?;
+        let situation = *random.one_of(kind.situations)?;
+        let onset_s = situation.reached_s() + random.within(0.005, SPREAD_S);
+        let onset =
+            Duration::from_micros(Duration::from_secs_f64(onset_s).as_micros().try_into().ok()?);
+        let hazard = kind.hazard;
+        let at = Conditions { config: configs.get(config)?, hazard, situation, onset };
+        let injection = (kind.injection)(&mut random, &at);
+        Some(Self { number, seed: random.bits(), kind, config, situation, onset, injection })
+    }
+
+    /// Returns the whole scenario, from the first SYNC on.
+    ///
+    /// # Errors
+    /// The first entry that is out of order or beyond the end.
+    pub fn scenario(&self) -> Result<Scenario, Problem> {
+        let end = seconds(self.onset + self.injection.observed_for) + MARGIN_S;
+        let entries = self.situation.entries().into_iter();
+        let entries = entries.chain(self.injection.entries.iter().cloned());
+        let mut scenario = Scenario::new(rounded(end, 3), entries)?;
+        if let Some((joint, quirk)) = self.injection.quirk {
+            scenario.quirks_mut().add(joint, [quirk]);
+        }
+        Ok(scenario)
+    }
+}

@@ -1,0 +1,65 @@
+//! Every kind of fault, the hazard that it stands for, and its criterion.
+//!
+//! Limits are those of the [expectations](crate::expectation). Where a kind names causes that may stop the
+//! node first, they are written here by hand. Case numbers go through the kinds in turn, so that a number says its kind.
+
+mod buses;
+mod devices;
+mod frames;
+mod operator;
+
+use crate::kind::Kind;
+
+/// Returns all kinds, by group.
+pub fn kinds() -> impl Iterator<Item = &'static Kind> {
+    let groups: [&[Kind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS];
+    groups.into_iter().flatten()
+}
+
+/// Former names of kinds, with the new ones.
+pub const RENAMED: [(&str, &str); 6] = [
+    ("SYNC not heard", "SYNC missing"),
+    ("drive fault, untold", "drive fault, no emergency"),
+    ("drive heartbeat says stopped", "drive heartbeat of another state"),
+    ("process stands still", "process stopped"),
+    ("wrench large, but may be", "wrench large, but valid"),
+    ("wrench no number", "wrench not finite"),
+];
+
+/// Returns the kind of case `number`, from 1.
+pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
+    let count = kinds().count();
+    let place = usize::try_from(number).ok()?.checked_sub(1)?;
+    kinds().nth(place.checked_rem(count)?)
+}
+
+/// Returns the round of case `number`, from 0: each has every kind once.
+pub(super) fn round_of(number: u32) -> Option<usize> {
+    usize::try_from(number).ok()?.checked_sub(1)?.checked_div(kinds().count())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expectation;
+
+    #[test]
+    fn every_kind_has_an_expectation_with_one_of_its_causes() {
+        let mut without: Vec<&str> = Vec::new();
+        for kind in kinds() {
+            let row = expectation::of_hazard(kind.hazard).unwrap();
+            let is_expected = |(cause, _): &&(_, _)| kind.causes.contains(cause);
+            let is_free = kind.causes.is_empty() || row.reactions.is_empty();
+            let is_other = OTHER_CAUSES.contains(&kind.name);
+            let is_known = row.reactions.iter().any(|reaction| is_expected(&reaction));
+            if !(is_free || is_known || is_other) {
+                without.push(kind.name);
+            }
+        }
+        assert_eq!(without, <[&str; 0]>::default());
+    }
+
+    /// Kinds whose hazard is noticed by another cause than the one it ends with.
+    const OTHER_CAUSES: [&str; 4] =
+        ["several drives unplugged", "process killed", "bus flooded", "stall within a cycle"];
+}

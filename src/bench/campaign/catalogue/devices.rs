@@ -1,0 +1,253 @@
+//! Drives and switch box: lost, rebooted, failed, or with wrong measurements.
+
+use std::time::Duration;
+
+use crate::criterion::Criterion;
+use crate::injection::{Conditions, Injection};
+use crate::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind, ready};
+use crate::random::{Random, rounded};
+use canopen::frame::Frame;
+use canopen::object::Object;
+use canopen::watchdog::Awaited;
+use canopen::{error_codes, layout};
+use faults::{
+    DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
+};
+use node::cause::Kind as Cause;
+use sim::quirks::Quirk;
+use sim::scenario::Entry;
+use sim::scenario::operator::Move;
+use units::numbering::Joint;
+
+pub(super) const KINDS: &[Kind] = &[
+    kind(1, "drive unplugged", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::Unplugged)
+    }),
+    kind(1, "wire cut", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::WireCut)
+    }),
+    kind(1, "drive bus-off", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::BusOff)
+    }),
+    kind(2, "drive heartbeat lost", &[Cause::HeartbeatLost], |random, at| {
+        heartbeat_lost(at, Target::Joint(random.joint()))
+    }),
+    kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], |_, at| {
+        heartbeat_lost(at, Target::SwitchBox)
+    }),
+    kind(
+        8,
+        "drive heartbeat of another state",
+        &[Cause::LeftOperational],
+        heartbeat_of_another_state,
+    ),
+    kind(7, "emergency", &[Cause::Emergency], |random, at| {
+        let target = Target::Joint(random.joint());
+        emergency(random, at, target)
+    }),
+    kind(7, "emergency of the switch box", &[Cause::Emergency], |random, at| {
+        emergency(random, at, Target::SwitchBox)
+    }),
+    kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], drive_fault),
+    kind(8, "drive fault, no emergency", &[Cause::DriveLeft], drive_fault_without_emergency),
+    kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], |random, at| {
+        let target = Target::Joint(random.joint());
+        device(at, target, DeviceFault::SafeTorqueOff)
+    }),
+    // Its lost settings may be read before its boot-up message arrives.
+    kind(9, "drive reboots", &[Cause::Rebooted, Cause::SettingChanged], |random, at| {
+        device(at, Target::Joint(random.joint()), DeviceFault::Reboot)
+    }),
+    kind(9, "switch box reboots", &[Cause::Rebooted], |_, at| {
+        device(at, Target::SwitchBox, DeviceFault::Reboot)
+    }),
+    engaged(10, "torque actual wrong", &[Cause::TorqueDiffers], torque_scaled),
+    ready(10, "torque before arming", UNARMED_TORQUE, torque_before_arming),
+    armed(10, "stored torque offset", NO_CAUSE, stored_offset),
+    kind(12, "encoder jumps", &[Cause::PositionJumped], encoder_jump),
+    engaged(5, "encoder frozen", &[Cause::PositionFrozen], encoder_frozen),
+    in_contact(5, "encoder frozen in motion", &[Cause::PositionFrozen], frozen_in_motion),
+    kind(13, "several drives unplugged", &[Cause::SamplesMissing], several_lost),
+];
+
+fn lost(random: &mut Random, at: &Conditions<'_>, how: Disconnection) -> Injection {
+    let target = Target::Joint(random.joint());
+    let fault = at.fault(target, FaultKind::Disconnection(how));
+    Injection::of([fault], Criterion::Stop(at.limit()))
+}
+
+/// Noticed by missing samples, as a single one.
+fn several_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joints = [random.joint(), random.joint(), random.joint()];
+    let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
+    let faults = joints.map(|joint| at.fault(Target::Joint(joint), unplugged));
+    Injection::of(faults, Criterion::Stop(at.limit_of(1)))
+}
+
+/// Two cycles beyond the heartbeat time: the one that has begun, and the one in which it is noticed.
+fn heartbeat_lost(at: &Conditions<'_>, target: Target) -> Injection {
+    let within = at.limit() + at.cycles(2);
+    let lost = FaultKind::Frames(FrameFault::of(Service::Heartbeat, Effect::Drop));
+    Injection::of([at.fault(target, lost)], Criterion::Stop(within))
+        .observed_for(within + Duration::from_millis(150))
+}
+
+/// COB-ID of a heartbeat, before the node-ID is added.
+const HEARTBEAT: u16 = 0x700;
+
+/// Toggle bit of an answer to node guarding (CiA 301, 7.2.8.2.2.1).
+const TOGGLE: u8 = 0x80;
+
+/// One heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive itself goes on. An answer
+/// of a guarded node counts if its toggle bit has changed, so that one with either bit is sent.
+fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let number = random.joint();
+    let joint = number.entry(&at.config.joints);
+    let state = if random.coin() { 0x04 } else { 0x7F };
+    let plans = at.config.node_plans();
+    let is_guarded = plans
+        .get(number.index())
+        .is_some_and(|(_, plan)| plan.watchdog(Awaited::Guarding).is_some());
+    let answers: &[u8] = if is_guarded { &[state, state | TOGGLE] } else { &[state] };
+    let cob_id = HEARTBEAT + u16::from(joint.node.raw());
+    let faults = answers.iter().map(|answer| {
+        let frame = Frame::new(cob_id, [*answer]);
+        let fault = FaultKind::ForeignFrame { frame, period: None };
+        at.fault(Target::Bus(joint.channel), fault)
+    });
+    Injection::of(faults.collect::<Vec<_>>(), Criterion::Stop(at.limit()))
+}
+
+fn device(at: &Conditions<'_>, target: Target, fault: DeviceFault) -> Injection {
+    Injection::of([at.fault(target, FaultKind::Device(fault))], Criterion::Stop(at.limit()))
+}
+
+/// Returns one of the error codes of drives (CiA 402).
+fn error_code(random: &mut Random) -> u16 {
+    random.one_of(&error_codes::OF_DRIVES).copied().unwrap_or(error_codes::OVER_CURRENT)
+}
+
+fn emergency(random: &mut Random, at: &Conditions<'_>, target: Target) -> Injection {
+    device(at, target, DeviceFault::Emergency { code: error_code(random), register: 1 })
+}
+
+fn drive_fault(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let target = Target::Joint(random.joint());
+    device(at, target, DeviceFault::DriveFault(error_code(random)))
+}
+
+/// Returns the inhibit time of the TPDO with a drive's statusword (1800h:3).
+fn inhibit_time(at: &Conditions<'_>, joint: Joint) -> Duration {
+    let plans = at.config.node_plans();
+    let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos);
+    let mut services = pdos.unwrap_or_default().iter().filter_map(|pdo| pdo.service.as_ref());
+    let is_status = |service: &&layout::Service| {
+        service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD)
+    };
+    let inhibit = services.find(is_status).and_then(|service| service.inhibit_100us);
+    Duration::from_micros(100 * u64::from(inhibit.unwrap_or(0)))
+}
+
+/// Reported by the statusword alone, which may have to wait for its inhibit time.
+fn drive_fault_without_emergency(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joint = random.joint();
+    let fault = at.fault(Target::Joint(joint), FaultKind::Device(DeviceFault::DriveFault(0)));
+    Injection::of([fault], Criterion::Stop(at.limit() + inhibit_time(at, joint)))
+}
+
+/// Demands a stop only of joints that carry more than a little of the arm: the fault shows where torque acts.
+fn where_loaded(at: &Conditions<'_>, joint: Joint, within: Duration) -> Criterion {
+    if at.weight(joint) > LOADED {
+        Criterion::Stop(within)
+    } else {
+        Criterion::Either("visible only where the joint carries enough torque")
+    }
+}
+
+/// Least load of a joint that shows a wrong torque, in ‰ of its largest torque.
+const LOADED: f64 = 100.0;
+
+/// Shoulder joints carry the arm, so a wrong scale is visible.
+fn torque_scaled(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joint = if random.coin() { Joint::of::<3>() } else { Joint::of::<2>() };
+    let factor = rounded(random.within(-10.0, -6.0), 2);
+    let fault = FaultKind::Sensor(SensorFault::TorqueScaled(factor));
+    // The torque comes at every hundredth SYNC in the grouped layout, and the second one counts.
+    let within = at.limit().max(at.cycles(216));
+    Injection::of([at.fault(Target::Joint(joint), fault)], where_loaded(at, joint, within))
+        .observed_for(Duration::from_millis(600))
+}
+
+/// Causes by which a torque without a command is noticed.
+const UNARMED_TORQUE: &[Cause] = &[
+    Cause::TorqueDiffers,
+    Cause::TargetNotTaken,
+    Cause::Overspeed,
+    Cause::GripOverspeed,
+    Cause::BeyondLimit,
+];
+
+/// Returns whether a drive has a torque offset (60B2h).
+fn has_offset(at: &Conditions<'_>, joint: Joint) -> bool {
+    joint.entry(&at.config.joints).eds.object(Object::TORQUE_OFFSET).is_some()
+}
+
+/// Returns a torque offset of 25 to 50 % of rated torque.
+fn offset(random: &mut Random) -> i16 {
+    let per_mille = i16::try_from(250 + random.below(250)).unwrap_or(250);
+    if random.coin() { per_mille } else { -per_mille }
+}
+
+/// Time from zero torque until the drives are off, and for the last controlword.
+const OFF_TIME: Duration = Duration::from_millis(115);
+
+/// The drive pushes although its target is zero, which ends when the power stages are switched off after the stop.
+fn torque_before_arming(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let (joint, offset) = (random.joint(), offset(random));
+    let fault =
+        at.fault(Target::Joint(joint), FaultKind::Device(DeviceFault::TorqueOffset(offset)));
+    let noticed = at.limit().max(at.cycles(216));
+    let within = noticed + OFF_TIME;
+    let criterion = match has_offset(at, joint) {
+        true => Criterion::TorqueFree(within),
+        false => Criterion::GoesOn,
+    };
+    Injection::of([fault], criterion).observed_for(Duration::from_millis(600))
+}
+
+/// A drive has held a torque offset since before its boot: it is written 0 and read back, so that no torque acts before
+/// arming, and none but the targets afterwards.
+fn stored_offset(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let (joint, offset) = (random.joint(), offset(random));
+    let stored = Quirk::Stored(Object::TORQUE_OFFSET, u32::from(offset.cast_unsigned()));
+    let quirk = has_offset(at, joint).then_some((joint, stored));
+    Injection { quirk, ..Injection::of([], Criterion::GoesOn) }
+}
+
+/// The first wrong position is discarded; the limit counts from the second.
+fn encoder_jump(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let sign = if random.coin() { 1.0 } else { -1.0 };
+    let (joint, by) = (random.joint(), sign * random.within(0.2, 3.0));
+    let fault = FaultKind::Sensor(SensorFault::PositionOffset(rounded(by, 4)));
+    let criterion = Criterion::Stop(at.limit() + at.cycles(1));
+    Injection::of([at.fault(Target::Joint(joint), fault)], criterion)
+}
+
+const FROZEN: FaultKind = FaultKind::Sensor(SensorFault::PositionFrozen);
+
+fn encoder_frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let criterion = Criterion::Either("visible only under torque while a neighbour moves");
+    Injection::of([at.fault(Target::Joint(random.joint()), FROZEN)], criterion)
+        .observed_for(Duration::from_millis(800))
+}
+
+/// The elevation, which carries the arm, freezes while the hand moves it and its neighbour. Far and fast enough that even
+/// the torque of a light arm's elevation changes by a tenth, slowly enough that the grip is not too fast.
+fn frozen_in_motion(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let movement = Move::new(at.onset_s(), 0.6, [0.12, 0.0, 0.05]);
+    let (elevation, after) = (Joint::of::<2>(), Duration::from_millis(100));
+    let frozen = at.fault_after(after, Target::Joint(elevation), FROZEN);
+    let criterion = where_loaded(at, elevation, at.limit() + after);
+    Injection::of([Entry::Move(movement), Entry::Fault(frozen)], criterion)
+        .observed_for(Duration::from_millis(900))
+}

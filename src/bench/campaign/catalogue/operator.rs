@@ -1,0 +1,201 @@
+//! The operator and the commanded side.
+
+use std::time::Duration;
+
+use crate::criterion::{Criterion, MayStop};
+use crate::injection::{Conditions, Injection, seconds};
+use crate::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind};
+use crate::random::Random;
+use faults::{
+    ContactFault, Disconnection, Effect, FrameFault, Input, Kind as FaultKind, LinkFault, Service,
+    Target,
+};
+use node::cause::Kind as Cause;
+use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::{ConsoleRequest, Entry};
+
+pub(super) const KINDS: &[Kind] = &[
+    in_contact(11, "hand too fast", &[Cause::GripOverspeed, Cause::Overspeed], too_fast),
+    engaged(33, "wrench not finite", &[Cause::LinkLost], not_finite),
+    engaged(33, "wrench too large", &[Cause::LinkLost], too_large),
+    engaged(33, "wrench large, but valid", NO_CAUSE, large),
+    engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
+    engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
+    engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),
+    engaged(38, "deadman released", NO_CAUSE, deadman_released),
+    kind(
+        38,
+        "switch box unplugged",
+        &[Cause::HeartbeatLost, Cause::StatusMissing],
+        switch_box_unplugged,
+    ),
+    kind(38, "disarmed", NO_CAUSE, disarmed),
+    kind(39, "deadman channel stuck", &[Cause::DeadmanDisagrees], deadman_stuck),
+    kind(39, "deadman bounces", NO_CAUSE, deadman_bounces),
+    armed(39, "deadman touched", NO_CAUSE, deadman_touched),
+    armed(39, "deadman bounces when pressed", NO_CAUSE, deadman_bounces_when_pressed),
+    engaged(39, "reflection and reference bounce", NO_CAUSE, buttons_bounce),
+    engaged(39, "switch box silent, a switch closed", NO_CAUSE, silent_while_closed),
+    engaged(40, "reference pressed in motion", NO_CAUSE, reference_pressed),
+    engaged(41, "reflection switched on", NO_CAUSE, reflection_switched),
+];
+
+fn sensed_force(at: &Conditions<'_>, force: f64, criterion: Criterion) -> Injection {
+    Injection::of([at.fault(Target::Link, FaultKind::SensedForce(force))], criterion)
+}
+
+/// A refused wrench counts as none: reflection ends as if the link were lost (hazard 34).
+fn refused(at: &Conditions<'_>) -> Criterion {
+    Criterion::ReflectionOff(at.limit_of(34))
+}
+
+fn not_finite(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let force = random.one_of(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]).copied();
+    sensed_force(at, force.unwrap_or(f64::NAN), refused(at))
+}
+
+/// More than 1e5 N is refused as a measurement.
+fn too_large(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let exponent = random.within(5.1, 300.0);
+    sensed_force(at, 10_f64.powf(exponent), refused(at))
+}
+
+/// Limited to the cap, with its usual slew.
+fn large(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let force = random.within(-400.0, 400.0);
+    sensed_force(at, force, Criterion::GoesOn)
+}
+
+fn link(at: &Conditions<'_>, fault: LinkFault) -> Injection {
+    let fault = at.fault(Target::Link, FaultKind::Link(fault));
+    Injection::of([fault], Criterion::ReflectionOff(at.limit()))
+}
+
+/// Shorter than any age of a wrench that matters.
+fn link_briefly_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let duration = random.duration(0.001, 0.010);
+    let fault = if random.coin() { LinkFault::Lost } else { LinkFault::Frozen };
+    let fault = at.fault_after(Duration::ZERO, Target::Link, FaultKind::Link(fault));
+    Injection::of([Entry::Fault(fault.lasting(duration))], Criterion::GoesOn)
+}
+
+/// The onset is the first of two cycles over which the grip was faster than 1 m/s, as the watch takes two. Its own
+/// speed, from counts, may be below the limit once more.
+fn too_fast(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let duration_s = seconds(random.duration(0.08, 0.1));
+    // Far enough for the heaviest grip.
+    let y = if random.coin() { 0.2 } else { -0.2 };
+    let movement = Move::new(at.onset_s(), duration_s, [0.0, y, 0.0]);
+    let injection =
+        Injection::of([Entry::Move(movement)], Criterion::Stop(at.limit() + at.cycles(1)));
+    Injection { onset_speed: Some(1.0), ..injection }.observed_for(Duration::from_millis(300))
+}
+
+/// The command is zero in the next cycle, and reflection ends in time.
+fn deadman_released(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let released = at.switch(Duration::ZERO, Switch::deadman, false);
+    Injection::of([released], Criterion::Disengaged(at.limit(), MayStop::No))
+}
+
+/// Reflection ends after three missed TPDOs; the heartbeat is missed later.
+fn switch_box_unplugged(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let within = at.limit_of(2) + at.cycles(2);
+    let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
+    let criterion = if at.situation.is_engaged() {
+        Criterion::Disengaged(Duration::from_millis(40), MayStop::Yes)
+    } else {
+        Criterion::Stop(within)
+    };
+    Injection::of([at.fault(Target::SwitchBox, unplugged)], criterion)
+        .observed_for(within + Duration::from_millis(150))
+}
+
+/// Time in which gravity compensation may ramp to zero when the operator disarms.
+const RAMP_DOWN: Duration = Duration::from_millis(50);
+
+fn disarmed(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let request = Console::new(at.onset_s(), ConsoleRequest::Disarm);
+    let criterion = Criterion::ZeroTorque(RAMP_DOWN + at.cycles(2));
+    Injection::of([Entry::Console(request)], criterion)
+}
+
+/// The deadman's contacts disagree; 10 ms until that is reported.
+fn deadman_stuck(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let is_a = random.coin();
+    let input = if is_a { Input::DeadmanA } else { Input::DeadmanB };
+    let is_low = is_a == at.situation.is_engaged();
+    let stuck = if is_low { ContactFault::StuckLow } else { ContactFault::StuckHigh };
+    let fault = at.fault(Target::SwitchBox, FaultKind::Contact(input, stuck));
+    let criterion = Criterion::Stop(at.limit() + Duration::from_millis(10));
+    Injection::of([fault], criterion).observed_for(Duration::from_millis(220))
+}
+
+fn bounces(at: &Conditions<'_>, after: Duration, input: Input, duration: Duration) -> Entry {
+    let bouncing = FaultKind::Contact(input, ContactFault::Bouncing);
+    Entry::Fault(at.fault_after(after, Target::SwitchBox, bouncing).lasting(duration))
+}
+
+/// The node may disengage, which is no reason to stop, and must not engage.
+fn deadman_bounces(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let input = if random.coin() { Input::DeadmanA } else { Input::DeadmanB };
+    let duration = random.duration(0.002, 0.040);
+    Injection::of([bounces(at, Duration::ZERO, input, duration)], Criterion::GoesOn)
+}
+
+/// Makes the entry that closes or opens a switch at a time in s.
+type SetSwitch = fn(f64, bool) -> Switch;
+
+/// Each button is pressed once, and its contact bounces at both edges.
+fn buttons_bounce(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let buttons: [(SetSwitch, Input); 2] =
+        [(Switch::reflection, Input::Reflection), (Switch::reference, Input::Reference)];
+    let mut entries = Vec::new();
+    for (millis, is_pressed) in [(0, true), (60, false)] {
+        for (switch, input) in buttons {
+            let after = Duration::from_millis(millis);
+            entries.push(at.switch(after, switch, is_pressed));
+            entries.push(bounces(at, after, input, random.duration(0.005, 0.020)));
+        }
+    }
+    Injection::of(entries, Criterion::GoesOn)
+}
+
+/// A silent switch box releases the deadman, which a new press alone closes; it returns long before its heartbeat is
+/// missed.
+fn silent_while_closed(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let switch = if random.coin() { Switch::reflection } else { Switch::reference };
+    let closed = at.switch(Duration::ZERO, switch, true);
+    let lost = FaultKind::Frames(FrameFault::of(Service::Tpdo(1), Effect::Drop));
+    let silent = at.fault_after(Duration::from_millis(30), Target::SwitchBox, lost);
+    let silent = silent.lasting(random.duration(0.025, 0.060));
+    let criterion = Criterion::Disengaged(Duration::from_millis(75), MayStop::No);
+    Injection::of([closed, Entry::Fault(silent)], criterion)
+}
+
+/// Pressed for less than the 25 ms in which contacts settle: the node does not engage.
+fn deadman_touched(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let pressed = at.switch(Duration::ZERO, Switch::deadman, true);
+    let span = Duration::from_micros(1_000 + random.below(21_000));
+    Injection::of([pressed, at.switch(span, Switch::deadman, false)], Criterion::GoesOn)
+}
+
+/// The node engages 25 ms after the last bounce, not after the first.
+fn deadman_bounces_when_pressed(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let mut injection = deadman_bounces(random, at);
+    injection.entries.insert(0, at.switch(Duration::ZERO, Switch::deadman, true));
+    injection
+}
+
+fn reference_pressed(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let pressed = at.switch(Duration::ZERO, Switch::reference, true);
+    let released = at.switch(Duration::from_millis(60), Switch::reference, false);
+    Injection::of([pressed, released], Criterion::GoesOn)
+}
+
+fn reflection_switched(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let presses = [(0, true), (40, false), (80, true), (120, false)];
+    let presses = presses.map(|(millis, is_pressed)| {
+        at.switch(Duration::from_millis(millis), Switch::reflection, is_pressed)
+    });
+    Injection::of(presses, Criterion::GoesOn)
+}

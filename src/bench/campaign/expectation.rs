@@ -1,0 +1,196 @@
+//! Expectations of the campaign: one row for each hazard, written by hand from docs/safety.md.
+//!
+//! They judge the node's own fault table and are never taken from it. A test compares the two, and another compares
+//! the limits with the page.
+
+use std::fmt;
+use std::time::Duration;
+
+use EndState::{DrivesOff, ReflectionOff, ZeroTorque};
+use Limit::{Cycles, DriveTimer, HeartbeatTime, Millis, RpdoTimer, Unstated};
+
+use crate::timers;
+use config::Config;
+use node::cause::Kind as Cause;
+use node::record::Mode;
+
+/// Expectation of one hazard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expectation {
+    /// Number of the hazard in docs/safety.md.
+    pub hazard: u8,
+    /// Time from what goes wrong on the bus until the torque has ended.
+    pub limit: Limit,
+    /// The same for a drive without an RPDO timer, where it is another one.
+    pub without_timer: Option<Limit>,
+    /// Causes that the hazard raises, with the state that each leads to.
+    pub reactions: &'static [(Cause, EndState)],
+}
+
+/// Limit of a hazard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limit {
+    /// A number of cycles.
+    Cycles(u32),
+    /// A time, in ms.
+    Millis(u64),
+    /// The configured heartbeat time, `drive_lost_ms`.
+    HeartbeatTime,
+    /// The timer by which the slowest drive stops without its master: of its timers the quickest, with its tolerance.
+    DriveTimer,
+    /// The drives' RPDO timer, and 1 ms.
+    RpdoTimer,
+    /// No figure is promised.
+    Unstated,
+}
+
+/// State of the drives after a reaction, mildest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum EndState {
+    /// S1: enabled, with the weight of the arm alone.
+    ReflectionOff,
+    /// S2: zero torque, power stages off after 100 ms.
+    ZeroTorque,
+    /// S3: power stages off.
+    DrivesOff,
+}
+
+/// All rows, by their hazards.
+pub const EXPECTATIONS: &[Expectation] = &[
+    row(1, Cycles(5), &[(Cause::SamplesMissing, ZeroTorque)]),
+    row(2, HeartbeatTime, &[(Cause::HeartbeatLost, DrivesOff)]),
+    row(
+        3,
+        Cycles(5),
+        &[
+            (Cause::SamplesMissing, ZeroTorque),
+            (Cause::StatusMissing, ZeroTorque),
+            (Cause::SamplesOverdue, ZeroTorque),
+            (Cause::SamplesRare, ReflectionOff),
+        ],
+    ),
+    row(4, Cycles(5), &[(Cause::SamplesMissing, ZeroTorque), (Cause::SamplesOverdue, ZeroTorque)]),
+    row(5, Millis(600), &[(Cause::PositionFrozen, ZeroTorque)]),
+    row(6, Cycles(3), &[(Cause::Duplicate, ZeroTorque)]),
+    row(7, Cycles(2), &[(Cause::Emergency, ZeroTorque)]),
+    row(8, Cycles(2), &[(Cause::DriveLeft, ZeroTorque), (Cause::LeftOperational, ZeroTorque)]),
+    row(9, Cycles(2), &[(Cause::Rebooted, DrivesOff)]),
+    row(10, Millis(55), &[(Cause::TorqueDiffers, ZeroTorque)]),
+    row(11, Cycles(3), &[(Cause::Overspeed, ZeroTorque), (Cause::GripOverspeed, ZeroTorque)]),
+    row(12, Cycles(2), &[(Cause::PositionJumped, ZeroTorque)]),
+    Expectation {
+        without_timer: Some(Millis(120)),
+        ..row(13, RpdoTimer, &[(Cause::Emergency, ZeroTorque), (Cause::TargetNotTaken, ZeroTorque)])
+    },
+    row(16, Unstated, &[(Cause::EnableTimeout, ZeroTorque)]),
+    row(21, Cycles(6), &[(Cause::QueueFull, ZeroTorque)]),
+    row(22, DriveTimer, &[(Cause::TransmitUnconfirmed, DrivesOff)]),
+    row(23, Unstated, &[(Cause::BusOff, DrivesOff), (Cause::BusPassive, ZeroTorque)]),
+    row(24, Unstated, &[(Cause::BusDown, DrivesOff)]),
+    row(25, Cycles(2), &[]),
+    row(26, Cycles(2), &[(Cause::ForeignMaster, DrivesOff), (Cause::SettingChanged, DrivesOff)]),
+    row(27, DriveTimer, &[(Cause::AwaitsReset, DrivesOff)]),
+    row(28, Unstated, &[(Cause::Overrun, ZeroTorque)]),
+    row(29, Cycles(5), &[(Cause::Overrun, ZeroTorque), (Cause::Late, ZeroTorque)]),
+    row(31, Unstated, &[(Cause::Suspended, DrivesOff)]),
+    row(33, Unstated, &[]),
+    row(34, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
+    row(35, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
+    row(38, Millis(20), &[]),
+    row(39, Millis(50), &[(Cause::DeadmanDisagrees, ZeroTorque), (Cause::TieDown, ReflectionOff)]),
+    row(40, Unstated, &[]),
+    row(41, Unstated, &[(Cause::UncommandedMotion, ZeroTorque)]),
+    row(42, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
+    row(43, Cycles(1), &[(Cause::BeyondLimit, ReflectionOff)]),
+    row(44, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
+    row(45, Millis(400), &[(Cause::Unstable, ReflectionOff)]),
+    row(46, Unstated, &[(Cause::NotOff, DrivesOff)]),
+];
+
+const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {
+    Expectation { hazard, limit, without_timer: None, reactions }
+}
+
+/// Returns the expectation of a hazard.
+pub fn of_hazard(hazard: u8) -> Option<&'static Expectation> {
+    EXPECTATIONS.iter().find(|row| row.hazard == hazard)
+}
+
+/// Returns the state to which a cause leads.
+pub(super) fn end_state(cause: Cause) -> Option<EndState> {
+    let mut reactions = EXPECTATIONS.iter().flat_map(|row| row.reactions);
+    reactions.find(|(one, _)| *one == cause).map(|(_, end)| *end)
+}
+
+impl Limit {
+    /// Returns the time that the limit allows with a configuration; zero where none is stated.
+    pub(super) fn time(self, config: &Config) -> Duration {
+        match self {
+            Cycles(count) => config.period * count,
+            Millis(millis) => Duration::from_millis(millis),
+            HeartbeatTime => config.safety.drive_lost,
+            DriveTimer => timers::slowest(config),
+            RpdoTimer => timers::rpdo(config).unwrap_or_default(),
+            Unstated => Duration::ZERO,
+        }
+    }
+}
+
+/// The words by which docs/safety.md states the limit.
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Cycles(1) => f.write_str("1 cycle"),
+            Cycles(count) => write!(f, "{count} cycles"),
+            Millis(millis) => write!(f, "{millis} ms"),
+            HeartbeatTime => f.write_str("its configured time"),
+            DriveTimer | RpdoTimer => f.write_str("timer"),
+            Unstated => Ok(()),
+        }
+    }
+}
+
+impl EndState {
+    /// Returns the state of the drives in a latched mode.
+    pub(super) const fn of(mode: Mode) -> Option<Self> {
+        match mode {
+            Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged => None,
+            Mode::ReflectionOff => Some(ReflectionOff),
+            Mode::ZeroTorque => Some(ZeroTorque),
+            Mode::DrivesOff => Some(DrivesOff),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use node::reaction::Reaction;
+
+    /// The state to which the node's own table leads.
+    fn state_of(reaction: Reaction) -> Option<EndState> {
+        reaction.mode().and_then(EndState::of)
+    }
+
+    #[test]
+    fn expected_reactions_are_those_of_the_node() {
+        for Expectation { hazard, reactions, .. } in EXPECTATIONS {
+            for (cause, end) in *reactions {
+                let row = cause.row();
+                assert_eq!(state_of(row.armed), Some(*end), "{cause:?}");
+                assert!(row.hazards.contains(hazard), "{cause:?}: not for hazard {hazard}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_cause_of_the_node_is_expected_for_its_hazards() {
+        for cause in Cause::ALL {
+            for hazard in cause.row().hazards {
+                let expected = of_hazard(*hazard).map(|row| row.reactions).unwrap_or_default();
+                let is_expected = expected.iter().any(|(one, _)| *one == cause);
+                assert!(is_expected, "hazard {hazard}: {cause:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Faults and actions of a case, and its criterion.
+
+use std::time::Duration;
+
+use crate::criterion::Criterion;
+use crate::expectation;
+use crate::situation::Situation;
+use canopen::watchdog::Awaited;
+use config::Config;
+use faults::{Fault, Kind, Target};
+use sim::quirks::Quirk;
+use sim::scenario::Entry;
+use sim::scenario::operator::Switch;
+use testbench::world;
+use units::numbering::Joint;
+
+/// The faults of a case, and what is demanded of the node.
+#[derive(Clone, Debug)]
+pub struct Injection {
+    /// Faults and actions of the operator, all of them at or after the onset.
+    pub entries: Vec<Entry>,
+    /// The onset is the first of two cycles in which the grip is faster than this, in m/s.
+    pub onset_speed: Option<f64>,
+    /// The onset is when targets of this joint differ from the one that its drive holds.
+    pub cut_off: Option<Joint>,
+    /// A drive does not receive its controlwords.
+    pub loses_commands: bool,
+    /// Departure of a drive since before its boot.
+    pub quirk: Option<(Joint, Quirk)>,
+    /// Demanded reaction of node or drives.
+    pub criterion: Criterion,
+    /// Time for which the case is observed after its onset.
+    pub observed_for: Duration,
+}
+
+/// Hand controller, situation and time of an injection.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions<'a> {
+    /// The hand controller.
+    pub config: &'a Config,
+    /// The hazard that the injection stands for.
+    pub hazard: u8,
+    /// Situation of the operator.
+    pub situation: Situation,
+    /// Time of the onset after the first SYNC.
+    pub onset: Duration,
+}
+
+impl Conditions<'_> {
+    /// Returns the duration of this many cycles.
+    pub(super) fn cycles(&self, count: u32) -> Duration {
+        self.config.period * count
+    }
+
+    /// Returns the limit of the hazard.
+    pub(super) fn limit(&self) -> Duration {
+        self.limit_of(self.hazard)
+    }
+
+    /// Returns the limit of the hazard for the drive of one joint: another one where it has no RPDO timer.
+    pub(super) fn limit_for(&self, joint: Joint) -> Duration {
+        let row = expectation::of_hazard(self.hazard);
+        let without = row.and_then(|row| row.without_timer).filter(|_| !self.has_rpdo_timer(joint));
+        without.map_or_else(|| self.limit(), |limit| limit.time(self.config))
+    }
+
+    /// Returns whether a joint's drive has an RPDO timer.
+    pub(super) fn has_rpdo_timer(&self, joint: Joint) -> bool {
+        let plans = self.config.node_plans();
+        let plan = plans.get(joint.index()).map(|(_, plan)| plan);
+        plan.is_some_and(|plan| plan.watchdog(Awaited::Rpdo).is_some())
+    }
+
+    /// Returns the limit of another hazard; zero where none is stated.
+    pub(super) fn limit_of(&self, hazard: u8) -> Duration {
+        let row = expectation::of_hazard(hazard);
+        row.map(|row| row.limit.time(self.config)).unwrap_or_default()
+    }
+
+    /// Returns the torque that carries the arm's weight at a joint where it starts, in ‰ of the joint's largest.
+    pub(super) fn weight(&self, joint: Joint) -> f64 {
+        let plant = self.config.plant();
+        let arm = world::arm(&plant);
+        let gravity = arm.gravity(&arm.posture(&world::start(&plant)));
+        let gravity = plant.coupling.matrix().transpose() * gravity;
+        let weight: f64 = *joint.entry(&gravity.into());
+        1e3 * weight.abs() / joint.entry(&plant.joints).actuator.max_torque
+    }
+
+    /// Returns the onset in s.
+    pub(super) fn onset_s(&self) -> f64 {
+        seconds(self.onset)
+    }
+
+    /// Returns a fault at the onset.
+    pub(super) fn fault(&self, target: Target, kind: Kind) -> Entry {
+        Entry::Fault(self.fault_after(Duration::ZERO, target, kind))
+    }
+
+    /// Returns a fault this long after the onset.
+    pub(super) const fn fault_after(&self, after: Duration, target: Target, kind: Kind) -> Fault {
+        Fault::new(self.onset.saturating_add(after), target, kind)
+    }
+
+    /// Returns a switch pressed or released this long after the onset.
+    pub(super) fn switch(
+        &self,
+        after: Duration,
+        switch: fn(f64, bool) -> Switch,
+        is_pressed: bool,
+    ) -> Entry {
+        Entry::Switch(switch(seconds(self.onset + after), is_pressed))
+    }
+}
+
+impl Injection {
+    /// An injection of these entries, observed for 150 ms.
+    pub(super) fn of(entries: impl Into<Vec<Entry>>, criterion: Criterion) -> Self {
+        Self {
+            entries: entries.into(),
+            onset_speed: None,
+            cut_off: None,
+            loses_commands: false,
+            quirk: None,
+            criterion,
+            observed_for: OBSERVED,
+        }
+    }
+
+    /// Returns the injection observed for this long.
+    pub(super) fn observed_for(self, observed_for: Duration) -> Self {
+        Self { observed_for, ..self }
+    }
+
+    /// Returns its faults.
+    pub fn faults(&self) -> impl Iterator<Item = &Fault> + '_ {
+        self.entries.iter().filter_map(|entry| match entry {
+            Entry::Fault(fault) => Some(fault),
+            Entry::Move(_) | Entry::Switch(_) | Entry::Console(_) | Entry::Hold(_) => None,
+        })
+    }
+}
+
+/// Returns the number nearest to a time in whole microseconds, in s.
+pub(super) fn seconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e6).round() / 1e6
+}
+
+/// Time in which the drives are seen switched off 100 ms after a stop.
+const OBSERVED: Duration = Duration::from_millis(150);

@@ -1,0 +1,244 @@
+//! The monitor: receives every complete frame with its sender, and checks the invariants I1 to I13.
+//!
+//! It decodes frames by itself, from the configuration alone, and never asks the node. Answers of the console are
+//! reported to it, as to an operator. It changes nothing that the node can see.
+//!
+//! | file        | invariants                                        |
+//! |-------------|---------------------------------------------------|
+//! | `torque`    | target torques: I1 to I4, I11                     |
+//! | `rhythm`    | times of frames: I5, I7, I10                      |
+//! | `grip`      | engagement by the deadman: I3                     |
+//! | `age`       | age of targets on the wire                        |
+//! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
+//! | `watch`     | timers that stop a drive, as it has proven them   |
+//! | `sheet`     | the configuration, as the monitor reads it        |
+//! | `invariant` | names of the invariants, and their violations     |
+
+mod age;
+mod grip;
+mod invariant;
+mod order;
+mod rhythm;
+mod sheet;
+#[cfg(test)]
+mod tests;
+mod torque;
+mod watch;
+
+pub(super) use age::stale;
+pub use invariant::{Invariant, Violation};
+pub use rhythm::Exemption;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::monitor::age::Age;
+use crate::monitor::grip::Grip;
+use crate::monitor::invariant::Violations;
+use crate::monitor::order::Order;
+use crate::monitor::rhythm::Rhythm;
+use crate::monitor::sheet::{Command, Sheet};
+use crate::monitor::torque::Torque;
+use bus::Tap;
+use canopen::frame::{Channel, Telegram};
+use canopen::sync;
+use config::Config;
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// An answer of the console to a request that it has granted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Armed.
+    Armed,
+    /// Reset, and armed as before.
+    ResetToArmed,
+    /// Disarmed, or reset without arming.
+    Disarmed,
+}
+
+/// Mode of the node, as far as the invariants distinguish it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Torque is taken off by a latched mode.
+    Stopped,
+    /// Command and reflection are enabled.
+    Engaged,
+    /// Any other mode.
+    Other,
+}
+
+/// A monitor with the state of its network.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    sheet: Arc<Sheet>,
+    torque: Torque,
+    rhythm: Rhythm,
+    order: Order,
+    age: Age,
+    grip: Grip,
+    violations: Violations,
+    log: Option<Vec<(Instant, Telegram)>>,
+}
+
+impl Monitor {
+    /// The monitor of a network before its first frame.
+    pub fn new(config: &Config) -> Self {
+        let sheet = Sheet::new(config);
+        Self {
+            torque: Torque::new(),
+            rhythm: Rhythm::new(&sheet, config.buses.len()),
+            order: Order::new(&sheet),
+            age: Age::new(config.buses.len()),
+            grip: Grip::default(),
+            sheet: Arc::new(sheet),
+            violations: Violations::default(),
+            log: None,
+        }
+    }
+
+    /// Returns the monitor with a log of every frame.
+    #[must_use]
+    pub fn keeping_frames(self) -> Self {
+        Self { log: Some(Vec::new()), ..self }
+    }
+
+    /// Returns the log of frames; empty without one.
+    pub fn frames(&self) -> &[(Instant, Telegram)] {
+        self.log.as_deref().unwrap_or_default()
+    }
+
+    /// Takes an answer of the console.
+    pub fn on_answer(&mut self, at: Instant, answer: Answer) {
+        match answer {
+            Answer::Armed => self.torque.on_armed(at, &mut self.violations),
+            Answer::ResetToArmed => self.torque.resume(),
+            Answer::Disarmed => self.torque.on_disarmed(at),
+        }
+    }
+
+    /// Takes the node's mode after a cycle.
+    pub fn on_mode(&mut self, at: Instant, mode: Mode) {
+        if mode == Mode::Stopped {
+            self.torque.on_stop(at);
+        }
+        self.grip.on_mode(&self.sheet, at, mode, &mut self.violations);
+    }
+
+    /// Exempts a bus or the process from I5.
+    pub fn exempt(&mut self, exemption: Exemption) {
+        self.rhythm.exempt(exemption);
+    }
+
+    /// Returns the first violations.
+    pub fn violations(&self) -> &[Violation] {
+        self.violations.first()
+    }
+
+    /// Returns the number of violations.
+    pub const fn violation_count(&self) -> u64 {
+        self.violations.count()
+    }
+
+    /// Returns the number of non-zero targets without arming.
+    pub const fn unarmed_frames(&self) -> u64 {
+        self.torque.unarmed
+    }
+
+    /// Returns the number of non-zero targets that were more than two periods old on the wire.
+    pub const fn stale_targets(&self) -> u64 {
+        self.age.delivered
+    }
+
+    /// Returns for each joint the age of its target when it began to act, since the node sent it; zero for a target of
+    /// zero.
+    pub const fn acting_ages(&self) -> [Duration; 6] {
+        self.age.acting()
+    }
+
+    /// Returns whether a target of this age is stale.
+    pub fn is_stale(&self, age: Duration) -> bool {
+        age > stale(self.sheet.period)
+    }
+
+    /// Returns the last target sent to a joint, in ‰ of rated torque.
+    pub fn target(&self, joint: Joint) -> i16 {
+        self.order.target(joint)
+    }
+
+    /// Returns the time since which every target is zero.
+    pub fn all_zero_since(&self) -> Option<Instant> {
+        self.torque.all_zero_since()
+    }
+
+    /// Returns the cycles between the first and the last joint whose torque was cut to zero.
+    pub fn spread(&self) -> Option<u64> {
+        self.torque.spread(self.sheet.period)
+    }
+
+    /// Returns the largest target as a share of its joint's capacity, 0 to 1.
+    pub fn peak(&self) -> f64 {
+        self.torque.peak(&self.sheet)
+    }
+
+    /// Forgets violations and counts; the state of the network stays.
+    pub fn forget(&mut self) {
+        self.violations.forget();
+        self.torque.unarmed = 0;
+        self.age.delivered = 0;
+    }
+
+    fn keep(&mut self, at: Instant, telegram: &Telegram) {
+        self.log.iter_mut().for_each(|log| log.push((at, *telegram)));
+    }
+}
+
+impl Tap for Monitor {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self.keep(at, telegram);
+        self.order.on_wire(&self.sheet, at, (telegram.channel, &telegram.frame));
+        if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
+            self.torque.on_tpdo(at, &sample);
+            // A process that does not run discards what comes meanwhile.
+            let is_received = !self.rhythm.is_process_exempt(at);
+            self.order.on_tpdo(at, &sample, is_received);
+            self.grip.on_tpdo(&sample);
+        }
+    }
+
+    fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
+        let Telegram { channel, frame } = *telegram;
+        self.age.on_taken(at, telegram);
+        let taken = ((channel, &frame), self.order.are_driven(&self.sheet));
+        self.rhythm.on_taken(&self.sheet, at, taken, &mut self.violations);
+    }
+
+    fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
+        self.keep(at, telegram);
+        let Self { sheet, torque, rhythm, order, age, violations, .. } = self;
+        let Telegram { channel, frame } = *telegram;
+        let since = age.on_sent(at, telegram);
+        if frame.cob_id == sync::COB_ID {
+            age.on_sync(sheet, at, channel);
+            if channel == Channel(0) {
+                torque.on_sync();
+            }
+        }
+        rhythm.on_sent(sheet, (at, since), (channel, &frame), violations);
+        order.on_sent(sheet, at, (channel, &frame), violations);
+        let Some((_, rpdo)) = sheet.rpdo(channel, &frame) else { return };
+        for command in rpdo.read(&frame) {
+            match command {
+                Command::Target(joint, target) => {
+                    let is_off = order.is_off(joint);
+                    age.on_target(sheet, (at, since), (joint, target));
+                    torque.on_target(sheet, (at, since), ((joint, target), is_off), violations);
+                    order.on_target(sheet, at, (joint, target), violations);
+                }
+                Command::Controlword(joint, word) => {
+                    order.on_controlword(sheet, at, (joint, word), violations);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Target torques: I1 to I4, and I11.
+
+use std::time::Duration;
+
+use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::sheet::Sheet;
+use canopen::exchange::TpdoSample;
+use config::switch_inputs::{Deadman, SwitchInputs};
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// Time in which reflection may end after the deadman opens.
+const RELEASE_TIME: Duration = Duration::from_millis(20);
+
+/// Time in which gravity compensation may ramp to zero after disarming.
+const RAMP_DOWN: Duration = Duration::from_millis(50);
+
+/// Uncertainty of the arm's weight, as a share of capacity: friction and tools.
+const WEIGHT_UNCERTAINTY: f64 = 0.1;
+
+/// Targets in a row that violate I3: fewer may come from a position that the node discards and the monitor does not.
+const MIN_HEAVY: u32 = 3;
+
+/// Torque that carries each joint, in N·m (N), and whether it is near an end of its range.
+type Weight = ([f64; 6], [bool; 6]);
+
+/// Targets of all joints.
+#[derive(Clone, Debug)]
+pub(super) struct Torque {
+    /// Last target of each joint.
+    targets: [i16; 6],
+    /// Time at which it was sent.
+    sent_at: [Option<Instant>; 6],
+    /// Time since which each target is zero.
+    zero_since: [Option<Instant>; 6],
+    /// Time at which a torque was last cut to zero, faster than its slew rate.
+    cut: [Option<Instant>; 6],
+    cycle: u64,
+    counts: [i32; 6],
+    /// Torques that carry the arm, and the cycle for which they were computed.
+    weight: Option<(u64, Weight)>,
+    /// Number of targets in a row that exceed the weight.
+    heavy: [u32; 6],
+    /// The deadman as the switch box reports it, and the time since which it is open.
+    deadman: Option<Deadman>,
+    open_since: Option<Instant>,
+    /// The deadman was open since arming: only then may closing it engage.
+    has_edge: bool,
+    state: State,
+    /// Number of non-zero targets without arming.
+    pub(super) unarmed: u64,
+}
+
+/// State of the node by its console and its mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Not armed; torque has ended by this time.
+    Disarmed(Instant),
+    /// Armed.
+    Armed,
+    /// Stopped since this time.
+    Stopped(Instant),
+}
+
+impl Torque {
+    pub(super) const fn new() -> Self {
+        Self {
+            targets: [0; 6],
+            sent_at: [None; 6],
+            zero_since: [Some(Instant::ZERO); 6],
+            cut: [None; 6],
+            cycle: 0,
+            counts: [0; 6],
+            weight: None,
+            heavy: [0; 6],
+            deadman: None,
+            open_since: Some(Instant::ZERO),
+            has_edge: false,
+            state: State::Disarmed(Instant::ZERO),
+            unarmed: 0,
+        }
+    }
+
+    /// Takes a SYNC on the first bus.
+    pub(super) const fn on_sync(&mut self) {
+        self.cycle += 1;
+    }
+
+    /// Takes a TPDO with a position or with inputs.
+    pub(super) fn on_tpdo(&mut self, at: Instant, sample: &TpdoSample) {
+        if let Some((joint, position)) = sample.node.joint().zip(sample.position) {
+            *joint.entry_mut(&mut self.counts) = position.0;
+        }
+        if let Some(inputs) = sample.inputs.map(SwitchInputs::from_bits) {
+            let deadman = inputs.deadman();
+            match deadman {
+                Deadman::Pressed if self.state == State::Armed => self.open_since = None,
+                Deadman::Pressed => {}
+                Deadman::Released => {
+                    self.has_edge = true;
+                    self.open_since.get_or_insert(at);
+                }
+                Deadman::Disagreeing => _ = self.open_since.get_or_insert(at),
+            }
+            self.deadman = Some(deadman);
+        }
+    }
+
+    /// Takes the arming by the console. I4: not with a closed deadman.
+    pub(super) fn on_armed(&mut self, at: Instant, violations: &mut Violations) {
+        if self.deadman != Some(Deadman::Released) {
+            violations.add(
+                Invariant::Latched,
+                at,
+                "armed although the deadman is not open".to_owned(),
+            );
+        }
+        if matches!(self.state, State::Stopped(_)) {
+            violations.add(Invariant::Latched, at, "armed after a stop without a reset".to_owned());
+        }
+        self.resume();
+    }
+
+    /// Takes a reset that leads back to gravity compensation.
+    pub(super) const fn resume(&mut self) {
+        self.state = State::Armed;
+        self.has_edge = matches!(self.deadman, Some(Deadman::Released));
+        self.cut = [None; 6];
+    }
+
+    /// Takes the disarming by the console: gravity compensation ramps to zero.
+    pub(super) fn on_disarmed(&mut self, at: Instant) {
+        match self.state {
+            State::Armed => self.state = State::Disarmed(at + RAMP_DOWN),
+            State::Stopped(_) => self.state = State::Disarmed(at),
+            State::Disarmed(_) => {}
+        }
+        self.open_since.get_or_insert(at);
+        self.cut = [None; 6];
+    }
+
+    /// Takes a stop of the node.
+    pub(super) const fn on_stop(&mut self, at: Instant) {
+        if !matches!(self.state, State::Stopped(_)) {
+            self.state = State::Stopped(at);
+        }
+    }
+
+    /// Takes a target on the wire at `at` that was sent at `since`, in ‰ of rated torque. `is_off` says that its drive
+    /// acts on no target.
+    pub(super) fn on_target(
+        &mut self,
+        sheet: &Sheet,
+        (at, since): (Instant, Instant),
+        ((joint, target), is_off): ((Joint, i16), bool),
+        violations: &mut Violations,
+    ) {
+        let bounds = joint.entry(&sheet.joints);
+        let before = std::mem::replace(joint.entry_mut(&mut self.targets), target);
+        let size = target.unsigned_abs();
+        if size > bounds.cap.unsigned_abs() {
+            let what = format!("joint {joint}: target {target} exceeds {} per mille", bounds.cap);
+            violations.add(Invariant::Cap, at, what);
+        }
+        let is_same_way = before.signum() == target.signum();
+        let from = if is_same_way { before } else { 0 };
+        // A cycle whose targets were not sent counts as well.
+        let sent_at = joint.entry_mut(&mut self.sent_at).replace(since);
+        let half = sheet.period / 2;
+        let is_second = sent_at.is_some_and(|sent_at| since.since(sent_at) > sheet.period + half);
+        let cycles = if is_second { 2.0 } else { 1.0 };
+        let may_grow = cycles * bounds.growth + 2.0 * bounds.resolution;
+        let is_growth = size > from.unsigned_abs();
+        if is_growth && bounds.torque(target) - bounds.torque(from) > may_grow {
+            let what = format!("joint {joint}: target from {before} to {target} per mille");
+            violations.add(Invariant::Slew, at, what);
+        }
+        let is_cut =
+            target == 0 && bounds.torque(before) > 2.5 * bounds.growth + 2.0 * bounds.resolution;
+        if target != 0 && self.all_zero_since().is_some() {
+            // All six were zero together: targets withdrawn after a stall may rise again.
+            self.cut = [None; 6];
+        }
+        self.record((at, since), joint, target == 0, is_cut);
+        // A frame that an adapter held back moves no drive that is off.
+        if target != 0 && !is_off {
+            self.check(sheet, since, (joint, target), violations);
+        }
+    }
+
+    fn record(
+        &mut self,
+        (at, sent): (Instant, Instant),
+        joint: Joint,
+        is_zero: bool,
+        is_cut: bool,
+    ) {
+        if is_cut {
+            *joint.entry_mut(&mut self.cut) = Some(sent);
+        }
+        let since = joint.entry_mut(&mut self.zero_since);
+        *since = is_zero.then(|| since.unwrap_or(at));
+    }
+
+    /// Checks a non-zero target that was sent at `at`.
+    fn check(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (joint, target): (Joint, i16),
+        violations: &mut Violations,
+    ) {
+        match self.state {
+            State::Disarmed(since) if at > since + sheet.period => {
+                self.unarmed += 1;
+                let what = format!("joint {joint}: target {target} per mille, not armed");
+                violations.add(Invariant::Permitted, at, what);
+            }
+            State::Stopped(since) if at > since + sheet.period => {
+                self.unarmed += 1;
+                let what = format!("joint {joint}: target {target} per mille after a stop");
+                violations.add(Invariant::Latched, at, what);
+            }
+            State::Armed | State::Disarmed(_) if !self.is_pressed(at, sheet.period) => {
+                let (weight, ends) = self.weight(sheet);
+                if *joint.entry(&ends) {
+                    return;
+                }
+                let (bounds, weight) = (joint.entry(&sheet.joints), joint.entry(&weight));
+                let most = weight.abs() + WEIGHT_UNCERTAINTY * bounds.capacity;
+                let is_heavy = bounds.torque(target) > most;
+                let heavy = joint.entry_mut(&mut self.heavy);
+                *heavy = if is_heavy { *heavy + 1 } else { 0 };
+                if *heavy >= MIN_HEAVY {
+                    let what = format!(
+                        "joint {joint}: target {target} per mille, with {weight:.3} N·m (N) to carry it"
+                    );
+                    violations.add(Invariant::Permitted, at, what);
+                }
+            }
+            State::Disarmed(_) | State::Armed | State::Stopped(_) => {}
+        }
+        if let Some(cut) = self.cut.iter().flatten().max()
+            && at > *cut + sheet.period * 3 / 2
+        {
+            let what =
+                format!("joint {joint}: target {target} per mille after another was cut to zero");
+            violations.add(Invariant::Together, at, what);
+        }
+    }
+
+    fn weight(&mut self, sheet: &Sheet) -> Weight {
+        let known = self.weight.filter(|(cycle, _)| *cycle == self.cycle);
+        let (_, weight) = known.unwrap_or_else(|| (self.cycle, sheet.weight(&self.counts)));
+        self.weight = Some((self.cycle, weight));
+        weight
+    }
+
+    /// Returns whether the deadman is pressed, or was released so lately that reflection may still end.
+    fn is_pressed(&self, at: Instant, period: Duration) -> bool {
+        let is_over = |since: Instant| at.since(since) > RELEASE_TIME + period * 2;
+        self.has_edge && !self.open_since.is_some_and(is_over)
+    }
+
+    /// Returns the time since which every target is zero.
+    pub(super) fn all_zero_since(&self) -> Option<Instant> {
+        let since = self.zero_since.iter().copied().collect::<Option<Vec<_>>>()?;
+        since.into_iter().max()
+    }
+
+    /// Returns the cycles between the first and the last joint whose torque was cut to zero.
+    pub(super) fn spread(&self, period: Duration) -> Option<u64> {
+        let cut = || self.cut.iter().flatten();
+        let apart = cut().max()?.since(*cut().min()?) + period / 2;
+        u64::try_from(apart.as_micros() / period.as_micros().max(1)).ok()
+    }
+
+    /// Returns the largest target as a share of its joint's capacity, 0 to 1.
+    pub(super) fn peak(&self, sheet: &Sheet) -> f64 {
+        let shares = self.targets.iter().zip(&sheet.joints);
+        let shares = shares.map(|(target, joint)| f64::from(*target).abs() / f64::from(joint.cap));
+        shares.fold(0.0, f64::max)
+    }
+}

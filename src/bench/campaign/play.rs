@@ -1,0 +1,125 @@
+//! One case: from a bench in its situation to a verdict. `stage` brings the bench there, `observer` measures.
+
+use std::time::Duration;
+
+use crate::case::Case;
+use crate::criterion::Criterion;
+use crate::injection::Injection;
+use crate::monitor::{Exemption, Monitor};
+use crate::observer::{self, Observer};
+use crate::rpdo_loss::RpdoLoss;
+use crate::stage::{StageError, make, make_requests, report_mode};
+use crate::verdict::Verdict;
+use config::Config;
+use faults::{Disturbance, Fault, HostFault, Kind, Target};
+use node::Request;
+use node::record::Record;
+use testbench::bench::Bench;
+use units::time::Instant;
+
+/// A function that is called after every cycle.
+pub(super) type OnCycle<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
+
+/// Plays a case on a bench in its situation, which cannot be used again.
+pub(super) fn play(
+    bench: &mut Bench<Monitor>,
+    config: &Config,
+    case: &Case,
+    on_cycle: &mut OnCycle<'_>,
+) -> Result<Verdict, StageError> {
+    bench.follow(case.scenario().map_err(StageError::Scenario)?, case.seed);
+    bench.tap_mut().forget();
+    let zero = bench.begun();
+    for fault in case.injection.faults() {
+        exemption(config.period, zero, fault)
+            .into_iter()
+            .for_each(|exemption| bench.tap_mut().exempt(exemption));
+    }
+    let mut onset = zero + case.onset;
+    let mut loss = case.injection.cut_off.map(RpdoLoss::new);
+    let mut observer = Observer::new(bench, observer::off_tolerance(config, &case.injection));
+    let observed_for = case.injection.observed_for;
+    let (mut is_tried, mut is_fast) = (false, false);
+    while bench.now() < onset + observed_for {
+        if make_requests(bench) {
+            onset = bench.now();
+        }
+        // A latched mode is left by a reset alone.
+        if !is_tried && bench.now() > onset + observed_for * 3 / 4 && observer.is_latched() {
+            make(bench, Request::Arm);
+            is_tried = true;
+        }
+        let (before, record) = (bench.now(), bench.cycle());
+        let now = bench.now();
+        report_mode(bench, record.mode);
+        observer.update(bench, config, onset, &record);
+        let is_faster = case.injection.onset_speed.is_some_and(|limit| observer.is_faster(limit));
+        if is_faster && !is_fast {
+            (is_fast, onset) = (true, before);
+        }
+        let is_on = now >= onset && !observer.is_latched();
+        for loss in loss.iter_mut().filter(|_| is_on) {
+            loss.update(now, bench.tap_mut().target(loss.joint()));
+        }
+        on_cycle(bench, &record);
+    }
+    let criterion = match &loss {
+        Some(loss) if !observer.is_latched() && loss.longest() <= held_limit(&case.injection) => {
+            Criterion::Either("the held torque hardly differs from the targets")
+        }
+        Some(loss) => {
+            onset = loss.since().unwrap_or(onset);
+            case.injection.criterion
+        }
+        None => case.injection.criterion,
+    };
+    if !observer.is_latched() {
+        // A failed drive may not confirm the stop; the monitor judges the order of the frames all the same.
+        bench.stop().ok();
+    }
+    Ok(Verdict::of(case, criterion, config, observer.finish(bench, onset)))
+}
+
+/// Returns the time for which a held torque may differ unseen.
+fn held_limit(injection: &Injection) -> Duration {
+    match injection.criterion {
+        Criterion::Stop(within) | Criterion::TorqueFree(within) => within,
+        Criterion::ZeroTorque(_)
+        | Criterion::BusAbandoned(..)
+        | Criterion::ReflectionOff(_)
+        | Criterion::Disengaged(..)
+        | Criterion::GoesOn
+        | Criterion::Either(_) => Duration::MAX,
+    }
+}
+
+/// Returns the exemption from I5 that a fault of bus or host grants.
+fn exemption(period: Duration, zero: Instant, fault: &Fault) -> Option<Exemption> {
+    let at = zero + fault.start;
+    let span = fault.duration.unwrap_or_default();
+    match (fault.kind, fault.target) {
+        (Kind::Bus(Disturbance::ErrorWarning | Disturbance::ErrorPassive), _) => None,
+        (Kind::Bus(_), Target::Bus(channel)) => Some(Exemption::Bus(channel, at)),
+        (Kind::Host(HostFault::ProcessStopped | HostFault::Suspended), _) => {
+            Some(Exemption::Process(at, at + span + period * 2))
+        }
+        // The frame comes within a period.
+        (Kind::Host(HostFault::ProcessStoppedAfter(_)), _) => {
+            Some(Exemption::Process(at, at + span + period * 3))
+        }
+        (
+            Kind::Bus(_)
+            | Kind::Host(HostFault::ClockSet(_))
+            | Kind::Disconnection(_)
+            | Kind::Frames(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
+            | Kind::Contact(..)
+            | Kind::ForeignFrame { .. }
+            | Kind::Link(_)
+            | Kind::SensedForce(_),
+            _,
+        ) => None,
+    }
+}

@@ -1,0 +1,168 @@
+//! All cases of a campaign, on every core. The number of threads does not change the verdicts.
+
+use std::num::NonZero;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use crate::case::Case;
+use crate::monitor::Monitor;
+use crate::play;
+use crate::situation::Situation;
+use crate::stage::{self, StageError};
+use crate::verdict::Verdict;
+use canopen::frame::Telegram;
+use config::Config;
+use node::record::Record;
+use testbench::bench::Bench;
+use units::time::Instant;
+
+/// The cases of a seed on some hand controllers.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    seed: u64,
+    configs: Vec<Config>,
+    cases: Vec<Case>,
+}
+
+/// The verdict on a case, and every frame since the boot.
+pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
+
+/// A bench for each hand controller and situation that the cases need.
+type Stages = Vec<[Option<Bench<Monitor>>; 4]>;
+
+impl Campaign {
+    /// The first `faults` cases of a seed, of those whose kind's name contains `only`.
+    pub fn new(seed: u64, configs: Vec<Config>, faults: usize, only: Option<&str>) -> Self {
+        let is_wanted = |case: &Case| only.is_none_or(|only| case.kind.name.contains(only));
+        let cases = (1..).map_while(|number| Case::of(seed, number, &configs));
+        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(MAX_KINDS);
+        let cases = cases.take_while(|case| case.number <= most);
+        let cases = cases.filter(is_wanted).take(faults).collect();
+        Self { seed, configs, cases }
+    }
+
+    /// Case `number` of a seed alone.
+    pub fn of_one(seed: u64, configs: Vec<Config>, number: u32) -> Option<Self> {
+        let case = Case::of(seed, number, &configs)?;
+        Some(Self { seed, configs, cases: vec![case] })
+    }
+
+    /// Returns the cases.
+    pub fn cases(&self) -> &[Case] {
+        &self.cases
+    }
+
+    /// Returns the hand controllers.
+    pub fn configs(&self) -> &[Config] {
+        &self.configs
+    }
+
+    /// Plays all cases with `threads` threads; `progress` is called after each.
+    ///
+    /// # Errors
+    /// A network that does not boot, or a situation that is not reached.
+    pub fn run(
+        &self,
+        threads: NonZero<usize>,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Verdict>, StageError> {
+        let stages = self.stages(threads)?;
+        let verdicts = each(threads, &self.cases, &|case| {
+            let verdict = self.play_on(&stages, case);
+            progress();
+            verdict
+        });
+        verdicts.into_iter().collect()
+    }
+
+    /// Plays the first case again by itself, with all its frames since the boot; `on_cycle` is called after every
+    /// cycle of the case.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn replay(
+        &self,
+        on_cycle: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+    ) -> Result<Option<Replayed>, StageError> {
+        let Some((case, config)) =
+            self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
+        else {
+            return Ok(None);
+        };
+        let monitor = Monitor::new(config).keeping_frames();
+        let mut bench =
+            stage::bring_to(config, case.situation, self.seed, monitor, case.injection.quirk)?;
+        let verdict = play::play(&mut bench, config, case, on_cycle)?;
+        Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
+    }
+
+    fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
+        let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.index()));
+        match (stage, self.configs.get(case.config)) {
+            // A drive that differs since before its boot needs a boot of its own.
+            (_, Some(config)) if case.injection.quirk.is_some() => {
+                let (monitor, quirk) = (Monitor::new(config), case.injection.quirk);
+                let mut bench = stage::bring_to(config, case.situation, self.seed, monitor, quirk)?;
+                play::play(&mut bench, config, case, &mut |_, _| {})
+            }
+            (Some(Some(bench)), Some(config)) => {
+                play::play(&mut bench.clone(), config, case, &mut |_, _| {})
+            }
+            // Every case has a stage and a hand controller: both are made from the cases.
+            _ => Err(StageError::Violated(format!("case {} has no stage", case.number))),
+        }
+    }
+
+    /// Brings one bench into each situation that the cases need.
+    fn stages(&self, threads: NonZero<usize>) -> Result<Stages, StageError> {
+        let of = |config| Situation::ALL.map(|situation| (config, situation));
+        let mut wanted: Vec<(usize, Situation)> = (0..self.configs.len()).flat_map(of).collect();
+        wanted.retain(|wanted| {
+            self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
+        });
+        let reached = each(threads, &wanted, &|(config, situation)| {
+            let config = self.configs.get(*config)?;
+            Some(stage::bring_to(config, *situation, self.seed, Monitor::new(config), None))
+        });
+        let mut stages: Stages = self.configs.iter().map(|_| [const { None }; 4]).collect();
+        for ((config, situation), bench) in wanted.into_iter().zip(reached) {
+            let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.index()));
+            if let (Some(stage), Some(bench)) = (stage, bench) {
+                *stage = Some(bench?);
+            }
+        }
+        Ok(stages)
+    }
+}
+
+/// Largest number of cases among which one of each kind is found.
+const MAX_KINDS: u32 = 200;
+
+/// Maps `items` on several threads; the results are in the items' order.
+pub(super) fn each<T: Sync, R: Send>(
+    threads: NonZero<usize>,
+    items: &[T],
+    work: &(dyn Fn(&T) -> R + Sync),
+) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::with_capacity(items.len()));
+    thread::scope(|scope| {
+        for _ in 0..threads.get() {
+            scope.spawn(|| {
+                while let Some((place, item)) = {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    items.get(place).map(|item| (place, item))
+                } {
+                    let result = work(item);
+                    if let Ok(mut done) = done.lock() {
+                        done.push((place, result));
+                    }
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_default();
+    done.sort_by_key(|(place, _)| *place);
+    done.into_iter().map(|(_, result)| result).collect()
+}

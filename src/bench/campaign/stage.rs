@@ -1,0 +1,148 @@
+//! A bench brought into the situation of a case: booted, armed, engaged.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::monitor::{self, Answer, Monitor};
+use crate::situation::Situation;
+use config::Config;
+use node::record::Mode;
+use node::{BringUpError, Request};
+use sim::quirks::Quirk;
+use sim::scenario::{Problem, Scenario};
+use testbench::bench::Bench;
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// Virtual time allowed for a boot; those of the shipped configurations take less than a second.
+const BOOT_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Least force of an object in contact, in N.
+const MIN_CONTACT: f64 = 2.0;
+
+/// A case that cannot be played.
+#[derive(Debug)]
+pub enum StageError {
+    /// A scenario that is invalid.
+    Scenario(Problem),
+    /// The network does not come up.
+    Boot(BringUpError),
+    /// The network is not up when `BOOT_TIMEOUT` is over.
+    BootTimeout,
+    /// The situation is not reached.
+    NotReached(Situation, Mode),
+    /// An invariant is violated before the fault.
+    Violated(String),
+}
+
+impl fmt::Display for StageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scenario(problem) => write!(f, "scenario: {problem}"),
+            Self::Boot(error) => write!(f, "{error}"),
+            Self::BootTimeout => {
+                let seconds = BOOT_TIMEOUT.as_secs();
+                write!(f, "the boot must end within {seconds} s of virtual time, and did not")
+            }
+            Self::NotReached(situation, mode) => {
+                write!(f, "the node must be {situation} before the fault, and is {mode}")
+            }
+            Self::Violated(violation) => write!(f, "before any fault: {violation}"),
+        }
+    }
+}
+
+impl std::error::Error for StageError {}
+
+/// Brings a bench into a situation; `seed` is that of the hand's tremor. No drive may exert torque before it is armed,
+/// the proof test included (promise 9).
+pub(super) fn bring_to(
+    config: &Config,
+    situation: Situation,
+    seed: u64,
+    monitor: Monitor,
+    quirk: Option<(Joint, Quirk)>,
+) -> Result<Bench<Monitor>, StageError> {
+    let seconds = situation.reached_s() + 2.0;
+    let mut scenario = Scenario::new(seconds, situation.entries()).map_err(StageError::Scenario)?;
+    if let Some((joint, quirk)) = quirk {
+        scenario.quirks_mut().add(joint, [quirk]);
+    }
+    let mut bench = Bench::new(config, scenario, seed, false, monitor);
+    bring_up(&mut bench)?;
+    let (mut last, mut is_unarmed) = (None, true);
+    // Without a first SYNC the scenario never begins.
+    let end = bench.now() + BOOT_TIMEOUT;
+    while bench.elapsed().as_secs_f64() < situation.reached_s() && bench.now() < end {
+        make_requests(&mut bench);
+        let record = bench.cycle();
+        report_mode(&mut bench, record.mode);
+        is_unarmed &= matches!(record.mode, Mode::Boot | Mode::Ready);
+        if is_unarmed && bench.node().bus().stations().zero_torque_since() != Some(Instant::ZERO) {
+            return Err(StageError::Violated("a drive exerts torque, and is not armed".to_owned()));
+        }
+        last = Some((record.mode, record.f_s.force.norm()));
+    }
+    let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
+    let is_there = match situation {
+        Situation::Ready => mode == Mode::Ready,
+        Situation::Armed => mode == Mode::Armed,
+        Situation::Free => mode == Mode::Engaged,
+        Situation::Contact => mode == Mode::Engaged && force > MIN_CONTACT,
+    };
+    if let Some(violation) = bench.tap_mut().violations().first() {
+        return Err(StageError::Violated(violation.to_string()));
+    }
+    if is_there { Ok(bench) } else { Err(StageError::NotReached(situation, mode)) }
+}
+
+/// Boots the network of a bench.
+///
+/// # Errors
+/// When it does not come up, or is not up when [`BOOT_TIMEOUT`] is over.
+pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
+    bench.bring_up_within(BOOT_TIMEOUT).map_err(|error| match error {
+        BringUpError::GivenUp | BringUpError::LeftOn(_) => StageError::BootTimeout,
+        error @ (BringUpError::Boot(_)
+        | BringUpError::Bus(_)
+        | BringUpError::Unfit(_)
+        | BringUpError::NotEnabled(_)
+        | BringUpError::Mode(_)
+        | BringUpError::ProofTest(_)) => StageError::Boot(error),
+    })
+}
+
+/// Makes the requests of the scenario that are due, and reports the node's answers to the monitor. Returns whether
+/// there was one.
+pub(super) fn make_requests(bench: &mut Bench<Monitor>) -> bool {
+    let mut is_made = false;
+    while let Some(request) = bench.due() {
+        make(bench, request);
+        is_made = true;
+    }
+    is_made
+}
+
+/// Makes a request, and reports its answer to the monitor.
+pub(super) fn make(bench: &mut Bench<Monitor>, request: Request) {
+    let mode = bench.ask(request).ok();
+    let now = bench.now();
+    let answer = match (request, mode) {
+        (_, None) | (Request::Command(_), _) => return,
+        (Request::Arm, Some(_)) => Answer::Armed,
+        (Request::Reset, Some(Mode::Armed)) => Answer::ResetToArmed,
+        (Request::Disarm | Request::Reset, Some(_)) => Answer::Disarmed,
+    };
+    bench.tap_mut().on_answer(now, answer);
+}
+
+/// Reports the mode of a cycle to the monitor.
+pub(super) fn report_mode(bench: &mut Bench<Monitor>, mode: Mode) {
+    let now = bench.now();
+    let mode = match mode {
+        Mode::ZeroTorque | Mode::DrivesOff => monitor::Mode::Stopped,
+        Mode::Engaged => monitor::Mode::Engaged,
+        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => monitor::Mode::Other,
+    };
+    bench.tap_mut().on_mode(now, mode);
+}

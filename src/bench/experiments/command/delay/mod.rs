@@ -1,0 +1,206 @@
+//! `frhc experiment delay`: contact over a link, with and without the passivity layer, and what the delay costs.
+
+mod report;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::command::common::{self, Results, Robots};
+use crate::command::picture;
+use crate::command::runner;
+use crate::command::table;
+use crate::delay::link::{self, Link};
+use crate::delay::measured::Outcome;
+use crate::delay::script::Commanded;
+use crate::delay::trial::{self, Led, NoTrial, Row, Trial};
+use config::Config;
+use config::robots::RobotArm;
+use run::exit::{Failure, Kind, OrFail};
+
+/// Files of the results.
+const FILES: [&str; 4] = ["runs.csv", "figures.json", "map.svg", "report.md"];
+
+/// Delays of one way with the maximum age of a sample, in ms.
+const LINKS: [[f64; 2]; 6] =
+    [[0.0, 20.0], [2.0, 20.0], [5.0, 20.0], [8.0, 20.0], [20.0, 100.0], [40.0, 100.0]];
+
+/// The same of links over which every sample is too old.
+const HOPELESS: [[f64; 2]; 2] = [[12.0, 20.0], [60.0, 100.0]];
+
+/// K_T of the map in pose and in rate mode.
+const POSE_GAINS: [f64; 10] = [0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.4, 2.0];
+const RATE_GAINS: [f64; 10] = [0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0];
+
+/// Share of the largest accepted K_T that is tried.
+const WITHIN: f64 = 0.999;
+
+/// Start and end of the outage since the start of the node, in s: the hand rests at the wall.
+const OUTAGE_S: [f64; 2] = [8.0, 8.5];
+
+/// Maximum time in s in which reflection ends (stop S1), beyond the maximum age of a sample.
+const END_S: f64 = 0.05;
+
+/// Periods of the node until a torque has been sent that an outage ends.
+const END_PERIODS: f64 = 2.0;
+
+/// `frhc experiment delay`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Configuration with the wall, the gains and the passivity layer.
+    #[arg(short, long, value_name = "FILE", default_value = "config/kraft_like.toml")]
+    config: PathBuf,
+    #[command(flatten)]
+    robots: Robots,
+    #[command(flatten)]
+    results: Results,
+}
+
+/// Part of the experiment that a run belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Part {
+    /// The largest gain that the gain check accepts.
+    Accepted,
+    /// The map over gain and delay, with the free object.
+    Map,
+    /// Jitter and loss; every sample too old; an outage.
+    Disturbed,
+}
+
+/// A run with its part.
+#[derive(Debug, Serialize)]
+struct Figure {
+    part: Part,
+    #[serde(flatten)]
+    row: Row,
+}
+
+/// Plays everything, prints the tables and writes the files.
+pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
+    let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    let refused = |reason: &dyn std::fmt::Display| {
+        Failure::new(Kind::Configuration, format!("{}: {reason}", args.config.display()))
+    };
+    common::require_switch_box(&config)?;
+    let extensions = &config.controller.extensions;
+    if extensions.passivity.is_none() && extensions.tank.is_none() {
+        let reason = "the experiment compares passivity layers: add [controller.passivity]";
+        return Err(refused(&reason));
+    }
+    trial::ensure_playable(&config).map_err(|reason| refused(&reason))?;
+    let arms = args.robots.load()?;
+    args.results.ensure_free(&FILES)?;
+    let trials = trials(args, &config, &arms);
+    let figures = runner::play_all(&trials, is_quiet, |(part, trial)| {
+        trial.play(&config).map(|row| Figure { part: *part, row })
+    });
+    let figures: Result<Vec<Figure>, NoTrial> = figures.into_iter().collect();
+    let figures = figures.map_err(|error| refused(&error))?;
+    let tables = report::tables(&figures);
+    args.results.print(&figures, &tables)?;
+    args.results.write(|| {
+        let picture = picture::svg(&report::panels(&figures), 2).or_fail(Kind::Bus)?;
+        let json = serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?;
+        let contents = [report::csv(&figures), json, picture, table::markdown(&tables)];
+        Ok(FILES.into_iter().zip(contents).collect())
+    })?;
+    judge(&figures, config.period.as_secs_f64())
+}
+
+/// Returns every run, in the order of the tables.
+fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(Part, Trial<'a>)> {
+    let Results { seed, short, .. } = args.results;
+    let links =
+        LINKS.map(|[delay_ms, max_age_ms]| Link { delay_ms, max_age_ms, ..Link::default() });
+    // Short: no delay, 8 ms and 40 ms; the object and one arm; one accepted and one refused gain.
+    let links: Vec<Link> = match short {
+        false => links.to_vec(),
+        true => {
+            links.into_iter().filter(|link| [0.0, 8.0, 40.0].contains(&link.delay_ms)).collect()
+        }
+    };
+    let every = if short { 5 } else { 1 };
+    let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Led::Arm);
+    let led: Vec<Led<'a>> = [Led::Object].into_iter().chain(arms).collect();
+    let [k_t, ..] = *config.controller.reflection.gain().values();
+    let usual = Trial {
+        led: Led::Object,
+        link: Link::default(),
+        commanded: Commanded::Pose,
+        k_t,
+        has_layer: true,
+        seed,
+    };
+    let accepted = links.iter().flat_map(|link| {
+        let with_link = config.clone().with_link(link.settings(seed));
+        let runs = led.iter().flat_map(|led| {
+            let k_t = WITHIN * link::largest_accepted(&led.of(&with_link));
+            both(Trial { led: *led, link: *link, k_t, ..usual })
+        });
+        runs.collect::<Vec<_>>()
+    });
+    let map = [(Commanded::Pose, POSE_GAINS), (Commanded::Rate, RATE_GAINS)];
+    let links = &links;
+    let map = map.into_iter().flat_map(|(commanded, gains)| {
+        let gains = gains.into_iter().skip(every / 2).step_by(every);
+        gains.flat_map(move |k_t| {
+            links.iter().map(move |link| Trial { link: *link, commanded, k_t, ..usual })
+        })
+    });
+    let with = |(part, trial): (Part, Trial<'a>)| {
+        [false, true].map(|has_layer| (part, Trial { has_layer, ..trial }))
+    };
+    let compared = accepted.map(|trial| (Part::Accepted, trial));
+    let compared = compared.chain(map.map(|trial| (Part::Map, trial))).flat_map(with);
+    let disturbed = disturbed().map(|link| (Part::Disturbed, Trial { link, ..usual }));
+    compared.chain(disturbed).collect()
+}
+
+/// Returns the run in pose and in rate mode.
+fn both(trial: Trial<'_>) -> [Trial<'_>; 2] {
+    [Commanded::Pose, Commanded::Rate].map(|commanded| Trial { commanded, ..trial })
+}
+
+/// Returns links that jitter and lose, that are too slow, and that fail.
+fn disturbed() -> impl Iterator<Item = Link> {
+    let jitter = Link {
+        delay_ms: 5.0,
+        jitter_ms: 3.0,
+        loss_percent: 2.0,
+        reorders: true,
+        max_age_ms: 20.0,
+        outage_s: None,
+    };
+    let hopeless =
+        HOPELESS.map(|[delay_ms, max_age_ms]| Link { delay_ms, max_age_ms, ..Link::default() });
+    let out = [[5.0, 20.0], [20.0, 100.0]].map(|[delay_ms, max_age_ms]| Link {
+        delay_ms,
+        max_age_ms,
+        outage_s: Some(OUTAGE_S),
+        ..Link::default()
+    });
+    [jitter].into_iter().chain(hopeless).chain(out)
+}
+
+/// Refuses accepted gains with which the hand does not rest, and links that are lost and still reflect.
+fn judge(figures: &[Figure], period: f64) -> Result<(), Failure> {
+    let is_wrong = |Figure { row, .. }: &&Figure| {
+        let Row { link, outcome, .. } = row;
+        if link.outage_s.is_some() {
+            let end = link.max_age_ms / 1e3 + END_S + END_PERIODS * period;
+            let has_ended = row.reflected_for_s.is_some_and(|reflected| reflected <= end);
+            return *outcome != Outcome::LinkLost || !has_ended;
+        }
+        match row.is_usable {
+            true => row.is_accepted && row.has_layer && *outcome != Outcome::Calm,
+            false => *outcome != Outcome::LinkLost || row.largest_nm > 0.0,
+        }
+    };
+    let Some(Figure { row, .. }) = figures.iter().find(is_wrong) else { return Ok(()) };
+    let Row { led, link, commanded, k_t, outcome, .. } = row;
+    let reason =
+        format!("{led}, {commanded} mode, {} ms one way, K_T = {k_t:.3}, {outcome}", link.delay_ms);
+    Err(Failure::new(Kind::Negative, reason))
+}

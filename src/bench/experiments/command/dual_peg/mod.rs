@@ -1,0 +1,254 @@
+//! `frhc experiment dual-peg`: Table I of the paper, and what its ratio depends on.
+
+mod report;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::command::common::Results;
+use crate::command::picture;
+use crate::command::runner;
+use crate::command::table;
+use crate::dual_peg::bench::{self, Situation};
+use crate::dual_peg::condition::Condition;
+use crate::dual_peg::pooled::{self, Pooled};
+use crate::dual_peg::trial::Trial;
+use config::dual_peg::DualPeg;
+use run::exit::{Failure, Kind, OrFail};
+use sim::operator_settings::OperatorSettings;
+use telemetry::shaking::Shaking;
+
+/// Files of the results.
+const FILES: [&str; 4] = ["trials.csv", "figures.json", "work.svg", "report.md"];
+
+/// Trials of each operator and condition without misalignment.
+const ALIGNED_TRIALS: u32 = 7;
+
+/// Least share of successes without misalignment, and largest excess of one condition's duration over another's.
+const MIN_SUCCESS: f64 = 0.95;
+const MAX_EXCESS: f64 = 0.2;
+
+/// `frhc experiment dual-peg`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Settings of the experiment.
+    #[arg(long, value_name = "FILE", default_value = "config/experiments/dual_peg.toml")]
+    settings: PathBuf,
+    #[command(flatten)]
+    results: Results,
+}
+
+/// Part of the experiment that a trial belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Series {
+    /// As in Table I.
+    Table,
+    /// Without misalignment and visual error.
+    Aligned,
+    /// At one visual error, in m.
+    VisualError(f64),
+    /// At one misalignment, in m.
+    Misalignment(f64),
+}
+
+/// One trial to be played.
+struct Job<'s> {
+    settings: &'s DualPeg,
+    series: Series,
+    operator: (&'s str, OperatorSettings),
+    condition: Condition,
+    number: u32,
+    seed: u64,
+}
+
+/// Ratio of an operator's work with both switches on to that with both off.
+#[derive(Clone, Debug, Serialize)]
+struct Ratio {
+    operator: String,
+    ratio: f64,
+}
+
+/// A point of a sweep.
+#[derive(Clone, Debug, Serialize)]
+struct Swept {
+    series: Series,
+    ratios: Vec<Ratio>,
+    pooled: Vec<Pooled>,
+}
+
+/// All results.
+#[derive(Serialize)]
+struct Figures {
+    table: Vec<Pooled>,
+    ratios: Vec<Ratio>,
+    aligned: Vec<Pooled>,
+    sweep: Vec<Swept>,
+    /// The strongest shaking of the arm in free motion, of all trials.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shaking: Option<Shaking>,
+}
+
+/// Runs everything, prints the tables and writes the files.
+pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
+    let settings = DualPeg::load(&args.settings).or_fail(Kind::Configuration)?;
+    let mut operators = operators(&settings)?;
+    if args.results.short {
+        operators.truncate(1);
+    }
+    args.results.ensure_free(&FILES)?;
+    let jobs = jobs(&settings, &operators, &args.results);
+    let trials = runner::play_all(&jobs, is_quiet, |job| Some((job.series, job.play()?)));
+    let trials: Option<Vec<(Series, Trial)>> = trials.into_iter().collect();
+    let Some(trials) = trials else {
+        let reason = format!("{}: {}", settings.file.display(), first_error(&jobs));
+        return Err(Failure::new(Kind::Configuration, reason));
+    };
+    let figures = figures(&settings, &trials);
+    let tables = report::tables(&figures);
+    args.results.print(&figures, &tables)?;
+    args.results.write(|| {
+        let picture = picture::svg(&report::panels(&figures), 2).or_fail(Kind::Bus)?;
+        let json = serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?;
+        let contents = [report::csv(&trials), json, picture, table::markdown(&tables)];
+        Ok(FILES.into_iter().zip(contents).collect())
+    })?;
+    judge(&figures.aligned)
+}
+
+/// Returns the operators by name.
+fn operators(settings: &DualPeg) -> Result<Vec<(&str, OperatorSettings)>, Failure> {
+    let named = |name: &'_ String| bench::operator(name).ok_or_else(|| name.clone());
+    let found = settings.operators.iter().map(|name| Ok((name.as_str(), named(name)?)));
+    found.collect::<Result<_, String>>().map_err(|wrong| {
+        let file = settings.file.display();
+        let expected = "expected \"steady\", \"relaxed\", \"firm\" or \"nervous\"";
+        let reason = format!("{file}: operators: unknown name \"{wrong}\"; {expected}");
+        Failure::new(Kind::Configuration, reason)
+    })
+}
+
+/// Returns every trial of the experiment, or of its short form.
+fn jobs<'s>(
+    settings: &'s DualPeg,
+    operators: &[(&'s str, OperatorSettings)],
+    results: &Results,
+) -> Vec<Job<'s>> {
+    let mut jobs = Vec::new();
+    let mut add = |series, conditions: &[Condition], trials: u32| {
+        for operator in operators {
+            for condition in conditions {
+                jobs.extend((0..trials).map(|number| Job {
+                    settings,
+                    series,
+                    operator: *operator,
+                    condition: *condition,
+                    number,
+                    // The same trial has the same seed for every operator and condition.
+                    seed: results.seed.wrapping_mul(1_000_003).wrapping_add(u64::from(number)),
+                }));
+            }
+        }
+    };
+    let trials = |full: u32| if results.short { 1 } else { full };
+    add(Series::Table, &Condition::ALL, trials(settings.trials));
+    add(Series::Aligned, &Condition::ALL, trials(ALIGNED_TRIALS));
+    if !results.short {
+        let (papers, sweep) = ([Condition::NEITHER, Condition::BOTH], &settings.sweep);
+        for error in &sweep.visual_errors {
+            add(Series::VisualError(*error), &papers, sweep.trials);
+        }
+        for offset in &sweep.misalignments {
+            add(Series::Misalignment(*offset), &papers, sweep.trials);
+        }
+    }
+    jobs
+}
+
+impl Job<'_> {
+    /// Plays the trial; `None` where it cannot be simulated.
+    fn play(&self) -> Option<Trial> {
+        self.try_play().ok()
+    }
+
+    fn try_play(&self) -> Result<Trial, testbench::robot_site::NoRobot> {
+        let DualPeg { task, misalignment, turn, .. } = self.settings;
+        let (offset, turn, error) = match self.series {
+            Series::Table => (*misalignment, *turn, task.visual_error),
+            Series::Aligned => ([0.0; 2], [0.0; 2], 0.0),
+            Series::VisualError(error) => (*misalignment, *turn, error),
+            Series::Misalignment(offset) => ([offset; 2], *turn, task.visual_error),
+        };
+        let situation = Situation::drawn(self.settings, self.seed, offset, turn, error);
+        Trial::play(self.settings, self.condition, self.operator, self.number, &situation)
+    }
+}
+
+/// Returns the reason why the first trial that fails cannot be simulated.
+fn first_error(jobs: &[Job<'_>]) -> String {
+    let errors = jobs.iter().filter_map(|job| job.try_play().err());
+    errors.map(|error| error.to_string()).next().unwrap_or_default()
+}
+
+fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
+    let names = &settings.operators;
+    let of = |series: Series| {
+        let of_series = trials.iter().filter(|(one, _)| *one == series);
+        let all: Vec<Trial> = of_series.map(|(_, trial)| trial.clone()).collect();
+        Pooled::all(&all, names)
+    };
+    let ratios = |pooled: &[Pooled]| {
+        let ratios = pooled::ratios(pooled, names).into_iter();
+        ratios.map(|(operator, ratio)| Ratio { operator, ratio }).collect::<Vec<_>>()
+    };
+    let mut swept: Vec<Series> = Vec::new();
+    for (series, _) in trials {
+        let is_swept = matches!(series, Series::VisualError(_) | Series::Misalignment(_));
+        if is_swept && !swept.contains(series) {
+            swept.push(*series);
+        }
+    }
+    let sweep = swept.into_iter().map(|series| {
+        let pooled = of(series);
+        Swept { series, ratios: ratios(&pooled), pooled }
+    });
+    let table = of(Series::Table);
+    Figures {
+        ratios: ratios(&table),
+        table,
+        aligned: of(Series::Aligned),
+        sweep: sweep.collect(),
+        shaking: Shaking::strongest(trials.iter().filter_map(|(_, trial)| trial.shaking)),
+    }
+}
+
+/// Refuses an experiment in which perfect alignment is not enough, or takes longer in one condition than in another.
+fn judge(aligned: &[Pooled]) -> Result<(), Failure> {
+    let refused = |reason| Err(Failure::new(Kind::Negative, reason));
+    for condition in Condition::ALL {
+        let of: Vec<&Pooled> = aligned.iter().filter(|one| one.condition == condition).collect();
+        let count = of.iter().map(|one| one.trials).sum::<usize>().max(1);
+        let inserted: usize = of.iter().map(|one| one.inserted).sum();
+        #[expect(clippy::as_conversions, clippy::cast_precision_loss, reason = "a few hundred")]
+        let success = inserted as f64 / count as f64;
+        if success < MIN_SUCCESS {
+            let percent = 100.0 * success;
+            return refused(format!(
+                "{condition}: {percent:.0} % of the aligned pegs were inserted"
+            ));
+        }
+    }
+    for one in aligned {
+        let others = aligned.iter().filter(|other| other.operator == one.operator);
+        let least = others.map(|other| other.seconds).fold(f64::INFINITY, f64::min);
+        if one.seconds > least * (1.0 + MAX_EXCESS) {
+            let Pooled { operator, condition, seconds, .. } = one;
+            return refused(format!(
+                "aligned pegs take {operator} {seconds:.1} s with {condition}, {least:.1} s in another condition"
+            ));
+        }
+    }
+    Ok(())
+}

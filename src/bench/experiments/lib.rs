@@ -1,0 +1,13 @@
+//! Experiments on the simulation: their runs, and `frhc experiment`, which tabulates and draws them.
+#![forbid(unsafe_code)]
+
+pub mod command;
+pub mod comparison;
+pub mod contact_bounds;
+pub mod delay;
+mod displacement;
+pub mod dual_peg;
+pub mod fidelity;
+pub mod ntrfc;
+pub mod return_to_centre;
+pub mod torque_curves;

@@ -1,0 +1,214 @@
+//! One run: the hand moves along one axis and lets go.
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::return_to_centre::curve::{Bins, Felt, Point};
+use crate::return_to_centre::figures::{Figures, Law};
+use crate::return_to_centre::script::{AXES, Sweep};
+use config::Config;
+use controller::channels::Channels;
+use controller::reference::Displacement;
+use node::BringUpError;
+use node::record::Record;
+use remote::site::Virtual;
+use telemetry::fidelity::Sample;
+use testbench::bench::Bench;
+use testbench::truth::Truth;
+use units::spatial::Wrench;
+
+/// The way of the grip after the hand has let go.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Returned {
+    /// Displacement at the release, in m or rad.
+    pub from: f64,
+    /// Displacement at the end.
+    pub rests_at: f64,
+    /// Largest displacement to the other side on the way.
+    pub overshoot: f64,
+    /// Time from the release until the deadband was entered for good, in s; absent where the grip rests outside.
+    pub after_s: Option<f64>,
+}
+
+impl Returned {
+    fn add(&mut self, since_s: f64, x: f64, deadband: f64) {
+        if self.from.abs() <= 0.0 {
+            self.from = x;
+        }
+        self.rests_at = x;
+        self.overshoot = self.overshoot.max(-x * self.from.signum());
+        let is_inside = x.abs() <= deadband;
+        self.after_s = if is_inside { self.after_s.or(Some(since_s)) } else { None };
+    }
+}
+
+/// One axis of one configuration.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The configuration.
+    pub config: String,
+    /// The axis of ΔX.
+    pub axis: &'static str,
+    /// In rad and N·m.
+    pub is_rotation: bool,
+    /// The law as configured.
+    pub law: Law,
+    /// Figures of the felt curve; absent where the reflection did not last.
+    pub figures: Option<Figures>,
+    /// Displacement of the first command, in m or rad.
+    pub command_from: Option<f64>,
+    /// The way back when the hand let go.
+    pub returned: Returned,
+    /// Cycles in which a joint was at its capacity or at a soft stop.
+    pub limited_cycles: u64,
+    /// Cause of a stop.
+    pub stopped_by: Option<String>,
+    /// The curve.
+    #[serde(skip)]
+    pub points: Vec<Point>,
+}
+
+/// Reason why a configuration has no trial.
+#[derive(Debug, Error)]
+pub enum NoTrial {
+    /// The hand of the simulation does not reach so far.
+    #[error("{axis}: no hand reaches {reach} m or rad; lower deadband or wall of the axis")]
+    OutOfReach {
+        /// The axis.
+        axis: &'static str,
+        /// Displacement, in m or rad.
+        reach: f64,
+    },
+    /// The drives do not boot.
+    #[error(transparent)]
+    BringUp(#[from] BringUpError),
+}
+
+impl Row {
+    /// Plays the sweep of one axis; the object touches nothing.
+    ///
+    /// # Errors
+    /// Where the hand cannot reach, or the drives cannot be enabled.
+    pub fn play(name: &str, config: &Config, sweep: &Sweep, seed: u64) -> Result<Self, NoTrial> {
+        let axis = AXES.get(sweep.axis).copied().unwrap_or_default();
+        let reach = sweep.reach;
+        let scenario = sweep.script(config).ok_or(NoTrial::OutOfReach { axis, reach })?;
+        let config = &in_free_space(config);
+        let mut bench = Bench::new(config, scenario, seed, false, ());
+        bench.bring_up()?;
+        let mut measured = Measured::new(config, sweep);
+        for _ in 0..config.controller.period.cycles(sweep.seconds()) {
+            let record = bench.cycle();
+            let t = record.at.since(bench.begun()).as_secs_f64();
+            let sample = measured.truth.sample(&bench, &record);
+            measured.add(t, &record, sample.as_ref());
+        }
+        let Measured { law, bins, command_from, returned, limited_cycles, stopped_by, .. } =
+            measured;
+        let channels = &config.controller.channels;
+        let points = bins.points(|x| along(channels, sweep.axis, x));
+        Ok(Self {
+            config: name.to_owned(),
+            axis,
+            is_rotation: sweep.axis >= 3,
+            law,
+            figures: Figures::of(&points, &law, reach),
+            command_from,
+            returned,
+            limited_cycles,
+            stopped_by,
+            points,
+        })
+    }
+}
+
+/// Returns the configuration with a commanded side that touches nothing.
+fn in_free_space(config: &Config) -> Config {
+    let remote = Virtual { wall: None, block: None, sphere: None, ..config.remote.clone() };
+    config.clone().with_remote(remote)
+}
+
+/// Returns the law's return to centre at displacement `x` along one axis alone.
+fn along(channels: &Channels, axis: usize, x: f64) -> f64 {
+    let mut dx = [0.0; 6];
+    dx.iter_mut().skip(axis).take(1).for_each(|component| *component = x);
+    component(&channels.centring(&Displacement::from_components(dx)), axis)
+}
+
+fn component(components: &[f64; 6], axis: usize) -> f64 {
+    components.get(axis).copied().unwrap_or(0.0)
+}
+
+/// Measurement under way.
+struct Measured {
+    sweep: Sweep,
+    law: Law,
+    truth: Truth,
+    bins: Bins,
+    command_from: Option<f64>,
+    returned: Returned,
+    limited_cycles: u64,
+    stopped_by: Option<String>,
+    /// Displacement of the last cycle, and the period in s.
+    before: Option<f64>,
+    dt: f64,
+    config: Config,
+}
+
+impl Measured {
+    fn new(config: &Config, sweep: &Sweep) -> Self {
+        let channels = &config.controller.channels;
+        Self {
+            sweep: *sweep,
+            law: Law {
+                deadband: component(&channels.deadbands(), sweep.axis),
+                plateau: component(&channels.plateaus(), sweep.axis),
+                wall: channels.walls().get(sweep.axis).copied().flatten(),
+            },
+            truth: Truth::new(config),
+            bins: Bins::new(sweep.reach),
+            command_from: None,
+            returned: Returned::default(),
+            limited_cycles: 0,
+            stopped_by: None,
+            before: None,
+            dt: config.controller.period.seconds(),
+            config: config.clone(),
+        }
+    }
+
+    /// Adds a cycle at `t` s of the script.
+    fn add(&mut self, t: f64, record: &Record, sample: Option<&Sample>) {
+        let axis = self.sweep.axis;
+        let x = component(&record.output.dx.components(), axis);
+        let speed = self.before.replace(x).map_or(0.0, |before| (x - before) / self.dt);
+        self.stopped_by = record.cause.map(|cause| cause.to_string());
+        if t >= self.sweep.release_s() {
+            return self.returned.add(t - self.sweep.release_s(), x, self.law.deadband);
+        }
+        let Some(sample) = sample.filter(|_| t >= self.sweep.crossing_s()) else { return };
+        let is_commanded = component(&record.output.dx_db.components(), axis).abs() > 0.0;
+        if is_commanded {
+            self.command_from = Some(self.command_from.map_or(x.abs(), |least| least.min(x.abs())));
+        }
+        let is_pushed = record.output.ledger.soft_stops.amax() > 0.0;
+        self.limited_cycles += u64::from(record.output.is_saturated() || is_pushed);
+        let of = |wrench: &Wrench| self.along_axis(record, wrench);
+        let felt = Felt {
+            total: of(&sample.felt),
+            centring: of(&sample.parts.centring),
+            damping: of(&sample.parts.damping),
+        };
+        self.bins.add(x, speed, &felt);
+    }
+
+    /// Returns the component of a wrench at {G} along the axis as the law writes it.
+    fn along_axis(&self, record: &Record, wrench: &Wrench) -> f64 {
+        let displaced = self.config.controller.interpretation.displacement;
+        let x_0_g = &record.output.x_0_g;
+        let r_g_dx = record.output.reference.turn_to_grip(displaced, x_0_g);
+        let force = r_g_dx.inverse() * wrench.force;
+        let written = Wrench { force, moment: wrench.moment };
+        component(&written.components(), self.sweep.axis)
+    }
+}

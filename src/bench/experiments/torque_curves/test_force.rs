@@ -1,0 +1,268 @@
+//! Test forces along one axis at a time (4.2): what a hand that holds still feels of them with either torque curve.
+//!
+//! The motors have the rig's curves, the controller has the maker's lines or the fitted polynomials. Gravity compensation
+//! passes through the same curves, so its error is felt, too, and is reported as what the hand carries without a test force.
+
+use std::fmt;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::fidelity::trial::Arm;
+use crate::torque_curves::calibration::Bench;
+use config::Config;
+use controller::calibration::TorqueCurve;
+use node::BringUpError;
+use sim::operator_settings::OperatorSettings;
+use sim::scenario::operator::{Console, Switch};
+use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
+use testbench::bench::Bench as Loop;
+use testbench::truth::Truth;
+use units::spatial::Wrench;
+
+/// Test force in N, and test moment in N·m, at the grip.
+pub const TEST_FORCE: f64 = 5.0;
+pub const TEST_MOMENT: f64 = 0.15;
+
+/// Start of the first segment, in s: every ramp of the reflection is over.
+const START_S: f64 = 4.0;
+
+/// Length of a segment, of the rise of its force, and of the part at its end that is averaged, in s.
+const SEGMENT_S: f64 = 1.5;
+const RISE_S: f64 = 0.4;
+const AVERAGED_S: f64 = 0.5;
+
+/// Segments: rest before, between and after the six test forces.
+const SEGMENTS: u8 = 13;
+
+/// Curve that the controller takes for the motors'.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Curve {
+    /// Straight line of the data sheets.
+    MakersLine,
+    /// Polynomial of 5th order, fitted on the rig.
+    Polynomial,
+}
+
+impl Curve {
+    /// Both curves.
+    pub const ALL: [Self; 2] = [Self::MakersLine, Self::Polynomial];
+
+    const fn of(self, bench: &Bench) -> TorqueCurve {
+        match self {
+            Self::MakersLine => bench.line,
+            Self::Polynomial => bench.fitted,
+        }
+    }
+}
+
+impl fmt::Display for Curve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::MakersLine => "maker's line",
+            Self::Polynomial => "polynomial",
+        })
+    }
+}
+
+/// One test force or moment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Feeling {
+    /// Size that is felt along the axis less the wanted one, in percent of it.
+    pub size_percent: f64,
+    /// Angle between felt and wanted, in degrees.
+    pub turned_deg: f64,
+    /// Size of the difference of felt and wanted, in percent of the wanted one.
+    pub error_percent: f64,
+}
+
+/// One run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The configuration.
+    pub config: String,
+    /// The arm.
+    pub arm: Arm,
+    /// The controller's curve.
+    pub curve: Curve,
+    /// Seed of the motors.
+    pub seed: u64,
+    /// Force on the hand without a test force, in N, after the start; absent where the reflection did not last.
+    pub weight_n: Option<f64>,
+    /// Forces along x, y, z and moments about them; absent where K_T is zero or the reflection did not last.
+    pub felt: [Option<Feeling>; 6],
+    /// Cause of a stop.
+    pub stopped_by: Option<String>,
+}
+
+/// Reason why there is no trial.
+#[derive(Debug, Error)]
+pub enum NoTrial {
+    /// The joints.
+    #[error("{found} calibrated joints where six are needed")]
+    Joints {
+        /// Number of joints.
+        found: usize,
+    },
+    /// The script.
+    #[error(transparent)]
+    Script(#[from] Problem),
+    /// The drives do not boot.
+    #[error(transparent)]
+    BringUp(#[from] BringUpError),
+}
+
+impl Row {
+    /// Plays one run: the motors have the curves of `benches`, the controller has `curve`.
+    ///
+    /// # Errors
+    /// Where the drives cannot be enabled.
+    pub fn play(
+        name: &str,
+        config: &Config,
+        benches: &[Bench],
+        (arm, curve, seed): (Arm, Curve, u64),
+    ) -> Result<Self, NoTrial> {
+        let curves = |of: fn(Curve, &Bench) -> TorqueCurve| {
+            let curves: Vec<TorqueCurve> = benches.iter().map(|bench| of(curve, bench)).collect();
+            <[TorqueCurve; 6]>::try_from(curves)
+                .map_err(|curves| NoTrial::Joints { found: curves.len() })
+        };
+        let world = config.clone().with_friction(arm.friction());
+        let world = world.with_torque_curves(curves(|_, bench| bench.truth)?);
+        let node = arm.controlled(config).with_torque_curves(curves(Curve::of)?);
+        let mut bench = Loop::in_world_of(&world, &node, script()?, seed, false, ());
+        bench.bring_up()?;
+        let mut truth = Truth::new(&node);
+        let mut segments = vec![Segment::default(); SEGMENTS.into()];
+        let mut stopped_by = None;
+        for _ in 0..config.controller.period.cycles(seconds()) {
+            let t = bench.elapsed().as_secs_f64() - START_S;
+            bench.set_sensor_fault(Some(sensed(config, t)));
+            let record = bench.cycle();
+            stopped_by = record.cause.map(|cause| cause.to_string());
+            let Some(sample) = truth.sample(&bench, &record) else { continue };
+            let t = record.at.since(bench.begun()).as_secs_f64() - START_S;
+            if let Some(segment) = averaged(t).and_then(|place| segments.get_mut(place)) {
+                segment.add(&sample.wanted, &sample.felt);
+            }
+        }
+        Ok(Self {
+            config: name.to_owned(),
+            arm,
+            curve,
+            seed,
+            weight_n: segments.first().and_then(Segment::weight),
+            felt: feelings(&segments),
+            stopped_by,
+        })
+    }
+}
+
+/// Sums over the end of a segment.
+#[derive(Clone, Copy, Debug, Default)]
+struct Segment {
+    count: f64,
+    wanted: [f64; 6],
+    felt: [f64; 6],
+}
+
+impl Segment {
+    fn add(&mut self, wanted: &Wrench, felt: &Wrench) {
+        self.count += 1.0;
+        for (sums, wrench) in [(&mut self.wanted, wanted), (&mut self.felt, felt)] {
+            for (sum, component) in sums.iter_mut().zip(wrench.components()) {
+                *sum += component;
+            }
+        }
+    }
+
+    fn mean(&self, sums: &[f64; 6]) -> Wrench {
+        Wrench::from_components(sums.map(|sum| sum / self.count.max(1.0)))
+    }
+
+    fn weight(&self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.felt().force.norm())
+    }
+
+    fn wanted(&self) -> Wrench {
+        self.mean(&self.wanted)
+    }
+
+    fn felt(&self) -> Wrench {
+        self.mean(&self.felt)
+    }
+}
+
+/// Returns what is felt of the six test forces: the mean of a segment less that of its neighbours.
+fn feelings(segments: &[Segment]) -> [Option<Feeling>; 6] {
+    let mut feelings = [None; 6];
+    let triples = segments.windows(3).step_by(2);
+    for (place, (feeling, triple)) in feelings.iter_mut().zip(triples).enumerate() {
+        let [before, pressed, after] = triple else { continue };
+        if [before, pressed, after].iter().any(|segment| segment.count <= 0.0) {
+            continue;
+        }
+        let felt = pressed.felt() - (before.felt() + after.felt()) * 0.5;
+        let wanted = pressed.wanted();
+        *feeling = if place < 3 {
+            feel(&wanted.force, &felt.force)
+        } else {
+            feel(&wanted.moment, &felt.moment)
+        };
+    }
+    feelings
+}
+
+fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<Feeling> {
+    let size = wanted.norm();
+    (size > f64::EPSILON).then(|| Feeling {
+        size_percent: 100.0 * (felt.dot(wanted) / (size * size) - 1.0),
+        turned_deg: wanted.angle(felt).to_degrees(),
+        error_percent: 100.0 * (felt - wanted).norm() / size,
+    })
+}
+
+/// Pose mode, armed; deadman, and reflection for the rest of the run.
+fn script() -> Result<Scenario, Problem> {
+    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
+    let entries = [
+        request(0.1, ConsoleRequest::Pose),
+        request(0.2, ConsoleRequest::Arm),
+        Entry::Switch(Switch::deadman(1.5, true)),
+        Entry::Switch(Switch::reflection(1.6, true)),
+        Entry::Switch(Switch::reflection(1.7, false)),
+    ];
+    Ok(Scenario::new(seconds(), entries)?.with_operator(OperatorSettings::STEADY))
+}
+
+fn seconds() -> f64 {
+    START_S + SEGMENT_S * f64::from(SEGMENTS)
+}
+
+/// Returns the wrench that the sensor reports at `t` s after the start: that of the test force at the grip, by K_T.
+fn sensed(config: &Config, t: f64) -> Wrench {
+    let mut components = [0.0; 6];
+    let gains = config.controller.reflection.gain().values();
+    let sizes = [TEST_FORCE, TEST_FORCE, TEST_FORCE, TEST_MOMENT, TEST_MOMENT, TEST_MOMENT];
+    let axes = components.iter_mut().zip(gains.iter().zip(sizes));
+    for (place, (component, (gain, size))) in (0..6_u8).zip(axes) {
+        let since = t - SEGMENT_S * f64::from(2 * place + 1);
+        // It falls as slowly as it rises, in the segment of rest that follows.
+        let share = (since / RISE_S).min(1.0 + (SEGMENT_S - since) / RISE_S).clamp(0.0, 1.0);
+        if *gain > 0.0 {
+            *component = size / gain * share;
+        }
+    }
+    Wrench::from_components(components)
+}
+
+/// Returns the segment whose end is averaged at `t` s after the start.
+fn averaged(t: f64) -> Option<usize> {
+    (0..usize::from(SEGMENTS)).zip(0..SEGMENTS).find_map(|(place, segment)| {
+        let end = SEGMENT_S * (f64::from(segment) + 1.0);
+        (end - AVERAGED_S..end).contains(&t).then_some(place)
+    })
+}

@@ -1,0 +1,28 @@
+//! Node and simulation put together, for `demo`, `sim`, campaigns, experiments and tests.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use config::Config;
+//! use testbench::bench::Bench;
+//! use sim::scenario::Scenario;
+//!
+//! let config = Config::load(Path::new("config/kraft_like_500hz.toml")).unwrap();
+//! let mut bench = Bench::new(&config, Scenario::parse("seconds = 1.0").unwrap(), 1, false, ());
+//! bench.bring_up().unwrap();
+//! assert_eq!(bench.cycle().mode.to_string(), "ready");
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod bench;
+mod delivery;
+pub mod explanation;
+pub mod question;
+pub mod robot_explanation;
+pub mod robot_site;
+pub mod side;
+mod simulated_joint;
+pub mod station;
+pub mod transmit_queue;
+pub mod truth;
+pub mod world;

@@ -99,7 +99,7 @@ impl BlockDownload {
     /// Returns the next segment to send.
     pub(super) fn next(&mut self) -> Option<SdoPayload> {
         match &mut self.state {
-            State::Sending { sender, .. } => sender.next(),
+            State::Sending { sender, .. } => sender.next_segment(),
             State::Opening { .. } | State::Ending { .. } => None,
         }
     }

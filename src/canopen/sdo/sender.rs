@@ -42,7 +42,7 @@ impl Sender {
     }
 
     /// Returns the next segment; `None` once an acknowledgement is due.
-    pub fn next(&mut self) -> Option<SdoPayload> {
+    pub fn next_segment(&mut self) -> Option<SdoPayload> {
         let at = self.place(self.sent);
         let is_over = self.sent > 0 && at >= self.bytes.len();
         if is_over || self.sent >= self.block_size {

@@ -77,7 +77,7 @@ impl Upload {
     /// Returns the next segment of the sub-block.
     pub(super) fn next(&mut self) -> Option<SdoPayload> {
         match self.state {
-            State::Sending => self.sender.next(),
+            State::Sending => self.sender.next_segment(),
             State::Opened | State::Ending(_) => None,
         }
     }

@@ -57,7 +57,7 @@ impl std::error::Error for Invalid {}
 
 /// Collects the problems of one file.
 #[derive(Debug)]
-pub(super) struct Problems<'t> {
+pub struct Problems<'t> {
     file: PathBuf,
     text: &'t str,
     /// Byte offsets of line ends.
@@ -70,48 +70,48 @@ pub(super) struct Problems<'t> {
 }
 
 /// EDS files that were read, or why they cannot be used.
-pub(super) type Sheets = BTreeMap<PathBuf, Result<Sheet, String>>;
+pub type Sheets = BTreeMap<PathBuf, Result<Sheet, String>>;
 
 /// An EDS file, with the number of its errors and its missing parts.
 #[derive(Clone, Debug)]
-pub(super) struct Sheet {
-    pub(super) eds: Eds,
-    pub(super) errors: usize,
-    pub(super) gaps: Vec<Finding>,
+pub struct Sheet {
+    pub eds: Eds,
+    pub errors: usize,
+    pub gaps: Vec<Finding>,
 }
 
 impl<'t> Problems<'t> {
     /// Returns an empty collection for `file` with the content `text`.
-    pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
+    pub fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
         let ends = text.match_indices('\n').map(|(end, _)| end).collect();
         let (file, sheets) = (file.to_path_buf(), Sheets::new());
         Self { file, text, ends, trust, found: Vec::new(), of_nodes: Vec::new(), sheets }
     }
 
     /// Returns the EDS files read so far: joints share them.
-    pub(super) const fn sheets(&mut self) -> &mut Sheets {
+    pub const fn sheets(&mut self) -> &mut Sheets {
         &mut self.sheets
     }
 
     /// Returns the required write protection of the files it names.
-    pub(super) const fn trust(&self) -> Trust {
+    pub const fn trust(&self) -> Trust {
         self.trust
     }
 
     /// Adds a problem at a place.
-    pub(super) fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+    pub fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
         let problem = self.problem(at, reason);
         self.found.push(problem);
     }
 
     /// Adds a problem of the device of a node, which is not named in the reason. Equal ones of several joints become one
     /// that names them all.
-    pub(super) fn add_of_node(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+    pub fn add_of_node(&mut self, at: &impl Placed, reason: impl fmt::Display) {
         self.add_of(String::new(), at, reason);
     }
 
     /// As [`add_of_node`](Self::add_of_node), with the name that stands before the reason if it is that of one node alone.
-    pub(super) fn add_of(&mut self, name: String, at: &impl Placed, reason: impl fmt::Display) {
+    pub fn add_of(&mut self, name: String, at: &impl Placed, reason: impl fmt::Display) {
         let problem = self.problem(at, reason);
         self.of_nodes.push((name, problem));
     }
@@ -127,7 +127,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Notes that the text is invalid TOML, or a value of another type, where the error says.
-    pub(super) fn add_error(&mut self, error: &toml::de::Error) {
+    pub fn add_error(&mut self, error: &toml::de::Error) {
         let offset = error.span().map(|span| span.start);
         self.found.push(Problem {
             file: self.file.clone(),
@@ -138,17 +138,17 @@ impl<'t> Problems<'t> {
     }
 
     /// Returns the line, from 1, of a byte offset.
-    pub(super) fn line_at(&self, offset: usize) -> usize {
+    pub fn line_at(&self, offset: usize) -> usize {
         1 + self.ends.partition_point(|end| *end < offset)
     }
 
     /// Adds the problems of another file that this one names.
-    pub(super) fn absorb(&mut self, other: Invalid) {
+    pub fn absorb(&mut self, other: Invalid) {
         self.found.extend(other.0);
     }
 
     /// Returns the value of `Ok`, or adds the error at the place.
-    pub(super) fn take<T, E: fmt::Display>(
+    pub fn take<T, E: fmt::Display>(
         &mut self,
         at: &impl Placed,
         result: Result<T, E>,
@@ -157,13 +157,13 @@ impl<'t> Problems<'t> {
     }
 
     /// Number of problems found so far.
-    pub(super) const fn count(&self) -> usize {
+    pub const fn count(&self) -> usize {
         self.found.len() + self.of_nodes.len()
     }
 
     /// Like [`take`](Self::take), but silent where one of the numbers it is made of has been noted
     /// already, since there were `before`.
-    pub(super) fn take_unless_noted<T, E: fmt::Display>(
+    pub fn take_unless_noted<T, E: fmt::Display>(
         &mut self,
         before: usize,
         at: &impl Placed,
@@ -173,7 +173,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Returns whether a problem within is known already, so that its consequences need no own line.
-    pub(super) fn is_noted_within(&self, at: &impl Placed) -> bool {
+    pub fn is_noted_within(&self, at: &impl Placed) -> bool {
         let is_within = |problem: &Problem| {
             let rest = problem.key.strip_prefix(at.place().key());
             rest.is_some_and(|rest| rest.starts_with(['.', '[']))
@@ -182,7 +182,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for a finite number.
-    pub(super) fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
+    pub fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
         let number = value.get()?;
         if !number.is_finite() {
             self.add(value, format_args!("must be finite, got {number}"));
@@ -191,10 +191,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for a finite number above zero.
-    pub(super) fn positive<const NEEDED: bool>(
-        &mut self,
-        value: &Value<f64, NEEDED>,
-    ) -> Option<f64> {
+    pub fn positive<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
         let number = value.get()?;
         if !(number.is_finite() && number > 0.0) {
             self.add(value, format_args!("must be above zero, got {number}"));
@@ -203,10 +200,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for a finite number that is not below zero.
-    pub(super) fn not_negative<const NEEDED: bool>(
-        &mut self,
-        value: &Value<f64, NEEDED>,
-    ) -> Option<f64> {
+    pub fn not_negative<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
         let number = value.get()?;
         if !(number.is_finite() && number >= 0.0) {
             self.add(value, format_args!("must be zero or above, got {number}"));
@@ -215,7 +209,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for finite numbers.
-    pub(super) fn all_finite<const N: usize, const NEEDED: bool>(
+    pub fn all_finite<const N: usize, const NEEDED: bool>(
         &mut self,
         value: &Value<List<f64, N>, NEEDED>,
     ) -> Option<[f64; N]> {
@@ -227,7 +221,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for finite numbers, none of them below zero.
-    pub(super) fn none_negative<const N: usize>(
+    pub fn none_negative<const N: usize>(
         &mut self,
         value: &Value<List<f64, N>>,
     ) -> Option<[f64; N]> {
@@ -240,7 +234,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for finite numbers above zero.
-    pub(super) fn all_positive<const N: usize>(
+    pub fn all_positive<const N: usize>(
         &mut self,
         value: &Value<List<f64, N>>,
     ) -> Option<[f64; N]> {
@@ -253,7 +247,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for one of the names of `choices`.
-    pub(super) fn one_of<T: Copy, const NEEDED: bool>(
+    pub fn one_of<T: Copy, const NEEDED: bool>(
         &mut self,
         value: &Value<String, NEEDED>,
         choices: &[(&str, T)],
@@ -270,7 +264,7 @@ impl<'t> Problems<'t> {
     }
 
     /// Checks for a number in `range`.
-    pub(super) fn within<T: Copy + PartialOrd + fmt::Display, const NEEDED: bool>(
+    pub fn within<T: Copy + PartialOrd + fmt::Display, const NEEDED: bool>(
         &mut self,
         value: &Value<T, NEEDED>,
         range: RangeInclusive<T>,
@@ -284,7 +278,10 @@ impl<'t> Problems<'t> {
     }
 
     /// The problems, if there are any.
-    pub(super) fn finish(self) -> Result<(), Invalid> {
+    ///
+    /// # Errors
+    /// When there are any.
+    pub fn finish(self) -> Result<(), Invalid> {
         let mut found = self.found;
         found.extend(merged(self.of_nodes));
         let own = self.file;

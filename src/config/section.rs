@@ -21,6 +21,7 @@ const RENAMED: [(&str, &str); 4] = [
 ];
 
 /// Declares sections: a struct each, whose fields are the keys.
+#[macro_export]
 macro_rules! sections {
     ($($(#[$about:meta])* $name:ident { $($key:ident: $of:ty,)* })*) => { $(
         $(#[$about])*
@@ -62,10 +63,10 @@ macro_rules! sections {
         }
     )* };
 }
-pub(super) use sections;
+pub use sections;
 
 /// The keys of one table.
-pub(super) trait Section: Placed + Sized {
+pub trait Section: Placed + Sized {
     /// Name in the message where something else stands in its place.
     const NAME: &'static str;
 
@@ -74,13 +75,14 @@ pub(super) trait Section: Placed + Sized {
 }
 
 /// Something that may stand at a key.
-pub(super) trait Entry: Sized {
+pub trait Entry: Sized {
     /// Reads what stands at `key`.
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self;
 }
 
 /// A table of the file; without entries where a problem has been noted of it as a whole.
-pub(super) struct Table<'d> {
+#[derive(Debug)]
+pub struct Table<'d> {
     place: Place,
     /// Where it begins, for what is missing in it.
     line: Option<usize>,
@@ -89,7 +91,7 @@ pub(super) struct Table<'d> {
 
 impl<'d> Table<'d> {
     /// The whole file.
-    pub(super) fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
+    pub fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
         let line = Some(problems.line_at(document.span().start));
         let place = Place::new(String::new(), None);
         Self { place, line, entries: Some(document.get_ref()) }
@@ -145,7 +147,7 @@ impl<'d> Table<'d> {
     }
 
     /// Reports every key that is not among `known`; a former one with its present name.
-    pub(super) fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
+    pub fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
         for key in self.entries.into_iter().flat_map(DeTable::keys) {
             let key = key.get_ref();
             if !known.iter().any(|known| bare(known) == key) {
@@ -159,7 +161,7 @@ impl<'d> Table<'d> {
     }
 
     /// The section at `key`, which must be there.
-    pub(super) fn section<T: Section>(&self, key: &str, problems: &mut Problems<'_>) -> T {
+    pub fn section<T: Section>(&self, key: &str, problems: &mut Problems<'_>) -> T {
         self.optional(key, problems).unwrap_or_else(|| {
             self.note_missing(key, problems);
             T::from_table(&Self::noted(self.place_of(key, problems)), problems)
@@ -216,7 +218,7 @@ impl<T: Section> Entry for Option<T> {
 
 /// A section of which nothing need be said.
 #[derive(Debug)]
-pub(super) struct OrEmpty<T>(T);
+pub struct OrEmpty<T>(T);
 
 impl<T> Deref for OrEmpty<T> {
     type Target = T;
@@ -238,7 +240,7 @@ impl<T: Section> Entry for OrEmpty<T> {
 
 /// Sections of the same name, which must be there: `[[joint]]`.
 #[derive(Debug)]
-pub(super) struct Sections<T> {
+pub struct Sections<T> {
     place: Place,
     /// In the order of the file; `None` where they are none.
     all: Option<Vec<T>>,
@@ -246,12 +248,12 @@ pub(super) struct Sections<T> {
 
 impl<T> Sections<T> {
     /// In the order of the file; none where a problem has been noted.
-    pub(super) fn all(&self) -> &[T] {
+    pub fn all(&self) -> &[T] {
         self.all.as_deref().unwrap_or_default()
     }
 
     /// Returns whether they are no list at all, for which a problem has been noted.
-    pub(super) const fn is_noted(&self) -> bool {
+    pub const fn is_noted(&self) -> bool {
         self.all.is_none()
     }
 }

@@ -2,35 +2,35 @@
 
 /// Key and line of something in the file, or of where it would stand.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub struct Place {
     key: String,
     line: Option<usize>,
 }
 
 impl Place {
     /// A key like `joint[2].torque_curve`, and its line or that of the nearest table around it that is written down.
-    pub(super) const fn new(key: String, line: Option<usize>) -> Self {
+    pub const fn new(key: String, line: Option<usize>) -> Self {
         Self { key, line }
     }
 
     /// The whole key.
-    pub(super) fn key(&self) -> &str {
+    pub fn key(&self) -> &str {
         &self.key
     }
 
     /// The line, from 1.
-    pub(super) const fn line(&self) -> Option<usize> {
+    pub const fn line(&self) -> Option<usize> {
         self.line
     }
 
     /// The last part of the key.
-    pub(super) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         self.key.rsplit('.').next().unwrap_or_default()
     }
 }
 
 /// Something that knows where it stands.
-pub(super) trait Placed {
+pub trait Placed {
     /// Returns where.
     fn place(&self) -> &Place;
 }
@@ -43,13 +43,13 @@ impl Placed for Place {
 
 /// Value at a key. A key that is `NEEDED` and absent is noted as a problem.
 #[derive(Clone, Debug)]
-pub(super) struct Value<T, const NEEDED: bool = true> {
+pub struct Value<T, const NEEDED: bool = true> {
     place: Place,
     found: Found<T>,
 }
 
 /// The same of a key that may be absent.
-pub(super) type Optional<T> = Value<T, false>;
+pub type Optional<T> = Value<T, false>;
 
 #[derive(Clone, Debug)]
 enum Found<T> {
@@ -60,22 +60,22 @@ enum Found<T> {
 }
 
 impl<T, const NEEDED: bool> Value<T, NEEDED> {
-    pub(super) const fn new(place: Place, value: T) -> Self {
+    pub const fn new(place: Place, value: T) -> Self {
         Self { place, found: Found::Value(value) }
     }
 
     /// A value that cannot be used, for which a problem has been noted.
-    pub(super) const fn noted(place: Place) -> Self {
+    pub const fn noted(place: Place) -> Self {
         Self { place, found: Found::Noted }
     }
 
     /// A key that is not in the file, and need not be.
-    pub(super) const fn absent(place: Place) -> Self {
+    pub const fn absent(place: Place) -> Self {
         Self { place, found: Found::Absent }
     }
 
     /// The value, if there is one.
-    pub(super) const fn as_ref(&self) -> Option<&T> {
+    pub const fn as_ref(&self) -> Option<&T> {
         match &self.found {
             Found::Value(value) => Some(value),
             Found::Noted | Found::Absent => None,
@@ -85,7 +85,7 @@ impl<T, const NEEDED: bool> Value<T, NEEDED> {
 
 impl<T: Copy, const NEEDED: bool> Value<T, NEEDED> {
     /// The value, if there is one.
-    pub(super) const fn get(&self) -> Option<T> {
+    pub const fn get(&self) -> Option<T> {
         match self.found {
             Found::Value(value) => Some(value),
             Found::Noted | Found::Absent => None,
@@ -95,14 +95,14 @@ impl<T: Copy, const NEEDED: bool> Value<T, NEEDED> {
 
 impl<T> Optional<T> {
     /// Returns whether the key is not in the file.
-    pub(super) const fn is_absent(&self) -> bool {
+    pub const fn is_absent(&self) -> bool {
         matches!(self.found, Found::Absent)
     }
 }
 
 impl<T: Clone> Optional<T> {
     /// The same with what is `usual` where the key is absent.
-    pub(super) fn or(&self, usual: T) -> Value<T> {
+    pub fn or(&self, usual: T) -> Value<T> {
         let found = match &self.found {
             Found::Absent => Found::Value(usual),
             found @ (Found::Value(_) | Found::Noted) => found.clone(),

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use config::dual_peg::DualPeg;
 use experiments::dual_peg::bench::{self, Situation};
 use experiments::dual_peg::condition::Condition;
+use experiments::dual_peg::settings::DualPeg;
 use experiments::dual_peg::trial::{Outcome, Trial};
 
 const FILE: &str = "config/experiments/dual_peg.toml";

@@ -6,8 +6,8 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::dual_peg::condition::Condition;
+use crate::dual_peg::settings::{DualPeg, PegTask};
 use config::Config;
-use config::dual_peg::{DualPeg, PegTask};
 use node::record::Record;
 use robot::arm_control::WrenchLimit;
 use sim::contact::{Holes, Pegs, Plate, Scene, Shape, Surface};

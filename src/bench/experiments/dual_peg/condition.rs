@@ -58,7 +58,7 @@ impl fmt::Display for Condition {
 mod tests {
     use std::path::Path;
 
-    use config::dual_peg::DualPeg;
+    use crate::dual_peg::settings::DualPeg;
 
     use super::*;
 

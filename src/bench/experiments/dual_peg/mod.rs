@@ -2,6 +2,7 @@
 //!
 //! | file         | part                                                            |
 //! |--------------|-----------------------------------------------------------------|
+//! | [`settings`] | the file of the experiment, `settings_file` as it is written       |
 //! | [`condition`]| the two switches: reflection and accommodation                  |
 //! | `bench`      | hand controller, robot, pegs and plate of one trial             |
 //! | [`trial`]    | one trial, in figures                                           |
@@ -10,4 +11,6 @@
 pub mod bench;
 pub mod condition;
 pub mod pooled;
+pub mod settings;
+mod settings_file;
 pub mod trial;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::dual_peg::bench::{PegBench, Situation};
 use crate::dual_peg::condition::Condition;
-use config::dual_peg::DualPeg;
+use crate::dual_peg::settings::DualPeg;
 use robot::contact_work::ContactWork;
 use sim::operator_settings::OperatorSettings;
 use telemetry::shaking::Shaking;

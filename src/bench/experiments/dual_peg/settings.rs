@@ -6,20 +6,25 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-use crate::Config;
-use crate::files;
-use crate::problem::{Invalid, Problems};
-use crate::raw::six;
-use crate::raw_dual_peg as raw;
-use crate::robots::RobotArm;
-use crate::section::{Section, Table};
-use crate::trust::Trust;
-use crate::value::{Placed, Value};
+use crate::dual_peg::settings_file as raw;
+use config::Config;
+use config::files;
+use config::problem::{Invalid, Problems};
+use config::robots::RobotArm;
+use config::section::{Section, Table};
+use config::trust::Trust;
+use config::value::{Placed, Value};
 use controller::gains::Gains;
 use controller::stability::bounds;
 use remote::site::Virtual;
 use robot::accommodation::Accommodation;
 use written::List;
+
+/// Name of the settings that the program contains.
+const SHIPPED: &str = "config/experiments/dual_peg.toml";
+
+/// Those settings.
+const TEXT: &str = include_str!("../../../../config/experiments/dual_peg.toml");
 
 /// The experiment.
 #[derive(Clone, Debug)]
@@ -136,7 +141,11 @@ impl DualPeg {
     /// # Errors
     /// Everything that is wrong with it, and with the files that it names.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(Trust::Any, file)?)
+        let shipped = (file == Path::new(SHIPPED) && !file.exists()).then_some(TEXT);
+        match shipped {
+            Some(text) => Self::parse(file, text),
+            None => Self::parse(file, &files::text(Trust::Any, file)?),
+        }
     }
 
     /// Checks `text`, which stands in `file`; names of other files are seen from there.
@@ -209,6 +218,11 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
     })
 }
 
+/// One value for the three linear axes, and one for the three angular ones.
+const fn per_axis(linear: f64, angular: f64) -> [f64; 6] {
+    [linear, linear, linear, angular, angular, angular]
+}
+
 /// The hand controller with robot, accommodation and reflection.
 fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<Config> {
     let named = |name: &String| files::beside(file, name);
@@ -219,9 +233,9 @@ fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> O
     let linear = problems.within(&raw.control.accommodation_m_per_ns, 0.0..=1e3);
     let angular = problems.within(&raw.control.accommodation_rad_per_nms, 0.0..=1e3);
     let List([force, moment]) = raw.control.wrench_gain.get()?;
-    let gain = Gains::new(six([force; 3], [moment; 3]), "wrench_gain");
+    let gain = Gains::new(per_axis(force, moment), "wrench_gain");
     let gain = problems.take(&raw.control.wrench_gain, gain);
-    let law = Accommodation::new(six([linear?; 3], [angular?; 3]), [0.0; 6]);
+    let law = Accommodation::new(per_axis(linear?, angular?), [0.0; 6]);
     let law = problems.take(&raw.control.accommodation_m_per_ns, law);
     let config = hand?.with_robot(robot?);
     // The plate is the only thing to touch.

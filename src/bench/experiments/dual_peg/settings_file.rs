@@ -1,7 +1,7 @@
 //! The file of the dual-peg experiment as it is written: sections and keys, nothing checked but their types.
 
-use crate::section::sections;
-use crate::value::Value;
+use config::section::sections;
+use config::value::Value;
 use written::List;
 
 sections! {

@@ -7,7 +7,7 @@ use crate::problem::Problems;
 use crate::raw;
 use controller::calibration::Calibration;
 use controller::coupling::Coupling;
-use written::List;
+use toml_input::List;
 
 /// Pose of the grip in link 6.
 pub(super) fn grip(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<Isometry3<f64>> {

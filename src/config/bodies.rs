@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::{Placed, Value};
-use written::List;
+use toml_input::List;
 
 /// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;

@@ -19,7 +19,7 @@ use controller::limits::AssistFraction;
 use controller::period::Period;
 use controller::reflection::Reflection;
 use controller::switches::Mode;
-use written::List;
+use toml_input::List;
 
 /// Meaning of a displacement of the hand at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {

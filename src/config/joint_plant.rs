@@ -7,7 +7,7 @@ use crate::rest::Rest;
 use crate::units::Units;
 use crate::{bodies, raw, simulated};
 use controller::arm::Link;
-use written::List;
+use toml_input::List;
 
 /// Reads the joint with its range, rest position and `actuator`; `None` where a problem has been noted.
 pub(super) fn read(

@@ -6,7 +6,7 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
 use remote::delayed::DelaySettings;
-use written::List;
+use toml_input::List;
 
 /// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).
 const MAX_AGE_MS: std::ops::RangeInclusive<f64> = 5.0..=100.0;

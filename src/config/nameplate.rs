@@ -8,7 +8,7 @@ use crate::value::Optional;
 use canopen::fact::Fact;
 use canopen::nameplate::units::{SiUnit, Units};
 use canopen::nameplate::{Nameplate, Rating, Ratio};
-use written::List;
+use toml_input::List;
 
 /// Units of 6076h, with how many make 1 N·m.
 const UNITS: [(&str, (f64, &str)); 2] = [("mNm", (1e3, "mN·m")), ("uNm", (1e6, "µN·m"))];

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::trust::Trust;
 use crate::value::{Placed, Value};
 use canopen::eds::{Eds, Finding};
+use toml_input::List;
 use units::wording::{grouped, listed};
-use written::List;
 
 /// One problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -132,7 +132,7 @@ impl<'t> Problems<'t> {
         self.found.push(Problem {
             file: self.file.clone(),
             line: offset.map(|offset| self.line_at(offset)),
-            key: offset.map(|offset| written::key_at(self.text, offset)).unwrap_or_default(),
+            key: offset.map(|offset| toml_input::key_at(self.text, offset)).unwrap_or_default(),
             reason: error.message().to_owned(),
         });
     }

@@ -2,7 +2,7 @@
 
 use crate::section::{OrEmpty, Sections, sections};
 use crate::value::{Optional, Value};
-use written::List;
+use toml_input::List;
 
 sections! {
     /// A whole file.

@@ -19,8 +19,8 @@ use robot::object::Servo;
 use robot::payload::Payload;
 use robot::shared_control::SharedControl;
 use robot::wrist_sensor::{Reports, WristSensor};
+use toml_input::List;
 use units::spatial::Wrench;
-use written::List;
 
 /// Maximum coefficient of friction; rubber on rubber is below.
 const MAX_FRICTION: f64 = 2.0;

@@ -19,7 +19,7 @@ use crate::raw_robot as raw;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
 use crate::value::{Optional, Value};
-use written::List;
+use toml_input::List;
 
 /// Gain of null-space centring if none is given, in 1/s.
 const CENTRING: f64 = 0.5;

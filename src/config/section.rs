@@ -310,7 +310,7 @@ impl Visitor<'_> for Expected {
 mod tests {
     use std::path::Path;
 
-    use written::List;
+    use toml_input::List;
 
     use super::*;
     use crate::trust::Trust;

@@ -5,7 +5,7 @@ use crate::raw;
 use crate::units::Units;
 use controller::arm::JointKind;
 use controller::calibration::TorqueCurve;
-use written::List;
+use toml_input::List;
 
 /// Range of the time constant of a current loop, in µs; 1600 µs are 100 Hz.
 const CURRENT_LOOP_US: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;

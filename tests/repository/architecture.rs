@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Rooms without side effects: no I/O, no clock, no log.
 const PURE: &[&str] = &[
     "units",
-    "written",
+    "toml_input",
     "canopen",
     "canopen_device",
     "faults",
@@ -47,7 +47,7 @@ fn table_of_rooms_matches_the_manifests() {
 #[test]
 fn room_depends_only_on_rooms_of_lower_levels() {
     let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
-    let plan = text.split("```text").find(|block| block.contains("units · written")).unwrap();
+    let plan = text.split("```text").find(|block| block.contains("units · toml_input")).unwrap();
     let mut level = BTreeMap::new();
     for line in plan.lines() {
         let mut columns = line.split("  ").map(str::trim).filter(|column| !column.is_empty());

@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use crate::hand::Hand;
 use crate::tremor::Shake;
-use written::List;
+use toml_input::List;
 
 /// Impedance, reaction and tremor of an operator.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]

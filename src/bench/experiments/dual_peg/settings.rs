@@ -18,7 +18,7 @@ use controller::gains::Gains;
 use controller::stability::bounds;
 use remote::site::Virtual;
 use robot::accommodation::Accommodation;
-use written::List;
+use toml_input::List;
 
 /// Name of the settings that the program contains.
 const SHIPPED: &str = "config/experiments/dual_peg.toml";

@@ -2,7 +2,7 @@
 
 use config::section::sections;
 use config::value::Value;
-use written::List;
+use toml_input::List;
 
 sections! {
     /// A whole file.

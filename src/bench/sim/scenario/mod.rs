@@ -100,7 +100,7 @@ impl Scenario {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
             let message = error.message().replace('\n', " ");
-            let key = || error.span().map(|span| written::key_at(text, span.start));
+            let key = || error.span().map(|span| toml_input::key_at(text, span.start));
             let problem = match key().filter(|_| message.starts_with("must be")) {
                 Some(key) => format!("{key} {message}"),
                 None => message,

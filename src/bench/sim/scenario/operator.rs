@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use crate::scenario::problem::{MIN_DURATION, Misplaced, in_order, within};
-use written::List;
+use toml_input::List;
 
 /// Reach of the hand, in m.
 const REACH: f64 = 2.0;

@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use serde::Deserialize;
-//! use written::List;
+//! use toml_input::List;
 //!
 //! #[derive(Deserialize)]
 //! struct Wall { point_m: List<f64, 3> }

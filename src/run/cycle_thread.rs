@@ -4,7 +4,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use crate::console::{AcceptedRequest, RequestReceiver};
+use crate::console::request_queue::{AcceptedRequest, RequestReceiver};
 use crate::disk_writers::STACK;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::latch::Latch;
@@ -21,10 +21,12 @@ use remote::Remote;
 const LATCH_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Result of the cycle thread.
-struct Ended {
+#[derive(Debug)]
+pub struct Ended {
     /// Every drive is confirmed disabled, and no stop is latched.
-    is_orderly: bool,
-    outcome: Result<(), Failure>,
+    pub is_orderly: bool,
+    /// The failure, with its exit code.
+    pub outcome: Result<(), Failure>,
 }
 
 impl Ended {
@@ -85,7 +87,7 @@ fn within<T: Send + 'static>(
 }
 
 /// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
-fn run_node<B: Bus, R: Remote>(
+pub fn run_node<B: Bus, R: Remote>(
     node: &mut Node<Traced<B, EntryProducer>, R>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
@@ -160,7 +162,7 @@ fn run_cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
 }
 
 /// Executes a pending disarm, and then at most one other request.
-fn execute_requests<B: Bus, R: Remote>(
+pub fn execute_requests<B: Bus, R: Remote>(
     node: &mut Node<B, R>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
@@ -211,101 +213,7 @@ fn forward_events<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-    use std::fs;
-    use std::path::{Path, PathBuf};
-    use std::sync::Arc;
-
     use super::*;
-    use crate::console::{self, Phase, RequestSender};
-    use crate::rings::{self, EntryConsumer};
-    use canopen::frame::{Channel, Frame, Telegram};
-    use canopen::station::Station;
-    use config::Config;
-    use controller::switches::Mode as CommandMode;
-    use memory_bus::Memory;
-    use node::record::Mode;
-    use remote::site::VirtualSite;
-    use sim::scenario::Scenario;
-    use sim::world::World;
-    use testbench::world;
-    use units::time::Instant;
-
-    /// A node without threads, on an in-memory bus.
-    struct Bench<S> {
-        node: Node<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
-        sender: RequestSender,
-        requests: RequestReceiver,
-        latch: Latch,
-        folder: PathBuf,
-        /// RecordSink: a ring without its other end loses all.
-        _consumer: EntryConsumer,
-    }
-
-    impl<S: Station> Bench<S> {
-        /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
-        fn of(name: &str, crashed: bool, stations: S) -> Self {
-            let folder = crate::scratch::path(name);
-            let set = || Latch::set_in(folder.clone(), None, &["can0".to_owned()]);
-            if crashed {
-                drop(set());
-            }
-            let latch = set();
-            let config = config();
-            let (producer, consumer, _) = rings::rings();
-            let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), producer);
-            let node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
-            let (sender, requests) = console::channel();
-            Self { node, sender, requests, latch, folder, _consumer: consumer }
-        }
-
-        /// Runs until `stopping` returns true; it is called at least once a cycle and during boots.
-        fn run(&mut self, stopping: &impl Fn() -> bool) -> Ended {
-            run_node(&mut self.node, &mut self.requests, &mut self.latch, stopping, &|| false)
-        }
-
-        fn execute_requests(&mut self) {
-            execute_requests(&mut self.node, &mut self.requests, &mut self.latch, &|| false);
-        }
-    }
-
-    impl<S> Drop for Bench<S> {
-        fn drop(&mut self) {
-            fs::remove_dir_all(&self.folder).ok();
-        }
-    }
-
-    /// Returns a predicate that becomes true after this many cycles.
-    fn after_cycles(cycles: u32, sender: &RequestSender) -> impl Fn() -> bool + use<> {
-        let sender = sender.clone();
-        let asked = Cell::new(0);
-        move || {
-            asked.set(asked.get() + u32::from(sender.phase() == Phase::Running));
-            asked.get() > cycles
-        }
-    }
-
-    fn config() -> Config {
-        Config::load(Path::new("config/kraft_like.toml")).unwrap()
-    }
-
-    fn bench(name: &str, crashed: bool) -> Bench<World> {
-        let world = world::build(&config(), Scenario::parse("seconds = 60").unwrap(), 1);
-        Bench::of(name, crashed, world)
-    }
-
-    /// A bus without devices.
-    struct NoDevices;
-
-    impl Station for NoDevices {
-        fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
-
-        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
-
-        fn deadline(&self) -> Option<Instant> {
-            None
-        }
-    }
 
     #[test]
     fn refused_real_time_setting_is_a_warning() {
@@ -321,110 +229,5 @@ mod tests {
         let (release, hangs) = channel::<()>();
         assert_eq!(within(Duration::ZERO, move || hangs.recv().is_ok()), None);
         drop(release);
-    }
-
-    #[test]
-    fn stopped_run_ends_in_order_with_all_drives_off() {
-        let mut bench = bench("run-orderly", false);
-        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
-        ended.outcome.unwrap();
-        assert!(ended.is_orderly && bench.node.is_off());
-        let denied = bench.sender.send(Request::Arm, bench.node.bus().now(), &Arc::default());
-        assert_eq!(denied.unwrap_err().to_string(), "the node is stopping");
-    }
-
-    #[test]
-    fn cancelled_boot_is_an_orderly_end() {
-        let mut bench = bench("run-given-up", false);
-        let ended = bench.run(&|| true);
-        ended.outcome.unwrap();
-        assert!(ended.is_orderly);
-    }
-
-    #[test]
-    fn boot_without_drives_fails_and_latches_nothing() {
-        let mut bench = Bench::of("run-no-devices", false, NoDevices);
-        let ended = bench.run(&|| false);
-        let [code, of_drives] =
-            [ended.outcome.unwrap_err(), Failure::new(Kind::Drive, "")].map(|it| it.code());
-        assert_eq!(format!("{code:?}"), format!("{of_drives:?}"));
-        assert!(ended.is_orderly, "no drive was enabled");
-    }
-
-    #[test]
-    fn run_after_a_crash_enables_nothing_and_ends_stopped() {
-        let mut bench = bench("run-crashed", true);
-        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
-        let failure = ended.outcome.unwrap_err();
-        assert!(failure.to_string().starts_with("stopped by "), "{failure}");
-        assert!(!ended.is_orderly && bench.node.is_off());
-    }
-
-    #[test]
-    fn disarm_precedes_queued_requests() {
-        let mut bench = bench("run-disarm", false);
-        bench.node.bring_up(&mut || false).unwrap();
-        bench.requests.end_boot(bench.node.bus().now());
-        let now = bench.node.bus().now();
-        let arm = bench.sender.send(Request::Arm, now, &Arc::default()).unwrap();
-        bench.execute_requests();
-        assert_eq!(arm.blocking_recv().unwrap().unwrap(), Mode::Armed);
-        let rate = Request::Command(CommandMode::Rate);
-        let queued = bench.sender.send(rate, now, &Arc::default()).unwrap();
-        let disarm = bench.sender.request_disarm();
-        bench.execute_requests();
-        assert!(bench.sender.disarm_result(disarm).is_some());
-        assert!(queued.blocking_recv().unwrap().is_err(), "void since the disarm");
-    }
-
-    #[test]
-    fn reset_boots_releases_the_latch_and_voids_queued_requests() {
-        let mut bench = bench("run-reset", true);
-        let cause = bench.latch.cause().unwrap();
-        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        let begun = bench.node.bus().now();
-        bench.requests.end_boot(begun);
-        let reset = bench.sender.send(Request::Reset, begun, &Arc::default()).unwrap();
-        let arm = bench.sender.send(Request::Arm, begun, &Arc::default()).unwrap();
-        bench.execute_requests();
-        assert_eq!(reset.blocking_recv().unwrap().unwrap(), Mode::Ready);
-        assert_eq!(bench.latch.cause(), None);
-        assert!(arm.blocking_recv().unwrap().unwrap_err().to_string().contains("booting"));
-        bench.execute_requests();
-        assert_eq!(bench.node.mode(), Mode::Ready);
-    }
-
-    #[test]
-    fn failed_reset_leaves_the_latch() {
-        let mut bench = bench("run-reset-fails", true);
-        let cause = bench.latch.cause().unwrap();
-        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        bench.requests.end_boot(bench.node.bus().now());
-        let now = bench.node.bus().now();
-        let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
-        // A signal ends the boot.
-        execute_requests(&mut bench.node, &mut bench.requests, &mut bench.latch, &|| true);
-        assert!(reset.blocking_recv().unwrap().is_err());
-        assert_eq!(bench.latch.cause(), Some(cause));
-        assert!(bench.node.mode().is_stopped() && bench.node.is_off());
-    }
-
-    #[test]
-    fn hazard_27_reset_without_a_writable_latch_enables_no_drive() {
-        let mut bench = bench("run-no-latch", true);
-        fs::remove_dir_all(&bench.folder).unwrap();
-        // Not a folder.
-        fs::write(&bench.folder, "").unwrap();
-        let cause = bench.latch.cause().unwrap();
-        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        let now = bench.node.bus().now();
-        bench.requests.end_boot(now);
-        let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
-        bench.execute_requests();
-        let refused = reset.blocking_recv().unwrap().unwrap_err().to_string();
-        assert!(refused.contains("cannot be written"), "{refused}");
-        assert_eq!(bench.latch.cause(), Some(cause));
-        assert!(bench.node.mode().is_stopped() && bench.node.is_off());
-        fs::remove_file(&bench.folder).unwrap();
     }
 }

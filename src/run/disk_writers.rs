@@ -265,16 +265,13 @@ mod tests {
     use std::fs::{self, File};
     use std::io::{Read, pipe};
     use std::os::fd::OwnedFd;
-    use std::path::Path;
 
     use super::*;
     use crate::provenance::Provenance;
+    use crate::scratch::any_record;
     use canopen::frame::{Channel, Frame};
-    use config::Config;
     use node::cause::Cause;
     use node::record::Mode;
-    use sim::scenario::Scenario;
-    use testbench::bench::Bench;
     use units::numbering::Joint;
 
     /// Frames on two full buses in a cycle of 1 ms.
@@ -284,11 +281,6 @@ mod tests {
 
     fn provenance() -> Provenance {
         Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }
-    }
-
-    fn any_record() -> Record {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
     }
 
     /// Pushes cycles of 1 ms with their frames, and flushes every fifth, as the recorder thread does.

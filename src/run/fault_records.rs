@@ -281,13 +281,12 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
+    use crate::scratch::any_record;
     use crate::scratch::path as scratch;
     use config::Config;
     use node::cause::Cause;
     use node::record::Mode;
-    use sim::scenario::Scenario;
     use telemetry::origin::Origin;
-    use testbench::bench::Bench;
 
     const TRIP: Trip = Trip {
         cycle: 4_213,
@@ -301,11 +300,6 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let origin = Origin::from_micros(1_795_331_563_123_456);
         Provenance::of(&config, &["can0".to_owned()], origin)
-    }
-
-    fn any_record() -> Record {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
     }
 
     fn mode_of(path: &Path) -> u32 {

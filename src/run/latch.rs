@@ -26,7 +26,7 @@ const FOLDER_PERMISSIONS: u32 = 0o2770;
 
 /// The latch of one run.
 #[derive(Debug)]
-pub(super) struct Latch {
+pub struct Latch {
     folder: PathBuf,
     name: String,
     /// Latch that an earlier release left in the user's home.
@@ -41,12 +41,12 @@ pub(super) struct Latch {
 
 impl Latch {
     /// Creates the latch of the node on these interfaces, or finds it left by the last run.
-    pub(super) fn set(interfaces: &[String]) -> Self {
+    pub fn set(interfaces: &[String]) -> Self {
         Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces)
     }
 
     /// Does the same in `folder`, and looks for one in the `earlier` folder, too.
-    pub(super) fn set_in(folder: PathBuf, earlier: Option<PathBuf>, interfaces: &[String]) -> Self {
+    pub fn set_in(folder: PathBuf, earlier: Option<PathBuf>, interfaces: &[String]) -> Self {
         let name = name(interfaces);
         // One that cannot be inspected counts as left.
         let is_left = |path: &PathBuf| match fs::symlink_metadata(path) {
@@ -91,12 +91,12 @@ impl Latch {
     }
 
     /// Returns the stop in which the node starts, if it does.
-    pub(super) fn cause(&self) -> Option<Cause> {
+    pub fn cause(&self) -> Option<Cause> {
         self.awaits.map(|reason| Cause::AwaitsReset { reason })
     }
 
     /// Returns the description of that stop, with the path.
-    pub(super) fn remark(&self) -> Option<&str> {
+    pub fn remark(&self) -> Option<&str> {
         self.remark.as_deref()
     }
 
@@ -105,7 +105,7 @@ impl Latch {
     ///
     /// # Errors
     /// The reason why no drive may be enabled: the latch cannot be written.
-    pub(super) fn before_reset(&self) -> Result<(), String> {
+    pub fn before_reset(&self) -> Result<(), String> {
         if self.awaits.is_none() {
             return Ok(());
         }
@@ -114,7 +114,7 @@ impl Latch {
     }
 
     /// Writes the reason of the stop again, after a reset that has failed with all drives off.
-    pub(super) fn restore(&self) {
+    pub fn restore(&self) {
         if self.awaits.is_none() {
             return;
         }
@@ -124,7 +124,7 @@ impl Latch {
     }
 
     /// Clears the stop after a successful reset.
-    pub(super) fn release(&mut self) {
+    pub fn release(&mut self) {
         self.awaits = None;
         let Some(path) = self.earlier.take() else { return };
         if let Err(error) = fs::remove_file(&path) {
@@ -133,7 +133,7 @@ impl Latch {
     }
 
     /// Removes the latch after an orderly end, or writes the reason into it. Returns a message to log.
-    pub(super) fn end(self, outcome: Result<(), String>) -> Option<String> {
+    pub fn end(self, outcome: Result<(), String>) -> Option<String> {
         // Keeps the reason of the earlier run.
         if self.awaits.is_some() {
             return None;

@@ -77,7 +77,7 @@ struct Counters {
 
 impl LossCounters {
     /// Returns the losses so far.
-    pub(super) fn snapshot(&self) -> Losses {
+    pub fn snapshot(&self) -> Losses {
         let Counters { frames, records, events, of_session, of_faults } = &*self.0;
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Losses {
@@ -182,13 +182,10 @@ impl EntryConsumer {
 #[cfg(test)]
 mod tests {
     use std::mem::size_of;
-    use std::path::Path;
 
     use super::*;
+    use crate::scratch::any_record;
     use canopen::frame::{Channel, Frame};
-    use config::Config;
-    use sim::scenario::Scenario;
-    use testbench::bench::Bench;
     use units::numbering::NodeIndex;
 
     /// Logs the order of the entries.
@@ -213,16 +210,10 @@ mod tests {
         Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
     }
 
-    fn bench<T: Tap>(tap: T) -> Bench<T> {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        let script = "seconds = 2\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n";
-        Bench::new(&config, Scenario::parse(script).unwrap(), 1, false, tap)
-    }
-
     #[test]
     fn rings_keep_the_order_of_frames_records_and_events() {
         let (mut producer, mut consumer, lost) = rings();
-        let record = bench(()).cycle();
+        let record = any_record();
         producer.on_wire(Instant::from_micros(1), &sync());
         producer.push_record(&record);
         producer.push_event(Event::HeartbeatLost { node: NodeIndex(0) });
@@ -243,7 +234,7 @@ mod tests {
     #[test]
     fn full_rings_drop_entries_and_count_them_by_kind() {
         let (mut producer, mut consumer, lost) = rings();
-        let record = bench(()).cycle();
+        let record = any_record();
         for cycle in 0..5_000 {
             producer.push_record(&Record { cycle, ..record });
         }
@@ -274,25 +265,5 @@ mod tests {
         let sum = order + records + events;
         assert!(size_of::<Slot>() <= 24, "{} bytes a frame", size_of::<Slot>());
         assert!(sum <= 15_000_000, "{order} + {records} + {events} bytes");
-    }
-
-    /// Returns the torques of this many cycles with the arm held by gravity compensation.
-    fn torques(tap: impl Tap, cycles: usize) -> Vec<(Instant, [i16; 6])> {
-        let mut bench = bench(tap);
-        bench.bring_up().unwrap();
-        (0..cycles).map(|_| bench.cycle()).map(|record| (record.at, record.targets)).collect()
-    }
-
-    #[test]
-    fn promise_13_hung_or_dropped_recorder_changes_no_torque() {
-        let alone = torques((), 10_000);
-        assert!(alone.iter().any(|(_, targets)| targets.iter().any(|target| *target != 0)));
-        let (hanging, consumer, lost) = rings();
-        assert_eq!(torques(hanging, 10_000), alone);
-        assert!(lost.snapshot().frames > 0, "the ring was full");
-        drop(consumer);
-        let (orphan, consumer, _) = rings();
-        drop(consumer);
-        assert_eq!(torques(orphan, 300), alone[..300]);
     }
 }

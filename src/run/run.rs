@@ -11,7 +11,7 @@ use clap::Args;
 use tokio::sync::oneshot;
 
 use crate::config_arg::TrustedConfigArg;
-use crate::console::{self, RequestHandler, Socket, default_socket};
+use crate::console::{RequestHandler, Socket, default_socket, request_queue};
 use crate::disk_writers::{self, DiskWriters};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
@@ -80,7 +80,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         Traced::new(bus, producer),
         VirtualSite::new(&config.remote, config.period),
     );
-    let (sender, requests) = console::channel();
+    let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
     let latest = LatestStatus::default();
     let latch = Latch::set(&names);

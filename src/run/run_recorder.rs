@@ -91,13 +91,11 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::scratch::any_record;
     use crate::scratch::path as scratch;
     use canopen::frame::{Channel, Frame};
-    use config::Config;
     use node::cause::Cause;
     use node::record::Mode;
-    use sim::scenario::Scenario;
-    use testbench::bench::Bench;
     use units::numbering::Joint;
 
     fn provenance() -> Provenance {
@@ -106,9 +104,7 @@ mod tests {
 
     /// Records two SYNCs and cycles, the second with a trip.
     fn record_trip(recorder: &mut RunRecorder) {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        let script = Scenario::parse("seconds = 1").unwrap();
-        let record = Bench::new(&config, script, 1, false, ()).cycle();
+        let record = any_record();
         let cause = Some(Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 });
         let engaged = Record { mode: Mode::Engaged, cause: None, ..record };
         let stopped = Record { mode: Mode::ZeroTorque, cause, ..record };

@@ -1,8 +1,17 @@
-//! Temporary folders for tests.
+//! Temporary folders and a record for tests.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 use std::{env, fs, process};
+
+use bus::{Bus, Received, SendError};
+use canopen::frame::Telegram;
+use config::Config;
+use node::Node;
+use node::record::Record;
+use remote::site::VirtualSite;
+use units::time::Instant;
 
 /// Returns the path of a folder that does not exist; every call returns another.
 pub(crate) fn path(name: &str) -> PathBuf {
@@ -11,4 +20,34 @@ pub(crate) fn path(name: &str) -> PathBuf {
     let path = env::temp_dir().join(format!("frhc-{}-{number}-{name}", process::id()));
     fs::remove_dir_all(&path).ok(); // left by an earlier process with this id
     path
+}
+
+/// A bus on which nothing is received, and no time passes but what is waited for.
+#[derive(Debug)]
+struct SilentBus(Instant);
+
+impl Bus for SilentBus {
+    fn now(&self) -> Instant {
+        self.0
+    }
+
+    fn wall(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    fn send(&mut self, _telegram: Telegram) -> Result<(), SendError> {
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> Option<Received> {
+        self.0 = self.0.max(until);
+        None
+    }
+}
+
+/// Returns the record of the first cycle of a node that has not booted.
+pub(crate) fn any_record() -> Record {
+    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let site = VirtualSite::new(&config.remote, config.period);
+    Node::new(&config, SilentBus(Instant::default()), site).cycle()
 }

@@ -175,18 +175,16 @@ async fn hang_up(write: &WriteHalf<'_>) -> io::Error {
 mod tests {
     use std::fs;
     use std::future::Future;
-    use std::path::{Path, PathBuf};
+    use std::path::PathBuf;
 
     use super::*;
-    use crate::console::{RequestReceiver, channel};
+    use crate::console::request_queue::{RequestReceiver, channel};
     use crate::recorder_thread::LatestStatus;
-    use config::Config;
+    use crate::scratch::any_record;
     use node::record::{Mode, Record};
     use node::{BringUpError, Request, RequestError};
-    use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
-    use testbench::bench;
     use units::time::Instant;
 
     /// A console without a node, in a folder of its own.
@@ -225,12 +223,6 @@ mod tests {
             drop(bench.socket);
             fs::remove_dir_all(&bench.folder).unwrap();
         });
-    }
-
-    /// The first cycle of a node that has not booted.
-    fn any_record() -> Record {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        bench::Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
     }
 
     async fn connect(path: &PathBuf) -> UnixStream {

@@ -13,17 +13,10 @@
 
 mod clients;
 mod request_handler;
-mod request_queue;
+pub mod request_queue;
 mod socket;
 
 pub(super) use request_handler::RequestHandler;
-pub(super) use request_queue::AcceptedRequest;
-#[cfg(test)]
-pub(super) use request_queue::Phase;
-pub(super) use request_queue::RequestReceiver;
-#[cfg(test)]
-pub(super) use request_queue::RequestSender;
-pub(super) use request_queue::channel;
 pub(super) use socket::{Socket, default_socket, default_sockets};
 
 use serde::{Deserialize, Serialize};

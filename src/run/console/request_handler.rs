@@ -306,16 +306,13 @@ const fn name(request: Request) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
 
     use super::*;
-    use crate::console::{RequestReceiver, channel};
-    use config::Config;
+    use crate::console::request_queue::{RequestReceiver, channel};
+    use crate::scratch::any_record;
     use node::BringUpError;
-    use sim::scenario::Scenario;
     use telemetry::losses::Losses;
     use telemetry::status::Status;
-    use testbench::bench::Bench;
 
     const NOW: Instant = Instant::from_micros(1_000_000);
 
@@ -449,9 +446,7 @@ mod tests {
     #[test]
     fn status_during_a_boot_is_boot_without_older_values() {
         run(|handler, mut receiver, latest| async move {
-            let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-            let script = Scenario::parse("seconds = 1").unwrap();
-            let record = Bench::new(&config, script, 1, false, ()).cycle();
+            let record = any_record();
             latest.set(NOW, Status::of(&record, 0, Losses::default()));
             assert!(handler.answer(ConsoleCommand::Status, None).await.status.is_some());
             receiver.begin_boot();

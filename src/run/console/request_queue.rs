@@ -23,7 +23,7 @@ const MAX_AGE: Duration = Duration::from_secs(1);
 
 /// Reasons why a request is refused.
 #[derive(Debug)]
-pub(crate) enum Denied {
+pub enum Denied {
     /// The node refuses it.
     Refused(RequestError),
     /// A reset whose latch cannot be written: no drive may be enabled.
@@ -60,11 +60,11 @@ impl fmt::Display for Denied {
 }
 
 /// Result of a request: the mode after it.
-pub(crate) type Outcome = Result<Mode, Denied>;
+pub type Outcome = Result<Mode, Denied>;
 
 /// Phase of the node, which decides the requests it accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Phase {
+pub enum Phase {
     /// Only disarm is accepted.
     Booting,
     /// All requests are accepted.
@@ -129,7 +129,7 @@ impl Pending {
 }
 
 /// Returns sender and receiver, in phase booting.
-pub(crate) fn channel() -> (RequestSender, RequestReceiver) {
+pub fn channel() -> (RequestSender, RequestReceiver) {
     let (queue, queued) = mpsc::channel(QUEUE_CAPACITY);
     let shared = Arc::new(Shared {
         phase: AtomicU8::new(Phase::Booting.number()),
@@ -143,28 +143,28 @@ pub(crate) fn channel() -> (RequestSender, RequestReceiver) {
 
 /// Sender, used by the console.
 #[derive(Clone, Debug)]
-pub(crate) struct RequestSender {
+pub struct RequestSender {
     queue: mpsc::Sender<Pending>,
     shared: Arc<Shared>,
 }
 
 /// Number of a requested disarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Disarm(u64);
+pub struct Disarm(u64);
 
 impl RequestSender {
     /// Returns the node's phase.
-    pub(crate) fn phase(&self) -> Phase {
+    pub fn phase(&self) -> Phase {
         self.shared.phase()
     }
 
     /// Requests a disarm. It cannot be lost or refused.
-    pub(crate) fn request_disarm(&self) -> Disarm {
+    pub fn request_disarm(&self) -> Disarm {
         Disarm(self.shared.disarms.fetch_add(1, Ordering::AcqRel) + 1)
     }
 
     /// Returns the mode after this disarm, once it is complete.
-    pub(crate) fn disarm_result(&self, Disarm(number): Disarm) -> Option<Mode> {
+    pub fn disarm_result(&self, Disarm(number): Disarm) -> Option<Mode> {
         let is_done = self.shared.disarmed.load(Ordering::Acquire) >= number;
         let place = usize::from(self.shared.disarmed_to.load(Ordering::Acquire));
         Mode::ALL.get(place).copied().filter(|_| is_done)
@@ -174,7 +174,7 @@ impl RequestSender {
     ///
     /// # Errors
     /// When the node is booting or stopping, or the queue is full.
-    pub(crate) fn send(
+    pub fn send(
         &self,
         request: Request,
         made_at: Instant,
@@ -196,7 +196,7 @@ impl RequestSender {
 
 /// Receiver, used by the cycle thread; never blocks.
 #[derive(Debug)]
-pub(crate) struct RequestReceiver {
+pub struct RequestReceiver {
     queued: mpsc::Receiver<Pending>,
     shared: Arc<Shared>,
     /// End of the last boot: older requests are refused.
@@ -205,32 +205,32 @@ pub(crate) struct RequestReceiver {
 
 /// A request to execute in this cycle.
 #[derive(Debug)]
-pub(crate) struct AcceptedRequest {
-    pub(crate) request: Request,
+pub struct AcceptedRequest {
+    pub request: Request,
     pending: Pending,
 }
 
 impl AcceptedRequest {
     /// Sends the outcome to the client.
-    pub(crate) fn answer(self, outcome: Result<Mode, RequestError>) {
+    pub fn answer(self, outcome: Result<Mode, RequestError>) {
         self.pending.answer(outcome.map_err(Denied::Refused));
     }
 
     /// Refuses a reset because its latch cannot be written.
-    pub(crate) fn refuse_without_latch(self, reason: String) {
+    pub fn refuse_without_latch(self, reason: String) {
         self.pending.answer(Err(Denied::Latch(reason)));
     }
 }
 
 impl RequestReceiver {
     /// Returns the newest disarm that is not complete.
-    pub(crate) fn pending_disarm(&self) -> Option<Disarm> {
+    pub fn pending_disarm(&self) -> Option<Disarm> {
         let queued = self.disarms();
         (queued != self.shared.disarmed.load(Ordering::Relaxed)).then_some(Disarm(queued))
     }
 
     /// Completes this disarm and all before it; the mode is now `mode`.
-    pub(crate) fn complete_disarm(&self, Disarm(number): Disarm, mode: Mode) {
+    pub fn complete_disarm(&self, Disarm(number): Disarm, mode: Mode) {
         let place = Mode::ALL.iter().position(|one| *one == mode);
         let place = place.and_then(|place| u8::try_from(place).ok()).unwrap_or_default();
         self.shared.disarmed_to.store(place, Ordering::Release);
@@ -242,7 +242,7 @@ impl RequestReceiver {
     }
 
     /// Returns the next valid request; refuses the invalid ones before it.
-    pub(crate) fn next(&mut self, now: Instant) -> Option<AcceptedRequest> {
+    pub fn next(&mut self, now: Instant) -> Option<AcceptedRequest> {
         while let Ok(pending) = self.queued.try_recv() {
             match self.denies(&pending, now) {
                 None => return Some(AcceptedRequest { request: pending.request, pending }),
@@ -268,12 +268,12 @@ impl RequestReceiver {
     }
 
     /// Enters phase booting: until [`end_boot`](Self::end_boot) only disarm is accepted.
-    pub(crate) fn begin_boot(&self) {
+    pub fn begin_boot(&self) {
         self.enter(Phase::Booting);
     }
 
     /// Completes disarms and refuses all other requests; to be called during a boot, when all torques are zero.
-    pub(crate) fn answer_during_boot(&mut self) {
+    pub fn answer_during_boot(&mut self) {
         if let Some(disarm) = self.pending_disarm() {
             self.complete_disarm(disarm, Mode::Boot);
         }
@@ -283,13 +283,13 @@ impl RequestReceiver {
     }
 
     /// Enters phase running; the boot has ended at `now`.
-    pub(crate) fn end_boot(&mut self, now: Instant) {
+    pub fn end_boot(&mut self, now: Instant) {
         self.ready_at = now;
         self.enter(Phase::Running);
     }
 
     /// Enters phase ending and refuses all queued requests.
-    pub(crate) fn close(&mut self) {
+    pub fn close(&mut self) {
         self.enter(Phase::Ending);
         while let Ok(pending) = self.queued.try_recv() {
             pending.answer(Err(Denied::Ending));

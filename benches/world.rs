@@ -19,8 +19,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant as Clock};
 
 use canopen::frame::{Channel, Telegram};
-use canopen::station::Station;
 use canopen::sync;
+use canopen_device::station::Station;
 use config::Config;
 use sim::hand::Hand;
 use sim::scenario::Scenario;

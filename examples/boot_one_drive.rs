@@ -7,12 +7,12 @@ use std::error::Error;
 use std::time::Duration;
 
 use bus::{Bus, BusEvent, Received, Tap};
-use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::{Channel, Telegram};
 use canopen::master::Master;
 use canopen::plan::{Identity, NodePlan, Watch};
 use canopen::{NodeId, layout};
+use canopen_device::dictionary::Dictionary;
 use memory_bus::Memory;
 use sim::actuator::ActuatorSettings;
 use sim::drive::{Drive, DriveSettings};

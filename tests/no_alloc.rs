@@ -20,7 +20,7 @@ use common::bench::scenario;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use config::{Config, RemoteLink};
-use remote::delayed::DelaySettings;
+use remote::delay::DelaySettings;
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};

@@ -26,9 +26,7 @@
 
 pub mod abort;
 pub mod bits;
-pub mod concise;
 pub mod data_type;
-pub mod dictionary;
 pub mod drive;
 pub mod eds;
 pub mod emcy;
@@ -41,23 +39,19 @@ pub mod heartbeat;
 pub mod layout;
 pub mod listening;
 pub mod load;
-pub mod lss;
 pub mod master;
 pub mod nameplate;
 pub mod nmt;
 pub mod object;
 pub mod pdo;
 pub mod plan;
-pub mod procedure;
 pub mod sdo;
 pub mod setting;
-pub mod station;
 pub mod sync;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 pub mod time_stamp;
 mod used;
-pub mod value;
 pub mod watchdog;
 
 pub use canopen_rs::{ByteString, NmtCommand, NmtState, NodeId, Value};

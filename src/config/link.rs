@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
-use remote::delayed::DelaySettings;
+use remote::delay::DelaySettings;
 use toml_input::List;
 
 /// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).

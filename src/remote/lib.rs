@@ -18,8 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
-pub mod delayed;
-pub mod disturbed;
+pub mod delay;
 pub mod scene;
 pub mod site;
 

@@ -27,7 +27,6 @@ pub mod cycle_thread;
 mod disk_writers;
 pub mod exit;
 pub mod fault_records;
-pub mod faults;
 pub mod gains;
 pub mod interfaces;
 pub mod latch;

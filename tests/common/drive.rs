@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use bus::{Bus, BusEvent, Tap};
 use canopen::NodeId;
-use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::sdo::{Outcome, Transfer};
+use canopen_device::dictionary::Dictionary;
 use memory_bus::Memory;
 use sim::actuator::ActuatorSettings;
 use sim::drive::{Drive, DriveSettings};

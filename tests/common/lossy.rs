@@ -7,7 +7,7 @@ use crate::common::drive::{drive, node};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
 use canopen::sdo::{Block, Outcome, Queue, Request, Task, Terms};
-use canopen::station::Station;
+use canopen_device::station::Station;
 use sim::drive::Drive;
 use units::time::Instant;
 

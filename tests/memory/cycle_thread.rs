@@ -1,4 +1,5 @@
 //! The cycle thread of `frhc run` without its thread: boots, requests, latch and stop, on the in-memory bus.
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::cell::Cell;
 use std::fs;
@@ -7,7 +8,7 @@ use std::sync::Arc;
 
 use bus::{Bus, Traced};
 use canopen::frame::{Channel, Frame, Telegram};
-use canopen::station::Station;
+use canopen_device::station::Station;
 use config::Config;
 use controller::switches::Mode as CommandMode;
 use memory_bus::Memory;

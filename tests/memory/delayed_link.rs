@@ -12,7 +12,7 @@ use config::{Config, RemoteLink};
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
-use remote::delayed::DelaySettings;
+use remote::delay::DelaySettings;
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
 use units::spatial::Motion;

@@ -14,14 +14,14 @@ use crate::common::bench::Wire;
 use crate::common::devices::{Devices, session, settle};
 use crate::common::golden::compare;
 use canopen::frame::Frame;
-use canopen::lss::codec::{Mode, Request};
-use canopen::lss::{Address, BitRate};
 use canopen::nmt::Order;
-use canopen::procedure::Procedure;
 use canopen::{NmtCommand, NodeId};
+use canopen_device::lss::codec::{Mode, Request};
+use canopen_device::lss::{Address, BitRate};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, LssError, Report, Selection, Timeouts};
 use canopen_tools::lss::master::Master;
+use canopen_tools::procedure::Procedure;
 use memory_bus::Memory;
 use units::time::Instant;
 

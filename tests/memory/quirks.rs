@@ -19,7 +19,7 @@ use canopen::drive::State;
 use canopen::frame::{Channel, Frame};
 use canopen::master::event::Event;
 use canopen::object::Object;
-use canopen::station::Station;
+use canopen_device::station::Station;
 use config::Config;
 use node::Request;
 use node::cause::Cause;

@@ -1,4 +1,5 @@
 //! The rings between cycle and recorder, on the in-memory bus: a recorder that hangs or is gone changes no torque.
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::path::Path;
 

@@ -12,7 +12,7 @@ use bus::Bus;
 use canopen::drive::State;
 use canopen::frame::{Channel, Frame};
 use canopen::object::Object;
-use canopen::station::Station;
+use canopen_device::station::Station;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
 use node::cause::Cause;

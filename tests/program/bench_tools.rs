@@ -18,12 +18,12 @@ use canopen::abort::AbortCode;
 use canopen::nmt::Order;
 use canopen::object::Object;
 use canopen::sdo::{SdoError, Terms};
-use canopen::value::gateway_type::GatewayType;
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
 use canopen_tools::diagnostics::scan::{Found, Scan};
 use canopen_tools::diagnostics::states::{Answer, States};
 use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
+use canopen_tools::value::gateway_type::GatewayType;
 use memory_bus::Memory;
 use units::time::Instant;
 

@@ -16,10 +16,11 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use crate::common::cli::{folder, frhc};
+use canopen::NodeId;
 use canopen::eds::{Access, Described, Eds, Severity};
 use canopen::layout::Direction;
 use canopen::object::Object;
-use canopen::{NodeId, concise};
+use canopen_tools::concise;
 use config::Config;
 
 const DRIVE: &[u8] = include_bytes!("../../eds/frhc_drive.eds");

@@ -7,5 +7,6 @@ mod claims;
 mod hazards;
 mod keys;
 mod pages;
+mod rack_alone;
 mod ranges;
 mod scripts;

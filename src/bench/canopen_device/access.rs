@@ -2,12 +2,12 @@
 //!
 //! The [device](super::Device) applies the effect of a write, by `written`.
 
+use crate::dictionary::{Dictionary, Entry, OutOfRange};
 use crate::mapping::number;
 use crate::parameter::{Place, check_cob_id_change};
 use crate::sdo_server::Access;
 use crate::{Application, Misbehaviour, clock, heartbeat, history, store, sync};
 use canopen::abort::AbortCode;
-use canopen::dictionary::{Dictionary, Entry, OutOfRange};
 use canopen::object::Object;
 
 /// Objects of a device, during one request.

@@ -1,8 +1,8 @@
 //! Function of a device behind its CANopen interface.
 
 use crate::condition;
+use crate::dictionary::Dictionary;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::error_codes;
 use canopen::object::Object;
 use units::time::Instant;

@@ -5,9 +5,9 @@
 
 use std::time::Duration;
 
+use crate::dictionary::Dictionary;
 use crate::parameter::consumed;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::object::Object;
 use canopen::time_stamp::{self, TimeOfDay};

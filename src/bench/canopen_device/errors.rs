@@ -10,9 +10,9 @@ use canopen_rs::EmergencyMessage;
 use canopen_rs::emcy::ErrorRegister;
 
 use crate::condition::{Condition, Conditions};
+use crate::dictionary::Dictionary;
 use crate::history;
 use crate::parameter::cob_id;
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::object::Object;
 use units::time::Instant;

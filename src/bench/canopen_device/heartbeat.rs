@@ -7,8 +7,8 @@ use std::time::Duration;
 use canopen_rs::nmt::{encode_heartbeat, heartbeat_cob_id};
 use canopen_rs::{NmtState, NodeId};
 
+use crate::dictionary::Dictionary;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::object::Object;
 use units::time::Instant;

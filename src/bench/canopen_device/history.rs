@@ -1,7 +1,7 @@
 //! Error history (1003h): CiA 301, 7.5.2.4. Sub-index 1 is the newest error.
 
+use crate::dictionary::Dictionary;
 use crate::mapping::byte;
-use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 
 /// Returns whether a sub-index holds no error yet.

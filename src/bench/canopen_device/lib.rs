@@ -9,6 +9,7 @@ mod access;
 mod application;
 mod clock;
 mod condition;
+pub mod dictionary;
 mod errors;
 mod guarding;
 mod heartbeat;
@@ -22,6 +23,7 @@ mod rpdo;
 mod sdo_server;
 mod settings;
 mod states;
+pub mod station;
 mod store;
 mod sync;
 #[cfg(test)]
@@ -36,15 +38,15 @@ use std::time::Duration;
 use canopen_rs::{NmtState, NodeId};
 
 use crate::clock::Clock;
+use crate::dictionary::Dictionary;
 use crate::errors::Errors;
 use crate::guarding::Guarding;
 use crate::heartbeat::Heartbeat;
-use crate::lss::Layer;
+use crate::lss::layer::{self, Layer};
 use crate::rpdo::Rpdo;
 use crate::sdo_server::SdoServer;
 use crate::sync::SyncConsumer;
 use crate::tpdo::Tpdo;
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::nmt::Order;
 use units::time::Instant;
@@ -141,7 +143,7 @@ impl<A: Application> Device<A> {
 
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        if lss::is_request(frame) {
+        if layer::is_request(frame) {
             self.on_lss(now, frame, out);
             return;
         }

@@ -2,8 +2,8 @@
 //!
 //! The data of a PDO is one number of up to 64 bits; the first mapped object has the lowest bits.
 
+use crate::dictionary::{Dictionary, Entry};
 use canopen::abort::AbortCode;
-use canopen::dictionary::{Dictionary, Entry};
 use canopen::layout::Direction;
 use canopen::object::Object;
 

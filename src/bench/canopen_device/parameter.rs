@@ -3,9 +3,9 @@
 //! A mapping changes only while its PDO is disabled and its number of entries is zero. An enabled PDO keeps its
 //! COB-ID.
 
+use crate::dictionary::Dictionary;
 use crate::mapping::{Mapping, byte, mappable, number};
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::frame::COB_ID_MAX;
 use canopen::layout::{Direction, MAX_PDOS};
 use canopen::object::Object;

@@ -7,9 +7,9 @@
 use std::time::Duration;
 
 use crate::condition::{Condition, Conditions};
+use crate::dictionary::Dictionary;
 use crate::mapping::Mapping;
 use crate::parameter::Place;
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
 use canopen::sync::Transmission;

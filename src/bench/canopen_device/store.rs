@@ -4,8 +4,8 @@
 //! Stored are all writable parameters except set-points and the error history. A write that makes the device
 //! differ from its stored parameters clears the stamp.
 
+use crate::dictionary::Dictionary;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::eds::Access;
 use canopen::object::Object;
 

@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
+use crate::dictionary::Dictionary;
 use crate::parameter::consumed;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::object::Object;
 use canopen::sync;

@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
+use crate::dictionary::Dictionary;
 use crate::mapping::{Mapping, byte};
 use crate::parameter::{NO_REMOTE, Place};
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
 use canopen::sync::{Sync, Transmission};

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use canopen_rs::Value;
 use thiserror::Error;
 
-use canopen::concise::Download;
+use crate::concise::Download;
 use canopen::data_type;
 use canopen::eds::{Commissioning, Eds, OutsideLimits, value};
 use canopen::object::Object;

@@ -13,6 +13,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod concise;
 pub mod dbc;
 pub mod dcf;
 pub mod decode;
@@ -20,4 +21,6 @@ pub mod diagnostics;
 pub mod lss;
 pub mod members;
 pub mod object_text;
+pub mod procedure;
 pub mod signals;
+pub mod value;

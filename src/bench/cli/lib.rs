@@ -9,6 +9,7 @@ mod demo;
 mod event_narrator;
 pub mod explain;
 pub mod export;
+mod faults;
 mod interrupt;
 pub mod live_bus;
 pub mod lss;

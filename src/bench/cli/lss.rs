@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 
 use crate::live_bus::{BusArgs, ForceArg, NodeArg, SelectedBus, node_arg, parsers};
 use canopen::NodeId;
-use canopen::lss::{Address, BitRate};
+use canopen_device::lss::{Address, BitRate};
 use canopen_tools::lss::identify::Description;
 use canopen_tools::lss::job::{Job, Selection};
 use run::exit::{Failure, Kind};

@@ -209,7 +209,7 @@ mod tests {
     use crate::Memory;
     use bus::{Bus, BusEvent};
     use canopen::frame::Telegram;
-    use canopen::station::Station;
+    use canopen_device::station::Station;
 
     const CHANNEL: Channel = Channel(0);
 

@@ -15,8 +15,8 @@ use crate::wire::{Sender, Wire};
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
-use canopen::station::Station;
 use canopen::sync;
+use canopen_device::station::Station;
 use faults::{Disturbance, Fault};
 use units::time::Instant;
 

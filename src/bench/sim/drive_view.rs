@@ -101,11 +101,11 @@ mod tests {
     use crate::drive::DriveSettings;
     use crate::drivetrain::Sensed;
     use crate::motion::Tuning;
-    use canopen::dictionary::Dictionary;
     use canopen::eds::Eds;
     use canopen::frame::Frame;
     use canopen::nmt::Order;
-    use canopen::station::Station;
+    use canopen_device::dictionary::Dictionary;
+    use canopen_device::station::Station;
 
     const RATED: f64 = 0.2;
 

@@ -7,11 +7,11 @@ use std::time::Duration;
 use canopen_rs::NmtCommand;
 
 use canopen::NodeId;
-use canopen::dictionary::Dictionary;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
 use canopen::object::Object;
-use canopen::station::Station;
+use canopen_device::dictionary::Dictionary;
+use canopen_device::station::Station;
 use canopen_device::{Application, Device, Reset};
 use units::time::Instant;
 

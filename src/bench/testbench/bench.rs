@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
+use crate::delayed::Delayed;
+use crate::disturbed::{Disturbed, Link};
 use crate::side::Side;
 use crate::world;
 use bus::{Bus, Tap};
@@ -15,8 +17,6 @@ use faults::{Fault, Kind, LinkFault};
 use memory_bus::Memory;
 use node::record::{Mode, Record};
 use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
-use remote::delayed::Delayed;
-use remote::disturbed::{Disturbed, Link};
 use sim::fault::Notice;
 use sim::scenario::{ConsoleRequest, Scenario};
 use sim::world::World;

@@ -5,9 +5,9 @@
 //! encoder: the drive then counts what its factors give, whatever `encoder_counts_per_rev` says. What is not stated fits
 //! the rest.
 
-use canopen::dictionary::Dictionary;
 use canopen::nameplate::{Nameplate, Ratio};
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 use config::JointParameters;
 use sim::drive::Delivery;
 

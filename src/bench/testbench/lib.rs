@@ -15,7 +15,9 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod delayed;
 mod delivery;
+pub mod disturbed;
 pub mod explanation;
 pub mod question;
 pub mod robot_explanation;

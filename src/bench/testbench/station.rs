@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::transmit_queue::{Down, TransmitQueue};
 use bus::{Bus, BusEvent, BusFault};
 use canopen::frame::Telegram;
-use canopen::station::Station;
+use canopen_device::station::Station;
 use units::time::Instant;
 
 /// Time between two calls of `is_over`.

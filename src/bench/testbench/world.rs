@@ -6,11 +6,11 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::delivery::Delivered;
 use canopen::NodeId;
-use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::object::Object;
 use canopen::plan::Identity;
+use canopen_device::dictionary::Dictionary;
 use config::{Actuator, Config, JointParameters, JointPlant, Plant};
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
+use crate::lss::codec::{Answer, Condition, Mode, Probe, Reply, Request};
+use crate::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte, node_of};
 use canopen::frame::Frame;
-use canopen::lss::codec::{Answer, Condition, Mode, Probe, Reply, Request};
-use canopen::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte, node_of};
 
 /// Effect of a request on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

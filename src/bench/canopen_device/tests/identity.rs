@@ -1,7 +1,7 @@
 //! Identity of a device, and objects that follow its node-id.
 
 use super::*;
-use canopen::lss::codec::{Answer, Mode, Reply, Request};
+use crate::lss::codec::{Answer, Mode, Reply, Request};
 use canopen::time_stamp::TimeOfDay;
 
 const CLIENT_TO_SERVER: Object = Object { index: 0x1200, sub: 1 };

@@ -8,9 +8,9 @@ use std::time::Duration;
 use canopen_rs::{NmtCommand, NmtState, NodeId};
 
 use crate::diagnostics::beats::{Beat, Beats};
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
 use canopen::nmt::Order;
-use canopen::procedure::Procedure;
 use units::time::Instant;
 
 /// Response of one node.

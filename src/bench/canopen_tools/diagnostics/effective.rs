@@ -8,11 +8,11 @@ use canopen_rs::pdo::PDO_COB_ID_INVALID;
 use canopen_rs::{MappingEntry, NodeId};
 use thiserror::Error;
 
+use crate::procedure::Procedure;
 use canopen::abort::AbortCode;
 use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::layout::{Direction, MAX_PDOS, Mapped, Pdo, Service};
 use canopen::object::Object;
-use canopen::procedure::Procedure;
 use canopen::sdo::{Outcome, SdoError, Transfer};
 use canopen::sync::Transmission;
 use units::time::Instant;

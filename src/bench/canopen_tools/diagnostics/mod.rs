@@ -10,7 +10,7 @@
 //! | [`watch`]     | boot-up, change of state and loss of nodes                       |
 //! | [`beats`]     | last heartbeat of each node                                      |
 //! | [`presence`]  | detection of a running master by its SYNC                        |
-//! | [`Procedure`](canopen::procedure) | common interface                             |
+//! | [`Procedure`](crate::procedure) | common interface                             |
 
 pub mod beats;
 pub mod confirm;

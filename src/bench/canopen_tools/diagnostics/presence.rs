@@ -5,8 +5,8 @@
 use std::time::Duration;
 
 use crate::diagnostics::beats::Beats;
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
-use canopen::procedure::Procedure;
 use canopen::sync;
 use units::time::Instant;
 

@@ -13,13 +13,13 @@ use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::sdo::response_cob_id;
 use canopen_rs::{NmtState, NodeId};
 
+use crate::procedure::Procedure;
+use crate::value::visible;
 use canopen::emcy::{self, Emergency};
 use canopen::frame::Frame;
-use canopen::lss::Address;
 use canopen::object::Object;
-use canopen::procedure::Procedure;
 use canopen::sdo::{Content, SdoError, Transfer};
-use canopen::value::visible;
+use canopen_device::lss::Address;
 use units::time::Instant;
 
 /// Nodes polled in parallel: their requests fit any transmit queue; 127 absent nodes take seven rounds.

@@ -10,8 +10,8 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::{NmtState, NodeId};
 
 use crate::diagnostics::states::state;
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
-use canopen::procedure::Procedure;
 use units::time::Instant;
 
 /// Nodes asked at once: their remote frames fit any transmit queue.

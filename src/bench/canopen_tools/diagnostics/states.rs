@@ -10,9 +10,9 @@ use std::time::Duration;
 use canopen_rs::nmt::{decode_heartbeat, heartbeat_cob_id};
 use canopen_rs::{NmtState, NodeId};
 
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
 use canopen::object::Object;
-use canopen::procedure::Procedure;
 use canopen::sdo::{Content, SdoError, Transfer};
 use units::time::Instant;
 

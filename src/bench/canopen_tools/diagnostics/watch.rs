@@ -6,10 +6,10 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
 
+use crate::procedure::Procedure;
 use canopen::emcy::{self, Emergency};
 use canopen::frame::Frame;
 use canopen::heartbeat::{self, Consumer};
-use canopen::procedure::Procedure;
 use units::time::Instant;
 
 /// Event of one node.

@@ -9,8 +9,8 @@
 use std::time::Duration;
 
 use canopen::frame::Frame;
-use canopen::lss::codec::{Probe, Reply, Request};
-use canopen::lss::{Address, Part};
+use canopen_device::lss::codec::{Probe, Reply, Request};
+use canopen_device::lss::{Address, Part};
 use units::time::Instant;
 
 /// Result of a fastscan.
@@ -126,8 +126,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::lss::REPLY_COB_ID;
-    use canopen::lss::codec::Mode;
+    use canopen_device::lss::REPLY_COB_ID;
+    use canopen_device::lss::codec::Mode;
     use canopen_device::lss::slave::Slave;
 
     const WINDOW: Duration = Duration::from_millis(10);

@@ -4,9 +4,9 @@
 
 use std::time::Duration;
 
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
-use canopen::lss::codec::{Condition, Reply, Request};
-use canopen::procedure::Procedure;
+use canopen_device::lss::codec::{Condition, Reply, Request};
 use units::time::Instant;
 
 /// Ranges of identity parts, ends included.

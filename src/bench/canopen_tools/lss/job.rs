@@ -10,8 +10,8 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use thiserror::Error;
 
-use canopen::lss::codec::{Answer, Mode, Request};
-use canopen::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte};
+use canopen_device::lss::codec::{Answer, Mode, Request};
+use canopen_device::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte};
 
 /// Selection of the slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,11 +14,11 @@ use canopen_rs::NodeId;
 
 use crate::lss::fastscan::{Fastscan, Found};
 use crate::lss::job::{Job, LssError, Report, Selection, Step, TO_WAITING, Timeouts};
+use crate::procedure::Procedure;
 use canopen::frame::Frame;
 use canopen::heartbeat::is_boot_up;
-use canopen::lss::codec::{Answer, Reply, Request};
-use canopen::lss::node_of;
-use canopen::procedure::Procedure;
+use canopen_device::lss::codec::{Answer, Reply, Request};
+use canopen_device::lss::node_of;
 use units::time::Instant;
 
 /// Awaited event.
@@ -248,9 +248,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::lss::codec::Mode;
-    use canopen::lss::{Address, BitRate, Part, REPLY_COB_ID, REQUEST_COB_ID};
+    use canopen_device::lss::codec::Mode;
     use canopen_device::lss::slave::{Effect, Slave};
+    use canopen_device::lss::{Address, BitRate, Part, REPLY_COB_ID, REQUEST_COB_ID};
 
     const ADDRESS: Address = Address { vendor: 1, product: 2, revision: 3, serial: 4 };
     const TIMEOUTS: Timeouts = Timeouts {

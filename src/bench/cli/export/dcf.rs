@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use canopen::concise;
 use canopen::eds::{Commissioning, Eds};
 use canopen::frame::Channel;
 use canopen::plan::NodePlan;
+use canopen_tools::concise;
 use canopen_tools::dcf::{self, DcfError};
 use config::Config;
 use run::config_arg::ConfigArg;

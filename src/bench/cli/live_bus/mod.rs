@@ -1,6 +1,6 @@
 //! Short exchanges with nodes on a live bus, for the tools `scan`, `sdo`, `nmt` and `lss`.
 //!
-//! An exchange is a [`Procedure`](canopen::procedure::Procedure); a [`Session`] runs it on any [`Bus`](bus::Bus), so
+//! An exchange is a [`Procedure`](canopen_tools::procedure::Procedure); a [`Session`] runs it on any [`Bus`](bus::Bus), so
 //! the tests need no SocketCAN. `-i` or a configuration selects the interface.
 
 mod bus_args;

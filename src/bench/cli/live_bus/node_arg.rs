@@ -2,8 +2,8 @@
 
 use canopen::NodeId;
 use canopen::frame::Channel;
-use canopen::value::numeral::whole;
 use canopen_tools::signals::identifier;
+use canopen_tools::value::numeral::whole;
 use config::Config;
 use run::exit::{Failure, Kind};
 

@@ -7,7 +7,7 @@ use bus::Bus;
 use canopen::NodeId;
 use canopen::object::Object;
 use canopen::sdo::{Content, SdoError, Terms, Transfer};
-use canopen::value::Octets;
+use canopen_tools::value::Octets;
 
 /// An object of a node, and the terms of its transfer.
 #[derive(Clone, Copy, Debug)]

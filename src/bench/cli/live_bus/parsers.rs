@@ -1,7 +1,7 @@
 //! Parsers of objects and numbers on the command line.
 
 use canopen::object::Object;
-use canopen::value::numeral::{hexadecimal, whole};
+use canopen_tools::value::numeral::{hexadecimal, whole};
 
 /// Parses an object. The index is hexadecimal: `6041`, `0x6041`, `6041h`. The sub-index defaults to 0; it is decimal
 /// or as `0x1F` in `6041:0`, hexadecimal in the EDS notation `1A00sub1`.

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use bus::{Bus, BusEvent, BusFault, SendError};
 use canopen::frame::{Channel, Frame, Telegram};
-use canopen::procedure::Procedure;
+use canopen_tools::procedure::Procedure;
 use units::time::Instant;
 
 /// Interval of checks of the stop flag.

@@ -6,7 +6,7 @@ use crate::live_bus::{ForceArg, SelectedBus, Session, SessionError};
 use crate::lss::{Lss, Task};
 use bus::Bus;
 use canopen::NodeId;
-use canopen::lss::Address;
+use canopen_device::lss::Address;
 use canopen_tools::diagnostics::scan::{Found, Scan};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, Report, Selection, Timeouts};

@@ -7,7 +7,7 @@ use serde::Serialize;
 use config::{Config, RemoteLink};
 use controller::gains::Gains;
 use controller::stability::finding::Verdict;
-use remote::delayed::DelaySettings;
+use remote::delay::DelaySettings;
 
 /// Halvings that find the largest gain.
 const HALVINGS: u32 = 24;

@@ -18,9 +18,9 @@ use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use crate::quirks::AxisQuirks;
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 use canopen_device::{Application, ConnectionLoss, Reset};
 use units::time::Instant;
 

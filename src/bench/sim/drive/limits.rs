@@ -2,9 +2,9 @@
 //!
 //! The software position limits (607Dh) apply to set-points, in the [modes of operation](crate::motion).
 
-use canopen::dictionary::Dictionary;
 use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// The limits of one drive.
 #[derive(Clone, Copy, Debug, Default)]

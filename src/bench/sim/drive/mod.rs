@@ -39,14 +39,14 @@ use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
 use crate::motion::{Feedback, Tuning, encoder_counts};
 use crate::quirks::{QuirkEffects, Quirks, TorqueFilter, TransmitPath, start_running};
-use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
 use canopen::object::Object;
-use canopen::station::Station;
 use canopen::{NmtCommand, NmtState, NodeId};
 use canopen_device::Device;
+use canopen_device::dictionary::Dictionary;
+use canopen_device::station::Station;
 use units::time::Instant;
 
 /// Settings of one drive.

@@ -4,9 +4,9 @@
 
 use crate::actuator::ActuatorSettings;
 use crate::drive::status::natural;
-use canopen::dictionary::{Dictionary, Entry};
 use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
+use canopen_device::dictionary::{Dictionary, Entry};
 
 /// Stores nameplate and factor group. One position unit is an encoder increment, gear and feed included.
 pub(super) fn store(actuator: &ActuatorSettings, dictionary: &mut Dictionary) {

@@ -5,8 +5,8 @@
 //! limit: this drive has no voltage limit.
 
 use crate::motion::Ramp;
-use canopen::dictionary::Dictionary;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Option codes of one drive, with the values of their objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

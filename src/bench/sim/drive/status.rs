@@ -4,9 +4,9 @@
 
 use crate::drive::monitor::Monitor;
 use crate::motion::{Feedback, TorqueDemand};
-use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Status that follows from state and task.
 #[derive(Clone, Copy, Debug)]

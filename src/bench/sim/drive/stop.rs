@@ -1,7 +1,7 @@
 //! A stop on a ramp (605Ah to 605Eh), with a timeout of [`MAX_STOP_TIME`].
 
 use crate::motion::{Feedback, Motion, Ramp, TorqueDemand};
-use canopen::dictionary::Dictionary;
+use canopen_device::dictionary::Dictionary;
 
 /// Time after which a motor that still turns is released, in s.
 pub(super) const MAX_STOP_TIME: f64 = 4.0;

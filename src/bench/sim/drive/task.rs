@@ -2,9 +2,9 @@
 
 use crate::drive::power::Power;
 use crate::drive::stop::Stop;
-use canopen::dictionary::Dictionary;
 use canopen::drive::{CYCLIC_SYNCHRONOUS_TORQUE, State};
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Motor task.
 #[derive(Clone, Copy, Debug)]

@@ -6,12 +6,12 @@ use canopen_rs::sdo::{request_cob_id, response_cob_id};
 
 use crate::drive::Drive;
 use crate::switches::SwitchBox;
-use canopen::dictionary::Dictionary;
 use canopen::frame::{COB_ID_MAX, Channel};
 use canopen::nmt;
 use canopen::object::Object;
-use canopen::station::Station;
 use canopen::sync;
+use canopen_device::dictionary::Dictionary;
+use canopen_device::station::Station;
 use faults::Service;
 use units::time::Instant;
 

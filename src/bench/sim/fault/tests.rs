@@ -9,7 +9,7 @@ use crate::fault::{Breakable, Devices, Direction, Faults};
 use crate::scenario::Scenario;
 use canopen::error_codes;
 use canopen::frame::{Channel, Frame, Telegram};
-use canopen::station::Station;
+use canopen_device::station::Station;
 use faults::{LinkFault, Service};
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;

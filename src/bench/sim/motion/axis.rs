@@ -6,8 +6,8 @@ use crate::motion::servo::{Reference, Servo};
 use crate::motion::shaft::{Actual, Shaft};
 use crate::motion::tuning::Tuning;
 use crate::motion::units::{Units, saturated, wrapped};
-use canopen::dictionary::Dictionary;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// One axis.
 #[derive(Clone, Copy, Debug, Default)]

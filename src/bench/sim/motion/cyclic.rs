@@ -10,10 +10,10 @@ use crate::motion::limits::{self, Limited, within};
 use crate::motion::ramp::Demand;
 use crate::motion::units::{saturated, signed};
 use crate::motion::{TorqueDemand, bits};
-use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::error_codes::FOLLOWING_ERROR;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Linear interpolation to a set-point.
 #[derive(Clone, Copy, Debug)]

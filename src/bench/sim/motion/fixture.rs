@@ -3,10 +3,10 @@
 use crate::motion::rotor::Rotor;
 use crate::motion::{Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use canopen::NodeId;
-use canopen::dictionary::Dictionary;
 use canopen::drive::Controlword;
 use canopen::eds::Eds;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Returns the object dictionary of a drive with default values.
 pub(super) fn drive() -> Dictionary {

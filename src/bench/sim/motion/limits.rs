@@ -2,8 +2,8 @@
 
 use crate::motion::ramp::Profile;
 use crate::motion::units::{Units, signed};
-use canopen::dictionary::Dictionary;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Torque range, in ‰ of rated torque.
 #[derive(Clone, Copy, Debug, PartialEq)]

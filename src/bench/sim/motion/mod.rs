@@ -45,9 +45,9 @@ use axis::{Axis, StepInput};
 use mode::Mode;
 use stop::Stop;
 
-use canopen::dictionary::Dictionary;
 use canopen::drive::Controlword;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 use units::Units;
 
 /// Converts a position (6064h) to counts of an encoder with `increments` per revolution, by the factors of

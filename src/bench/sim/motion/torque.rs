@@ -5,9 +5,9 @@
 
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::{TorqueDemand, bits};
-use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Profile torque mode: torque on the slope, in ‰.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,9 +9,9 @@
 //!
 //! The encoder itself does not depend on 608Fh: index pulses and motor speeds are those of the motor.
 
-use canopen::dictionary::Dictionary;
 use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 /// Factors of the factor group.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use crate::quirks::{FrameQuirks, Quirk, Quirks, TorqueFilter};
 use canopen::abort::AbortCode;
-use canopen::dictionary::Dictionary;
 use canopen::drive::{CYCLIC_SYNCHRONOUS_TORQUE, Controlword};
 use canopen::object::Object;
 use canopen::{NodeId, layout};
+use canopen_device::dictionary::Dictionary;
 use canopen_device::{Application, Misbehaviour};
 use units::time::Instant;
 

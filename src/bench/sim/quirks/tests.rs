@@ -12,13 +12,13 @@ use crate::drive::{Drive, DriveSettings};
 use crate::drivetrain::Sensed;
 use crate::motion::Tuning;
 use crate::quirks::{Quirk, QuirkEffects, Quirks};
-use canopen::dictionary::Dictionary;
 use canopen::drive::State;
 use canopen::eds::Eds;
 use canopen::error_codes;
 use canopen::frame::{Channel, Frame};
 use canopen::object::Object;
-use canopen::station::Station;
+use canopen_device::dictionary::Dictionary;
+use canopen_device::station::Station;
 use units::time::Instant;
 
 const BUS: Channel = Channel(0);

@@ -5,9 +5,9 @@ use crate::drive::status;
 use crate::drive::stop::Stop;
 use crate::drive::task::{self, Task};
 use crate::motion::TorqueDemand;
-use canopen::dictionary::Dictionary;
 use canopen::drive::{Controlword, State};
 use canopen::object::Object;
+use canopen_device::dictionary::Dictionary;
 
 impl Axis {
     /// Applies the controlword. A repeated one has no effect and costs no time.

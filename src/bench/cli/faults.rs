@@ -3,25 +3,25 @@
 use clap::Args;
 use serde_json::{Value as Json, json};
 
-use crate::print;
 use node::cause::Kind;
 use node::reaction::{Initiator, Reaction, Row};
 use node::record::Mode;
 use node::safety::table;
+use run::print;
 
 /// `frhc explain faults`.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  frhc explain faults | less -S\n  frhc explain faults --json | jq -r .cause"
 )]
-pub struct Faults {
+pub(crate) struct Faults {
     /// Print one JSON object per cause and line.
     #[arg(long)]
     json: bool,
 }
 
 /// Prints the table.
-pub fn run(args: &Faults) {
+pub(crate) fn run(args: &Faults) {
     let lines = if args.json { objects() } else { text() };
     print::line(&lines.join("\n"));
 }

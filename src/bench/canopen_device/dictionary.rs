@@ -1,13 +1,13 @@
 //! Object dictionary of one device, from its EDS and node-id.
 //!
-//! The dictionary states the access rules; the [SDO server](crate::device) applies them. Values are little-endian.
+//! The dictionary states the access rules; the SDO server applies them. Values are little-endian.
 
 use std::ops::RangeInclusive;
 
-use crate::NodeId;
-use crate::data_type::{self, Kind};
-use crate::eds::{Access, Described, Eds, value};
-use crate::object::Object;
+use canopen::NodeId;
+use canopen::data_type::{self, Kind};
+use canopen::eds::{Access, Described, Eds, value};
+use canopen::object::Object;
 
 /// Object with its value.
 #[derive(Clone, Debug, PartialEq)]
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
 
     fn drive() -> Dictionary {
-        let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         Dictionary::new(&eds, NodeId::new(5).unwrap())
     }
 
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn changed_node_id_changes_defaults() {
-        let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         let mut dictionary = drive();
         let (five, nine) = (NodeId::new(5).unwrap(), NodeId::new(9).unwrap());
         dictionary.readdress(five, nine);

@@ -11,6 +11,8 @@
 //! Every frame has eight bytes, first a command specifier; [`codec`] has the table.
 
 pub mod codec;
+pub(crate) mod layer;
+pub mod slave;
 
 use std::fmt;
 

@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use crate::frame::Frame;
-use crate::sdo::{self, Transfer};
+use canopen::frame::Frame;
+use canopen::sdo::{self, Transfer};
 use units::time::Instant;
 
 /// Machine with an outcome.
@@ -61,8 +61,8 @@ impl Procedure for Transfer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::NodeId;
-    use crate::object::Object;
+    use canopen::NodeId;
+    use canopen::object::Object;
 
     #[test]
     fn abandoned_transfer_is_aborted() {

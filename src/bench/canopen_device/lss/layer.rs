@@ -3,24 +3,22 @@
 //! Without a node-id a device only takes LSS frames and sends no boot-up message. During a change of the bit
 //! rate it neither sends nor receives. A simulated bus has one bit rate, so a device always returns.
 
-pub mod slave;
-
 use std::time::Duration;
 
 use canopen_rs::NodeId;
 
+use crate::dictionary::Dictionary;
 use crate::lss::slave::{Effect, Slave};
+use crate::lss::{Address, BitRate, REQUEST_COB_ID};
 use crate::sdo_server::SdoServer;
 use crate::{Application, Device, Reset};
-use canopen::dictionary::Dictionary;
 use canopen::frame::Frame;
-use canopen::lss::{Address, BitRate, REQUEST_COB_ID};
 use canopen::object::Object;
 use units::time::Instant;
 
 /// Layer settings of one device.
 #[derive(Clone, Debug)]
-pub(super) struct Layer {
+pub(crate) struct Layer {
     slave: Slave,
     /// End of the switch delay of a bit rate change.
     changing: Option<Instant>,
@@ -28,7 +26,7 @@ pub(super) struct Layer {
 
 impl Layer {
     /// Returns the settings of a device delivered with a node-id, and the identity of its dictionary.
-    pub(super) fn new(node: NodeId, dictionary: &Dictionary) -> Self {
+    pub(crate) fn new(node: NodeId, dictionary: &Dictionary) -> Self {
         let address = Address {
             vendor: dictionary.unsigned(Object::VENDOR_ID),
             product: dictionary.unsigned(Object::PRODUCT_CODE),
@@ -39,28 +37,28 @@ impl Layer {
     }
 
     /// Active node-id.
-    pub(super) const fn node(&self) -> Option<NodeId> {
+    pub(crate) const fn node(&self) -> Option<NodeId> {
         self.slave.node()
     }
 
     /// Configured bit rate; `None` before the first configuration.
-    pub(super) const fn bit_rate(&self) -> Option<BitRate> {
+    pub(crate) const fn bit_rate(&self) -> Option<BitRate> {
         self.slave.bit_rate()
     }
 
     /// Ends a bit rate change that is over.
-    pub(super) fn wake(&mut self, now: Instant) {
+    pub(crate) fn wake(&mut self, now: Instant) {
         self.changing.take_if(|until| *until <= now);
     }
 
     /// Returns the reason why the device does not communicate; `None` if it does.
-    pub(super) fn silence(&self) -> Option<Silence> {
+    pub(crate) fn silence(&self) -> Option<Silence> {
         let unconfigured = self.node().is_none().then_some(Silence::Unconfigured);
         self.changing.map(Silence::Until).or(unconfigured)
     }
 
     /// Takes an LSS frame; returns true if the device must reset its communication.
-    pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> bool {
+    pub(crate) fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> bool {
         match self.slave.on_frame(frame, out) {
             Some(Effect::Reset) => true,
             Some(Effect::BitRate(delay)) => {
@@ -72,12 +70,12 @@ impl Layer {
     }
 
     /// Activates the pending node-id at a reset of communication.
-    pub(super) const fn reset(&mut self) {
+    pub(crate) const fn reset(&mut self) {
         self.slave.reset();
     }
 
     /// Restores the stored settings at power-up.
-    pub(super) const fn power_cycle(&mut self) {
+    pub(crate) const fn power_cycle(&mut self) {
         self.slave.power_cycle();
         self.changing = None;
     }
@@ -85,7 +83,7 @@ impl Layer {
 
 /// Reason why a device does not communicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Silence {
+pub(crate) enum Silence {
     /// Its bit rate is changing.
     Until(Instant),
     /// It has no node-id.
@@ -94,7 +92,7 @@ pub(super) enum Silence {
 
 impl Silence {
     /// Time at which it ends by itself.
-    pub(super) const fn end(self) -> Option<Instant> {
+    pub(crate) const fn end(self) -> Option<Instant> {
         match self {
             Self::Until(end) => Some(end),
             Self::Unconfigured => None,
@@ -123,7 +121,7 @@ impl<A: Application> Device<A> {
     }
 
     /// Takes over the active node-id; default COB-IDs follow it.
-    pub(super) fn adopt_node(&mut self) {
+    pub(crate) fn adopt_node(&mut self) {
         let Some(node) = self.layer.node().filter(|node| *node != self.node) else { return };
         self.dictionary.readdress(self.node, node);
         self.sdo = SdoServer::new(node);
@@ -131,7 +129,7 @@ impl<A: Application> Device<A> {
     }
 
     /// Takes an LSS frame: in every state (CiA 305) and without a node-id, but not during a bit rate change.
-    pub(super) fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+    pub(crate) fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         let is_switching = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
         if !is_switching && self.layer.on_frame(now, frame, out) {
             self.reset(now, Reset::Communication, out);
@@ -140,7 +138,7 @@ impl<A: Application> Device<A> {
 }
 
 /// Returns whether a frame is an LSS request.
-pub(super) const fn is_request(frame: &Frame) -> bool {
+pub(crate) const fn is_request(frame: &Frame) -> bool {
     frame.cob_id == REQUEST_COB_ID
 }
 
@@ -149,8 +147,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::lss::codec::{Answer, Mode, Reply, Request};
     use canopen::eds::Eds;
-    use canopen::lss::codec::{Answer, Mode, Reply, Request};
     use canopen::nmt::Order;
     use canopen::{NmtCommand, NmtState};
 
@@ -164,7 +162,7 @@ mod tests {
 
     /// Device delivered as node 5, powered up at time zero.
     fn device() -> Device<Idle> {
-        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
         let node = NodeId::new(5).unwrap();
         let mut device = Device::new(node, Dictionary::new(&eds, node), Idle, Duration::ZERO);
         assert_eq!(wait(&mut device, 0), [Frame::new(0x705, [0])]);

@@ -1,7 +1,7 @@
 //! Contract of a device on a bus: frames and time in, frames out. No I/O and no clock; the same inputs give
 //! the same outputs.
 
-use crate::frame::{Channel, Frame, Telegram};
+use canopen::frame::{Channel, Frame, Telegram};
 use units::time::Instant;
 
 /// One or more devices on one or more buses.

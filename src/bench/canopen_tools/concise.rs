@@ -1,10 +1,10 @@
 //! Concise DCF (CiA 302-3, value of 1F22h): the writes that configure one device, in order.
 //!
-//! [`plan`](crate::plan) defines the writes and their order.
+//! [`plan`](canopen::plan) defines the writes and their order.
 
 use thiserror::Error;
 
-use crate::object::Object;
+use canopen::object::Object;
 
 /// Write to an object.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,9 +9,9 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::time_stamp::TimeOfDay;
 use crate::value::gateway_type::{GatewayType, Width};
 use crate::value::numeral::{bare, hexadecimal, whole};
+use canopen::time_stamp::TimeOfDay;
 
 /// Error of a text or content that is not a value of its type.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

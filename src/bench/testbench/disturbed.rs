@@ -1,6 +1,6 @@
 //! Faults of a commanded side in this process: a link that freezes or is lost, and a sensor that reports what is not.
 
-use crate::{Remote, Sensed};
+use remote::{Remote, Sensed};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 

@@ -18,8 +18,8 @@
 
 use std::fmt;
 
-use crate::frame::Frame;
 use crate::lss::{Part, REPLY_COB_ID, REQUEST_COB_ID};
+use canopen::frame::Frame;
 
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;
@@ -74,7 +74,7 @@ impl Condition {
     ];
 }
 
-/// Fastscan request; see [`fastscan`](crate::lss::fastscan).
+/// Fastscan request; see the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Probe {
     /// IDNumber: value to compare.

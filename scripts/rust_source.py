@@ -34,7 +34,7 @@ def closing(text, at):
 def tests(code):
     """Returns the spans, and the files, compiled only for tests."""
     spans, files = [], set()
-    for match in re.finditer(r"#\[cfg\((?:test|any\(test, feature =\s*\))\)\]\s*(?:pub(?:\([^)]*\))? )?(mod (\w+) *([;{])|[^;{]*([;{]))", code):
+    for match in re.finditer(r"#\[cfg\((?:test|(?:any|all)\(test, feature =\s*\))\)\]\s*(?:pub(?:\([^)]*\))? )?(mod (\w+) *([;{])|[^;{]*([;{]))", code):
         if match[3] == ";":
             files.add(match[2])
         elif code[match.end() - 1] == "{":

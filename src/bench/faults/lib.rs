@@ -1,7 +1,7 @@
 //! The fault vocabulary: every fault that scenarios write, campaigns inject and tests apply, with target, kind, start
 //! and duration.
 //!
-//! It only names faults. `sim` applies those of devices and their frames, `bus` those of buses and host; `lab` applies
+//! It only names faults. `sim` applies those of devices and their frames, `memory_bus` those of buses and host; `testbench` applies
 //! a force that the commanded side reports.
 //!
 //! ```

@@ -2,7 +2,7 @@
 //!
 //! The *pending* node-id is the configured one; it becomes *active* at the next reset of communication; the
 //! *stored* one is active after power-up. A change is reported as an [`Effect`], which the
-//! [`device`](canopen::device) applies.
+//! [device](crate::Device) applies.
 
 use std::time::Duration;
 

@@ -313,13 +313,6 @@ fn convert(
     let link = link::read(raw, period, problems);
 
     let (remote, robot) = remote?;
-    let eds_files = problems.sheets().iter().filter_map(|(path, sheet)| {
-        let Sheet { errors, gaps, .. } = sheet.as_ref().ok()?;
-        let as_warning = |gap: &Finding| Finding { severity: Severity::Warning, ..gap.clone() };
-        let gaps = gaps.iter().map(as_warning).collect();
-        Some(EdsFile { path: path.clone(), errors: *errors, gaps })
-    });
-    let eds_files = eds_files.collect();
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,
@@ -331,7 +324,7 @@ fn convert(
         stores_configuration: node.store_configuration.or(false).get()?,
         restores_defaults: node.restore_defaults.or(false).get()?,
         buses: buses?,
-        eds_files,
+        eds_files: eds_files(problems),
         joints: joints?,
         x_6_g: x_6_g?,
         gravity: gravity?,
@@ -346,12 +339,34 @@ fn convert(
         safety: safety?,
         plausibility: plausibility?,
     };
-    let exchange = devices::check(&config, raw, problems);
-    start::check(&config, raw, problems);
-    stopping::check(&config, raw, problems);
-    facts::check_config(&config, raw, problems);
-    rest_check::check(&config, raw, problems);
-    protection::check(&config, raw, problems);
-    gain_check::check(&config, refuses, raw, problems);
+    let exchange = check_sections(&config, refuses, raw, problems);
     Some((config, exchange))
+}
+
+/// Returns the EDS files that were read, their missing parts as warnings.
+fn eds_files(problems: &mut Problems<'_>) -> Vec<EdsFile> {
+    let as_warning = |gap: &Finding| Finding { severity: Severity::Warning, ..gap.clone() };
+    let read = problems.sheets().iter().filter_map(|(path, sheet)| {
+        let Sheet { errors, gaps, .. } = sheet.as_ref().ok()?;
+        let gaps = gaps.iter().map(as_warning).collect();
+        Some(EdsFile { path: path.clone(), errors: *errors, gaps })
+    });
+    read.collect()
+}
+
+/// Checks the sections against each other. Returns the cyclic exchange, unless the layouts contradict each other.
+fn check_sections(
+    config: &Parameters,
+    refuses: bool,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<Exchange> {
+    let exchange = devices::check(config, raw, problems);
+    start::check(config, raw, problems);
+    stopping::check(config, raw, problems);
+    facts::check_config(config, raw, problems);
+    rest_check::check(config, raw, problems);
+    protection::check(config, raw, problems);
+    gain_check::check(config, refuses, raw, problems);
+    exchange
 }

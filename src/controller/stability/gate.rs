@@ -27,6 +27,10 @@ const HANDS_JUDGED: [Hand; 4] = {
     [Hand::Configured, Hand::Stated(relaxed), Hand::Stated(nervous), Hand::Stated(firm)]
 };
 
+/// Loops in the order of their findings.
+const LOOPS: [Loop; 6] =
+    [Loop::Damping, Loop::PassivityDamper, Loop::Centring, Loop::Pose, Loop::Coupling, Loop::Rate];
+
 /// Halvings of a refused stiffness on the way to one that holds.
 const STIFFNESS_HALVINGS: u32 = 40;
 
@@ -72,8 +76,6 @@ struct Bench<'a> {
 /// A loop with the gain that is judged.
 struct Judged {
     closed: Loop,
-    names: [&'static str; 2],
-    symbol: &'static str,
     value: f64,
     unit: &'static str,
     culprit: Culprit,
@@ -89,9 +91,9 @@ impl Gate<'_> {
 
 impl<'a> Bench<'a> {
     fn findings(&self) -> Vec<Finding> {
-        let loops = self.loops();
-        let judged = loops.iter().filter(|judged| is_used(judged.value));
-        let in_hands = judged.flat_map(|judged| [self.held(judged), self.let_go(judged)]);
+        let judged = LOOPS.into_iter().map(|closed| self.judged(closed));
+        let used = judged.filter(|judged| is_used(judged.value));
+        let in_hands = used.flat_map(|judged| [self.held(&judged), self.let_go(&judged)]);
         in_hands.chain(self.object()).collect()
     }
 
@@ -194,8 +196,9 @@ impl<'a> Bench<'a> {
         verdict: Verdict,
         reason: String,
     ) -> Finding {
-        let Judged { names, symbol, value, unit, culprit, .. } = judged;
-        let left = Side { symbols: (*symbol).to_owned(), value: *value, unit };
+        let Judged { closed, value, unit, culprit } = judged;
+        let (names, symbol) = names(*closed);
+        let left = Side { symbols: symbol.to_owned(), value: *value, unit };
         let right = Side { symbols: format!("{symbol} at ρ = 1"), value: value * multiple, unit };
         let name = names.get(name).copied().unwrap_or_default();
         Finding { name, axis: self.axis.name, left, right, verdict, reason, culprit: *culprit }
@@ -247,69 +250,49 @@ impl<'a> Bench<'a> {
         Restraint { hand, damping: self.gate.axes.each_ref().map(|axis| axis.gains.damping) }
     }
 
-    fn loops(&self) -> [Judged; 6] {
+    /// Returns a loop with its gain on this axis.
+    fn judged(&self, closed: Loop) -> Judged {
         let axis = self.axis;
         let units = axis.units();
-        let coupling = axis.coupling.map_or(0.0, |coupling| coupling.stiffness + coupling.damping);
-        let felt_pose = if axis.coupling.is_some() {
-            0.0
-        } else {
-            axis.felt_pose() * axis.environment.stiffness
+        let (value, unit, culprit) = match closed {
+            Loop::Damping => (axis.gains.damping, units.damping, Culprit::Damping),
+            Loop::PassivityDamper => {
+                (axis.passivity_damping, units.damping, Culprit::PassivityDamper)
+            }
+            Loop::Centring => (axis.centring(), units.stiffness, Culprit::Centring),
+            // The coupling takes the place of the sensed wrench.
+            Loop::Pose if axis.coupling.is_some() => (0.0, units.stiffness, Culprit::Wrench),
+            Loop::Pose => {
+                let felt = axis.felt_pose() * axis.environment.stiffness;
+                (felt, units.stiffness, Culprit::Wrench)
+            }
+            Loop::Coupling => {
+                let coupling =
+                    axis.coupling.map_or(0.0, |coupling| coupling.stiffness + coupling.damping);
+                (axis.felt_pose() * coupling, units.stiffness, Culprit::Coupling)
+            }
+            Loop::Rate => {
+                let felt = axis.felt_rate() * axis.environment.stiffness;
+                let accommodates = axis.gains.accommodation > 0.0;
+                let culprit = if accommodates { Culprit::Wrench } else { Culprit::Accommodation };
+                (felt, units.rate_gain, culprit)
+            }
         };
-        [
-            Judged {
-                closed: Loop::Damping,
-                names: ["damping, held", "damping, let go"],
-                symbol: "K_D",
-                value: axis.gains.damping,
-                unit: units.damping,
-                culprit: Culprit::Damping,
-            },
-            Judged {
-                closed: Loop::PassivityDamper,
-                names: ["passivity damper, held", "passivity damper, let go"],
-                symbol: "d",
-                value: axis.passivity_damping,
-                unit: units.damping,
-                culprit: Culprit::PassivityDamper,
-            },
-            Judged {
-                closed: Loop::Centring,
-                names: ["return to centre, held", "return to centre, let go"],
-                symbol: "2 F0/DB",
-                value: axis.centring(),
-                unit: units.stiffness,
-                culprit: Culprit::Centring,
-            },
-            Judged {
-                closed: Loop::Pose,
-                names: ["pose reflection, held", "pose reflection, let go"],
-                symbol: "K_T K_P k_e",
-                value: felt_pose,
-                unit: units.stiffness,
-                culprit: Culprit::Wrench,
-            },
-            Judged {
-                closed: Loop::Coupling,
-                names: ["virtual coupling, held", "virtual coupling, let go"],
-                symbol: "K_T K_P (K_vc + B_vc/T)",
-                value: axis.felt_pose() * coupling,
-                unit: units.stiffness,
-                culprit: Culprit::Coupling,
-            },
-            Judged {
-                closed: Loop::Rate,
-                names: ["rate reflection, held", "rate reflection, let go"],
-                symbol: "K_T K_V k_e",
-                value: axis.felt_rate() * axis.environment.stiffness,
-                unit: units.rate_gain,
-                culprit: if axis.gains.accommodation > 0.0 {
-                    Culprit::Wrench
-                } else {
-                    Culprit::Accommodation
-                },
-            },
-        ]
+        Judged { closed, value, unit, culprit }
+    }
+}
+
+/// Names of the findings of a loop, in hands and let go, and symbols of its gain.
+const fn names(closed: Loop) -> ([&'static str; 2], &'static str) {
+    match closed {
+        Loop::Damping => (["damping, held", "damping, let go"], "K_D"),
+        Loop::PassivityDamper => (["passivity damper, held", "passivity damper, let go"], "d"),
+        Loop::Centring => (["return to centre, held", "return to centre, let go"], "2 F0/DB"),
+        Loop::Pose => (["pose reflection, held", "pose reflection, let go"], "K_T K_P k_e"),
+        Loop::Coupling => {
+            (["virtual coupling, held", "virtual coupling, let go"], "K_T K_P (K_vc + B_vc/T)")
+        }
+        Loop::Rate => (["rate reflection, held", "rate reflection, let go"], "K_T K_V k_e"),
     }
 }
 

@@ -45,6 +45,24 @@ pub struct Controller {
     x_b_asked: Option<Isometry3<f64>>,
 }
 
+/// The arm in this cycle.
+struct ArmState {
+    q: JointVector,
+    qd: JointVector,
+    posture: Posture<6>,
+    j_g: Jacobian<6>,
+    moving: Moving,
+}
+
+/// Wrenches on the hand, at {G}, that Jᵀ takes to the joints.
+struct GripWrenches {
+    port: Passed,
+    f_g_centring: Wrench,
+    f_g_damping: Wrench,
+    /// Share of the engagement ramp, 0 to 1.
+    begun: f64,
+}
+
 /// A contact, as the port takes it.
 struct Touch {
     /// The wrench to be felt, at {G}.
@@ -92,16 +110,12 @@ impl Controller {
 
     /// Computes one cycle at given joint positions in rad or m, which must be finite, in place of counts.
     pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
-        let Settings { interpretation, arm, calibration, channels, command: law, .. } =
-            self.settings;
+        let Settings { interpretation, calibration, channels, command: law, .. } = self.settings;
         let given = Trusted::of(input, &self.x_b_m);
         let pressed = self.switch_logic.read(input.switches, input.mode); // 4.1
 
-        let q = *q;
-        let posture = arm.posture(&q);
-        let x_0_g = posture.x_0_g; // Eq. 1
-        let qd = self.rates.update(&q, input.restart);
-        let moving = self.velocity.update(&x_0_g, input.restart);
+        let arm = self.arm_state(q, input.restart);
+        let x_0_g = arm.posture.x_0_g; // Eq. 1
 
         let x_b_last = self.x_b_asked.unwrap_or(given.x_b_m);
         let is_new = self.reference.update(&pressed, &x_0_g, &x_b_last);
@@ -118,49 +132,28 @@ impl Controller {
         let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
         let begun = self.begun(&pressed, &f_g_felt);
         let contact = Touch { f_g_felt: f_g_felt * begun, f_m_task, x_h_g };
-        let port = self.pass(input, &given, &q, &moving, &contact);
-        let f_g_task = port.f_g_task;
+        let port = self.pass(input, &given, &arm, &contact);
 
         let f_g_centring = self.centring(&pressed, input.mode, &x_0_g, &dx) * begun; // Eq. 8
         let is_first = input.restart || is_new || input.mode != self.mode;
-        let against = self.damping.wrench(&moving.v_g, &x_h_g, &dx, is_first);
+        let against = self.damping.wrench(&arm.moving.v_g, &x_h_g, &dx, is_first); // Eq. 9
         let against = self.port.bounded_damping(&against, &port);
-        let f_g_damping = permitted(pressed.damping, against); // Eq. 9
+        let f_g_damping = permitted(pressed.damping, against);
 
-        let j_g = arm.jacobian(&posture);
-        let f_g_return = f_g_centring * self.fade(&f_g_task, &f_g_centring);
-        let soft_stops = self.soft_stops(&pressed, &q, &qd);
-        let load = GripLoad::new(&moving.v_g, &f_g_task, &f_g_return, &f_g_damping)
-            .driven_by(soft_stops.dot(&qd));
-        // An active port needs the friction that takes energy.
-        let weight = begun * (1.0 - port.activity);
-        let asked = Ledger {
-            task: j_g.torques(&f_g_task),                                // Eq. 7
-            gravity: self.gravity(&posture, &j_g) * given.gravity_share, // 3.3
-            centring: j_g.torques(&f_g_return),
-            damping: j_g.torques(&f_g_damping),
-            passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
-            soft_stops,
-            friction: self.friction(&given, &q, &qd, &load, weight),
-            self_driven: self.self_driven(),
-            share: given.reflection_share,
-            ..Ledger::nothing()
-        };
-        if input.held == Some(DriveTargets::Withdrawn) {
-            self.layers.slew.iter_mut().for_each(Slew::reset);
-        }
-        let (tau, ledger, broken) = self.limit(asked); // Eq. 10
+        let grip = GripWrenches { port, f_g_centring, f_g_damping, begun };
+        let asked = self.torques(&given, &pressed, &arm, &grip); // Eq. 7, 3.3
+        let (tau, ledger, broken) = self.limit(asked, input.held); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
-        self.last.1 = targets;
 
         self.gate = gate;
         self.mode = input.mode;
         self.x_b_m = given.x_b_m;
         self.x_b_asked = asked_pose(&command);
+        self.last.1 = targets;
         let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
         Output {
-            q,
-            joint_out_of_range: arm.out_of_range(&q).and_then(Joint::at),
+            q: arm.q,
+            joint_out_of_range: self.settings.arm.out_of_range(q).and_then(Joint::at),
             x_0_g,
             pressed,
             reference,
@@ -169,17 +162,30 @@ impl Controller {
             dx_db,
             gate,
             command,
-            moving,
+            moving: arm.moving,
             f_m_task,
-            f_g_task,
+            f_g_task: port.f_g_task,
             port,
             f_g_centring,
             f_g_damping,
-            j_g,
+            j_g: arm.j_g,
             ledger,
             tau,
             targets,
             fault: broken.or(given.fault).or(turned),
+        }
+    }
+
+    /// Forward kinematics and velocities at these joint positions.
+    fn arm_state(&mut self, q: &JointVector, restart: bool) -> ArmState {
+        let arm = &self.settings.arm;
+        let posture = arm.posture(q);
+        ArmState {
+            q: *q,
+            qd: self.rates.update(q, restart),
+            j_g: arm.jacobian(&posture),
+            moving: self.velocity.update(&posture.x_0_g, restart),
+            posture,
         }
     }
 
@@ -215,14 +221,7 @@ impl Controller {
     }
 
     /// Lets through the port what may act of `f_g_felt`, after booking what the drives hold.
-    fn pass(
-        &mut self,
-        input: &Input,
-        given: &Trusted,
-        q: &JointVector,
-        moving: &Moving,
-        touch: &Touch,
-    ) -> Passed {
+    fn pass(&mut self, input: &Input, given: &Trusted, arm: &ArmState, touch: &Touch) -> Passed {
         let mut storage = Storage::default();
         if self.port.is_observed() {
             let (tau_a, targets) = &self.last;
@@ -232,7 +231,7 @@ impl Controller {
             self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
             storage = self.storage(input.mode, given, touch);
         }
-        self.port.pass(q, moving, &touch.f_g_felt, storage)
+        self.port.pass(&arm.q, &arm.moving, &touch.f_g_felt, storage)
     }
 
     /// Energy of the contact, as the law of the mode stores and returns it.
@@ -277,13 +276,44 @@ impl Controller {
         }
     }
 
+    /// Torques of the joints: Jᵀ for the wrenches at the grip, gravity compensation, and what acts at the joints alone.
+    fn torques(
+        &mut self,
+        given: &Trusted,
+        pressed: &Pressed,
+        arm: &ArmState,
+        grip: &GripWrenches,
+    ) -> Ledger {
+        let ArmState { qd, j_g, moving, .. } = arm;
+        let GripWrenches { port, f_g_centring, f_g_damping, begun } = grip;
+        let f_g_task = &port.f_g_task;
+        let f_g_return = *f_g_centring * self.fade(f_g_task, f_g_centring);
+        let soft_stops = self.soft_stops(pressed, arm);
+        let load = GripLoad::new(&moving.v_g, f_g_task, &f_g_return, f_g_damping)
+            .driven_by(soft_stops.dot(qd));
+        // An active port needs the friction that takes energy.
+        let weight = begun * (1.0 - port.activity);
+        Ledger {
+            task: j_g.torques(f_g_task),                      // Eq. 7
+            gravity: self.gravity(arm) * given.gravity_share, // 3.3
+            centring: j_g.torques(&f_g_return),
+            damping: j_g.torques(f_g_damping),
+            passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
+            soft_stops,
+            friction: self.friction(given, arm, &load, weight),
+            self_driven: self.self_driven(),
+            share: given.reflection_share,
+            ..Ledger::nothing()
+        }
+    }
+
     /// Remaining share of the return to centre in contact, 0 to 1 (decision 23). Damping stays: contact needs it.
     fn fade(&self, f_g_task: &Wrench, f_g_centring: &Wrench) -> f64 {
         self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task, f_g_centring))
     }
 
     /// Gravity compensation (decision 12).
-    fn gravity(&self, posture: &Posture<6>, j_g: &Jacobian<6>) -> JointVector {
+    fn gravity(&self, ArmState { posture, j_g, .. }: &ArmState) -> JointVector {
         let arm = &self.settings.arm;
         match self.settings.interpretation.weight {
             Weight::PerLink => arm.gravity(posture),
@@ -292,7 +322,7 @@ impl Controller {
     }
 
     /// Torques of the soft stops, while the deadman is held.
-    fn soft_stops(&self, pressed: &Pressed, q: &JointVector, qd: &JointVector) -> JointVector {
+    fn soft_stops(&self, pressed: &Pressed, ArmState { q, qd, .. }: &ArmState) -> JointVector {
         let stops = self.layers.soft_stops.filter(|_| pressed.commands);
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
@@ -302,8 +332,7 @@ impl Controller {
     fn friction(
         &mut self,
         given: &Trusted,
-        q: &JointVector,
-        qd: &JointVector,
+        arm: &ArmState,
         load: &GripLoad,
         weight: f64,
     ) -> JointVector {
@@ -311,7 +340,7 @@ impl Controller {
         if given.gravity_share <= 0.0 {
             friction.rearm();
         }
-        friction.torques(q, qd, load, weight)
+        friction.torques(&arm.q, &arm.qd, load, weight)
     }
 
     /// Returns the joint that its friction compensation has driven, until the next arming.
@@ -320,7 +349,14 @@ impl Controller {
     }
 
     /// Limits the requested torques to the actuators' capacities and rates of change.
-    fn limit(&mut self, asked: Ledger) -> (JointVector, Ledger, Option<Fault>) {
+    fn limit(
+        &mut self,
+        asked: Ledger,
+        held: Option<DriveTargets>,
+    ) -> (JointVector, Ledger, Option<Fault>) {
+        if held == Some(DriveTargets::Withdrawn) {
+            self.layers.slew.iter_mut().for_each(Slew::reset);
+        }
         let coupling = self.settings.calibration.coupling();
         let port = asked.task + asked.passivity;
         let torques = Asked {

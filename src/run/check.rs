@@ -9,8 +9,8 @@ use clap::{ArgGroup, Args};
 
 use crate::exit::{Failure, Kind, OrFail};
 use crate::{gains, print, stopping};
-use config::Config;
 use config::robots::RobotArm;
+use config::{BusSettings, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
 
@@ -97,68 +97,80 @@ pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<()
 /// Loads and thereby validates the configuration, and prints bus load, joints and findings.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;
-    let loads = config.loads();
     if json {
-        let buses = config.buses.iter().zip(&loads).map(|(bus, load)| {
-            serde_json::json!({
-                "name": bus.name,
-                "bitrate": bus.bitrate,
-                "bits_per_cycle": load.used,
-                "load_percent": load.percent(),
-                "limit_percent": bus.load_limit_percent,
-            })
-        });
-        let report = serde_json::json!({
-            "ok": true,
-            "sync_period_us": config.period.as_micros(),
-            "buses": buses.collect::<Vec<_>>(),
-            "contact": contact::json(&config),
-            "gains": gains::json(&config.findings()),
-            "eds": eds::faulty_json(&config),
-            "eds_warnings": eds::lines(&config),
-            "stopping": stopping::json(&config),
-            "facts": stopping::facts_json(&config.facts()),
-            "cautions": stopping::cautions_json(&config),
-            "switches": config.switches.is_some(),
-            "robot": config.robot.as_ref().map(robot_json),
-        });
-        print::line(&report.to_string());
-        return Ok(());
+        print::line(&report(&config).to_string());
+    } else {
+        lines(file, &config).iter().for_each(|line| print::line(line));
     }
+    Ok(())
+}
+
+/// Returns bus load, findings and what stops the drives as one object.
+fn report(config: &Config) -> serde_json::Value {
+    let buses = config.buses.iter().zip(config.loads()).map(|(bus, load)| {
+        serde_json::json!({
+            "name": bus.name,
+            "bitrate": bus.bitrate,
+            "bits_per_cycle": load.used,
+            "load_percent": load.percent(),
+            "limit_percent": bus.load_limit_percent,
+        })
+    });
+    serde_json::json!({
+        "ok": true,
+        "sync_period_us": config.period.as_micros(),
+        "buses": buses.collect::<Vec<_>>(),
+        "contact": contact::json(config),
+        "gains": gains::json(&config.findings()),
+        "eds": eds::faulty_json(config),
+        "eds_warnings": eds::lines(config),
+        "stopping": stopping::json(config),
+        "facts": stopping::facts_json(&config.facts()),
+        "cautions": stopping::cautions_json(config),
+        "switches": config.switches.is_some(),
+        "robot": config.robot.as_ref().map(robot_json),
+    })
+}
+
+/// Returns the same, and the joints, as lines.
+fn lines(file: &Path, config: &Config) -> Vec<String> {
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
     let but = if is_unstable { ", but unstable (gain_check = \"warn\")" } else { "" };
-    print::line(&format!("{}: valid{but}", file.display()));
-    print::line(&format!("SYNC every {} µs", config.period.as_micros()));
-    for (bus, load) in config.buses.iter().zip(&loads) {
-        print::line(&format!(
-            "bus {:10} {load}, limit {:.0} %, {}",
-            bus.name, bus.load_limit_percent, bus.interface
-        ));
-    }
-    print::line(&gravity(&config));
-    config.robot.iter().for_each(|arm| print::line(&robot(arm)));
-    for joint in &config.joints {
-        let unit = match joint.plant.link.kind {
-            JointKind::Revolute => "N·m",
-            JointKind::Prismatic => "N",
-        };
-        print::line(&format!(
-            "joint {:16} node {:3}, {:.4} {unit} per step of 1 ‰ rated torque, at most {} {unit}",
-            joint.name,
-            joint.node.raw(),
-            joint.calibration.resolution(),
-            joint.plant.actuator.max_torque
-        ));
-    }
-    stopping::lines(&config).iter().for_each(|line| print::line(line));
-    eds::lines(&config).iter().for_each(|line| print::line(line));
-    if let Err(reason) = config.switch_box() {
-        print::line(&format!("switches warning   {reason}"));
-    }
-    contact::line(&config).iter().for_each(|line| print::line(line));
-    for (verdict, line) in gains::lines(&findings) {
-        print::line(&format!("gains {:10} {line}", verdict.to_string()));
-    }
-    Ok(())
+    let mut lines = vec![
+        format!("{}: valid{but}", file.display()),
+        format!("SYNC every {} µs", config.period.as_micros()),
+    ];
+    lines.extend(config.buses.iter().zip(config.loads()).map(|(bus, load)| {
+        let BusSettings { name, load_limit_percent, interface, .. } = bus;
+        format!("bus {name:10} {load}, limit {load_limit_percent:.0} %, {interface}")
+    }));
+    lines.push(gravity(config));
+    lines.extend(config.robot.iter().map(robot));
+    lines.extend(config.joints.iter().map(joint));
+    lines.extend(stopping::lines(config));
+    lines.extend(eds::lines(config));
+    lines.extend(config.switch_box().err().map(|reason| format!("switches warning   {reason}")));
+    lines.extend(contact::line(config));
+    lines.extend(
+        gains::lines(&findings)
+            .into_iter()
+            .map(|(verdict, line)| format!("gains {:10} {line}", verdict.to_string())),
+    );
+    lines
+}
+
+/// Describes a joint's drive.
+fn joint(joint: &JointParameters) -> String {
+    let unit = match joint.plant.link.kind {
+        JointKind::Revolute => "N·m",
+        JointKind::Prismatic => "N",
+    };
+    format!(
+        "joint {:16} node {:3}, {:.4} {unit} per step of 1 ‰ rated torque, at most {} {unit}",
+        joint.name,
+        joint.node.raw(),
+        joint.calibration.resolution(),
+        joint.plant.actuator.max_torque
+    )
 }

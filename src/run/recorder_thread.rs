@@ -6,11 +6,13 @@ use std::thread;
 use std::time::Duration;
 
 use crate::disk_writers::DiskWriters;
-use crate::log_time;
 use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
+use crate::{log_time, provenance};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
+use config::Config;
 use node::record::{Mode, Record};
+use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Commanded, Fidelity, Judged};
 use telemetry::status::{JointLabel, Status};
 use telemetry::summary::Summary;
@@ -58,38 +60,13 @@ impl LatestStatus {
     }
 }
 
-/// Names that the log and the status show.
-#[derive(Clone, Debug)]
-pub(super) struct Names {
-    /// Nodes, in the order of their plans.
-    pub(super) nodes: Vec<String>,
-    /// Joints with their units, base first.
-    pub(super) joints: Vec<JointLabel>,
-}
-
-/// Records entries until the cycle thread has ended; returns the summary of the run. `commanded` judges the commanded
-/// wrench, because the drives' truth is unknown; `summary` has no cycles yet.
+/// Records entries until the cycle thread has ended; returns the summary of the run.
 pub(super) fn run(
     mut entries: EntryConsumer,
-    writers: &mut DiskWriters,
+    mut recorder: Recorder<'_>,
     latest: &LatestStatus,
-    names: &Names,
-    commanded: Commanded,
-    summary: Summary,
     lost: &LossCounters,
 ) -> Summary {
-    let mut recorder = Recorder {
-        writers,
-        names,
-        commanded,
-        fidelity: Fidelity::new(Judged::Command),
-        summary,
-        mode: Mode::Boot,
-        self_driven: None,
-        event_log: EventLog::new(),
-        now: Instant::ZERO,
-        newest: None,
-    };
     loop {
         // Read before the last `take`, so that entries pushed before the end are not missed.
         let is_over = entries.is_abandoned();
@@ -106,9 +83,13 @@ pub(super) fn run(
 
 /// State of the recorder thread; handles entries in their order.
 #[derive(Debug)]
-struct Recorder<'a> {
+pub(super) struct Recorder<'a> {
     writers: &'a mut DiskWriters,
-    names: &'a Names,
+    /// Names of the nodes, in the order of their plans.
+    nodes: Vec<String>,
+    /// Names of the joints with their units, base first.
+    joints: Vec<JointLabel>,
+    /// Judges the commanded wrench, because the drives' truth is unknown.
     commanded: Commanded,
     fidelity: Fidelity,
     summary: Summary,
@@ -135,13 +116,13 @@ impl EntryHandler for Recorder<'_> {
                 if is_boot_over {
                     tracing::info!("ready: all drives enabled at zero torque");
                 }
-                log_mode(record, &self.names.joints);
+                log_mode(record, &self.joints);
             });
         }
         let self_driven = record.output.ledger.self_driven;
         let before = std::mem::replace(&mut self.self_driven, self_driven);
         if let Some(joint) = self_driven.filter(|_| before.is_none()) {
-            log_time::stamp_with(record.at, || log_self_driven(joint, &self.names.joints));
+            log_time::stamp_with(record.at, || log_self_driven(joint, &self.joints));
         }
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
@@ -150,18 +131,36 @@ impl EntryHandler for Recorder<'_> {
 
     fn on_event(&mut self, event: &Event) {
         log_time::stamp_with(self.now, || {
-            self.event_log.log(self.now, self.mode, event, &self.names.nodes);
+            self.event_log.log(self.now, self.mode, event, &self.nodes);
         });
     }
 }
 
-impl Recorder<'_> {
+impl<'a> Recorder<'a> {
+    /// Creates a recorder of no entries yet.
+    pub(super) fn new(config: &Config, writers: &'a mut DiskWriters) -> Self {
+        let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
+        Self {
+            writers,
+            nodes: config.node_plans().into_iter().map(|(_, plan)| plan.name).collect(),
+            joints: provenance::joint_labels(config),
+            commanded: Commanded::new(&config.controller),
+            fidelity: Fidelity::new(Judged::Command),
+            summary: Summary::judging(postures),
+            mode: Mode::Boot,
+            self_driven: None,
+            event_log: EventLog::new(),
+            now: Instant::ZERO,
+            newest: None,
+        }
+    }
+
     /// Hands the entries to the disk writers, and the newest status to the console.
     fn flush(&mut self, latest: &LatestStatus, lost: &LossCounters) {
         self.writers.flush();
         if let Some(record) = self.newest.take() {
             let status = Status::of(&record, self.summary.missing_samples, lost.snapshot());
-            latest.set(record.at, status.with_joints(&self.names.joints));
+            latest.set(record.at, status.with_joints(&self.joints));
         }
     }
 

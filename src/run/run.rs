@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::thread;
+use std::thread::{self, Builder, Scope, ScopedJoinHandle};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -16,18 +16,18 @@ use crate::disk_writers::{self, DiskWriters};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
-use crate::provenance::{self, Provenance};
-use crate::recorder_thread::{self, LatestStatus, Names};
+use crate::provenance::Provenance;
+use crate::recorder_thread::{self, LatestStatus, Recorder};
 use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
 use crate::{check, commission, cycle_thread, gains, log_time, print, rings, session};
 use bus::Traced;
+use config::Config;
 use node::Node;
 use remote::site::VirtualSite;
-use telemetry::contact_posture::ContactPostures;
-use telemetry::fidelity::Commanded;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
+use units::time::Instant;
 
 /// Time from the stop signal to the end of the recordings: the process ends within a second, its last lines included.
 const END_LIMIT: Duration = Duration::from_millis(900);
@@ -61,16 +61,13 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
-    let path = config.socket.clone().unwrap_or_else(default_socket);
-    let socket = runtime.block_on(Socket::bind(path.clone()));
-    let socket = socket.with_context(|| format!("control socket {}", path.display()));
-    let socket = socket.or_fail(Kind::Bus)?;
+    let socket = runtime.block_on(bind_socket(&config))?;
 
     let bus = interfaces::open(&config, &names)?;
     log_time::set_clock(bus.clock());
-    tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
     let clock = bus.clock();
     let origin = Origin::from_micros(bus.epoch_micros());
+    tracing::info!("time counts from {origin}");
     let recorder = open_recorder(args.record.as_deref(), &Provenance::of(&config, &names, origin))?;
 
     let (producer, entries, lost) = rings::rings();
@@ -90,51 +87,65 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     signals.enable_orderly_stop();
 
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
-        let (writers, latest) = (&mut writers, latest);
-        let nodes = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
-        let names = Names { nodes, joints: provenance::joint_labels(&config) };
-        let commanded = Commanded::new(&config.controller);
-        let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
-        let begun = Summary::judging(postures);
-        let recording = thread::Builder::new()
-            .name("frhc-recorder".to_owned())
-            .stack_size(disk_writers::STACK)
-            .spawn_scoped(threads, move || {
-                recorder_thread::run(entries, writers, &latest, &names, commanded, begun, &lost)
-            })
-            .context("cannot start the recorder thread")
-            .or_fail(Kind::Bus)?;
+        let recorder = Recorder::new(&config, &mut writers);
+        let small = Builder::new().stack_size(disk_writers::STACK);
+        let recording = spawn(threads, small, "recorder", move || {
+            recorder_thread::run(entries, recorder, &latest, &lost)
+        })?;
         let signals = &signals;
-        let cycle = move || {
+        spawn(threads, Builder::new(), "cycle", move || {
             let outcome = cycle_thread::run(node, requests, signals, latch);
             // The main thread may have ended first.
             ended.send(outcome).ok();
-        };
-        thread::Builder::new()
-            .name("frhc-cycle".to_owned())
-            .spawn_scoped(threads, cycle)
-            .context("cannot start the cycle thread")
-            .or_fail(Kind::Bus)?;
+        })?;
         let outcome = runtime.block_on(serve(&socket, &handler, end));
-        let summary = recording.join();
-        let summary =
-            summary.map_err(|_| Failure::new(Kind::Bus, "the recorder thread panicked"))?;
+        let summary = recording
+            .join()
+            .map_err(|_| Failure::new(Kind::Bus, "the recorder thread panicked"))?;
         Ok((outcome, summary))
     })?;
     summary.origin = origin;
     let stopped = signals.stop_requested_at().unwrap_or_else(clock);
-    let deadline = (stopped + END_LIMIT).max(clock() + MIN_CLOSE_TIME);
-    let (records, finished) = writers.finish(&summary, deadline, clock);
-    if summary.cycles > 0 {
-        print::note(&summary.to_string());
-    }
-    records.iter().for_each(|line| print::note(line));
-    let finished = finished.or_fail(Kind::Bus);
+    let finished = close(writers, &summary, stopped, clock);
     if let (Err(_), Err(incomplete)) = (&outcome, &finished) {
         // The exit code is that of the stop.
         print::error(&incomplete.to_string());
     }
     outcome.and(finished)
+}
+
+/// Binds the control socket of the configuration, or the default one.
+async fn bind_socket(config: &Config) -> Result<Socket, Failure> {
+    let path = config.socket.clone().unwrap_or_else(default_socket);
+    let socket = Socket::bind(path.clone()).await;
+    socket.with_context(|| format!("control socket {}", path.display())).or_fail(Kind::Bus)
+}
+
+/// Starts the thread `frhc-NAME`.
+fn spawn<'scope, T: Send + 'scope>(
+    threads: &'scope Scope<'scope, '_>,
+    builder: Builder,
+    name: &str,
+    task: impl FnOnce() -> T + Send + 'scope,
+) -> Result<ScopedJoinHandle<'scope, T>, Failure> {
+    let thread = builder.name(format!("frhc-{name}")).spawn_scoped(threads, task);
+    thread.with_context(|| format!("cannot start the {name} thread")).or_fail(Kind::Bus)
+}
+
+/// Ends the recordings of a run that was stopped then, and prints its summary and the fault records' folder.
+fn close(
+    writers: DiskWriters,
+    summary: &Summary,
+    stopped: Instant,
+    clock: impl Fn() -> Instant,
+) -> Result<(), Failure> {
+    let deadline = (stopped + END_LIMIT).max(clock() + MIN_CLOSE_TIME);
+    let (records, finished) = writers.finish(summary, deadline, clock);
+    if summary.cycles > 0 {
+        print::note(&summary.to_string());
+    }
+    records.iter().for_each(|line| print::note(line));
+    finished.or_fail(Kind::Bus)
 }
 
 /// Opens the recordings: fault records and, if `parent` is given, a session in a numbered folder of it.

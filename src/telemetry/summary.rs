@@ -178,24 +178,7 @@ impl fmt::Display for Summary {
             self.rate_tracking_rms_m_per_s * 1e3,
             self.pose_tracking_rms_m * 1e3
         )?;
-        writeln!(
-            f,
-            "contact           {} reversals, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
-            self.contact.reversals,
-            self.contact.peak_speed_m_per_s * 1e3,
-            self.contact.energy_j * 1e3,
-            self.contact.lowest_energy_j * 1e3
-        )?;
-        if self.contact_posture.poor_seconds > 0.0 {
-            writeln!(f, "contact posture   {}", self.contact_posture)?;
-        }
-        if let Some(fidelity) = &self.fidelity {
-            let place = match fidelity.judged {
-                Judged::Hand => "felt at the hand ",
-                Judged::Command => "commanded forces ",
-            };
-            writeln!(f, "{place} {fidelity}")?;
-        }
+        self.fmt_contact(f)?;
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         if self.shaking.is_reported() {
             writeln!(f, "robot             {}", self.shaking)?;
@@ -216,6 +199,31 @@ impl fmt::Display for Summary {
             write!(f, ": {cause}")?;
         }
         if self.is_interrupted { f.write_str(" (interrupted)") } else { Ok(()) }
+    }
+}
+
+impl Summary {
+    /// Formats what the hand felt in contact.
+    fn fmt_contact(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "contact           {} reversals, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
+            self.contact.reversals,
+            self.contact.peak_speed_m_per_s * 1e3,
+            self.contact.energy_j * 1e3,
+            self.contact.lowest_energy_j * 1e3
+        )?;
+        if self.contact_posture.poor_seconds > 0.0 {
+            writeln!(f, "contact posture   {}", self.contact_posture)?;
+        }
+        if let Some(fidelity) = &self.fidelity {
+            let place = match fidelity.judged {
+                Judged::Hand => "felt at the hand ",
+                Judged::Command => "commanded forces ",
+            };
+            writeln!(f, "{place} {fidelity}")?;
+        }
+        Ok(())
     }
 }
 

@@ -10,3 +10,4 @@ mod pages;
 mod rack_alone;
 mod ranges;
 mod scripts;
+mod steps;

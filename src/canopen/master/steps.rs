@@ -209,19 +209,6 @@ impl Action {
         }
     }
 
-    /// Returns whether a different value ends the step at once.
-    pub const fn compares_once(self) -> bool {
-        match self {
-            Self::Probe
-            | Self::Compare
-            | Self::CompareIfPresent
-            | Self::Write
-            | Self::WriteIfPresent
-            | Self::WriteIfAccepted => true,
-            Self::Await | Self::AwaitStandstill | Self::Command => false,
-        }
-    }
-
     /// Returns whether an absent object passes.
     pub const fn is_optional(self) -> bool {
         match self {

@@ -13,16 +13,9 @@ use crate::master::steps::{Action, Step};
 use crate::object::Object;
 
 impl Boot {
-    /// Takes the refusal of the current step. If it would have cleared a mapping, its entries are compared from here on,
-    /// not written; returns whether that is so.
-    pub(super) fn keeps_mapping(&mut self, code: AbortCode) -> bool {
-        let Some(Step::Object(Action::Write, check)) = self.steps.get(self.at) else {
-            return false;
-        };
-        let mapping = check.object;
-        if !is_clearing(check) {
-            return false;
-        }
+    /// Drops the current step, which the node refused and which would have cleared `mapping`. Its entries are compared
+    /// from here on, not written.
+    pub(super) fn compare_mapping(&mut self, mapping: Object, code: AbortCode) {
         self.steps.remove(self.at);
         for step in self.steps.iter_mut().skip(self.at) {
             match step {
@@ -37,7 +30,6 @@ impl Boot {
             }
         }
         self.fixed_mappings.push((mapping, code));
-        true
     }
 
     /// Adds the refusal to a problem with an entry of a mapping that could not be written.
@@ -51,7 +43,7 @@ impl Boot {
 }
 
 /// Returns whether a write sets the number of mapped objects to zero.
-fn is_clearing(check: &Check) -> bool {
+pub(super) fn is_clearing(check: &Check) -> bool {
     let Object { index, sub } = check.object;
     let is_mapping = MAPPINGS.iter().any(|indices| indices.contains(&index));
     is_mapping && sub == 0 && check.expected == Value::Unsigned8(0)

@@ -1,10 +1,14 @@
 //! End of an SDO transfer in a boot: next step, retry, alternative stage or failure.
+//!
+//! The answer is classified, [`decide`] holds the table of what follows, and the boot carries that out.
 
 use canopen_rs::NmtCommand;
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::boot_error::Problem;
+use crate::master::check::Check;
+use crate::master::commission::fixed_mapping::is_clearing;
 use crate::master::commission::{
     Boot, BootOutcome, MAX_REPEATS, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait,
 };
@@ -13,9 +17,104 @@ use crate::nameplate::Held;
 use crate::nameplate::units::is_outdated;
 use crate::nmt::Order;
 use crate::object::Object;
-use crate::sdo::{Content, Outcome, SdoError};
+use crate::sdo::{Outcome, SdoError};
 use crate::setting::{OFFSETS, may_be_written_twice};
 use units::time::Instant;
+
+/// Answer to a transfer.
+#[derive(Clone, Copy)]
+enum Answer {
+    /// The write succeeded.
+    Confirmed,
+    /// The value read is as expected; the drive stands still.
+    Expected,
+    /// The value read differs; the drive moves.
+    Differs,
+    /// The node aborted the transfer.
+    Aborted(AbortCode),
+    /// The master aborted the transfer.
+    AbortedLocally,
+    /// The node did not answer in time.
+    Timeout,
+}
+
+/// Kind of an object, by the alternative that remains if the node refuses to have it written.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// COB-ID, its bit 30 as planned.
+    CobId,
+    /// Number of mapped objects, to be cleared.
+    Mapping,
+    /// Offset of a set-point.
+    Offset,
+    /// Mode of operation, before the start.
+    Mode,
+    /// Without an alternative.
+    Other,
+}
+
+/// Consequence of an answer.
+#[derive(Clone, Copy)]
+enum Decision {
+    /// Takes the next step.
+    Proceed,
+    /// Reads the object that was written.
+    ReadBack,
+    /// Reads again after [`RETRY_PERIOD`].
+    ReadLater,
+    /// Proceeds without the object, or without the value that the node refuses.
+    Skip(Option<AbortCode>),
+    /// Writes the COB-ID with bit 30 turned over. Some nodes accept no TPDO that may be requested by RTR.
+    TurnBit30,
+    /// Compares the mapping from here on.
+    CompareMapping(AbortCode),
+    /// Compares the offset. Some drives take it by PDO alone.
+    CompareOffset,
+    /// Leaves the mode for the time after the start. Some drives take it only when operational.
+    PostponeMode,
+    /// Commands pre-operational and reads again. A stopped node takes NMT commands only.
+    Wake,
+    /// Sends the request again, as another client has disturbed it.
+    RepeatDisturbed,
+    /// Sends the request a second time.
+    RepeatOnce,
+    /// Ends the boot.
+    Fail,
+    /// Enters the alternative of the stage, or ends the boot.
+    LeaveStage,
+}
+
+/// Returns what follows an answer: the first row that fits. A step is in time before its deadline; another client has
+/// disturbed a transfer if it sent a request to the node meanwhile.
+#[rustfmt::skip]
+const fn decide(
+    (answer, action, kind): (Answer, Action, Kind), is_in_time: bool, is_disturbed: bool, may_repeat: bool,
+) -> Decision {
+    use Action::{Await, AwaitStandstill, Command, Probe, WriteIfAccepted};
+    use Answer::{Aborted, AbortedLocally, Confirmed, Differs, Expected, Timeout};
+    use Decision::{CompareMapping, CompareOffset, Fail, LeaveStage, PostponeMode, Proceed, ReadBack};
+    use Decision::{ReadLater, RepeatDisturbed, RepeatOnce, Skip, TurnBit30, Wake};
+    use Kind::{CobId, Mapping, Mode, Offset};
+    match (answer, action, kind) {
+        (Confirmed,                             Command,                 _)                               => Proceed,
+        (Confirmed,                             _,                       _)                               => ReadBack,
+        (Expected,                              _,                       _)                               => Proceed,
+        (Differs,                               Await | AwaitStandstill, _)       if is_in_time           => ReadLater,
+        (Differs,                               Await | AwaitStandstill, _)                               => LeaveStage,
+        (_,                                     _,                       _)       if is_disturbed         => RepeatDisturbed,
+        (Aborted(AbortCode::NO_OBJECT),         _,                       _)       if action.is_optional() => Skip(None),
+        (Aborted(AbortCode::NO_SUB_INDEX),      _,                       _)       if action.is_optional() => Skip(None),
+        (Aborted(code),                         _,                       CobId)   if code.refuses_value() => TurnBit30,
+        (Aborted(code),                         _,                       Mapping)                         => CompareMapping(code),
+        (Aborted(AbortCode::READ_ONLY),         _,                       Offset)                          => CompareOffset,
+        (Aborted(AbortCode::DEVICE_STATE),      _,                       Mode)                            => PostponeMode,
+        (Aborted(code),                         WriteIfAccepted,         _)       if code.refuses_value() => Skip(Some(code)),
+        (Timeout,                               Probe,                   _)       if is_in_time           => Wake,
+        (Timeout,                               _,                       _)       if may_repeat           => RepeatOnce,
+        (Timeout,                               _,                       _)                               => Fail,
+        (Differs | Aborted(_) | AbortedLocally, _,                       _)                               => LeaveStage,
+    }
+}
 
 impl Boot {
     /// Handles the end of a transfer.
@@ -25,105 +124,135 @@ impl Boot {
         outcome: Outcome,
         out: &mut Vec<Frame>,
     ) -> Option<BootOutcome> {
-        if let Some(Step::Read(object)) = self.steps.get(self.at) {
-            return self.on_nameplate(now, *object, outcome, out);
-        }
-        let Some(Step::Object(action, check)) = self.steps.get(self.at) else { return None };
-        let (action, object) = (*action, check.object);
-        let has_written = matches!(self.wait, Wait::Write(_));
-        let is_in_time = now < self.until;
-        let is_broken = match &outcome {
-            Ok(content) => !has_written && action.compares_once() && !check.accepts(content),
-            Err(_) => true,
+        let (action, check) = match self.steps.get(self.at)? {
+            Step::Object(action, check) => (*action, check.clone()),
+            Step::Read(object) => return self.on_nameplate(now, *object, outcome, out),
+            Step::AwaitHeartbeat | Step::Reset(_) | Step::CompareNameplate => return None,
         };
-        let is_disturbed = std::mem::take(&mut self.is_disturbed);
-        if is_broken && is_disturbed && self.repeats < MAX_REPEATS {
-            self.repeats += 1;
-            return self.repeat(now, has_written, out);
-        }
-        self.repeats = 0;
-        match outcome {
-            Ok(_) if action == Action::Command => self.next_step(now, out),
-            Ok(_) if has_written => {
-                self.read(now, out);
-                None
-            }
+        let case = (self.answer(action, &check, &outcome), action, self.kind(action, &check));
+        let (is_in_time, may_repeat) = (now < self.until, self.may_repeat(check.object));
+        let decision = decide(case, is_in_time, self.takes_disturbance(), may_repeat);
+        let is_repeated = matches!(decision, Decision::RepeatDisturbed);
+        self.repeats = if is_repeated { self.repeats + 1 } else { 0 };
+        self.carry_out(now, decision, (action, check), outcome, out)
+    }
+
+    /// Classifies the outcome of a transfer.
+    fn answer(&mut self, action: Action, check: &Check, outcome: &Outcome) -> Answer {
+        let is_expected = match outcome {
+            Ok(_) if self.is_writing() => return Answer::Confirmed,
             Ok(content) if action == Action::AwaitStandstill => {
-                self.on_position(now, &content, out)
+                self.standstill.on_position(content)
             }
-            Ok(content) if check.accepts(&content) => {
+            Ok(content) => check.accepts(content),
+            Err(SdoError::AbortedByServer(code)) => return Answer::Aborted(*code),
+            Err(SdoError::AbortedLocally(_)) => return Answer::AbortedLocally,
+            Err(SdoError::Timeout) => return Answer::Timeout,
+        };
+        if is_expected { Answer::Expected } else { Answer::Differs }
+    }
+
+    /// Classifies the object of the current step.
+    fn kind(&self, action: Action, check: &Check) -> Kind {
+        let may_turn = !self.retries.has_other_bit_30 && check.with_other_bit_30().is_some();
+        match check.object {
+            object if action.writes() && OFFSETS.contains(&object) => Kind::Offset,
+            _ if !self.is_writing() => Kind::Other,
+            _ if may_turn => Kind::CobId,
+            _ if action == Action::Write && is_clearing(check) => Kind::Mapping,
+            Object::MODE_OF_OPERATION if self.resets.count > 0 => Kind::Mode,
+            _ => Kind::Other,
+        }
+    }
+
+    /// Returns whether the request may be sent a second time. An upload changes nothing, so any may; a download may
+    /// where the same write has the same effect twice.
+    fn may_repeat(&self, object: Object) -> bool {
+        if self.is_writing() {
+            may_be_written_twice(object) && !self.retries.is_written_again
+        } else {
+            self.stage != Stage::Probe && !self.retries.is_read_again
+        }
+    }
+
+    const fn is_writing(&self) -> bool {
+        matches!(self.wait, Wait::Write(_))
+    }
+
+    fn carry_out(
+        &mut self,
+        now: Instant,
+        decision: Decision,
+        (action, check): (Action, Check),
+        outcome: Outcome,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        let object = check.object;
+        match decision {
+            Decision::Proceed => {
                 if action == Action::Probe && self.resets.count > 0 {
                     self.resets.answered_at = Some(now);
                 }
-                self.next_step(now, out)
+                return self.next_step(now, out);
             }
-            Ok(_) if action == Action::Await && is_in_time => {
-                self.wait = Wait::Retry(now + RETRY_PERIOD);
-                None
-            }
-            Ok(content) => {
-                let problem = Problem::differs(check, &content);
-                self.on_mismatch(now, self.of_fixed_mapping(object, problem), out)
-            }
-            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX))
-                if action.is_optional() =>
-            {
+            Decision::ReadBack => self.read(now, out),
+            Decision::ReadLater => self.wait = Wait::Retry(now + RETRY_PERIOD),
+            Decision::Skip(refused) => {
                 self.missing.push(object);
-                self.next_step(now, out)
+                self.refused.extend(refused.map(|code| (object, code)));
+                return self.next_step(now, out);
             }
-            Err(SdoError::AbortedByServer(code))
-                if has_written && code.refuses_value() && self.turns_bit_30() =>
-            {
-                self.take_step(now, out)
+            Decision::TurnBit30 => {
+                self.retries.has_other_bit_30 = true;
+                let turned = check.with_other_bit_30().unwrap_or(check);
+                return self.retake(now, Step::Object(action, turned), out);
             }
-            Err(SdoError::AbortedByServer(code)) if has_written && self.keeps_mapping(code) => {
-                self.take_step(now, out)
+            Decision::CompareMapping(code) => {
+                self.compare_mapping(object, code);
+                return self.take_step(now, out);
             }
-            Err(SdoError::AbortedByServer(AbortCode::READ_ONLY)) if self.compares_offset() => {
-                self.take_step(now, out)
+            Decision::CompareOffset => {
+                return self.retake(now, Step::Object(Action::CompareIfPresent, check), out);
             }
-            Err(SdoError::AbortedByServer(AbortCode::DEVICE_STATE))
-                if has_written && self.postpones_mode(object) =>
-            {
-                self.go(now, self.stage.next(&self.plan), out)
+            Decision::PostponeMode => {
+                self.awaits_mode = true;
+                return self.go(now, self.stage.next(&self.plan), out);
             }
-            Err(SdoError::AbortedByServer(code))
-                if action == Action::WriteIfAccepted && code.refuses_value() =>
-            {
-                self.missing.push(object);
-                self.refused.push((object, code));
-                self.next_step(now, out)
-            }
-            Err(SdoError::Timeout) if action == Action::Probe && is_in_time => {
-                // A stopped node takes NMT commands only.
+            Decision::Wake => {
                 out.push(Order::to(self.plan.node, NmtCommand::EnterPreOperational).frame());
                 self.read(now, out);
-                None
             }
-            Err(SdoError::Timeout) if self.stage == Stage::Probe => {
-                self.fail(Problem::Absent { waited: self.probe_timeout })
-            }
-            // An upload changes nothing, so a lost answer is asked for again.
-            Err(SdoError::Timeout) if !has_written && !self.retries.is_read_again => {
-                self.retries.is_read_again = true;
-                self.read(now, out);
-                None
-            }
-            // A lost answer to a download is no reason to give up, where the same write has the same effect twice.
-            Err(SdoError::Timeout)
-                if has_written
-                    && may_be_written_twice(object)
-                    && !self.retries.is_written_again =>
-            {
-                self.retries.is_written_again = true;
-                self.take_step(now, out)
-            }
-            Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
-            Err(error) => {
-                let problem = Problem::of_transfer(object, error);
-                self.on_mismatch(now, self.of_fixed_mapping(object, problem), out)
+            Decision::RepeatDisturbed => return self.repeat(now, out),
+            Decision::RepeatOnce => return self.repeat_once(now, out),
+            Decision::Fail => return self.fail(self.problem(action, &check, outcome)),
+            Decision::LeaveStage => {
+                let problem = self.problem(action, &check, outcome);
+                return self.on_mismatch(now, self.of_fixed_mapping(object, problem), out);
             }
         }
+        None
+    }
+
+    /// Returns the problem that ends the boot, or its stage.
+    fn problem(&self, action: Action, check: &Check, outcome: Outcome) -> Problem {
+        match outcome {
+            Ok(_) if action == Action::AwaitStandstill => {
+                Problem::Moving { waited: STANDSTILL_TIMEOUT }
+            }
+            Ok(content) => Problem::differs(check, &content),
+            Err(SdoError::Timeout) if self.stage == Stage::Probe => {
+                Problem::Absent { waited: self.probe_timeout }
+            }
+            Err(error) => Problem::of_transfer(check.object, error),
+        }
+    }
+
+    /// Takes the current step in another way.
+    fn retake(&mut self, now: Instant, step: Step, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        if let Some(current) = self.steps.get_mut(self.at) {
+            *current = step;
+        }
+        self.take_step(now, out)
     }
 
     /// Handles the end of reading an object of the nameplate. What the drive does not have passes.
@@ -134,99 +263,47 @@ impl Boot {
         outcome: Outcome,
         out: &mut Vec<Frame>,
     ) -> Option<BootOutcome> {
-        let is_disturbed = std::mem::take(&mut self.is_disturbed);
+        let is_disturbed = self.takes_disturbance();
         match outcome {
-            Err(_) if is_disturbed && self.repeats < MAX_REPEATS => {
+            Err(_) if is_disturbed => {
                 self.repeats += 1;
-                self.read(now, out);
-                None
+                return self.repeat(now, out);
             }
             Err(SdoError::Timeout) if !self.retries.is_read_again => {
-                self.retries.is_read_again = true;
-                self.read(now, out);
-                None
+                return self.repeat_once(now, out);
             }
-            Ok(content) => {
-                self.repeats = 0;
-                self.held.extend(Held::of(object, &content));
-                self.next_step(now, out)
-            }
-            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
-                self.repeats = 0;
-                self.next_step(now, out)
-            }
+            Ok(content) => self.held.extend(Held::of(object, &content)),
+            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {}
             // No dictionary since CiA 402-2 has these: a vague abort means that the node has none either.
-            Err(SdoError::AbortedByServer(AbortCode::GENERAL_ERROR)) if is_outdated(object) => {
-                self.repeats = 0;
-                self.next_step(now, out)
-            }
+            Err(SdoError::AbortedByServer(AbortCode::GENERAL_ERROR)) if is_outdated(object) => {}
             // Sign and scale are never assumed: an object that cannot be read is not taken for absent.
-            Err(error) => self.fail(Problem::of_transfer(object, error)),
+            Err(error) => return self.fail(Problem::of_transfer(object, error)),
         }
+        self.repeats = 0;
+        self.next_step(now, out)
     }
 
-    /// Turns bit 30 of a COB-ID that the node has refused over, once; returns whether it did. Some accept no TPDO that may
-    /// be requested by RTR.
-    fn turns_bit_30(&mut self) -> bool {
-        let has_turned = std::mem::replace(&mut self.retries.has_other_bit_30, true);
-        let Some(Step::Object(_, check)) = self.steps.get_mut(self.at) else { return false };
-        match check.with_other_bit_30() {
-            Some(turned) if !has_turned => {
-                *check = turned;
-                true
-            }
-            Some(_) | None => false,
+    /// Returns whether another client disturbed the transfer, unless it was repeated too often.
+    fn takes_disturbance(&mut self) -> bool {
+        std::mem::take(&mut self.is_disturbed) && self.repeats < MAX_REPEATS
+    }
+
+    /// Sends the request a second time.
+    fn repeat_once(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        if self.is_writing() {
+            self.retries.is_written_again = true;
+        } else {
+            self.retries.is_read_again = true;
         }
+        self.repeat(now, out)
     }
 
-    /// Compares an offset that the node does not let be written by SDO, as some take it by PDO alone; returns whether the
-    /// current step has written one.
-    fn compares_offset(&mut self) -> bool {
-        let Some(Step::Object(action, check)) = self.steps.get_mut(self.at) else { return false };
-        let is_offset = action.writes() && OFFSETS.contains(&check.object);
-        if is_offset {
-            *action = Action::CompareIfPresent;
-        }
-        is_offset
-    }
-
-    /// Leaves the mode (6060h) for the time after the start; returns whether it does. Some drives take a mode only
-    /// when operational.
-    fn postpones_mode(&mut self, object: Object) -> bool {
-        let is_before_start = self.resets.count > 0;
-        let is_postponed = object == Object::MODE_OF_OPERATION && is_before_start;
-        self.awaits_mode |= is_postponed;
-        is_postponed
-    }
-
-    /// Repeats the current transfer.
-    fn repeat(
-        &mut self,
-        now: Instant,
-        has_written: bool,
-        out: &mut Vec<Frame>,
-    ) -> Option<BootOutcome> {
-        if has_written {
+    /// Sends the request of the current transfer again.
+    fn repeat(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        if self.is_writing() {
             return self.take_step(now, out);
         }
         self.read(now, out);
         None
-    }
-
-    /// Handles a position of a drive that was switched off: the boot continues once the drive stands still.
-    fn on_position(
-        &mut self,
-        now: Instant,
-        content: &Content,
-        out: &mut Vec<Frame>,
-    ) -> Option<BootOutcome> {
-        if self.standstill.on_position(content) {
-            self.next_step(now, out)
-        } else if now < self.until {
-            self.wait = Wait::Retry(now + RETRY_PERIOD);
-            None
-        } else {
-            self.fail(Problem::Moving { waited: STANDSTILL_TIMEOUT })
-        }
     }
 }

@@ -271,9 +271,7 @@ impl fmt::Display for Event {
                 write!(f, "proof test of its watchdog: emergency {emergency}")
             }
             Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
-            Self::Statusword { statusword, .. } => {
-                write!(f, "6041h = {:04X}h", statusword.0)
-            }
+            Self::Statusword { statusword, .. } => write!(f, "6041h = {:04X}h", statusword.0),
             Self::StillOn { statusword, step, .. } => {
                 write!(
                     f,
@@ -305,23 +303,20 @@ impl fmt::Display for Event {
             Self::ReadByAnother { .. } => {
                 f.write_str("another SDO client reads from it; transfers may disturb each other")
             }
-            Self::ForeignMaster { channel, frame } => match frame.cob_id & FUNCTION_CODE {
-                SDO_REQUEST_COB_BASE => {
-                    write!(f, "bus {}: another master writes: {frame}", channel.0)
-                }
-                SDO_RESPONSE_COB_BASE => {
-                    write!(f, "bus {}: a write of another master is confirmed: {frame}", channel.0)
-                }
-                HEARTBEAT_COB_BASE => {
-                    write!(
-                        f,
-                        "bus {}: another master sent this node's heartbeat: {frame}",
-                        channel.0
-                    )
-                }
-                _ => write!(f, "bus {}: another master sent {frame}", channel.0),
-            },
+            Self::ForeignMaster { channel, frame } => {
+                write!(f, "bus {}: {} {frame}", channel.0, evidence(frame))
+            }
         }
+    }
+}
+
+/// Evidence of another master that `frame` gives, to be followed by the frame.
+const fn evidence(frame: &Frame) -> &'static str {
+    match frame.cob_id & FUNCTION_CODE {
+        SDO_REQUEST_COB_BASE => "another master writes:",
+        SDO_RESPONSE_COB_BASE => "a write of another master is confirmed:",
+        HEARTBEAT_COB_BASE => "another master sent this node's heartbeat:",
+        _ => "another master sent",
     }
 }
 

@@ -10,7 +10,6 @@ use canopen_rs::{ByteString, NodeId, Value};
 use crate::guarding::Guarding;
 use crate::layout::{self, Direction, Pdo};
 use crate::master::check::{COB_ID_INVALID, Check};
-use crate::master::commission::{BOOT_TIMEOUT, REPLY_TIMEOUT};
 use crate::master::configuration::Stamp;
 use crate::nameplate::Nameplate;
 use crate::object::Object;
@@ -96,6 +95,11 @@ impl ErrorControl {
         }
     }
 }
+
+/// Default time for one SDO reply.
+pub(crate) const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
+/// Default time for a node to become ready.
+pub(crate) const BOOT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Time limits of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -29,15 +29,10 @@ use crate::plan::NodePlan;
 use crate::sdo::{Transfer, bytes};
 use units::time::Instant;
 
-/// Time allowed for one SDO reply, unless the [plan](crate::plan::Timeouts) says otherwise.
-pub const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Time allowed to store parameters (1010h) or to restore defaults (1011h).
 pub const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Period at which a node that is not ready yet is polled.
 pub const RETRY_PERIOD: Duration = Duration::from_millis(100);
-/// Time allowed for a node to become ready: to power up, to boot, to change its mode. Unless the
-/// [plan](crate::plan::Timeouts) says otherwise.
-pub const BOOT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Time allowed for a drive to stand still after its power was switched off.
 pub const STANDSTILL_TIMEOUT: Duration = Duration::from_secs(5);
 

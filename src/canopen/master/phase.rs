@@ -5,12 +5,12 @@ use canopen_rs::{NmtCommand, NmtState};
 use crate::frame::Telegram;
 use crate::heartbeat::HeartbeatEvent;
 use crate::master::boot_error::Problem;
-use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::event::Event;
 use crate::master::report::Report;
 use crate::master::slave::Slave;
 use crate::master::{MAX_QUEUED, Master, Phase, telegram};
 use crate::nmt::Order;
+use crate::plan::BOOT_TIMEOUT;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 

@@ -7,11 +7,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
-use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::duplicate::Sign;
 use crate::master::steps::Configuration;
 use crate::object::Object;
-use crate::plan::ShownMode;
+use crate::plan::{BOOT_TIMEOUT, ShownMode};
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::Scripted;
 use units::numbering::NodeIndex;

@@ -11,7 +11,7 @@ use super::*;
 use crate::abort::AbortCode;
 use crate::nameplate::units::Units;
 use crate::nameplate::{Nameplate, Rating, Ratio};
-use crate::plan::{Revisions, Timeouts};
+use crate::plan::{BOOT_TIMEOUT, REPLY_TIMEOUT, Revisions, Timeouts};
 use crate::setting::OFFSETS;
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
 use crate::testing::scripted::{Scripted, first_boot, stamp};

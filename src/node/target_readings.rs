@@ -4,18 +4,12 @@
 //! torque demand (6074h) by TPDO. A drive whose torque actual (6077h) differs, or whose last reply did, comes first.
 //! `plausibility::held_target` judges the replies. Other requests precede them.
 
-use crate::Node;
-use crate::cause::Cause;
-use crate::record::Mode;
-use bus::Bus;
+mod run;
+
 use canopen::exchange::TpdoMap;
-use canopen::master::event::Event;
-use canopen::master::read_back::{ReadBack, Setting};
+use canopen::master::read_back::Setting;
 use canopen::object::Object;
-use remote::Remote;
-use units::drive::PerMille;
 use units::numbering::Joint;
-use units::time::Instant;
 
 /// Target torque: two bytes.
 const TARGET: Setting = Setting::unknown(Object::TARGET_TORQUE, 2);
@@ -48,55 +42,11 @@ impl TargetReadings {
     }
 }
 
-impl<B: Bus, R: Remote> Node<B, R> {
-    /// Requests the target torque of the next drive, if an SDO request may be sent now and none waits. Stops with the
-    /// drives off, whose confirmation takes all requests.
-    pub(super) fn read_target(&mut self, now: Instant) {
-        let is_on = self.proof_test.is_done() && self.safety.mode() != Mode::DrivesOff;
-        if !is_on || self.network.master.has_queued() || !self.network.sdo_pacer.may_send(now) {
-            return;
-        }
-        let has_timer = self.proof_test.has_rpdo_timer();
-        let turn = self.network.targets.turn(self.plausibility.suspects());
-        for joint in turn.filter(|joint| !joint.entry(&has_timer)) {
-            let out = &mut self.wire.out;
-            if self.network.master.read_back(now, joint.into(), TARGET, out) {
-                self.network.targets.next = joint.index() + 1;
-                self.plausibility.on_target_requested(joint);
-                self.send_queued();
-                return;
-            }
-        }
-    }
-
-    /// Judges the target torque that a drive replied. Logs the first of its readings that fails.
-    pub(super) fn on_target_read(
-        &mut self,
-        joint: Joint,
-        read: ReadBack,
-        event: Event,
-    ) -> Option<Cause> {
-        let taken = match read {
-            ReadBack::Value(raw) => {
-                let [low, high, ..] = raw.to_le_bytes();
-                Some(PerMille(i16::from_le_bytes([low, high])))
-            }
-            ReadBack::Unchanged | ReadBack::Changed { .. } | ReadBack::Unread(_) => None,
-        };
-        let is_unread = joint.entry_mut(&mut self.network.targets.is_unread);
-        if !std::mem::replace(is_unread, taken.is_none()) && taken.is_none() {
-            self.note(event);
-        }
-        let cause = self.plausibility.on_target_read(joint, taken);
-        self.keep_off_unfollowing(cause);
-        cause
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::silent_bus::node;
+    use units::time::Instant;
 
     #[test]
     fn drives_take_turns() {

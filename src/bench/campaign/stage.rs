@@ -140,9 +140,9 @@ pub(super) fn make(bench: &mut Bench<Monitor>, request: Request) {
 pub(super) fn report_mode(bench: &mut Bench<Monitor>, mode: Mode) {
     let now = bench.now();
     let mode = match mode {
-        Mode::ZeroTorque | Mode::DrivesOff => monitor::Mode::Stopped,
-        Mode::Engaged => monitor::Mode::Engaged,
-        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => monitor::Mode::Other,
+        Mode::ZeroTorque | Mode::DrivesOff => monitor::mode::Mode::Stopped,
+        Mode::Engaged => monitor::mode::Mode::Engaged,
+        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => monitor::mode::Mode::Other,
     };
     bench.tap_mut().on_mode(now, mode);
 }

@@ -2,23 +2,23 @@
 
 mod input;
 mod peg;
+mod rendered;
 mod robot;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use serde_json::Value as Json;
 
 use crate::explain::input::Flags;
 use crate::explain::peg::Peg;
+use crate::explain::rendered::{json, text};
 use crate::explain::robot::Robot;
 use crate::faults::{self, Faults};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use telemetry::digits;
-use testbench::explanation::{self, Entry, Explanation, Value};
+use testbench::explanation;
 use testbench::world;
 
 /// `frhc explain`.
@@ -137,77 +137,4 @@ fn parse_six(text: &str) -> Result<[f64; 6], String> {
     let numbers = numbers.map_err(|error| error.to_string())?;
     let found = numbers.len();
     numbers.try_into().map_err(|_| format!("expected six numbers, got {found}"))
-}
-
-/// Returns one object: name to value, unit, frame, equation and description.
-fn json(explanation: &Explanation) -> String {
-    let Explanation(entries) = explanation;
-    let object = entries.iter().map(|entry| {
-        let described = serde_json::json!({
-            "value": json_value(&entry.value),
-            "unit": entry.unit,
-            "frame": entry.frame,
-            "place": entry.place,
-            "what": entry.what,
-        });
-        (entry.name.to_owned(), described)
-    });
-    Json::Object(object.collect()).to_string()
-}
-
-fn json_value(value: &Value) -> Json {
-    match value {
-        Value::Number(number) => serde_json::json!(number),
-        Value::Six(six) => serde_json::json!(six),
-        Value::Three(three) => serde_json::json!(three),
-        Value::Pose(rows) => serde_json::json!(rows),
-        Value::Matrix(rows) => serde_json::json!(rows),
-        Value::Targets(targets) => serde_json::json!(targets),
-        Value::Joints(joints) => serde_json::json!(joints),
-        Value::Rows(rows) => serde_json::json!(rows),
-        Value::Word(word) => serde_json::json!(word),
-    }
-}
-
-/// Returns one line per value; poses and matrices take several.
-fn text(explanation: &Explanation) -> String {
-    let Explanation(entries) = explanation;
-    let lines: Vec<String> = entries.iter().map(line).collect();
-    lines.join("\n")
-}
-
-fn line(entry: &Entry) -> String {
-    let Entry { name, what, place, unit, frame, value } = entry;
-    let place = match place.chars().next() {
-        None => String::new(),
-        Some('F') => format!(" ({place})"),
-        Some(_) if place.contains('.') => format!(" (section {place})"),
-        Some(_) => format!(" (Eq. {place})"),
-    };
-    let frame = if frame.is_empty() { String::new() } else { format!(" {{{frame}}}") };
-    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
-    let head = format!("{name:15}{}", shown(value));
-    format!("{head}{unit}{frame}  {what}{place}")
-}
-
-fn shown(value: &Value) -> String {
-    // Shows values that round to -0.00000 as zero.
-    let number = |number: &f64| if number.abs() < 5e-6 { 0.0 } else { *number };
-    let row = |numbers: &[f64]| {
-        numbers.iter().map(|n| digits::column(number(n), 10, 5)).collect::<Vec<_>>().join(" ")
-    };
-    let rows = |rows: Vec<String>| rows.join("\n               ");
-    match value {
-        Value::Number(number) => row(&[*number]),
-        Value::Six(six) => row(six),
-        Value::Three(three) => row(three),
-        Value::Pose(matrix) => rows(matrix.iter().take(3).map(|numbers| row(numbers)).collect()),
-        Value::Matrix(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
-        Value::Joints(joints) => row(joints),
-        Value::Rows(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
-        Value::Targets(targets) => {
-            targets.iter().map(|target| format!("{target:10}")).collect::<Vec<_>>().join(" ")
-        }
-        Value::Word(word) => format!("{:>10}", word.as_deref().unwrap_or("none")),
-    }
 }

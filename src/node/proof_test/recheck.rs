@@ -3,15 +3,14 @@
 //! Watchdogs, stop options and limits of a drive may change during a run: by another SDO client, or by a fault of the
 //! drive. A value that differs stops the node. An object that cannot be read is logged once, counted, and read again.
 
+mod run;
+
 use std::time::Duration;
 
-use crate::Node;
-use bus::Bus;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::master::read_back::{ReadBack, Setting};
 use canopen::plan::NodePlan;
-use remote::Remote;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
@@ -85,21 +84,6 @@ impl Recheck {
     /// Returns the number of settings whose last reading failed.
     pub(super) fn unread(&self) -> usize {
         self.entries.iter().filter(|entry| entry.is_unread).count()
-    }
-}
-
-impl<B: Bus, R: Remote> Node<B, R> {
-    /// Requests the next setting when due, unless the node is stopped.
-    pub(crate) fn recheck(&mut self, now: Instant) {
-        if !self.proof_test.is_done() || self.safety.mode().is_stopped() {
-            return;
-        }
-        if let Some((node, setting)) = self.proof_test.recheck.due(now)
-            && self.network.master.read_back(now, node, setting, &mut self.wire.out)
-        {
-            self.proof_test.recheck.advance(now);
-            self.send_queued();
-        }
     }
 }
 

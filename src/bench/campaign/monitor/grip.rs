@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::monitor::Mode;
 use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::mode::Mode;
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
 use config::switch_inputs::{Deadman, SwitchInputs};

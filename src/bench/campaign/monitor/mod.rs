@@ -17,6 +17,7 @@
 mod age;
 mod grip;
 mod invariant;
+pub mod mode;
 mod order;
 mod rhythm;
 mod sheet;
@@ -35,6 +36,7 @@ use std::time::Duration;
 use crate::monitor::age::Age;
 use crate::monitor::grip::Grip;
 use crate::monitor::invariant::Violations;
+use crate::monitor::mode::Mode;
 use crate::monitor::order::Order;
 use crate::monitor::rhythm::Rhythm;
 use crate::monitor::sheet::{Command, Sheet};
@@ -55,17 +57,6 @@ pub enum Answer {
     ResetToArmed,
     /// Disarmed, or reset without arming.
     Disarmed,
-}
-
-/// Mode of the node, as far as the invariants distinguish it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
-    /// Torque is taken off by a latched mode.
-    Stopped,
-    /// Command and reflection are enabled.
-    Engaged,
-    /// Any other mode.
-    Other,
 }
 
 /// A monitor with the state of its network.

@@ -3,6 +3,8 @@
 //! Without a node-id a device only takes LSS frames and sends no boot-up message. During a change of the bit
 //! rate it neither sends nor receives. A simulated bus has one bit rate, so a device always returns.
 
+mod effects;
+
 use std::time::Duration;
 
 use canopen_rs::NodeId;
@@ -10,8 +12,6 @@ use canopen_rs::NodeId;
 use crate::dictionary::Dictionary;
 use crate::lss::slave::{Effect, Slave};
 use crate::lss::{Address, BitRate, REQUEST_COB_ID};
-use crate::sdo_server::SdoServer;
-use crate::{Application, Device, Reset};
 use canopen::frame::Frame;
 use canopen::object::Object;
 use units::time::Instant;
@@ -100,43 +100,6 @@ impl Silence {
     }
 }
 
-impl<A: Application> Device<A> {
-    /// Returns whether the device has a node-id.
-    pub const fn is_configured(&self) -> bool {
-        self.layer.node().is_some()
-    }
-
-    /// Bit rate configured by LSS; `None` without a configuration.
-    pub const fn bit_rate(&self) -> Option<BitRate> {
-        self.layer.bit_rate()
-    }
-
-    /// Cycles the power. The device boots up with the next call of [`on_time`](Self::on_time), with the stored
-    /// node-id.
-    pub fn power_cycle(&mut self) {
-        self.layer.power_cycle();
-        self.adopt_node();
-        self.dictionary.restore(0..=u16::MAX);
-        self.initialise(Reset::Node);
-    }
-
-    /// Takes over the active node-id; default COB-IDs follow it.
-    pub(crate) fn adopt_node(&mut self) {
-        let Some(node) = self.layer.node().filter(|node| *node != self.node) else { return };
-        self.dictionary.readdress(self.node, node);
-        self.sdo = SdoServer::new(node);
-        self.node = node;
-    }
-
-    /// Takes an LSS frame: in every state (CiA 305) and without a node-id, but not during a bit rate change.
-    pub(crate) fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        let is_switching = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
-        if !is_switching && self.layer.on_frame(now, frame, out) {
-            self.reset(now, Reset::Communication, out);
-        }
-    }
-}
-
 /// Returns whether a frame is an LSS request.
 pub(crate) const fn is_request(frame: &Frame) -> bool {
     frame.cob_id == REQUEST_COB_ID
@@ -148,6 +111,7 @@ mod tests {
 
     use super::*;
     use crate::lss::codec::{Answer, Mode, Reply, Request};
+    use crate::{Application, Device};
     use canopen::eds::Eds;
     use canopen::nmt::Order;
     use canopen::{NmtCommand, NmtState};

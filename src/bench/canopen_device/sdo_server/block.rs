@@ -140,6 +140,8 @@ impl Download {
     }
 }
 
+/// Bit s of block transfers.
+pub(super) const SIZE_INDICATED_IN_BLOCK: u8 = 1 << 1;
 /// End response of a block download.
 pub(super) const CONFIRMED: SdoPayload = [SCS_BLOCK_DOWNLOAD << 5 | END, 0, 0, 0, 0, 0, 0, 0];
 

@@ -5,7 +5,9 @@
 use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
 
-use crate::sdo_server::block::{self, SCS_BLOCK_DOWNLOAD, SCS_BLOCK_UPLOAD};
+use crate::sdo_server::block::{
+    self, SCS_BLOCK_DOWNLOAD, SCS_BLOCK_UPLOAD, SIZE_INDICATED_IN_BLOCK,
+};
 use crate::sdo_server::size::check_size;
 use crate::sdo_server::{Access, SdoServer, Transfer, Way, segmented};
 use canopen::abort::AbortCode;
@@ -153,8 +155,6 @@ const SCS_DOWNLOAD: u8 = 3;
 const EXPEDITED: u8 = 1 << 1;
 /// Bit s: the size is indicated.
 const SIZE_INDICATED: u8 = 1;
-/// Bit s of block transfers.
-pub(super) const SIZE_INDICATED_IN_BLOCK: u8 = 1 << 1;
 /// Bits cc and sc: CRC support of client and server. Offered only on request, because some clients evaluate sc
 /// alone.
 const CRC: u8 = 1 << 2;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::explain::{json, text};
+use crate::explain::rendered::{json, text};
 use config::robots::RobotArm;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;

@@ -6,6 +6,7 @@
 //! The commanded side is not here: it reads its state with [`Faults::link`].
 
 mod breakable;
+pub mod devices;
 mod held;
 mod running;
 #[cfg(test)]
@@ -19,24 +20,14 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::drivetrain::Sensed;
+use crate::fault::devices::{Devices, present};
 use crate::fault::held::Held;
 use crate::fault::running::{OfDevices, Running};
 use canopen::error_codes;
 use canopen::frame::Telegram;
 use faults::{DeviceFault, Disconnection, Fault, Kind, LinkFault};
-use units::numbering::{Joint, NodeIndex};
+use units::numbering::Joint;
 use units::time::Instant;
-
-/// The six drives and the switch box; `None` for a device that is not on the buses.
-pub type Devices<'a> = [Option<&'a mut dyn Breakable>; 7];
-
-/// Returns the devices on the buses, with their indices.
-pub(crate) fn present<'d, 'a>(
-    devices: &'d mut Devices<'a>,
-) -> impl Iterator<Item = (NodeIndex, &'d mut (dyn Breakable + 'a))> {
-    let all = NodeIndex::each(devices);
-    all.filter_map(|(place, device)| Some((place, &mut **device.as_mut()?)))
-}
 
 /// Start or end of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]

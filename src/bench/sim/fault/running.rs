@@ -2,7 +2,7 @@
 
 use crate::drivetrain::Sensed;
 use crate::fault::breakable::{Breakable, Direction};
-use crate::fault::{Devices, present};
+use crate::fault::devices::{Devices, present};
 use crate::random::SplitMix;
 use canopen::frame::{Channel, Frame, Telegram};
 use faults::{

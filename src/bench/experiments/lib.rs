@@ -9,5 +9,6 @@ mod displacement;
 pub mod dual_peg;
 pub mod fidelity;
 pub mod ntrfc;
+mod pool;
 pub mod return_to_centre;
 pub mod torque_curves;

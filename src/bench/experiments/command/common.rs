@@ -1,17 +1,15 @@
-//! Options that every experiment has, and the two ways its results leave: standard output, and a folder of files.
+//! Options that experiments share, and the configurations and arms that they name.
 
+use std::fmt::Display;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use serde::Serialize;
 
-use crate::command::table::{self, Table};
 use config::Config;
 use config::robots::RobotArm;
 use run::exit::{Failure, Kind, OrFail};
-use run::print;
-use run::results::{self, Force};
+use run::results::Force;
 
 /// The configurations without `--config`.
 const CONFIGS: [&str; 4] = [
@@ -45,15 +43,15 @@ pub(super) struct Results {
     pub(super) short: bool,
     /// Folder for CSV files, pictures (SVG) and report.md.
     #[arg(short, long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    pub(super) force: Force,
     /// Prints the figures as JSON.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// Prints the tables as Markdown.
     #[arg(long, conflicts_with = "json")]
-    markdown: bool,
+    pub(super) markdown: bool,
 }
 
 impl Deref for Common {
@@ -113,62 +111,13 @@ impl Common {
     }
 }
 
-impl Results {
-    /// Refuses a folder that already has one of `files`, before anything runs.
-    ///
-    /// # Errors
-    /// A file exists, and `--force` is not given.
-    pub(super) fn ensure_free(&self, files: &[&str]) -> Result<(), Failure> {
-        let folder = self.out.iter();
-        let mut paths = folder.flat_map(|folder| files.iter().map(|file| folder.join(file)));
-        paths.try_for_each(|path| results::ensure_free(&path, self.force))
-    }
-
-    /// Prints the tables, or `figures` as JSON.
-    ///
-    /// # Errors
-    /// Figures that JSON cannot represent.
-    pub(super) fn print(&self, figures: &impl Serialize, tables: &[Table]) -> Result<(), Failure> {
-        let text = if self.json {
-            serde_json::to_string(figures).or_fail(Kind::Bus)?
-        } else if self.markdown {
-            table::markdown(tables)
-        } else {
-            table::text(tables)
-        };
-        print::line(&text);
-        Ok(())
-    }
-
-    /// Writes the files of the results to the folder of `--out`, all or none; `contents` is not called without one.
-    ///
-    /// # Errors
-    /// A picture that cannot be drawn, or a folder or file that cannot be written.
-    pub(super) fn write<'n>(
-        &self,
-        contents: impl FnOnce() -> Result<Vec<(&'n str, String)>, Failure>,
-    ) -> Result<(), Failure> {
-        let Some(folder) = &self.out else { return Ok(()) };
-        let contents = contents()?.into_iter().map(|(file, text)| (folder.join(file), text));
-        let contents: Vec<_> = contents.collect();
-        let created = std::fs::create_dir_all(folder);
-        created
-            .map_err(|error| Failure::new(Kind::Bus, format!("{}: {error}", folder.display())))?;
-        results::export_all(&contents, self.force)
-    }
-}
-
-/// Returns the failure (exit 1) of an experiment in which runs were stopped; `Ok` without one. An item is a run and its cause.
-///
-/// # Errors
-/// When there is a stopped run.
-pub(super) fn refuse_stopped<'r>(
+/// Returns the gate of an experiment in which no run may stop: an item is a run and its cause.
+pub(super) fn none_stopped<'r>(
     mut stopped: impl Iterator<Item = (String, &'r str)>,
-) -> Result<(), Failure> {
-    let Some((run, cause)) = stopped.next() else { return Ok(()) };
+) -> Option<String> {
+    let (run, cause) = stopped.next()?;
     let count = 1 + stopped.count();
-    let reason = format!("{count} runs stopped; the first, {run}: {cause}");
-    Err(Failure::new(Kind::Negative, reason))
+    Some(format!("{count} runs stopped; the first, {run}: {cause}"))
 }
 
 /// Refuses a configuration in which nothing can be armed.
@@ -176,7 +125,10 @@ pub(super) fn refuse_stopped<'r>(
 /// # Errors
 /// When it has no switch box (exit 3).
 pub fn require_switch_box(config: &Config) -> Result<(), Failure> {
-    let refuse = |reason| format!("{}: {reason}", config.file.display());
-    let found = config.switch_box().map_err(refuse);
-    found.map(drop).map_err(|reason| Failure::new(Kind::Configuration, reason))
+    config.switch_box().map(drop).map_err(|reason| refused(&config.file, reason))
+}
+
+/// Returns the refusal of a file (exit 3).
+pub(super) fn refused(file: &Path, reason: impl Display) -> Failure {
+    Failure::new(Kind::Configuration, format!("{}: {reason}", file.display()))
 }

@@ -2,9 +2,10 @@
 //!
 //! | file        | part                                                        |
 //! |-------------|-------------------------------------------------------------|
-//! | `common`    | options, configurations, output to stdout and to a folder    |
+//! | `common`    | options, and the configurations and arms that they name      |
+//! | `frame`     | trials, output to stdout and to a folder, gate               |
 //! | `runner`    | runs on all cores, with a progress bar                       |
-//! | `table`     | tables as text and as Markdown                               |
+//! | `table`     | tables as text and as Markdown, rows as CSV                  |
 //! | `picture`   | line charts as SVG                                           |
 //! | the others  | one experiment each: its runs, and a `report` of its figures |
 
@@ -12,6 +13,7 @@ mod common;
 pub mod delay;
 pub mod dual_peg;
 pub mod fidelity;
+mod frame;
 pub mod ntrfc;
 mod picture;
 pub mod return_to_centre;

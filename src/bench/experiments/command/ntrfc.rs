@@ -2,23 +2,32 @@
 
 mod bounds;
 
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 
-use crate::command::common::{Results, Robots};
-use crate::command::picture::{self, Ink, Panel, Series};
-use crate::command::runner;
-use crate::command::table::{self, Table};
+use crate::command::common::{Results, Robots, refused};
+use crate::command::frame::{Files, Frame, Report};
+use crate::command::picture::{Ink, Panel, Series};
+use crate::command::table::{self, Column, Table};
 use crate::contact_bounds;
-use crate::ntrfc::{Press, Row};
+use crate::ntrfc::{NoPress, Press, Row};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
-const FILES: [&str; 5] = ["presses.csv", "bounds.csv", "figures.json", "force.svg", "report.md"];
+const FILES: Files =
+    Files { csv: &["presses.csv", "bounds.csv"], has_figures: true, picture: ("force.svg", 2) };
+
+/// Names of the columns of presses.csv.
+const HEAD: &str = "part,arm,speed_m_per_s,accommodation_m_per_ns,servo_share,deadband_n,bias_n,law_n,rest_n,peak_n,unrest_m_per_s";
+
+/// Meaning of the columns of the forces, and of the gains.
+const FORCES_NOTE: &str = "law: K_FA⁻¹ v + sign F_db; at rest: force of the tool on the wall, mean of the last second; error: difference from the \
+law and the sensor's bias; peak: at the approach";
+const GAINS_NOTE: &str =
+    "frhc check warns above 0.25; unrest: RMS speed of the tool in the last second";
 
 /// Commanded rates, in m/s.
 const SPEEDS: [f64; 6] = [0.01, 0.02, 0.03, 0.04, 0.06, 0.08];
@@ -96,33 +105,31 @@ struct Figure {
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     if config.remote.wall.is_none() {
-        let reason = format!("{}: {}", args.config.display(), crate::ntrfc::NoPress::NoWall);
-        return Err(Failure::new(Kind::Configuration, reason));
+        return Err(refused(&args.config, NoPress::NoWall));
     }
     let robots = args.robots.load()?;
-    args.results.ensure_free(&FILES)?;
+    let frame = Frame::new(&args.results, &FILES, is_quiet)?;
     let presses = presses(args, config.remote.servo.time_constant());
     let jobs: Vec<_> =
         robots.iter().flat_map(|arm| presses.iter().map(move |press| (arm, *press))).collect();
-    let figures = runner::play_all(&jobs, is_quiet, |(arm, (part, press))| {
-        let row = press.play(&config, arm).or_fail(Kind::Configuration)?;
-        Ok(Figure { part: *part, row })
-    });
-    let figures = figures.into_iter().collect::<Result<Vec<Figure>, Failure>>()?;
-    let bounds = bounds::play(&config, &robots, is_quiet)?;
-    let measured = Measured { presses: figures, bounds };
-    let Measured { presses: figures, bounds } = &measured;
-    let tables = [forces(figures), gains(figures), bounds::table(bounds)];
-    args.results.print(&measured, &tables)?;
-    args.results.write(|| {
-        let picture = picture::svg(&panels(figures), 2).or_fail(Kind::Bus)?;
-        let json = serde_json::to_string_pretty(&measured).or_fail(Kind::Bus)?;
-        let bounds = bounds::csv(bounds);
-        let contents = [csv(figures), bounds, json, picture, table::markdown(&tables)];
-        Ok(FILES.into_iter().zip(contents).collect())
+    let presses = frame.play(&jobs, |(arm, (part, press))| {
+        press.play(&config, arm).or_fail(Kind::Configuration).map(|row| Figure { part: *part, row })
     })?;
-    judge(figures)?;
-    bounds::judge(bounds)
+    let bounds = frame.play(&bounds::jobs(&robots), |(arm, course)| {
+        course.play(&config, arm).or_fail(Kind::Configuration)
+    })?;
+    let measured = Measured { presses, bounds };
+    let Measured { presses, bounds } = &measured;
+    frame.conclude(Report {
+        figures: &measured,
+        tables: vec![forces(presses), gains(presses), bounds::table(bounds)],
+        csv: vec![
+            table::csv(HEAD, presses.iter().map(|Figure { part, row }| (part, row))),
+            bounds::csv(bounds),
+        ],
+        panels: || Ok(panels(presses)),
+        gate: gate(presses).or_else(|| bounds::gate(bounds)),
+    })
 }
 
 /// Returns the presses of each arm.
@@ -148,65 +155,33 @@ fn presses(args: &Arguments, lag: f64) -> Vec<(Part, Press)> {
 
 fn forces(figures: &[Figure]) -> Table {
     let of = figures.iter().filter(|figure| figure.part != Part::Gain);
-    let row = |figure: &Figure| {
-        let Row { arm, speed_m_per_s, deadband_n, bias_n, law_n, rest_n, peak_n, .. } = &figure.row;
-        vec![
-            arm.clone(),
-            format!("{:.0}", 1e3 * speed_m_per_s),
-            format!("{deadband_n:.1}"),
-            format!("{bias_n:.1}"),
-            format!("{law_n:.2}"),
-            format!("{rest_n:.2}"),
-            format!("{:+.2}", 100.0 * figure.row.error()),
-            format!("{peak_n:.1}"),
-        ]
-    };
-    Table {
-        lead: Some("rate against contact force".to_owned()),
-        columns: vec![
-            "arm",
-            "rate, mm/s",
-            "deadband, N",
-            "bias, N",
-            "law, N",
-            "at rest, N",
-            "error, %",
-            "peak, N",
-        ],
-        rows: of.map(row).collect(),
-        note: "law: K_FA⁻¹ v + sign F_db; at rest: force of the tool on the wall, mean of the last second; error: difference from the law and the sensor's bias; peak: at the approach"
-            .to_owned(),
-    }
+    let columns: [Column<&Row>; 8] = [
+        ("arm", |row| row.arm.clone()),
+        ("rate, mm/s", |row| format!("{:.0}", 1e3 * row.speed_m_per_s)),
+        ("deadband, N", |row| format!("{:.1}", row.deadband_n)),
+        ("bias, N", |row| format!("{:.1}", row.bias_n)),
+        ("law, N", |row| format!("{:.2}", row.law_n)),
+        ("at rest, N", |row| format!("{:.2}", row.rest_n)),
+        ("error, %", |row| format!("{:+.2}", 100.0 * row.error())),
+        ("peak, N", |row| format!("{:.1}", row.peak_n)),
+    ];
+    let rows = of.map(|figure| &figure.row);
+    Table::new(rows, columns, FORCES_NOTE).below("rate against contact force")
 }
 
 fn gains(figures: &[Figure]) -> Table {
     let of = figures.iter().filter(|figure| figure.part == Part::Gain);
-    let row = |Figure { row, .. }: &Figure| {
-        vec![
-            row.arm.clone(),
-            format!("{:.3}", row.servo_share),
-            format!("{:.0}", 1e3 * row.speed_m_per_s),
-            format!("{:.1}", row.rest_n),
-            format!("{:.0}", 100.0 * row.overshoot()),
-            format!("{:.2}", 1e3 * row.unrest_m_per_s),
-            if row.is_calm() { "calm" } else { "oscillates" }.to_owned(),
-        ]
-    };
-    Table {
-        lead: Some("approach over the gain".to_owned()),
-        columns: vec![
-            "arm",
-            "K_FA k_e τ_s",
-            "approach, mm/s",
-            "at rest, N",
-            "overshoot, %",
-            "unrest, mm/s",
-            "end",
-        ],
-        rows: of.map(row).collect(),
-        note: "frhc check warns above 0.25; unrest: RMS speed of the tool in the last second"
-            .to_owned(),
-    }
+    let columns: [Column<&Row>; 7] = [
+        ("arm", |row| row.arm.clone()),
+        ("K_FA k_e τ_s", |row| format!("{:.3}", row.servo_share)),
+        ("approach, mm/s", |row| format!("{:.0}", 1e3 * row.speed_m_per_s)),
+        ("at rest, N", |row| format!("{:.1}", row.rest_n)),
+        ("overshoot, %", |row| format!("{:.0}", 100.0 * row.overshoot())),
+        ("unrest, mm/s", |row| format!("{:.2}", 1e3 * row.unrest_m_per_s)),
+        ("end", |row| if row.is_calm() { "calm" } else { "oscillates" }.to_owned()),
+    ];
+    let rows = of.map(|figure| &figure.row);
+    Table::new(rows, columns, GAINS_NOTE).below("approach over the gain")
 }
 
 /// Returns the force at rest over the rate, and the peak over it.
@@ -236,58 +211,22 @@ fn panels(figures: &[Figure]) -> Vec<Panel> {
         let speed = 1e3 * row.speed_m_per_s * MAX_SHARE / row.servo_share;
         Series::new("K_FA k_e τ_s = 1/4", Ink::Dashed, vec![[speed, 0.0], [speed, most]])
     });
+    let axes = ["mm/s", "N"];
+    let approach = "largest force over the approach speed, the same force at rest";
     vec![
-        Panel {
-            title: "force at rest over the commanded rate".to_owned(),
-            axes: ["mm/s", "N"],
-            places: Vec::new(),
-            series: law.into_iter().chain(rest).collect(),
-        },
-        Panel {
-            title: "largest force over the approach speed, the same force at rest".to_owned(),
-            axes: ["mm/s", "N"],
-            places: Vec::new(),
-            series: peak.chain(bound).collect(),
-        },
+        Panel::new("force at rest over the commanded rate", axes, law.into_iter().chain(rest)),
+        Panel::new(approach, axes, peak.chain(bound)),
     ]
 }
 
-fn csv(figures: &[Figure]) -> String {
-    let mut text = "part,arm,speed_m_per_s,accommodation_m_per_ns,servo_share,deadband_n,bias_n,law_n,rest_n,peak_n,unrest_m_per_s\n".to_owned();
-    for Figure { part, row } in figures {
-        let part = match part {
-            Part::Ideal => "ideal",
-            Part::Biased => "biased",
-            Part::Deadband => "deadband",
-            Part::Gain => "gain",
-        };
-        let numbers = [
-            row.speed_m_per_s,
-            row.accommodation_m_per_ns,
-            row.servo_share,
-            row.deadband_n,
-            row.bias_n,
-            row.law_n,
-            row.rest_n,
-            row.peak_n,
-            row.unrest_m_per_s,
-        ];
-        let numbers = numbers.map(|number| format!("{number:.9e}")).join(",");
-        _ = writeln!(text, "{part},{},{numbers}", row.arm.replace(',', ";"));
-    }
-    text
-}
-
 /// Refuses forces that are not those of the law, and a gain within its bound that oscillates.
-fn judge(figures: &[Figure]) -> Result<(), Failure> {
-    let wrong = figures.iter().find(|Figure { part, row }| match part {
+fn gate(figures: &[Figure]) -> Option<String> {
+    let Figure { row, .. } = figures.iter().find(|Figure { part, row }| match part {
         Part::Ideal | Part::Biased | Part::Deadband => row.error().abs() > TOLERANCE,
         Part::Gain => row.servo_share < MAX_SHARE && !row.is_calm(),
-    });
-    let Some(Figure { row, .. }) = wrong else { return Ok(()) };
+    })?;
     let Row { arm, speed_m_per_s, law_n, rest_n, servo_share, .. } = row;
-    let reason = format!(
+    Some(format!(
         "{arm}, {speed_m_per_s:.3} m/s, K_FA k_e τ_s = {servo_share:.3}: {rest_n:.2} N at rest, law {law_n:.2} N"
-    );
-    Err(Failure::new(Kind::Negative, reason))
+    ))
 }

@@ -54,8 +54,12 @@ pub(super) struct Series {
 
 impl Series {
     /// Creates a curve.
-    pub(super) fn new(name: impl Into<String>, ink: Ink, points: Vec<[f64; 2]>) -> Self {
-        Self { name: name.into(), ink, points }
+    pub(super) fn new(
+        name: impl Into<String>,
+        ink: Ink,
+        points: impl IntoIterator<Item = [f64; 2]>,
+    ) -> Self {
+        Self { name: name.into(), ink, points: points.into_iter().collect() }
     }
 }
 
@@ -70,6 +74,18 @@ pub(super) struct Panel {
     pub(super) places: Vec<String>,
     /// Its curves; the colours are those of their places.
     pub(super) series: Vec<Series>,
+}
+
+impl Panel {
+    /// Creates a chart whose places are numbers.
+    pub(super) fn new(
+        title: impl Into<String>,
+        axes: [&'static str; 2],
+        series: impl IntoIterator<Item = Series>,
+    ) -> Self {
+        let series = series.into_iter().collect();
+        Self { title: title.into(), axes, places: Vec::new(), series }
+    }
 }
 
 /// A chart that is being drawn.

@@ -1,6 +1,11 @@
-//! Tables of an experiment, for a terminal and as Markdown.
+//! Tables of an experiment, for a terminal and as Markdown, and its rows as CSV.
 
 use std::fmt::Write;
+
+use serde::Serialize;
+
+/// A column of a table: its name, and the cell of a row.
+pub(super) type Column<R> = (&'static str, fn(&R) -> String);
 
 /// A table with its columns, and what is said above and below it.
 #[derive(Clone, Debug, Default)]
@@ -8,11 +13,26 @@ pub(super) struct Table {
     /// A line above the table, in lower case.
     pub(super) lead: Option<String>,
     /// Names of the columns.
-    pub(super) columns: Vec<&'static str>,
+    pub(super) columns: Vec<String>,
     /// Rows, each with as many cells as there are columns.
     pub(super) rows: Vec<Vec<String>>,
     /// Meaning of the columns, below the table.
     pub(super) note: String,
+}
+
+/// Returns `rows` as CSV under the names of `head`, which commas separate. Structs and lists in a row have a field for each of
+/// their values.
+///
+/// # Errors
+/// A row with more or fewer values than there are names.
+pub(super) fn csv(
+    head: &str,
+    rows: impl IntoIterator<Item = impl Serialize>,
+) -> anyhow::Result<String> {
+    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    writer.write_record(head.split(','))?;
+    rows.into_iter().try_for_each(|row| writer.serialize(row))?;
+    Ok(String::from_utf8(writer.into_inner()?)?)
 }
 
 /// Returns the tables for a terminal, a blank line between them.
@@ -26,14 +46,30 @@ pub(super) fn markdown(tables: &[Table]) -> String {
 }
 
 impl Table {
+    /// Creates a table of `rows`; `note` explains the columns.
+    pub(super) fn new<R, const N: usize>(
+        rows: impl IntoIterator<Item = R>,
+        columns: [Column<R>; N],
+        note: impl Into<String>,
+    ) -> Self {
+        let cells = |row: R| columns.iter().map(|(_, cell)| cell(&row)).collect();
+        let rows = rows.into_iter().map(cells).collect();
+        let columns = columns.map(|(name, _)| name.to_owned()).to_vec();
+        Self { lead: None, columns, rows, note: note.into() }
+    }
+
+    /// Returns the table below a line.
+    pub(super) fn below(self, lead: impl Into<String>) -> Self {
+        Self { lead: Some(lead.into()), ..self }
+    }
+
     fn text(&self) -> String {
-        let header: Vec<String> = self.columns.iter().map(ToString::to_string).collect();
-        let lines = || [&header].into_iter().chain(&self.rows);
+        let lines = || [&self.columns].into_iter().chain(&self.rows);
         let width = |column: usize| {
             let cells = lines().filter_map(|row| row.get(column));
             cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
         };
-        let widths: Vec<usize> = (0..header.len()).map(width).collect();
+        let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
         let mut text = String::new();
         if let Some(lead) = &self.lead {
             _ = writeln!(text, "{lead}");
@@ -73,7 +109,7 @@ mod tests {
     fn table() -> Table {
         Table {
             lead: Some("hands: firm".to_owned()),
-            columns: vec!["arm", "force, N"],
+            columns: ["arm", "force, N"].map(str::to_owned).to_vec(),
             rows: vec![vec!["µ-arm".to_owned(), "1.0".to_owned()]],
             note: "force: at the hand".to_owned(),
         }
@@ -83,6 +119,14 @@ mod tests {
     fn columns_are_as_wide_as_their_widest_cell() {
         let expected = "hands: firm\narm    force, N\nµ-arm  1.0\nforce: at the hand";
         assert_eq!(text(&[table()]), expected);
+    }
+
+    #[test]
+    fn csv_has_a_field_for_each_value_of_a_row() {
+        let rows = [("a, b", [1.0, 2.5e-9], None::<f64>), ("c", [0.0, 1.0], Some(0.1))];
+        let expected = "arm,x_n,y_n,rest_n\n\"a, b\",1.0,2.5e-9,\nc,0.0,1.0,0.1\n";
+        assert_eq!(csv("arm,x_n,y_n,rest_n", rows).unwrap(), expected);
+        assert!(csv("arm,x_n,y_n", rows).is_err());
     }
 
     #[test]

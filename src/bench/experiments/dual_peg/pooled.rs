@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::dual_peg::condition::Condition;
 use crate::dual_peg::trial::{Outcome, Trial};
+use crate::pool;
 
 /// Trials of one operator in one condition.
 #[derive(Clone, Debug, Serialize)]
@@ -36,7 +37,8 @@ impl Pooled {
     /// Pools trials of one operator in one condition; `None` without any.
     pub fn of(trials: &[&Trial]) -> Option<Self> {
         let first = trials.first()?;
-        let mean = |value: &dyn Fn(&Trial) -> f64| mean(trials.iter().map(|trial| value(trial)));
+        let mean =
+            |value: &dyn Fn(&Trial) -> f64| pool::mean(trials.iter().map(|trial| value(trial)));
         let literal_j = mean(&Trial::literal);
         let variance = mean(&|trial| (trial.literal() - literal_j).powi(2));
         let parts = [0, 1, 2, 3, 4, 5];
@@ -47,11 +49,20 @@ impl Pooled {
             inserted: trials.iter().filter(|trial| trial.outcome == Outcome::Inserted).count(),
             literal_j,
             literal_deviation_j: variance.sqrt(),
-            literal_parts_j: parts.map(|part| mean(&|trial| part_of(&trial.literal_j, part))),
+            literal_parts_j: parts
+                .map(|part| mean(&|trial| trial.literal_j.get(part).copied().unwrap_or_default())),
             absolute_j: mean(&Trial::absolute),
             peak_n: mean(&|trial| trial.peak_n),
             mean_n: mean(&|trial| trial.mean_n),
             seconds: mean(&|trial| trial.seconds),
+        })
+    }
+
+    /// Returns the numbers of successful trials, and of all.
+    pub(crate) fn counts<'p>(pooled: impl IntoIterator<Item = &'p Self>) -> (u32, u32) {
+        let count = |trials: usize| u32::try_from(trials).unwrap_or(u32::MAX);
+        pooled.into_iter().fold((0, 0), |(inserted, trials), one| {
+            (inserted + count(one.inserted), trials + count(one.trials))
         })
     }
 
@@ -79,13 +90,4 @@ pub fn ratios(pooled: &[Pooled], operators: &[String]) -> Vec<(String, f64)> {
         (neither > 0.0).then(|| (operator.clone(), both / neither))
     };
     operators.iter().filter_map(ratio).collect()
-}
-
-fn part_of(parts: &[f64; 6], part: usize) -> f64 {
-    parts.get(part).copied().unwrap_or_default()
-}
-
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = u32::try_from(values.len()).map_or(f64::INFINITY, f64::from);
-    values.sum::<f64>() / count.max(1.0)
 }

@@ -1,7 +1,5 @@
 //! One trial of the dual peg, in figures.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use crate::dual_peg::bench::{PegBench, Situation};
@@ -28,17 +26,6 @@ pub enum Outcome {
     NodeStopped,
     /// Time has run out.
     TimedOut,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Inserted => "inserted",
-            Self::ArmStopped => "arm_stopped",
-            Self::NodeStopped => "node_stopped",
-            Self::TimedOut => "timed_out",
-        })
-    }
 }
 
 /// One trial.
@@ -71,7 +58,7 @@ pub struct Trial {
     /// Mean contact moment, in N·m.
     pub mean_nm: f64,
     /// Shaking of the arm in free motion.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip)]
     pub shaking: Option<Shaking>,
 }
 

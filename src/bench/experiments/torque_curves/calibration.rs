@@ -3,6 +3,7 @@
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::pool;
 use calibration::fit::{Calibrated, Direction, NotCalibrated, Sample};
 use config::{Actuator, Config, JointParameters};
 use controller::arm::JointKind;
@@ -155,11 +156,11 @@ impl Bench {
             let readings = self.samples.iter().filter(|sample| sample.direction == direction);
             let within = readings.filter(|sample| sample.torque.abs() <= end);
             let errors = within.map(|sample| sample.torque - curve.torque(self.target(sample)));
-            percent * rms(&errors.collect::<Vec<_>>())
+            percent * pool::rms(&errors.collect::<Vec<_>>())
         };
         TorqueError {
-            rms: percent * rms(&errors),
-            max: percent * errors.iter().fold(0.0_f64, |most, error| most.max(error.abs())),
+            rms: percent * pool::rms(&errors),
+            max: percent * pool::max(errors.iter().map(|error| error.abs())),
             rising: of_readings(Direction::Up),
             falling: of_readings(Direction::Down),
         }
@@ -169,11 +170,6 @@ impl Bench {
 fn sample(Reading { is_rising, per_mille, torque }: Reading) -> Sample {
     let direction = if is_rising { Direction::Up } else { Direction::Down };
     Sample { torque, per_mille: per_mille.into(), direction }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    let count = f64::from(u32::try_from(values.len().max(1)).unwrap_or(u32::MAX));
-    (values.iter().map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
 #[cfg(test)]

@@ -7,10 +7,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::command::common::{self, Results, Robots};
-use crate::command::picture;
-use crate::command::runner;
-use crate::command::table;
+use crate::command::common::{self, Results, Robots, refused};
+use crate::command::frame::{Files, Frame, Report};
 use crate::delay::link::{self, Link};
 use crate::delay::measured::Outcome;
 use crate::delay::script::Commanded;
@@ -20,7 +18,7 @@ use config::robots::RobotArm;
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
-const FILES: [&str; 4] = ["runs.csv", "figures.json", "map.svg", "report.md"];
+const FILES: Files = Files { csv: &["runs.csv"], has_figures: true, picture: ("map.svg", 2) };
 
 /// Delays of one way with the maximum age of a sample, in ms.
 const LINKS: [[f64; 2]; 6] =
@@ -80,33 +78,26 @@ struct Figure {
 /// Plays everything, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
-    let refused = |reason: &dyn std::fmt::Display| {
-        Failure::new(Kind::Configuration, format!("{}: {reason}", args.config.display()))
-    };
     common::require_switch_box(&config)?;
     let extensions = &config.controller.extensions;
     if extensions.passivity.is_none() && extensions.tank.is_none() {
         let reason = "the experiment compares passivity layers: add [controller.passivity]";
-        return Err(refused(&reason));
+        return Err(refused(&args.config, reason));
     }
-    trial::ensure_playable(&config).map_err(|reason| refused(&reason))?;
+    let refused = |reason: NoTrial| refused(&args.config, reason);
+    trial::ensure_playable(&config).map_err(refused)?;
     let arms = args.robots.load()?;
-    args.results.ensure_free(&FILES)?;
-    let trials = trials(args, &config, &arms);
-    let figures = runner::play_all(&trials, is_quiet, |(part, trial)| {
-        trial.play(&config).map(|row| Figure { part: *part, row })
-    });
-    let figures: Result<Vec<Figure>, NoTrial> = figures.into_iter().collect();
-    let figures = figures.map_err(|error| refused(&error))?;
-    let tables = report::tables(&figures);
-    args.results.print(&figures, &tables)?;
-    args.results.write(|| {
-        let picture = picture::svg(&report::panels(&figures), 2).or_fail(Kind::Bus)?;
-        let json = serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?;
-        let contents = [report::csv(&figures), json, picture, table::markdown(&tables)];
-        Ok(FILES.into_iter().zip(contents).collect())
+    let frame = Frame::new(&args.results, &FILES, is_quiet)?;
+    let figures = frame.play(&trials(args, &config, &arms), |(part, trial)| {
+        trial.play(&config).map(|row| Figure { part: *part, row }).map_err(refused)
     })?;
-    judge(&figures, config.period.as_secs_f64())
+    frame.conclude(Report {
+        figures: &figures,
+        tables: report::tables(&figures),
+        csv: vec![report::csv(&figures)],
+        panels: || Ok(report::panels(&figures)),
+        gate: gate(&figures, config.period.as_secs_f64()),
+    })
 }
 
 /// Returns every run, in the order of the tables.
@@ -185,7 +176,7 @@ fn disturbed() -> impl Iterator<Item = Link> {
 }
 
 /// Refuses accepted gains with which the hand does not rest, and links that are lost and still reflect.
-fn judge(figures: &[Figure], period: f64) -> Result<(), Failure> {
+fn gate(figures: &[Figure], period: f64) -> Option<String> {
     let is_wrong = |Figure { row, .. }: &&Figure| {
         let Row { link, outcome, .. } = row;
         if link.outage_s.is_some() {
@@ -198,9 +189,7 @@ fn judge(figures: &[Figure], period: f64) -> Result<(), Failure> {
             false => *outcome != Outcome::LinkLost || row.largest_nm > 0.0,
         }
     };
-    let Some(Figure { row, .. }) = figures.iter().find(is_wrong) else { return Ok(()) };
-    let Row { led, link, commanded, k_t, outcome, .. } = row;
-    let reason =
-        format!("{led}, {commanded} mode, {} ms one way, K_T = {k_t:.3}, {outcome}", link.delay_ms);
-    Err(Failure::new(Kind::Negative, reason))
+    let Row { led, link, commanded, k_t, outcome, .. } = &figures.iter().find(is_wrong)?.row;
+    let delay_ms = link.delay_ms;
+    Some(format!("{led}, {commanded} mode, {delay_ms} ms one way, K_T = {k_t:.3}, {outcome}"))
 }

@@ -7,10 +7,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::command::common::Results;
-use crate::command::picture;
-use crate::command::runner;
-use crate::command::table;
+use crate::command::common::{Results, refused};
+use crate::command::frame::{Files, Frame, Report};
 use crate::dual_peg::bench::{self, Situation};
 use crate::dual_peg::condition::Condition;
 use crate::dual_peg::pooled::{self, Pooled};
@@ -19,9 +17,10 @@ use crate::dual_peg::trial::Trial;
 use run::exit::{Failure, Kind, OrFail};
 use sim::operator_settings::OperatorSettings;
 use telemetry::shaking::Shaking;
+use testbench::robot_site::NoRobot;
 
 /// Files of the results.
-const FILES: [&str; 4] = ["trials.csv", "figures.json", "work.svg", "report.md"];
+const FILES: Files = Files { csv: &["trials.csv"], has_figures: true, picture: ("work.svg", 2) };
 
 /// Trials of each operator and condition without misalignment.
 const ALIGNED_TRIALS: u32 = 7;
@@ -98,24 +97,20 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     if args.results.short {
         operators.truncate(1);
     }
-    args.results.ensure_free(&FILES)?;
+    let frame = Frame::new(&args.results, &FILES, is_quiet)?;
     let jobs = jobs(&settings, &operators, &args.results);
-    let trials = runner::play_all(&jobs, is_quiet, |job| Some((job.series, job.play()?)));
-    let trials: Option<Vec<(Series, Trial)>> = trials.into_iter().collect();
-    let Some(trials) = trials else {
-        let reason = format!("{}: {}", settings.file.display(), first_error(&jobs));
-        return Err(Failure::new(Kind::Configuration, reason));
-    };
-    let figures = figures(&settings, &trials);
-    let tables = report::tables(&figures);
-    args.results.print(&figures, &tables)?;
-    args.results.write(|| {
-        let picture = picture::svg(&report::panels(&figures), 2).or_fail(Kind::Bus)?;
-        let json = serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?;
-        let contents = [report::csv(&trials), json, picture, table::markdown(&tables)];
-        Ok(FILES.into_iter().zip(contents).collect())
+    let trials = frame.play(&jobs, |job| {
+        let trial = job.play().map_err(|error| refused(&settings.file, error))?;
+        Ok((job.series, trial))
     })?;
-    judge(&figures.aligned)
+    let figures = figures(&settings, &trials);
+    frame.conclude(Report {
+        tables: report::tables(&figures),
+        csv: vec![report::csv(&trials)],
+        panels: || Ok(report::panels(&figures)),
+        gate: gate(&figures.aligned),
+        figures: &figures,
+    })
 }
 
 /// Returns the operators by name.
@@ -123,10 +118,8 @@ fn operators(settings: &DualPeg) -> Result<Vec<(&str, OperatorSettings)>, Failur
     let named = |name: &'_ String| bench::operator(name).ok_or_else(|| name.clone());
     let found = settings.operators.iter().map(|name| Ok((name.as_str(), named(name)?)));
     found.collect::<Result<_, String>>().map_err(|wrong| {
-        let file = settings.file.display();
         let expected = "expected \"steady\", \"relaxed\", \"firm\" or \"nervous\"";
-        let reason = format!("{file}: operators: unknown name \"{wrong}\"; {expected}");
-        Failure::new(Kind::Configuration, reason)
+        refused(&settings.file, format!("operators: unknown name \"{wrong}\"; {expected}"))
     })
 }
 
@@ -168,12 +161,8 @@ fn jobs<'s>(
 }
 
 impl Job<'_> {
-    /// Plays the trial; `None` where it cannot be simulated.
-    fn play(&self) -> Option<Trial> {
-        self.try_play().ok()
-    }
-
-    fn try_play(&self) -> Result<Trial, testbench::robot_site::NoRobot> {
+    /// Plays the trial.
+    fn play(&self) -> Result<Trial, NoRobot> {
         let DualPeg { task, misalignment, turn, .. } = self.settings;
         let (offset, turn, error) = match self.series {
             Series::Table => (*misalignment, *turn, task.visual_error),
@@ -184,12 +173,6 @@ impl Job<'_> {
         let situation = Situation::drawn(self.settings, self.seed, offset, turn, error);
         Trial::play(self.settings, self.condition, self.operator, self.number, &situation)
     }
-}
-
-/// Returns the reason why the first trial that fails cannot be simulated.
-fn first_error(jobs: &[Job<'_>]) -> String {
-    let errors = jobs.iter().filter_map(|job| job.try_play().err());
-    errors.map(|error| error.to_string()).next().unwrap_or_default()
 }
 
 fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
@@ -225,30 +208,24 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
 }
 
 /// Refuses an experiment in which perfect alignment is not enough, or takes longer in one condition than in another.
-fn judge(aligned: &[Pooled]) -> Result<(), Failure> {
-    let refused = |reason| Err(Failure::new(Kind::Negative, reason));
-    for condition in Condition::ALL {
-        let of: Vec<&Pooled> = aligned.iter().filter(|one| one.condition == condition).collect();
-        let count = of.iter().map(|one| one.trials).sum::<usize>().max(1);
-        let inserted: usize = of.iter().map(|one| one.inserted).sum();
-        #[expect(clippy::as_conversions, clippy::cast_precision_loss, reason = "a few hundred")]
-        let success = inserted as f64 / count as f64;
-        if success < MIN_SUCCESS {
-            let percent = 100.0 * success;
-            return refused(format!(
-                "{condition}: {percent:.0} % of the aligned pegs were inserted"
-            ));
-        }
+fn gate(aligned: &[Pooled]) -> Option<String> {
+    let share_of = |condition: Condition| {
+        let of = aligned.iter().filter(|one| one.condition == condition);
+        let (inserted, trials) = Pooled::counts(of);
+        f64::from(inserted) / f64::from(trials.max(1))
+    };
+    let shares = Condition::ALL.map(|condition| (condition, share_of(condition)));
+    if let Some((condition, share)) = shares.iter().find(|(_, share)| *share < MIN_SUCCESS) {
+        let percent = 100.0 * share;
+        return Some(format!("{condition}: {percent:.0} % of the aligned pegs were inserted"));
     }
-    for one in aligned {
+    let slow = aligned.iter().find_map(|one| {
         let others = aligned.iter().filter(|other| other.operator == one.operator);
         let least = others.map(|other| other.seconds).fold(f64::INFINITY, f64::min);
-        if one.seconds > least * (1.0 + MAX_EXCESS) {
-            let Pooled { operator, condition, seconds, .. } = one;
-            return refused(format!(
-                "aligned pegs take {operator} {seconds:.1} s with {condition}, {least:.1} s in another condition"
-            ));
-        }
-    }
-    Ok(())
+        (one.seconds > least * (1.0 + MAX_EXCESS)).then_some((one, least))
+    });
+    let (Pooled { operator, condition, seconds, .. }, least) = slow?;
+    Some(format!(
+        "aligned pegs take {operator} {seconds:.1} s with {condition}, {least:.1} s in another condition"
+    ))
 }

@@ -1,10 +1,8 @@
 //! Tables, pictures and data of the dual peg.
 
-use std::fmt::Write;
-
-use crate::command::dual_peg::{Figures, Ratio, Series};
+use crate::command::dual_peg::{Figures, Ratio, Series, Swept};
 use crate::command::picture::{Ink, Panel, Series as Curve};
-use crate::command::table::Table;
+use crate::command::table::{self, Column, Table};
 use crate::dual_peg::condition::Condition;
 use crate::dual_peg::pooled::Pooled;
 use crate::dual_peg::trial::Trial;
@@ -14,6 +12,16 @@ const PAPER: [[f64; 3]; 2] = [[1.66, 2.55, 1.51], [0.59, 0.61, 0.42]];
 
 /// Ratio above which docs/experiments.md says so.
 const NOTED: f64 = 0.45;
+
+/// Names of the columns of trials.csv.
+const HEAD: &str = "series,value_mm,operator,reflection,accommodation,trial,outcome,seconds,contact_seconds,attempts,\
+literal_x_j,literal_y_j,literal_z_j,literal_about_x_j,literal_about_y_j,literal_about_z_j,\
+absolute_x_j,absolute_y_j,absolute_z_j,absolute_about_x_j,absolute_about_y_j,absolute_about_z_j,\
+peak_n,peak_nm,mean_n,mean_nm";
+
+/// Meaning of the columns of the conditions.
+const CONDITIONS_NOTE: &str = "on: the switches; W: Eq. 11 as printed, mean over the trials from the first contact on; spread: standard \
+deviation; abs: sum of ∫|F dξ|; stopped and timed-out trials keep their work";
 
 /// Returns all tables.
 pub(super) fn tables(figures: &Figures) -> Vec<Table> {
@@ -28,112 +36,80 @@ pub(super) fn tables(figures: &Figures) -> Vec<Table> {
 }
 
 fn conditions(figures: &Figures) -> Table {
-    Table {
-        lead: Some("work on the environment by operator and condition".to_owned()),
-        columns: vec![
-            "operator",
-            "on",
-            "inserted",
-            "W, J",
-            "spread, J",
-            "x y z about x y z, J",
-            "abs, J",
-            "peak, N",
-            "mean, N",
-            "s",
-        ],
-        rows: figures.table.iter().map(condition_row).collect(),
-        note: "on: the switches; W: Eq. 11 as printed, mean over the trials from the first contact on; spread: standard deviation; abs: sum of \
-               ∫|F dξ|; stopped and timed-out trials keep their work"
-            .to_owned(),
-    }
+    let columns: [Column<&Pooled>; 10] = [
+        ("operator", |one| one.operator.clone()),
+        ("on", |one| one.condition.to_string()),
+        ("inserted", |one| inserted([*one])),
+        ("W, J", |one| format!("{:.3}", one.literal_j)),
+        ("spread, J", |one| format!("{:.3}", one.literal_deviation_j)),
+        ("x y z about x y z, J", |one| {
+            one.literal_parts_j.map(|part| format!("{part:.3}")).join(" ")
+        }),
+        ("abs, J", |one| format!("{:.3}", one.absolute_j)),
+        ("peak, N", |one| format!("{:.0}", one.peak_n)),
+        ("mean, N", |one| format!("{:.1}", one.mean_n)),
+        ("s", |one| format!("{:.1}", one.seconds)),
+    ];
+    Table::new(&figures.table, columns, CONDITIONS_NOTE)
+        .below("work on the environment by operator and condition")
 }
 
-fn condition_row(pooled: &Pooled) -> Vec<String> {
-    let parts = pooled.literal_parts_j.map(|part| format!("{part:.3}")).join(" ");
-    vec![
-        pooled.operator.clone(),
-        pooled.condition.to_string(),
-        format!("{} of {}", pooled.inserted, pooled.trials),
-        format!("{:.3}", pooled.literal_j),
-        format!("{:.3}", pooled.literal_deviation_j),
-        parts,
-        format!("{:.3}", pooled.absolute_j),
-        format!("{:.0}", pooled.peak_n),
-        format!("{:.1}", pooled.mean_n),
-        format!("{:.1}", pooled.seconds),
-    ]
+/// Returns how many trials were successful.
+fn inserted<'p>(pooled: impl IntoIterator<Item = &'p Pooled>) -> String {
+    let (inserted, trials) = Pooled::counts(pooled);
+    format!("{inserted} of {trials}")
 }
 
 fn ratios(figures: &Figures) -> Table {
     let [without, with] = PAPER;
-    let papers = without.into_iter().zip(with).map(|(without, with)| with / without);
-    let names = ["1", "2", "3"];
-    let mut rows: Vec<Vec<String>> = names
-        .into_iter()
-        .zip(papers)
-        .map(|(name, ratio)| {
-            vec![format!("subject {name} of the paper"), format!("{ratio:.2}"), String::new()]
-        })
-        .collect();
-    rows.extend(figures.ratios.iter().map(|Ratio { operator, ratio }| {
+    let papers = without.into_iter().zip(with).zip(["1", "2", "3"]);
+    let papers = papers.map(|((without, with), name)| {
+        (format!("subject {name} of the paper"), with / without, String::new())
+    });
+    let ours = figures.ratios.iter().map(|Ratio { operator, ratio }| {
         let note = if *ratio > NOTED { format!("above {NOTED}") } else { String::new() };
-        vec![operator.clone(), format!("{ratio:.2}"), note]
-    }));
-    Table {
-        lead: Some("ratio of the work with both switches on to that with both off".to_owned()),
-        columns: vec!["operator", "ratio", "note"],
-        rows,
-        note: "the paper's: Table I, FRHC/NTRFC over no force info".to_owned(),
-    }
+        (operator.clone(), *ratio, note)
+    });
+    let columns: [Column<(String, f64, String)>; 3] = [
+        ("operator", |(operator, ..)| operator.clone()),
+        ("ratio", |(_, ratio, _)| format!("{ratio:.2}")),
+        ("note", |(.., note)| note.clone()),
+    ];
+    Table::new(papers.chain(ours), columns, "the paper's: Table I, FRHC/NTRFC over no force info")
+        .below("ratio of the work with both switches on to that with both off")
 }
 
 fn aligned(figures: &Figures) -> Table {
-    let row = |pooled: &Pooled| {
-        vec![
-            pooled.operator.clone(),
-            pooled.condition.to_string(),
-            format!("{} of {}", pooled.inserted, pooled.trials),
-            format!("{:.2}", pooled.seconds),
-        ]
-    };
-    Table {
-        lead: Some("pegs that start aligned, seen without error".to_owned()),
-        columns: vec!["operator", "on", "inserted", "s"],
-        rows: figures.aligned.iter().map(row).collect(),
-        note: "at least 95 % of each condition must be inserted, none more than 20 % slower than another".to_owned(),
-    }
+    let note =
+        "at least 95 % of each condition must be inserted, none more than 20 % slower than another";
+    let columns: [Column<&Pooled>; 4] = [
+        ("operator", |one| one.operator.clone()),
+        ("on", |one| one.condition.to_string()),
+        ("inserted", |one| inserted([*one])),
+        ("s", |one| format!("{:.2}", one.seconds)),
+    ];
+    Table::new(&figures.aligned, columns, note).below("pegs that start aligned, seen without error")
 }
 
 fn sweep(figures: &Figures) -> Table {
-    let row = |swept: &super::Swept| {
-        let (name, value) = point(swept.series);
-        let ratios: Vec<String> =
-            swept.ratios.iter().map(|one| format!("{:.2}", one.ratio)).collect();
-        let inserted = |condition: Condition| {
-            let of = swept.pooled.iter().filter(|one| one.condition == condition);
-            let counts = of.fold((0, 0), |(a, b), one| (a + one.inserted, b + one.trials));
-            format!("{} of {}", counts.0, counts.1)
-        };
-        vec![
-            name.to_owned(),
-            format!("{value:.1} mm"),
-            ratios.join(" "),
-            inserted(Condition::NEITHER),
-            inserted(Condition::BOTH),
-        ]
-    };
-    Table {
-        lead: Some("ratio over visual error and misalignment".to_owned()),
-        columns: vec![
-            "varied",
-            "value",
-            "ratio by operator",
-            "inserted, neither",
-            "inserted, both",
-        ],
-        rows: figures.sweep.iter().map(row).collect(),
-        note: "the error of orientation is varied with the visual error".to_owned(),
+    let columns: [Column<&Swept>; 5] = [
+        ("varied", |swept| point(swept.series).0.to_owned()),
+        ("value", |swept| format!("{:.1} mm", point(swept.series).1)),
+        ("ratio by operator", |swept| {
+            let ratios = swept.ratios.iter().map(|one| format!("{:.2}", one.ratio));
+            ratios.collect::<Vec<_>>().join(" ")
+        }),
+        ("inserted, neither", |swept| inserted(swept.of(Condition::NEITHER))),
+        ("inserted, both", |swept| inserted(swept.of(Condition::BOTH))),
+    ];
+    let note = "the error of orientation is varied with the visual error";
+    Table::new(&figures.sweep, columns, note).below("ratio over visual error and misalignment")
+}
+
+impl Swept {
+    /// Returns the trials of a condition.
+    fn of(&self, condition: Condition) -> impl Iterator<Item = &Pooled> {
+        self.pooled.iter().filter(move |one| one.condition == condition)
     }
 }
 
@@ -149,67 +125,33 @@ fn point(series: Series) -> (&'static str, f64) {
 
 /// Returns the pictures: the work of each condition, and the ratio over what is varied.
 pub(super) fn panels(figures: &Figures) -> Vec<Panel> {
-    let mut panels = vec![work(figures)];
-    for (title, is_of) in
-        [("ratio over visual error", "visual error"), ("ratio over misalignment", "misalignment")]
-    {
-        let mut series: Vec<Curve> = Vec::new();
-        for Ratio { operator, .. } in &figures.ratios {
-            let points = figures.sweep.iter().filter(|swept| point(swept.series).0 == is_of);
-            let points = points.filter_map(|swept| {
+    let swept = ["visual error", "misalignment"].map(|varied| {
+        let curves = figures.ratios.iter().map(|Ratio { operator, .. }| {
+            let points = figures.sweep.iter().filter_map(|swept| {
+                let (name, value) = point(swept.series);
                 let of = swept.ratios.iter().find(|one| one.operator == *operator)?;
-                Some([point(swept.series).1, of.ratio])
+                (name == varied).then_some([value, of.ratio])
             });
-            let points: Vec<[f64; 2]> = points.collect();
-            if !points.is_empty() {
-                series.push(Curve::new(operator.clone(), Ink::Line, points));
-            }
-        }
-        if !series.is_empty() {
-            panels.push(Panel {
-                title: title.to_owned(),
-                axes: ["mm", "ratio"],
-                places: Vec::new(),
-                series,
-            });
-        }
-    }
-    panels
+            Curve::new(operator.clone(), Ink::Line, points)
+        });
+        let curves = curves.filter(|curve| !curve.points.is_empty());
+        Panel::new(format!("ratio over {varied}"), ["mm", "ratio"], curves)
+    });
+    let swept = swept.into_iter().filter(|panel| !panel.series.is_empty());
+    [work(figures)].into_iter().chain(swept).collect()
 }
 
 fn work(figures: &Figures) -> Panel {
     let series = Condition::ALL.map(|condition| {
         let of = figures.table.iter().filter(|one| one.condition == condition);
         let points = (1_u32..).zip(of).map(|(place, one)| [f64::from(place), one.literal_j]);
-        Curve::new(condition.to_string(), Ink::Marks, points.collect())
+        Curve::new(condition.to_string(), Ink::Marks, points)
     });
-    Panel {
-        title: "work (Eq. 11) of each operator".to_owned(),
-        axes: ["operator", "J"],
-        places: figures.ratios.iter().map(|ratio| ratio.operator.clone()).collect(),
-        series: series.into(),
-    }
+    let places = figures.ratios.iter().map(|ratio| ratio.operator.clone()).collect();
+    Panel { places, ..Panel::new("work (Eq. 11) of each operator", ["operator", "J"], series) }
 }
 
-/// Returns all trials as CSV, with the digits that recompute the tables.
-pub(super) fn csv(trials: &[(Series, Trial)]) -> String {
-    let mut text = "series,value_mm,operator,reflection,accommodation,trial,outcome,seconds,contact_seconds,attempts,\
-        literal_x_j,literal_y_j,literal_z_j,literal_about_x_j,literal_about_y_j,literal_about_z_j,\
-        absolute_x_j,absolute_y_j,absolute_z_j,absolute_about_x_j,absolute_about_y_j,absolute_about_z_j,\
-        peak_n,peak_nm,mean_n,mean_nm\n"
-        .to_owned();
-    for (series, trial) in trials {
-        let (name, value) = point(*series);
-        let Condition { reflection, accommodation } = trial.condition;
-        let numbers = trial.literal_j.iter().chain(&trial.absolute_j);
-        let rest = [trial.peak_n, trial.peak_nm, trial.mean_n, trial.mean_nm];
-        let numbers: Vec<String> = numbers.chain(&rest).map(|one| format!("{one:.9e}")).collect();
-        let Trial { operator, number, outcome, seconds, contact_seconds, attempts, .. } = trial;
-        _ = writeln!(
-            text,
-            "{name},{value},{operator},{reflection},{accommodation},{number},{outcome},{seconds:.9e},{contact_seconds:.9e},{attempts},{}",
-            numbers.join(",")
-        );
-    }
-    text
+/// Returns all trials as CSV.
+pub(super) fn csv(trials: &[(Series, Trial)]) -> anyhow::Result<String> {
+    table::csv(HEAD, trials.iter().map(|(series, trial)| (point(*series), trial)))
 }

@@ -6,10 +6,9 @@ use std::num::NonZero;
 
 use clap::{Args, ValueEnum};
 
-use crate::command::common::{self, Common, Named};
-use crate::command::picture::{self, Ink, Panel, Series};
-use crate::command::runner;
-use crate::command::table;
+use crate::command::common::{self, Common, Named, refused};
+use crate::command::frame::{Files, Frame, Report};
+use crate::command::picture::{Ink, Panel, Series};
 use crate::fidelity::experiment::{Condition, Participants, Row};
 use crate::fidelity::pooled::Pooled;
 use crate::fidelity::script::{Course, Hand};
@@ -22,7 +21,7 @@ use units::spatial::Wrench;
 const RESOLUTION: f64 = 5e-3;
 
 /// Files of the results.
-const FILES: [&str; 3] = ["runs.csv", "force.svg", "report.md"];
+const FILES: Files = Files { csv: &["runs.csv"], has_figures: false, picture: ("force.svg", 1) };
 
 /// `frhc experiment fidelity`.
 #[derive(Debug, Args)]
@@ -46,40 +45,40 @@ enum Part {
     Releases,
 }
 
-/// One run.
-struct Job<'n> {
-    named: &'n Named,
-    condition: Condition,
-    participant: (&'static Hand, u64),
-}
-
 /// Runs everything, prints the table and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
-    configs.iter().try_for_each(require_wall)?;
-    args.common.ensure_free(&FILES)?;
-    let rows = rows(&configs, args, is_quiet)?;
-    let pooled = Pooled::new(&rows);
-    let tables = report::tables(&pooled);
-    args.common.print(&pooled, &tables)?;
-    args.common.write(|| {
-        let picture = picture(&configs, args)?;
-        let contents = [report::csv(&rows), picture, table::markdown(&tables)];
-        Ok(FILES.into_iter().zip(contents).collect())
-    })?;
-    common::refuse_stopped(rows.iter().filter_map(|row| {
-        let Row { config, condition, hand, seed, stopped_by, .. } = row;
-        let Condition { course, arm, .. } = condition;
-        Some((format!("{config}, {course}, {arm}, {hand}, seed {seed}"), stopped_by.as_deref()?))
-    }))
-}
-
-fn require_wall(named: &Named) -> Result<(), Failure> {
-    if named.config.remote.wall.is_some() {
-        return Ok(());
+    if let Some(Named { config, .. }) = configs.iter().find(|one| one.config.remote.wall.is_none())
+    {
+        return Err(refused(&config.file, NoTrial::NoWall));
     }
-    let reason = format!("{}: {}", named.config.file.display(), NoTrial::NoWall);
-    Err(Failure::new(Kind::Configuration, reason))
+    let frame = Frame::new(&args.common, &FILES, is_quiet)?;
+    let (conditions, participants) = (conditions(args), participants(args));
+    let each = configs.iter().flat_map(|named| conditions.iter().map(move |one| (named, *one)));
+    let jobs = each
+        .flat_map(|(named, condition)| participants.each().map(move |who| (named, condition, who)));
+    let jobs: Vec<(&Named, Condition, _)> = jobs.collect();
+    let rows = frame.play(&jobs, |(Named { name, config }, condition, who)| {
+        Row::play(name, config, *condition, *who, |_, _| {}).or_fail(Kind::Drive)
+    })?;
+    let pooled = Pooled::new(&rows);
+    frame.conclude(Report {
+        tables: report::tables(&pooled).into(),
+        csv: vec![report::csv(&rows)],
+        panels: || {
+            // The first run of each configuration.
+            let first =
+                jobs.chunk_by(|(a, ..), (b, ..)| std::ptr::eq(*a, *b)).filter_map(<[_]>::first);
+            first.map(|(named, condition, who)| panel(named, *condition, *who)).collect()
+        },
+        gate: common::none_stopped(rows.iter().filter_map(|row| {
+            let Row { config, condition, hand, seed, stopped_by, .. } = row;
+            let Condition { course, arm, .. } = condition;
+            let run = format!("{config}, {course}, {arm}, {hand}, seed {seed}");
+            Some((run, stopped_by.as_deref()?))
+        })),
+        figures: pooled,
+    })
 }
 
 fn participants(args: &Arguments) -> Participants {
@@ -97,53 +96,27 @@ fn conditions(args: &Arguments) -> Vec<Condition> {
     all.into_iter().filter(is_asked).collect()
 }
 
-/// Plays all runs; the rows are in the order of the runs.
-fn rows(configs: &[Named], args: &Arguments, is_quiet: bool) -> Result<Vec<Row>, Failure> {
-    let (conditions, participants) = (conditions(args), participants(args));
-    let jobs: Vec<Job<'_>> = configs
-        .iter()
-        .flat_map(|named| conditions.iter().map(move |condition| (named, *condition)))
-        .flat_map(|(named, condition)| {
-            participants.each().map(move |participant| Job { named, condition, participant })
-        })
-        .collect();
-    let rows = runner::play_all(&jobs, is_quiet, |Job { named, condition, participant }| {
-        Row::play(&named.name, &named.config, *condition, *participant, |_, _| {})
-    });
-    rows.into_iter().map(|row| row.or_fail(Kind::Drive)).collect()
-}
-
-/// Plays one run of each configuration for the picture of its forces.
-fn picture(configs: &[Named], args: &Arguments) -> Result<String, Failure> {
-    let mut panels = Vec::new();
-    for Named { name, config } in configs {
-        let (mut wanted, mut felt) = (Vec::new(), Vec::new());
-        let each = |t: f64, sample: Option<&Sample>| {
-            let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
-            if is_due {
-                // A gap where nothing can be compared.
-                let force = |of: fn(&Sample) -> &Wrench| {
-                    sample.map_or(f64::NAN, |one| of(one).force.norm())
-                };
-                wanted.push([t, force(|sample| &sample.wanted)]);
-                felt.push([t, force(|sample| &sample.felt)]);
-            }
-        };
-        let (Some(participant), Some(condition)) =
-            (participants(args).each().next(), conditions(args).first().copied())
-        else {
-            continue;
-        };
-        Row::play(name, config, condition, participant, each).or_fail(Kind::Drive)?;
-        panels.push(Panel {
-            title: format!("{name}, {} hand", participant.0),
-            axes: ["s", "N"],
-            places: Vec::new(),
-            series: vec![
-                Series::new("force at the hand", Ink::Line, felt),
-                Series::new("K_T times the sensed force", Ink::Line, wanted),
-            ],
-        });
-    }
-    picture::svg(&panels, 1).or_fail(Kind::Bus)
+/// Plays a run again for the panel of its forces.
+fn panel(
+    Named { name, config }: &Named,
+    condition: Condition,
+    participant: (&'static Hand, u64),
+) -> Result<Panel, Failure> {
+    let (mut wanted, mut felt) = (Vec::new(), Vec::new());
+    let each = |t: f64, sample: Option<&Sample>| {
+        let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
+        if is_due {
+            // A gap where nothing can be compared.
+            let force =
+                |of: fn(&Sample) -> &Wrench| sample.map_or(f64::NAN, |one| of(one).force.norm());
+            wanted.push([t, force(|sample| &sample.wanted)]);
+            felt.push([t, force(|sample| &sample.felt)]);
+        }
+    };
+    Row::play(name, config, condition, participant, each).or_fail(Kind::Drive)?;
+    let series = [
+        Series::new("force at the hand", Ink::Line, felt),
+        Series::new("K_T times the sensed force", Ink::Line, wanted),
+    ];
+    Ok(Panel::new(format!("{name}, {} hand", participant.0), ["s", "N"], series))
 }

@@ -1,173 +1,128 @@
 //! Table, CSV and picture of the return to centre.
 
-use std::fmt::Write;
-
 use crate::command::picture::{Ink, Panel, Series};
-use crate::command::table::Table;
+use crate::command::table::{self, Column, Table};
 use crate::return_to_centre::curve::Point;
+use crate::return_to_centre::figures::Figures;
 use crate::return_to_centre::trial::Row;
-
-/// Columns of the table, in its order.
-const COLUMNS: [&str; 10] = [
-    "configuration",
-    "axis",
-    "plateau",
-    "commanded",
-    "at the hand",
-    "deadband",
-    "edge at the hand",
-    "hysteresis, of it damping",
-    "wall at the hand",
-    "let go: rests at",
-];
 
 /// Meaning of the columns, below the table.
 const NOTE: &str = "plateau, deadband: as configured; at the hand: mean of the way out and back, edge of the parabola that fits it best; \
 hysteresis: way out less way back on the plateau; let go: distance from the reference 3 s after the hand has opened, and time until the \
 deadband was entered for good";
 
-/// Scale and units of an axis: displacement, force, stiffness.
-struct Units {
-    scale: f64,
-    displacement: &'static str,
-    force: &'static str,
-    stiffness: &'static str,
-}
+/// Names of the columns of axes.csv.
+const AXES_HEAD: &str = "configuration,axis,deadband_m_or_rad,plateau_n_or_nm,wall_m_or_rad,commanded_n_or_nm,felt_n_or_nm,\
+edge_m_or_rad,command_from_m_or_rad,hysteresis_n_or_nm,damping_n_or_nm,wall_stiffness_n_per_m_or_nm_per_rad,\
+released_at_m_or_rad,rests_at_m_or_rad,overshoot_m_or_rad,inside_after_s,limited_cycles,stopped_by";
 
-const TRANSLATION: Units = Units { scale: 1e3, displacement: "mm", force: "N", stiffness: "N/m" };
-const ROTATION: Units =
-    Units { scale: 1e3, displacement: "mrad", force: "N·m", stiffness: "N·m/rad" };
+/// Names of the columns of curves.csv.
+const CURVES_HEAD: &str = "configuration,axis,displacement_m_or_rad,law_n_or_nm,commanded_n_or_nm,felt_out_n_or_nm,felt_back_n_or_nm";
 
-const fn units(row: &Row) -> &'static Units {
-    if row.is_rotation { &ROTATION } else { &TRANSLATION }
+/// Displacements in tables and pictures per m or rad.
+const SCALE: f64 = 1e3;
+
+impl Row {
+    /// Returns a displacement in mm or mrad.
+    fn far(&self, displacement: f64) -> String {
+        let unit = if self.is_rotation { "mrad" } else { "mm" };
+        format!("{:.1} {unit}", displacement * SCALE)
+    }
+
+    /// Returns a force or moment without its unit.
+    fn size(&self, force: f64) -> String {
+        format!("{force:.*}", if self.is_rotation { 4 } else { 2 })
+    }
+
+    /// Returns a force in N or a moment in N·m.
+    fn forced(&self, force: f64) -> String {
+        self.size(force) + if self.is_rotation { " N·m" } else { " N" }
+    }
+
+    /// Returns a figure of the curve, if there is one.
+    fn figure(&self, text: impl Fn(&Figures) -> Option<String>) -> String {
+        self.figures.as_ref().and_then(text).unwrap_or_else(|| "–".to_owned())
+    }
+
+    /// Returns the plateau at the hand, and its difference from the commanded one.
+    fn felt(&self, figures: &Figures) -> String {
+        let percent = 100.0 * (figures.felt / figures.commanded - 1.0);
+        let off = if percent.is_finite() { format!(" ({percent:+.1} %)") } else { String::new() };
+        self.forced(figures.felt) + &off
+    }
+
+    /// Returns where the grip comes to rest, and the time until it is within the deadband.
+    fn end(&self) -> String {
+        let after = self.returned.after_s.map(|seconds| format!("{seconds:.2} s"));
+        let after = after.unwrap_or_else(|| "outside".to_owned());
+        format!("{}, {after}", self.far(self.returned.rests_at.abs()))
+    }
 }
 
 /// Returns the table.
 pub(super) fn table(rows: &[Row]) -> Table {
-    Table {
-        lead: None,
-        columns: COLUMNS.to_vec(),
-        rows: rows.iter().map(|row| cells(row).to_vec()).collect(),
-        note: NOTE.to_owned(),
-    }
-}
-
-fn cells(row: &Row) -> [String; 10] {
-    let Units { scale, displacement, force, stiffness } = units(row);
-    let decimals = if row.is_rotation { 4 } else { 2 };
-    let size = |value: f64| format!("{value:.decimals$}");
-    let forced = |value: f64| format!("{value:.decimals$} {force}");
-    let far = |value: f64| format!("{:.1} {displacement}", value * scale);
-    let absent = || "–".to_owned();
-    let figures = row.figures.as_ref();
-    let law = &row.law;
-    let returned = match row.returned.after_s {
-        Some(seconds) => format!("{}, {seconds:.2} s", far(row.returned.rests_at.abs())),
-        None => format!("{}, outside", far(row.returned.rests_at.abs())),
-    };
-    [
-        row.config.clone(),
-        row.axis.to_owned(),
-        forced(law.plateau),
-        figures.map_or_else(absent, |one| forced(one.commanded)),
-        figures.map_or_else(absent, |one| {
-            let percent = 100.0 * (one.felt / one.commanded - 1.0);
-            let off =
-                if percent.is_finite() { format!(" ({percent:+.1} %)") } else { String::new() };
-            forced(one.felt) + &off
+    let columns: [Column<&Row>; 10] = [
+        ("configuration", |row| row.config.clone()),
+        ("axis", |row| row.axis.to_owned()),
+        ("plateau", |row| row.forced(row.law.plateau)),
+        ("commanded", |row| row.figure(|one| Some(row.forced(one.commanded)))),
+        ("at the hand", |row| row.figure(|one| Some(row.felt(one)))),
+        ("deadband", |row| row.far(row.law.deadband)),
+        ("edge at the hand", |row| row.figure(|one| Some(row.far(one.edge?)))),
+        ("hysteresis, of it damping", |row| {
+            let of = |one: &Figures| {
+                format!("{}, {}", row.size(one.hysteresis), row.forced(one.damping))
+            };
+            row.figure(|one| Some(of(one)))
         }),
-        far(law.deadband),
-        figures.and_then(|one| one.edge).map_or_else(absent, far),
-        figures.map_or_else(absent, |one| {
-            format!("{}, {}", size(one.hysteresis), forced(one.damping))
+        ("wall at the hand", |row| {
+            let unit = if row.is_rotation { "N·m/rad" } else { "N/m" };
+            row.figure(|one| Some(format!("{:.0} {unit}", one.wall_stiffness?)))
         }),
-        figures
-            .and_then(|one| one.wall_stiffness)
-            .map_or_else(absent, |wall| format!("{wall:.0} {stiffness}")),
-        returned,
-    ]
+        ("let go: rests at", |row| row.end()),
+    ];
+    Table::new(rows, columns, NOTE)
 }
 
 /// Returns the figures of every axis, one line each, in SI units.
-pub(super) fn csv(rows: &[Row]) -> String {
-    let mut text = "configuration,axis,deadband,plateau,wall,commanded,felt,edge,command_from,hysteresis,damping,\
-        wall_stiffness,released_at,rests_at,overshoot,inside_after_s,limited_cycles,stopped_by\n"
-        .to_owned();
-    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
-    for row in rows {
-        let (law, returned) = (&row.law, &row.returned);
-        let of = |value: fn(&crate::return_to_centre::figures::Figures) -> Option<f64>| {
-            number(row.figures.as_ref().and_then(value))
-        };
-        let numbers = [
-            number(Some(law.deadband)),
-            number(Some(law.plateau)),
-            number(law.wall),
-            of(|one| Some(one.commanded)),
-            of(|one| Some(one.felt)),
-            of(|one| one.edge),
-            number(row.command_from),
-            of(|one| Some(one.hysteresis)),
-            of(|one| Some(one.damping)),
-            of(|one| one.wall_stiffness),
-            number(Some(returned.from)),
-            number(Some(returned.rests_at)),
-            number(Some(returned.overshoot)),
-            number(returned.after_s),
-        ];
-        let cause = row.stopped_by.as_deref().unwrap_or_default().replace(',', ";");
-        _ = writeln!(
-            text,
-            "{},{},{},{},{cause}",
-            row.config,
-            row.axis,
-            numbers.join(","),
-            row.limited_cycles
-        );
-    }
-    text
+pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
+    let rows = rows.iter().map(|row| {
+        let Row { config, axis, law, command_from, returned, limited_cycles, stopped_by, .. } = row;
+        let figures = row.figures.map(|one| {
+            let plateau = [Some(one.commanded), Some(one.felt), one.edge];
+            (plateau, [Some(one.hysteresis), Some(one.damping), one.wall_stiffness])
+        });
+        let (plateau, ways) = figures.unwrap_or_default();
+        (config, axis, law, plateau, command_from, ways, returned, limited_cycles, stopped_by)
+    });
+    table::csv(AXES_HEAD, rows)
 }
 
 /// Returns the curves, a line per displacement, in SI units.
-pub(super) fn curves(rows: &[Row]) -> String {
-    let mut text = "configuration,axis,displacement,law,commanded,felt_out,felt_back\n".to_owned();
-    for row in rows {
-        for Point { x, law, commanded, felt_out, felt_back, .. } in &row.points {
-            let Row { config, axis, .. } = row;
-            _ = writeln!(
-                text,
-                "{config},{axis},{x:.6},{law:.6},{commanded:.6},{felt_out:.6},{felt_back:.6}"
-            );
-        }
-    }
-    text
+pub(super) fn curves(rows: &[Row]) -> anyhow::Result<String> {
+    let points = rows.iter().flat_map(|row| row.points.iter().map(move |point| (row, point)));
+    let fields = |(row, point): (&Row, &Point)| {
+        let Point { x, law, commanded, felt_out, felt_back, .. } = *point;
+        (row.config.clone(), row.axis, [x, law, commanded, felt_out, felt_back])
+    };
+    table::csv(CURVES_HEAD, points.map(fields))
 }
 
-/// Returns a panel per axis: force over displacement, as in Fig. 4.
-pub(super) fn panels(rows: &[Row]) -> Vec<Panel> {
-    rows.iter().map(panel).collect()
-}
-
-fn panel(row: &Row) -> Panel {
-    let scale = units(row).scale;
+/// Returns the panel of an axis: force over displacement, as in Fig. 4.
+pub(super) fn panel(row: &Row) -> Panel {
     let line = |name: &str, ink: Ink, value: fn(&Point) -> f64| {
-        let points = row.points.iter().map(|point| [point.x * scale, value(point)]);
-        Series::new(name, ink, points.collect())
+        Series::new(name, ink, row.points.iter().map(|point| [point.x * SCALE, value(point)]))
     };
     let axes = if row.is_rotation {
         ["displacement, mrad", "moment on the hand, N·m"]
     } else {
         ["displacement, mm", "force on the hand, N"]
     };
-    Panel {
-        title: format!("{}, {}", row.config, row.axis),
-        axes,
-        places: Vec::new(),
-        series: vec![
-            line("at the hand, way out", Ink::Line, |point| point.felt_out),
-            line("at the hand, way back", Ink::Line, |point| point.felt_back),
-            line("mean of both ways", Ink::Line, Point::felt),
-            line("Eq. 8", Ink::Dashed, |point| point.law),
-        ],
-    }
+    let series = [
+        line("at the hand, way out", Ink::Line, |point| point.felt_out),
+        line("at the hand, way back", Ink::Line, |point| point.felt_back),
+        line("mean of both ways", Ink::Line, Point::felt),
+        line("Eq. 8", Ink::Dashed, |point| point.law),
+    ];
+    Panel::new(format!("{}, {}", row.config, row.axis), axes, series)
 }

@@ -9,6 +9,7 @@ mod displacement;
 pub mod dual_peg;
 pub mod fidelity;
 pub mod ntrfc;
+mod opening;
 mod pool;
 pub mod return_to_centre;
 pub mod torque_curves;

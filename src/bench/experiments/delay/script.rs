@@ -14,11 +14,12 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::displacement;
+use crate::opening;
 use config::Config;
 use controller::switches::Mode;
 use remote::scene::HALF_CUBE;
 use sim::operator_settings::OperatorSettings;
-use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::operator::{Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
 
 /// Part of the script in which the hand is judged, in s.
@@ -78,8 +79,13 @@ pub fn script(config: &Config, commanded: Commanded) -> Option<Scenario> {
     let moves = [
         Entry::Move(Move::new(3.0, seconds, to.into())),
         Entry::Move(Move::new(JUDGED_S[1], 1.0, [0.0; 3])),
+        Entry::Switch(Switch::deadman(12.2, false)),
     ];
-    let entries = switches(commanded).into_iter().chain(moves);
+    let mode = match commanded {
+        Commanded::Pose => ConsoleRequest::Pose,
+        Commanded::Rate => ConsoleRequest::Rate,
+    };
+    let entries = opening::referenced(mode).chain(moves);
     let scenario = Scenario::new(SECONDS, entries).ok()?;
     Some(scenario.with_operator(operator))
 }
@@ -123,23 +129,4 @@ fn beyond_the_deadband(config: &Config, operator: &OperatorSettings) -> Option<V
 /// Returns the first three of six numbers.
 const fn translations([x, y, z, ..]: &[f64; 6]) -> Vector3<f64> {
     Vector3::new(*x, *y, *z)
-}
-
-/// The mode, armed; deadman, reflection and reference in turn.
-fn switches(commanded: Commanded) -> [Entry; 8] {
-    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    let mode = match commanded {
-        Commanded::Pose => ConsoleRequest::Pose,
-        Commanded::Rate => ConsoleRequest::Rate,
-    };
-    [
-        request(0.1, mode),
-        request(0.2, ConsoleRequest::Arm),
-        Entry::Switch(Switch::deadman(1.5, true)),
-        Entry::Switch(Switch::reflection(1.6, true)),
-        Entry::Switch(Switch::reflection(1.7, false)),
-        Entry::Switch(Switch::reference(2.0, true)),
-        Entry::Switch(Switch::reference(2.1, false)),
-        Entry::Switch(Switch::deadman(12.2, false)),
-    ]
 }

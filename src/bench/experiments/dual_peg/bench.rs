@@ -6,17 +6,15 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::dual_peg::condition::Condition;
-use crate::dual_peg::settings::{DualPeg, PegTask};
+use crate::dual_peg::settings::DualPeg;
+use crate::opening;
 use config::Config;
 use node::record::Record;
-use robot::arm_control::WrenchLimit;
-use sim::contact::{Holes, Pegs, Plate, Scene, Shape, Surface};
+use sim::contact::{Plate, Scene, Shape};
 use sim::operator_settings::OperatorSettings;
 use sim::peg_operator::{PegOperator, PegOperatorSettings};
 use sim::random::SplitMix;
-use sim::scenario::operator::{Console, Switch};
-use sim::scenario::{ConsoleRequest, Entry, Scenario};
-use sim::wrist_sensor::WristSensorSettings;
+use sim::scenario::{ConsoleRequest, Scenario};
 use testbench::bench::Bench;
 use testbench::robot_site::{Equipment, NoRobot, ReadingTime, RobotSite};
 use units::spatial::Twist;
@@ -29,9 +27,6 @@ const STILL: f64 = 3e-4;
 
 /// Time constant of the hand's way to a new aim, in s.
 const AIM_LAG: f64 = 0.08;
-
-/// Depth from which the damping of the plate is complete, in m.
-const DAMPING_DEPTH: f64 = 1e-4;
 
 /// Start and sight of one trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,28 +98,25 @@ impl PegBench {
         situation: &Situation,
     ) -> Result<Self, NoRobot> {
         let config = condition.applied(&settings.config);
-        let pegs = pegs(settings);
-        let x_m_e = pegs.x_m_e();
+        let x_m_e = settings.pegs.x_m_e();
         let x_b_p = config.remote.x_b_m * x_m_e * situation.x_p_e.inverse();
-        let [force, moment] = settings.stop;
+        let plate = Plate { x_b_p, ..settings.plate };
         let equipment = Equipment {
-            shape: Shape::Pegs(pegs),
-            scene: Scene { plate: Some(plate(settings, x_b_p)), ..Scene::default() },
-            sensor: sensor(settings),
+            shape: Shape::Pegs(settings.pegs),
+            scene: Scene { plate: Some(plate), ..Scene::default() },
+            sensor: settings.sensor,
             reading: ReadingTime::MEAN,
-            limit: WrenchLimit { force, moment },
+            limit: settings.stop,
         };
         let site = RobotSite::in_free_space(&config, &equipment, situation.seed)?;
         let scenario = scenario(settings.max_seconds)?.with_operator(operator);
         let bench = Bench::with_side(&config, site.into(), scenario, situation.seed, false, ());
-        let sight = PegOperator::new(
-            task(&settings.task, settings.holes.insert_depth, situation),
-            situation.seed,
-        );
+        let Situation { visual_error, visual_turn_error, seed, .. } = *situation;
+        let task = PegOperatorSettings { visual_error, visual_turn_error, ..settings.task };
         let mut trial = Self {
             bench,
             threshold: threshold(&config, &operator),
-            operator: sight,
+            operator: PegOperator::new(task, seed),
             x_b_p,
             x_m_e,
             k_v: *config.controller.command.rate_gain.values(),
@@ -201,75 +193,8 @@ fn threshold(config: &Config, operator: &OperatorSettings) -> [f64; 6] {
 
 /// Rate mode, armed; deadman and reflection switch on before the operator begins.
 fn scenario(seconds: f64) -> Result<Scenario, NoRobot> {
-    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    let entries = [
-        request(0.1, ConsoleRequest::Rate),
-        request(0.2, ConsoleRequest::Arm),
-        Entry::Switch(Switch::deadman(1.6, true)),
-        Entry::Switch(Switch::reflection(1.7, true)),
-        Entry::Switch(Switch::reflection(1.8, false)),
-    ];
+    let entries = opening::engaged(ConsoleRequest::Rate, [1.6, 1.7, 1.8]);
     Ok(Scenario::new(BEGIN_S + seconds + 1.0, entries)?)
-}
-
-fn pegs(settings: &DualPeg) -> Pegs {
-    let sizes = settings.pegs;
-    Pegs {
-        // {MRF} is at the ends.
-        x_m_t: Isometry3::translation(0.0, 0.0, -sizes.length),
-        count: 2,
-        radius: sizes.radius,
-        length: sizes.length,
-        spacing: sizes.spacing,
-        chamfer_width: sizes.chamfer,
-        chamfer_length: sizes.chamfer,
-    }
-}
-
-fn plate(settings: &DualPeg, x_b_p: Isometry3<f64>) -> Plate {
-    let [stiffness, damping, friction] = settings.contact;
-    let sizes = settings.holes;
-    Plate {
-        x_b_p,
-        half_size: [settings.pegs.spacing, settings.pegs.spacing],
-        thickness: sizes.thickness,
-        holes: Holes {
-            count: 2,
-            radius: sizes.radius,
-            spacing: settings.pegs.spacing,
-            chamfer_width: sizes.chamfer,
-            chamfer_depth: sizes.chamfer,
-        },
-        surface: Surface { stiffness, damping, damping_depth: DAMPING_DEPTH, friction },
-    }
-}
-
-const fn sensor(settings: &DualPeg) -> WristSensorSettings {
-    let [force, moment] = settings.noise;
-    let noise = [force, force, force, moment, moment, moment];
-    WristSensorSettings { noise, ..WristSensorSettings::IDEAL }
-}
-
-const fn task(task: &PegTask, insert_depth: f64, situation: &Situation) -> PegOperatorSettings {
-    PegOperatorSettings {
-        visual_delay: task.visual_delay,
-        visual_error: situation.visual_error,
-        visual_turn_error: situation.visual_turn_error,
-        tolerance: task.tolerance,
-        turn_tolerance: task.turn_tolerance,
-        approach_speed: task.approach_speed,
-        insert_speed: task.insert_speed,
-        near: task.near,
-        correction: task.correction,
-        max_correction: task.max_correction,
-        max_turn: task.max_turn,
-        effort: task.effort,
-        stall_distance: task.stall_distance,
-        stall_time: task.stall_time,
-        back_off: task.back_off,
-        search_step: task.search_step,
-        insert_depth,
-    }
 }
 
 /// Returns the operator of a preset's name.

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Isometry3;
 use toml::de::DeTable;
 
 use crate::dual_peg::settings_file as raw;
@@ -18,6 +19,10 @@ use controller::gains::Gains;
 use controller::stability::bounds;
 use remote::site::Virtual;
 use robot::accommodation::Accommodation;
+use robot::arm_control::WrenchLimit;
+use sim::contact::{Holes, Pegs, Plate, Surface};
+use sim::peg_operator::PegOperatorSettings;
+use sim::wrist_sensor::WristSensorSettings;
 use toml_input::List;
 
 /// Name of the settings that the program contains.
@@ -25,6 +30,12 @@ const SHIPPED: &str = "config/experiments/dual_peg.toml";
 
 /// Those settings.
 const TEXT: &str = include_str!("../../../../config/experiments/dual_peg.toml");
+
+/// Number of pegs, and of holes.
+const COUNT: u8 = 2;
+
+/// Depth from which the damping of the plate is complete, in m.
+const DAMPING_DEPTH: f64 = 1e-4;
 
 /// The experiment.
 #[derive(Clone, Debug)]
@@ -39,18 +50,16 @@ pub struct DualPeg {
     pub trials: u32,
     /// Time after which a trial has failed, in s.
     pub max_seconds: f64,
-    /// Radius, length, distance and chamfer of the pegs, in m.
-    pub pegs: PegSizes,
-    /// Radius, chamfer, depth of the plate and of insertion, in m.
-    pub holes: HoleSizes,
-    /// Stiffness of one peg in N/m, damping in N·s/m, friction coefficient.
-    pub contact: [f64; 3],
-    /// Force in N and moment in N·m that stop the arm.
-    pub stop: [f64; 2],
-    /// Standard deviations of the wrist sensor, in N and N·m.
-    pub noise: [f64; 2],
+    /// Pegs, with {MRF} at their ends.
+    pub pegs: Pegs,
+    /// Plate with holes, at the origin.
+    pub plate: Plate,
+    /// Force and moment that stop the arm.
+    pub stop: WrenchLimit,
+    /// Wrist sensor.
+    pub sensor: WristSensorSettings,
     /// Sight and task of the operator.
-    pub task: PegTask,
+    pub task: PegOperatorSettings,
     /// Height of the start above the plate, in m.
     pub start_height: f64,
     /// Range of the misalignment at the start, in m.
@@ -59,69 +68,6 @@ pub struct DualPeg {
     pub turn: [f64; 2],
     /// Visual errors and misalignments of the sweeps in m, and their trials.
     pub sweep: Sweep,
-}
-
-/// Sizes of the pegs, in m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PegSizes {
-    /// Radius.
-    pub radius: f64,
-    /// Length.
-    pub length: f64,
-    /// Distance of the axes.
-    pub spacing: f64,
-    /// Width and length of the chamfer.
-    pub chamfer: f64,
-}
-
-/// Sizes of the holes, in m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HoleSizes {
-    /// Radius.
-    pub radius: f64,
-    /// Width and depth of the chamfer.
-    pub chamfer: f64,
-    /// Thickness of the plate.
-    pub thickness: f64,
-    /// Depth at which the pegs are inserted.
-    pub insert_depth: f64,
-}
-
-/// Sight and task of the operator, in SI units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PegTask {
-    /// Delay of sight, in s.
-    pub visual_delay: f64,
-    /// Error of sight, in m.
-    pub visual_error: f64,
-    /// The same of orientation, in rad.
-    pub visual_turn_error: f64,
-    /// Misalignment that is not corrected, in m.
-    pub tolerance: f64,
-    /// The same of orientation, in rad.
-    pub turn_tolerance: f64,
-    /// Speed far from the plate, in m/s.
-    pub approach_speed: f64,
-    /// Speed near the plate, in m/s.
-    pub insert_speed: f64,
-    /// Height at which the operator slows down, in m.
-    pub near: f64,
-    /// Rate of correction, in 1/s.
-    pub correction: f64,
-    /// Its maximum, in m/s.
-    pub max_correction: f64,
-    /// Its maximum, in rad/s.
-    pub max_turn: f64,
-    /// Rate of pressing harder, in 1/s.
-    pub effort: f64,
-    /// Progress without which pegs count as stopped, in m.
-    pub stall_distance: f64,
-    /// Time without it, in s.
-    pub stall_time: f64,
-    /// Retreat, in m.
-    pub back_off: f64,
-    /// Distance of a new attempt from the last, in m.
-    pub search_step: f64,
 }
 
 /// Values of the sweeps, one at a time.
@@ -171,25 +117,17 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
     let trials = problems.within(&raw.trials, 1..=10_000);
     let max_seconds = problems.within(&raw.max_seconds, 5.0..=600.0);
     let pegs = pegs(&raw.pegs, problems);
-    let holes = holes(raw, problems);
-    let contact = [
-        problems.within(&raw.contact.stiffness_n_per_m, 1e2..=1e6),
-        problems.not_negative(&raw.contact.damping_ns_per_m),
-        problems.within(&raw.contact.friction, 0.0..=2.0),
-    ];
-    let stop = [
-        problems.positive(&raw.control.stop_force_n),
-        problems.positive(&raw.control.stop_moment_nm),
-    ];
-    let noise = [
-        problems.not_negative(&raw.control.sensor_noise_n),
-        problems.not_negative(&raw.control.sensor_noise_nm),
-    ];
-    let task = task(&raw.operator, problems);
+    let insert_depth = insert_depth(raw, problems);
+    let plate = plate(raw, pegs, problems);
+    let stop_force = problems.positive(&raw.control.stop_force_n);
+    let stop_moment = problems.positive(&raw.control.stop_moment_nm);
+    let noise_force = problems.not_negative(&raw.control.sensor_noise_n);
+    let noise_moment = problems.not_negative(&raw.control.sensor_noise_nm);
+    let task = task(&raw.operator, insert_depth, problems);
     let start_height = problems.within(&raw.start.height_m, 1e-3..=0.2);
     let misalignment = range(&raw.start.misalignment_m, 0.02, problems);
     let turn = range(&raw.start.misalignment_deg, 20.0, problems);
-    check_start(start_height, &pegs, turn, raw, problems);
+    check_start(start_height, pegs, turn, raw, problems);
     let sweep = sweep(&raw.sweep, problems);
     let operators = raw.operators.as_ref()?.clone();
     if operators.is_empty() {
@@ -197,8 +135,7 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
     }
     let config = config?;
     check_accommodation(&config, raw, problems);
-    let [stiffness, damping, friction] = contact;
-    let ([stop_force, stop_moment], [noise_force, noise_moment]) = (stop, noise);
+    let noise = per_axis(noise_force?, noise_moment?);
     Some(DualPeg {
         file: file.to_path_buf(),
         config,
@@ -206,10 +143,9 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
         trials: trials?,
         max_seconds: max_seconds?,
         pegs: pegs?,
-        holes: holes?,
-        contact: [stiffness?, damping?, friction?],
-        stop: [stop_force?, stop_moment?],
-        noise: [noise_force?, noise_moment?],
+        plate: plate?,
+        stop: WrenchLimit { force: stop_force?, moment: stop_moment? },
+        sensor: WristSensorSettings { noise, ..WristSensorSettings::IDEAL },
         task: task?,
         start_height: start_height?,
         misalignment: misalignment?,
@@ -264,7 +200,7 @@ fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut P
 /// Notes a start at which turned pegs reach into the plate.
 fn check_start(
     height: Option<f64>,
-    pegs: &Option<PegSizes>,
+    pegs: Option<Pegs>,
     turn: Option<[f64; 2]>,
     raw: &raw::DualPegFile,
     problems: &mut Problems<'_>,
@@ -280,19 +216,29 @@ fn check_start(
     }
 }
 
-fn pegs(raw: &raw::Pegs, problems: &mut Problems<'_>) -> Option<PegSizes> {
+fn pegs(raw: &raw::Pegs, problems: &mut Problems<'_>) -> Option<Pegs> {
     let radius = problems.within(&raw.radius_m, 1e-3..=0.1);
     let length = problems.within(&raw.length_m, 1e-3..=0.5);
     let spacing = problems.within(&raw.spacing_m, 2e-3..=1.0);
     let chamfer = problems.not_negative(&raw.chamfer_m);
-    Some(PegSizes { radius: radius?, length: length?, spacing: spacing?, chamfer: chamfer? })
+    Some(Pegs {
+        x_m_t: Isometry3::translation(0.0, 0.0, -length?),
+        count: COUNT,
+        radius: radius?,
+        length: length?,
+        spacing: spacing?,
+        chamfer_width: chamfer?,
+        chamfer_length: chamfer?,
+    })
 }
 
-fn holes(raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<HoleSizes> {
+fn plate(raw: &raw::DualPegFile, pegs: Option<Pegs>, problems: &mut Problems<'_>) -> Option<Plate> {
     let radius = problems.positive(&raw.holes.radius_m);
     let chamfer = problems.not_negative(&raw.holes.chamfer_m);
     let thickness = problems.positive(&raw.holes.thickness_m);
-    let insert_depth = problems.positive(&raw.holes.insert_depth_m);
+    let stiffness = problems.within(&raw.contact.stiffness_n_per_m, 1e2..=1e6);
+    let damping = problems.not_negative(&raw.contact.damping_ns_per_m);
+    let friction = problems.within(&raw.contact.friction, 0.0..=2.0);
     if let (Some(hole), Some(peg)) = (radius, raw.pegs.radius_m.get())
         && hole <= peg
     {
@@ -301,21 +247,34 @@ fn holes(raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<HoleSize
         );
         problems.add(&raw.holes.radius_m, reason);
     }
+    let (chamfer, spacing) = (chamfer?, pegs?.spacing);
+    let (chamfer_width, chamfer_depth) = (chamfer, chamfer);
+    let (stiffness, damping, friction) = (stiffness?, damping?, friction?);
+    Some(Plate {
+        x_b_p: Isometry3::identity(),
+        half_size: [spacing, spacing],
+        thickness: thickness?,
+        holes: Holes { count: COUNT, radius: radius?, spacing, chamfer_width, chamfer_depth },
+        surface: Surface { stiffness, damping, damping_depth: DAMPING_DEPTH, friction },
+    })
+}
+
+fn insert_depth(raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<f64> {
+    let insert_depth = problems.positive(&raw.holes.insert_depth_m);
     if let (Some(depth), Some(length)) = (insert_depth, raw.pegs.length_m.get())
         && depth >= length
     {
         let reason = format!("must be below pegs.length_m = {length}, got {depth}");
         problems.add(&raw.holes.insert_depth_m, reason);
     }
-    Some(HoleSizes {
-        radius: radius?,
-        chamfer: chamfer?,
-        thickness: thickness?,
-        insert_depth: insert_depth?,
-    })
+    insert_depth
 }
 
-fn task(raw: &raw::PegOperator, problems: &mut Problems<'_>) -> Option<PegTask> {
+fn task(
+    raw: &raw::PegOperator,
+    insert_depth: Option<f64>,
+    problems: &mut Problems<'_>,
+) -> Option<PegOperatorSettings> {
     let visual_delay = problems.within(&raw.visual_delay_s, 0.0..=1.0);
     let visual_error = problems.within(&raw.visual_error_m, 0.0..=0.05);
     let visual_turn_error = problems.within(&raw.visual_error_deg, 0.0..=20.0);
@@ -332,7 +291,7 @@ fn task(raw: &raw::PegOperator, problems: &mut Problems<'_>) -> Option<PegTask> 
     let stall_time = problems.positive(&raw.stall_s);
     let back_off = problems.positive(&raw.back_off_m);
     let search_step = problems.not_negative(&raw.search_m);
-    Some(PegTask {
+    Some(PegOperatorSettings {
         visual_delay: visual_delay?,
         visual_error: visual_error?,
         visual_turn_error: visual_turn_error?.to_radians(),
@@ -349,6 +308,7 @@ fn task(raw: &raw::PegOperator, problems: &mut Problems<'_>) -> Option<PegTask> 
         stall_time: stall_time?,
         back_off: back_off?,
         search_step: search_step?,
+        insert_depth: insert_depth?,
     })
 }
 

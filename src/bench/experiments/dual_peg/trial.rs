@@ -85,7 +85,7 @@ impl Trial {
             let (f_m, x_b_m) = (*arm.f_m_contact(), *arm.x_b_m());
             phase.add(&f_m, &x_b_m, bench.period());
             let insertions = arm.contact().insertions(&x_b_m);
-            let is_deep = |depth: f64| depth >= settings.holes.insert_depth;
+            let is_deep = |depth: f64| depth >= settings.task.insert_depth;
             if insertions.iter().all(|peg| peg.is_some_and(|peg| is_deep(peg.depth))) {
                 break Outcome::Inserted;
             } else if robot.control().is_stopped() {

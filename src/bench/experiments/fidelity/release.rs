@@ -60,15 +60,8 @@ struct Before {
 
 impl ReleaseJudge {
     /// Creates a judge of a release that starts at `start` s, with the damping K_D in N·s/m.
-    pub const fn new(start: f64, damping: f64) -> Self {
-        let figures = Release {
-            pull_n: 0.0,
-            excess_n: 0.0,
-            outside_s: 0.0,
-            step_n: 0.0,
-            taken_j: 0.0,
-            seconds: 0.0,
-        };
+    pub fn new(start: f64, damping: f64) -> Self {
+        let figures = Release::default();
         Self { start, damping, figures, before: None, outwards: None, free_since: None }
     }
 

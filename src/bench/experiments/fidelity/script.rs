@@ -18,10 +18,11 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::opening;
 use config::Config;
 use remote::scene::HALF_CUBE;
 use sim::operator_settings::OperatorSettings;
-use sim::scenario::operator::{Console, Move, Switch};
+use sim::scenario::operator::{Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
 
 /// Further force of the press, in N.
@@ -123,27 +124,15 @@ impl Course {
                 vec![at(3.0, 1.0, [deflected, 0.0, 0.0]), at(release, LET_GO_S, [0.0, 0.0, 0.0])]
             }
         };
-        let entries = switches(self, end).into_iter().chain(moves);
+        let mode = match self {
+            Self::Full | Self::PoseRelease => ConsoleRequest::Pose,
+            Self::RateRelease => ConsoleRequest::Rate,
+        };
+        let entries = opening::engaged(mode, opening::SWITCHES_S).into_iter().chain(moves);
+        let entries = entries.chain([Entry::Switch(Switch::deadman(end - 0.3, false))]);
         let scenario = Scenario::new(end, entries).ok()?;
         Some(scenario.with_operator(*operator))
     }
-}
-
-/// Returns the switches: armed in the mode of the course; the deadman and reflection on before the motion.
-fn switches(course: Course, end: f64) -> Vec<Entry> {
-    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    let mode = match course {
-        Course::Full | Course::PoseRelease => ConsoleRequest::Pose,
-        Course::RateRelease => ConsoleRequest::Rate,
-    };
-    vec![
-        request(0.1, mode),
-        request(0.2, ConsoleRequest::Arm),
-        Entry::Switch(Switch::deadman(1.5, true)),
-        Entry::Switch(Switch::reflection(1.6, true)),
-        Entry::Switch(Switch::reflection(1.7, false)),
-        Entry::Switch(Switch::deadman(end - 0.3, false)),
-    ]
 }
 
 /// The wall as the hand meets it, along x of {0}, if the object moves as the grip.

@@ -10,9 +10,10 @@
 use nalgebra::Vector3;
 
 use crate::displacement;
+use crate::opening;
 use config::Config;
 use sim::operator_settings::OperatorSettings;
-use sim::scenario::operator::{Console, Hold, Move, Switch};
+use sim::scenario::operator::{Hold, Move};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
 
 /// Start of the motion, in s: every ramp of the reflection is over.
@@ -81,7 +82,7 @@ impl Sweep {
     pub fn script(&self, config: &Config) -> Option<Scenario> {
         let Self { reach, leg_s, .. } = *self;
         let crossing = self.crossing_s();
-        let entries = switches().into_iter().chain([
+        let entries = opening::referenced(ConsoleRequest::Rate).chain([
             self.to(config, START_S, leg_s, reach),
             self.to(config, crossing, 2.0 * leg_s, -reach),
             self.to(config, crossing + 2.0 * leg_s + REST_S, 2.0 * leg_s, reach),
@@ -100,20 +101,6 @@ impl Sweep {
         let along = displacement::in_base(config, &along);
         Entry::Move(Move::new(at_s, seconds, along.into()))
     }
-}
-
-/// Rate mode, armed; deadman, reflection and reference in turn.
-fn switches() -> [Entry; 7] {
-    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    [
-        request(0.1, ConsoleRequest::Rate),
-        request(0.2, ConsoleRequest::Arm),
-        Entry::Switch(Switch::deadman(1.5, true)),
-        Entry::Switch(Switch::reflection(1.6, true)),
-        Entry::Switch(Switch::reflection(1.7, false)),
-        Entry::Switch(Switch::reference(2.0, true)),
-        Entry::Switch(Switch::reference(2.1, false)),
-    ]
 }
 
 fn unit(place: usize) -> Vector3<f64> {

@@ -10,13 +10,13 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::fidelity::trial::Arm;
+use crate::opening;
 use crate::torque_curves::calibration::Bench;
 use config::Config;
 use controller::calibration::TorqueCurve;
 use node::BringUpError;
 use sim::operator_settings::OperatorSettings;
-use sim::scenario::operator::{Console, Switch};
-use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
+use sim::scenario::{ConsoleRequest, Problem, Scenario};
 use testbench::bench::Bench as Loop;
 use testbench::truth::Truth;
 use units::spatial::Wrench;
@@ -165,22 +165,19 @@ impl Row {
 #[derive(Clone, Copy, Debug, Default)]
 struct Segment {
     count: f64,
-    wanted: [f64; 6],
-    felt: [f64; 6],
+    wanted: Wrench,
+    felt: Wrench,
 }
 
 impl Segment {
     fn add(&mut self, wanted: &Wrench, felt: &Wrench) {
         self.count += 1.0;
-        for (sums, wrench) in [(&mut self.wanted, wanted), (&mut self.felt, felt)] {
-            for (sum, component) in sums.iter_mut().zip(wrench.components()) {
-                *sum += component;
-            }
-        }
+        self.wanted = self.wanted + *wanted;
+        self.felt = self.felt + *felt;
     }
 
-    fn mean(&self, sums: &[f64; 6]) -> Wrench {
-        Wrench::from_components(sums.map(|sum| sum / self.count.max(1.0)))
+    fn mean(&self, sum: &Wrench) -> Wrench {
+        Wrench::from_components(sum.components().map(|sum| sum / self.count.max(1.0)))
     }
 
     fn weight(&self) -> Option<f64> {
@@ -227,14 +224,7 @@ fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<Feeling> {
 
 /// Pose mode, armed; deadman, and reflection for the rest of the run.
 fn script() -> Result<Scenario, Problem> {
-    let request = |at_s, request| Entry::Console(Console::new(at_s, request));
-    let entries = [
-        request(0.1, ConsoleRequest::Pose),
-        request(0.2, ConsoleRequest::Arm),
-        Entry::Switch(Switch::deadman(1.5, true)),
-        Entry::Switch(Switch::reflection(1.6, true)),
-        Entry::Switch(Switch::reflection(1.7, false)),
-    ];
+    let entries = opening::engaged(ConsoleRequest::Pose, opening::SWITCHES_S);
     Ok(Scenario::new(seconds(), entries)?.with_operator(OperatorSettings::STEADY))
 }
 

@@ -16,7 +16,7 @@ use std::time::Duration;
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
-use crate::ntrfc::NoPress;
+use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
 use controller::stability::bounds;
@@ -133,7 +133,7 @@ impl Course {
     ///
     /// # Errors
     /// An arm that cannot be simulated.
-    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoPress> {
+    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
         let (figure, is_calm) = match self.bound {
             Bound::Servo => {
                 let figure = self.turned_back(config, arm)?;
@@ -153,7 +153,7 @@ impl Course {
     }
 
     /// Returns the largest speed backwards over the largest speed, from rest at the wall.
-    fn turned_back(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoPress> {
+    fn turned_back(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoTrial> {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
         let giving_way = self.share * bounds::fastest_without_swinging(servo.time_constant());
         let mut held = self.held(config, arm, servo, giving_way, 0.0)?;
@@ -172,7 +172,7 @@ impl Course {
         config: &Config,
         arm: &RobotArm,
         delay: u32,
-    ) -> Result<f64, NoPress> {
+    ) -> Result<f64, NoTrial> {
         let lag = if self.model == Model::Kinematic { 0.0 } else { NO_LAG };
         let giving_way = self.share * bounds::fastest_giving_way(CYCLE, delay);
         let servo = Servo::new(lag, 1.0, 1.0)?;
@@ -181,7 +181,7 @@ impl Course {
     }
 
     /// Returns the growth per cycle of a motion in free space.
-    fn growth_in_free_space(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoPress> {
+    fn growth_in_free_space(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoTrial> {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
         let most = bounds::most_yielded_inertia(cycle, servo.time_constant());
         let giving_way = self.share * most / MASS * STIFFNESS;
@@ -198,7 +198,7 @@ impl Course {
         servo: Servo,
         giving_way: f64,
         depth: f64,
-    ) -> Result<Held, NoPress> {
+    ) -> Result<Held, NoTrial> {
         let arm = &prepared(arm);
         let gain = giving_way / STIFFNESS;
         let mut interaction = config.remote.interaction;

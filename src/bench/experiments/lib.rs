@@ -8,6 +8,7 @@ pub mod delay;
 mod displacement;
 pub mod dual_peg;
 pub mod fidelity;
+pub mod no_trial;
 pub mod ntrfc;
 mod opening;
 mod pool;

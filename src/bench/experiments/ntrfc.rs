@@ -11,15 +11,14 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
 use remote::Remote;
 use remote::site::Virtual;
-use robot::accommodation::{Accommodation, InvalidAccommodation};
-use robot::object::InvalidServo;
-use robot::payload::InvalidPayload;
+use robot::accommodation::Accommodation;
 use sim::wrist_sensor::WristSensorSettings;
-use testbench::robot_site::{Equipment, NoRobot, RobotSite};
+use testbench::robot_site::{Equipment, RobotSite};
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
 
@@ -96,32 +95,12 @@ impl Row {
     }
 }
 
-/// Reason why a press cannot be played.
-#[derive(Debug, thiserror::Error)]
-pub enum NoPress {
-    /// Nothing to press against.
-    #[error("the experiment presses against a wall: add [remote.wall]")]
-    NoWall,
-    /// Gain out of range.
-    #[error(transparent)]
-    Accommodation(#[from] InvalidAccommodation),
-    /// Servo out of range.
-    #[error(transparent)]
-    Servo(#[from] InvalidServo),
-    /// Payload out of range.
-    #[error(transparent)]
-    Payload(#[from] InvalidPayload),
-    /// An arm or scene that cannot be simulated.
-    #[error(transparent)]
-    Robot(#[from] NoRobot),
-}
-
 impl Press {
     /// Plays the press with an arm that holds the object of `config`.
     ///
     /// # Errors
     /// A configuration without a wall, an invalid gain, or an arm that cannot be simulated.
-    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoPress> {
+    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
         let config = self.configured(config, arm)?;
         let [bias, noise] = [self.bias, self.noise].map(|force| [0.0, 0.0, force, 0.0, 0.0, 0.0]);
         let sensor = WristSensorSettings { bias, noise, ..WristSensorSettings::default() };
@@ -161,9 +140,9 @@ impl Press {
     }
 
     /// Returns the configuration with this wall and accommodation.
-    fn configured(&self, config: &Config, arm: &RobotArm) -> Result<Config, NoPress> {
+    fn configured(&self, config: &Config, arm: &RobotArm) -> Result<Config, NoTrial> {
         let mut remote: Virtual = config.remote.clone();
-        let (point, normal, contact) = remote.wall.as_mut().ok_or(NoPress::NoWall)?;
+        let (point, normal, contact) = remote.wall.as_mut().ok_or(NoTrial::NoWall)?;
         contact.stiffness = self.stiffness;
         if self.speed < 0.0 {
             *point = arm.following().pose().translation.vector * 2.0 - *point;

@@ -12,7 +12,8 @@ use crate::command::frame::{Files, Frame, Report};
 use crate::command::picture::{Ink, Panel, Series};
 use crate::command::table::{self, Column, Table};
 use crate::contact_bounds;
-use crate::ntrfc::{NoPress, Press, Row};
+use crate::no_trial::NoTrial;
+use crate::ntrfc::{Press, Row};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 
@@ -105,7 +106,7 @@ struct Figure {
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     if config.remote.wall.is_none() {
-        return Err(refused(&args.config, NoPress::NoWall));
+        return Err(refused(&args.config, NoTrial::NoWall));
     }
     let robots = args.robots.load()?;
     let frame = Frame::new(&args.results, &FILES, is_quiet)?;

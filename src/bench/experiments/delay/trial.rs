@@ -3,12 +3,12 @@
 use std::fmt;
 
 use serde::Serialize;
-use thiserror::Error;
 
 use crate::comparison;
 use crate::delay::link::{self, Link};
 use crate::delay::measured::{Measured, Outcome};
 use crate::delay::script::{self, Commanded};
+use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
 use telemetry::shaking::Shaking;
@@ -103,32 +103,6 @@ pub struct Row {
     pub shaking: Option<Shaking>,
 }
 
-/// Reason why a run cannot be played.
-#[derive(Debug, Error)]
-pub enum NoTrial {
-    /// Nothing to press against.
-    #[error("the experiment presses against a wall: add [remote.wall]")]
-    NoWall,
-    /// Nothing is reflected.
-    #[error("the experiment varies K_T: controller.wrench_gain along x must be above 0")]
-    NoReflection,
-    /// No script leads to a force at rest.
-    #[error(
-        "the {commanded} command does not come to rest at the wall: raise remote.accommodation_m_per_ns or \
-         controller.rate_gain_per_s"
-    )]
-    NoRest {
-        /// The command.
-        commanded: Commanded,
-    },
-    /// An arm that cannot be simulated.
-    #[error(transparent)]
-    Robot(#[from] NoRobot),
-    /// The drives do not boot.
-    #[error(transparent)]
-    BringUp(#[from] node::BringUpError),
-}
-
 /// Refuses a configuration with which no run can be played.
 ///
 /// # Errors
@@ -140,8 +114,12 @@ pub fn ensure_playable(config: &Config) -> Result<(), NoTrial> {
         return Err(NoTrial::NoReflection);
     }
     let mut commands = [Commanded::Pose, Commanded::Rate].into_iter();
-    let restless = commands.find(|commanded| script::script(config, *commanded).is_none());
-    restless.map_or(Ok(()), |commanded| Err(NoTrial::NoRest { commanded }))
+    let found = commands.find(|commanded| script::script(config, *commanded).is_none());
+    found.map_or(Ok(()), |commanded| Err(restless(commanded)))
+}
+
+fn restless(commanded: Commanded) -> NoTrial {
+    NoTrial::NoRest { commanded: commanded.to_string() }
 }
 
 impl Trial<'_> {
@@ -153,7 +131,7 @@ impl Trial<'_> {
         let config = &self.configured(config);
         let wall = config.remote.wall.ok_or(NoTrial::NoWall)?.2;
         let commanded = self.commanded;
-        let scenario = script::script(config, commanded).ok_or(NoTrial::NoRest { commanded })?;
+        let scenario = script::script(config, commanded).ok_or_else(|| restless(commanded))?;
         let mut bench =
             Bench::with_side(config, self.side(config)?, scenario, self.seed, false, ());
         bench.bring_up()?;

@@ -4,13 +4,16 @@ use std::num::NonZero;
 
 use serde::Serialize;
 
-use crate::fidelity::hold::Hold;
+use crate::fidelity::hold::{Hold, Holds};
 use crate::fidelity::place::{self, Place, WAYS};
-use crate::fidelity::release::Release;
+use crate::fidelity::release::{Release, ReleaseJudge};
 use crate::fidelity::script::{Course, HANDS, Hand};
-use crate::fidelity::trial::{Arm, NoTrial, Part, Trial};
+use crate::fidelity::trial::Arm;
+use crate::no_trial::NoTrial;
 use config::Config;
-use telemetry::fidelity::{Figures, Sample, Situation};
+use telemetry::fidelity::{Fidelity, Figures, Judged, Sample, Situation};
+use testbench::bench::Bench;
+use testbench::truth::Truth;
 
 /// Forces felt while the hand holds, in N.
 pub const FORCES: [f64; 3] = [2.0, 5.0, 9.0];
@@ -148,33 +151,53 @@ impl Row {
     /// Plays one run of `config`; `each` sees every cycle's time of the script in s, with its sample.
     ///
     /// # Errors
-    /// As [`Trial::run`].
+    /// Without a wall, or where the drives cannot be enabled.
     pub fn play(
         name: &str,
         config: &Config,
         condition: Condition,
         (hand, seed): (&'static Hand, u64),
-        each: impl FnMut(f64, Option<&Sample>),
+        mut each: impl FnMut(f64, Option<&Sample>),
     ) -> Result<Self, NoTrial> {
         let Condition { course, arm, way_m, stiffness_n_per_m, felt_n } = condition;
         let placed = place::moved_wall(config, way_m, stiffness_n_per_m);
-        let part = Part { course, arm, hand, seed, felt_n };
-        let trial = Trial::run(&placed, &part, each)?;
-        let of = |situation| trial.at_hand.figures(situation);
+        let scenario = course.script(&placed, hand, felt_n).ok_or(NoTrial::NoWall)?;
+        let controlled = arm.controlled(&placed);
+        let world = controlled.clone().with_friction(arm.friction());
+        let mut bench = Bench::in_world_of(&world, &controlled, scenario, seed, false, ());
+        bench.bring_up()?;
+        let mut truth = Truth::new(&controlled);
+        let times = course.times();
+        let [damping, ..] = *controlled.controller.damping.values();
+        let (mut holds, mut at_hand) = (Holds::default(), Fidelity::new(Judged::Hand));
+        let mut release = ReleaseJudge::new(times.release, damping);
+        let (mut saturated_cycles, mut stopped_by) = (0, None);
+        for _ in 0..controlled.controller.period.cycles(times.end) {
+            let record = bench.cycle();
+            let t = record.at.since(bench.begun()).as_secs_f64();
+            let sample = truth.sample(&bench, &record);
+            at_hand.add(sample.as_ref());
+            holds.add(t, sample.as_ref().filter(|_| course == Course::Full));
+            release.add(t, sample.as_ref());
+            saturated_cycles += u64::from(record.output.is_saturated());
+            stopped_by = record.cause.map(|cause| cause.to_string());
+            each(t, sample.as_ref());
+        }
+        let of = |situation| at_hand.figures(situation);
         Ok(Self {
             config: name.to_owned(),
             condition,
             place: Place::new(config, way_m).ok(),
             hand: hand.0,
             seed,
-            holds: trial.holds.figures().to_vec(),
+            holds: holds.figures().to_vec(),
             still_contact: of(Situation::StillContact),
             moving_contact: of(Situation::MovingContact),
             free_motion: of(Situation::FreeMotion),
             free_rest: of(Situation::FreeRest),
-            release: trial.release.figures(),
-            saturated_cycles: trial.saturated_cycles,
-            stopped_by: trial.stopped_by,
+            release: release.figures(),
+            saturated_cycles,
+            stopped_by,
         })
     }
 

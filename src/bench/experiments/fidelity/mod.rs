@@ -7,8 +7,8 @@
 //! | [`script`]     | free motion, approach, press, slide, release, by four hands   |
 //! | [`hold`]       | still contact after each motion                               |
 //! | [`release`]    | the force on a hand that withdraws                            |
-//! | [`trial`]      | one run of a script                                           |
-//! | [`experiment`] | all runs                                                      |
+//! | [`trial`]      | the arm of a run                                              |
+//! | [`experiment`] | one run, and all of them                                      |
 //! | [`pooled`]     | the worst of all seeds and hands                              |
 
 pub mod experiment;

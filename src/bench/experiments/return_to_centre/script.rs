@@ -63,6 +63,11 @@ impl Sweep {
         Self { axis, reach, leg_s }
     }
 
+    /// Returns the name of the axis.
+    pub fn name(&self) -> &'static str {
+        AXES.get(self.axis).copied().unwrap_or_default()
+    }
+
     /// Time at which the first crossing starts, in s: both sides are measured from there on.
     pub const fn crossing_s(&self) -> f64 {
         START_S + self.leg_s + REST_S

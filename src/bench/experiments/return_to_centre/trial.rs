@@ -1,15 +1,14 @@
 //! One run: the hand moves along one axis and lets go.
 
 use serde::Serialize;
-use thiserror::Error;
 
+use crate::no_trial::NoTrial;
 use crate::return_to_centre::curve::{Bins, Felt, Point};
 use crate::return_to_centre::figures::{Figures, Law};
-use crate::return_to_centre::script::{AXES, Sweep};
+use crate::return_to_centre::script::Sweep;
 use config::Config;
 use controller::channels::Channels;
 use controller::reference::Displacement;
-use node::BringUpError;
 use node::record::Record;
 use remote::site::Virtual;
 use telemetry::fidelity::Sample;
@@ -68,57 +67,27 @@ pub struct Row {
     pub points: Vec<Point>,
 }
 
-/// Reason why a configuration has no trial.
-#[derive(Debug, Error)]
-pub enum NoTrial {
-    /// The hand of the simulation does not reach so far.
-    #[error("{axis}: no hand reaches {reach} m or rad; lower deadband or wall of the axis")]
-    OutOfReach {
-        /// The axis.
-        axis: &'static str,
-        /// Displacement, in m or rad.
-        reach: f64,
-    },
-    /// The drives do not boot.
-    #[error(transparent)]
-    BringUp(#[from] BringUpError),
-}
-
 impl Row {
     /// Plays the sweep of one axis; the object touches nothing.
     ///
     /// # Errors
     /// Where the hand cannot reach, or the drives cannot be enabled.
     pub fn play(name: &str, config: &Config, sweep: &Sweep, seed: u64) -> Result<Self, NoTrial> {
-        let axis = AXES.get(sweep.axis).copied().unwrap_or_default();
-        let reach = sweep.reach;
+        let (axis, reach) = (sweep.name(), sweep.reach);
         let scenario = sweep.script(config).ok_or(NoTrial::OutOfReach { axis, reach })?;
         let config = &in_free_space(config);
         let mut bench = Bench::new(config, scenario, seed, false, ());
         bench.bring_up()?;
-        let mut measured = Measured::new(config, sweep);
+        let mut measured = Measured::new(name, config, sweep);
         for _ in 0..config.controller.period.cycles(sweep.seconds()) {
             let record = bench.cycle();
             let t = record.at.since(bench.begun()).as_secs_f64();
             let sample = measured.truth.sample(&bench, &record);
             measured.add(t, &record, sample.as_ref());
         }
-        let Measured { law, bins, command_from, returned, limited_cycles, stopped_by, .. } =
-            measured;
-        let channels = &config.controller.channels;
-        let points = bins.points(|x| along(channels, sweep.axis, x));
-        Ok(Self {
-            config: name.to_owned(),
-            axis,
-            is_rotation: sweep.axis >= 3,
-            law,
-            figures: Figures::of(&points, &law, reach),
-            command_from,
-            returned,
-            limited_cycles,
-            stopped_by,
-            points,
-        })
+        let Measured { bins, row, .. } = measured;
+        let points = bins.points(|x| along(&config.controller.channels, sweep.axis, x));
+        Ok(Self { figures: Figures::of(&points, &row.law, reach), points, ..row })
     }
 }
 
@@ -142,13 +111,9 @@ fn component(components: &[f64; 6], axis: usize) -> f64 {
 /// Measurement under way.
 struct Measured {
     sweep: Sweep,
-    law: Law,
     truth: Truth,
     bins: Bins,
-    command_from: Option<f64>,
-    returned: Returned,
-    limited_cycles: u64,
-    stopped_by: Option<String>,
+    row: Row,
     /// Displacement of the last cycle, and the period in s.
     before: Option<f64>,
     dt: f64,
@@ -156,21 +121,29 @@ struct Measured {
 }
 
 impl Measured {
-    fn new(config: &Config, sweep: &Sweep) -> Self {
+    fn new(name: &str, config: &Config, sweep: &Sweep) -> Self {
         let channels = &config.controller.channels;
+        let law = Law {
+            deadband: component(&channels.deadbands(), sweep.axis),
+            plateau: component(&channels.plateaus(), sweep.axis),
+            wall: channels.walls().get(sweep.axis).copied().flatten(),
+        };
         Self {
             sweep: *sweep,
-            law: Law {
-                deadband: component(&channels.deadbands(), sweep.axis),
-                plateau: component(&channels.plateaus(), sweep.axis),
-                wall: channels.walls().get(sweep.axis).copied().flatten(),
-            },
             truth: Truth::new(config),
             bins: Bins::new(sweep.reach),
-            command_from: None,
-            returned: Returned::default(),
-            limited_cycles: 0,
-            stopped_by: None,
+            row: Row {
+                config: name.to_owned(),
+                axis: sweep.name(),
+                is_rotation: sweep.axis >= 3,
+                law,
+                figures: None,
+                command_from: None,
+                returned: Returned::default(),
+                limited_cycles: 0,
+                stopped_by: None,
+                points: Vec::new(),
+            },
             before: None,
             dt: config.controller.period.seconds(),
             config: config.clone(),
@@ -182,17 +155,18 @@ impl Measured {
         let axis = self.sweep.axis;
         let x = component(&record.output.dx.components(), axis);
         let speed = self.before.replace(x).map_or(0.0, |before| (x - before) / self.dt);
-        self.stopped_by = record.cause.map(|cause| cause.to_string());
+        let row = &mut self.row;
+        row.stopped_by = record.cause.map(|cause| cause.to_string());
         if t >= self.sweep.release_s() {
-            return self.returned.add(t - self.sweep.release_s(), x, self.law.deadband);
+            return row.returned.add(t - self.sweep.release_s(), x, row.law.deadband);
         }
         let Some(sample) = sample.filter(|_| t >= self.sweep.crossing_s()) else { return };
         let is_commanded = component(&record.output.dx_db.components(), axis).abs() > 0.0;
         if is_commanded {
-            self.command_from = Some(self.command_from.map_or(x.abs(), |least| least.min(x.abs())));
+            row.command_from = Some(row.command_from.map_or(x.abs(), |least| least.min(x.abs())));
         }
         let is_pushed = record.output.ledger.soft_stops.amax() > 0.0;
-        self.limited_cycles += u64::from(record.output.is_saturated() || is_pushed);
+        row.limited_cycles += u64::from(record.output.is_saturated() || is_pushed);
         let of = |wrench: &Wrench| self.along_axis(record, wrench);
         let felt = Felt {
             total: of(&sample.felt),

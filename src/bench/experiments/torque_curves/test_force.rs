@@ -7,14 +7,13 @@ use std::fmt;
 
 use nalgebra::Vector3;
 use serde::Serialize;
-use thiserror::Error;
 
 use crate::fidelity::trial::Arm;
+use crate::no_trial::NoTrial;
 use crate::opening;
 use crate::torque_curves::calibration::Bench;
 use config::Config;
 use controller::calibration::TorqueCurve;
-use node::BringUpError;
 use sim::operator_settings::OperatorSettings;
 use sim::scenario::{ConsoleRequest, Problem, Scenario};
 use testbench::bench::Bench as Loop;
@@ -95,23 +94,6 @@ pub struct Row {
     pub felt: [Option<Feeling>; 6],
     /// Cause of a stop.
     pub stopped_by: Option<String>,
-}
-
-/// Reason why there is no trial.
-#[derive(Debug, Error)]
-pub enum NoTrial {
-    /// The joints.
-    #[error("{found} calibrated joints where six are needed")]
-    Joints {
-        /// Number of joints.
-        found: usize,
-    },
-    /// The script.
-    #[error(transparent)]
-    Script(#[from] Problem),
-    /// The drives do not boot.
-    #[error(transparent)]
-    BringUp(#[from] BringUpError),
 }
 
 impl Row {

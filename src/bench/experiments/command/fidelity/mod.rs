@@ -12,7 +12,7 @@ use crate::command::picture::{Ink, Panel, Series};
 use crate::fidelity::experiment::{Condition, Participants, Row};
 use crate::fidelity::pooled::Pooled;
 use crate::fidelity::script::{Course, Hand};
-use crate::fidelity::trial::NoTrial;
+use crate::no_trial::NoTrial;
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
 use units::spatial::Wrench;

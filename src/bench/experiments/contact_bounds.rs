@@ -134,20 +134,12 @@ impl Course {
     /// # Errors
     /// An arm that cannot be simulated.
     pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
-        let (figure, is_calm) = match self.bound {
-            Bound::Servo => {
-                let figure = self.turned_back(config, arm)?;
-                (figure, figure < TURNS_BACK)
-            }
-            Bound::Sampled(delay) => {
-                let figure = self.growth_in_contact(config, arm, delay)?;
-                (figure, figure < 1.0)
-            }
-            Bound::Payload { .. } => {
-                let figure = self.growth_in_free_space(config, arm)?;
-                (figure, figure < 1.0)
-            }
+        let (figure, limit) = match self.bound {
+            Bound::Servo => (self.turned_back(config, arm)?, TURNS_BACK),
+            Bound::Sampled(delay) => (self.growth_in_contact(config, arm, delay)?, 1.0),
+            Bound::Payload { .. } => (self.growth_in_free_space(config, arm)?, 1.0),
         };
+        let is_calm = figure < limit;
         let Self { bound, model, share } = *self;
         Ok(Row { arm: arm.name.clone(), bound, model, share, figure, is_calm })
     }
@@ -205,15 +197,15 @@ impl Course {
         interaction.accommodation =
             Accommodation::new([gain, gain, gain, 0.0, 0.0, 0.0], [0.0; 6])?;
         let at_origin = interaction.sensor.x_m_s.inverse().translation.vector.into();
-        interaction.payload = match self.bound {
-            Bound::Payload { .. } => Payload::new(MASS, at_origin)?,
-            Bound::Servo | Bound::Sampled(_) => Payload::default(),
+        let (payload, delay) = match self.bound {
+            Bound::Servo => (Payload::default(), 0),
+            Bound::Payload { .. } => (Payload::new(MASS, at_origin)?, 0),
+            Bound::Sampled(delay) => {
+                (Payload::default(), usize::try_from(delay).unwrap_or(usize::MAX))
+            }
         };
+        interaction.payload = payload;
         interaction.removes_inertia = self.bound == Bound::Payload { is_removed: true };
-        let delay = match self.bound {
-            Bound::Servo | Bound::Payload { .. } => 0,
-            Bound::Sampled(delay) => usize::try_from(delay).unwrap_or(usize::MAX),
-        };
         if self.model == Model::Kinematic {
             let following = arm.following();
             let object = Object::new(servo, following.pose())

@@ -1,7 +1,7 @@
 //! Options that experiments share, and the configurations and arms that they name.
 
 use std::fmt::Display;
-use std::ops::Deref;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -29,7 +29,7 @@ pub(super) struct Common {
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     #[command(flatten)]
-    results: Results,
+    pub(super) results: Results,
 }
 
 /// Options of every experiment.
@@ -54,11 +54,11 @@ pub(super) struct Results {
     pub(super) markdown: bool,
 }
 
-impl Deref for Common {
-    type Target = Results;
-
-    fn deref(&self) -> &Results {
-        &self.results
+impl Results {
+    /// Returns the seeds from the first on: as many as this, or one in the short form.
+    pub(super) fn seeds(&self, count: NonZero<u64>) -> impl Iterator<Item = u64> + use<> {
+        let (seed, count) = (self.seed, if self.short { 1 } else { count.get() });
+        (0..count).map(move |place| seed.wrapping_add(place))
     }
 }
 

@@ -33,6 +33,11 @@ pub struct Link {
 }
 
 impl Link {
+    /// Creates a link that delays each way by the first time, and takes samples of at most the second age, in ms.
+    pub fn new([delay_ms, max_age_ms]: [f64; 2]) -> Self {
+        Self { delay_ms, max_age_ms, ..Self::default() }
+    }
+
     /// Returns the link in the terms of a configuration; `seed` is that of jitter and loss.
     pub fn settings(&self, seed: u64) -> RemoteLink {
         let millis = |ms: f64| Duration::from_secs_f64(ms.max(0.0) / 1e3);

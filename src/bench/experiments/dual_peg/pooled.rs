@@ -33,6 +33,15 @@ pub struct Pooled {
     pub seconds: f64,
 }
 
+/// Ratio of an operator's work with both switches on to that with both off.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ratio {
+    /// The operator.
+    pub operator: String,
+    /// Ratio of Eq. 11 as printed.
+    pub ratio: f64,
+}
+
 impl Pooled {
     /// Pools trials of one operator in one condition; `None` without any.
     pub fn of(trials: &[&Trial]) -> Option<Self> {
@@ -80,14 +89,14 @@ impl Pooled {
 }
 
 /// Returns the ratio of Eq. 11 with both switches on to that with both off, per operator.
-pub fn ratios(pooled: &[Pooled], operators: &[String]) -> Vec<(String, f64)> {
+pub fn ratios(pooled: &[Pooled], operators: &[String]) -> Vec<Ratio> {
     let of = |operator: &str, condition: Condition| {
         let is_of = |one: &&Pooled| one.operator == operator && one.condition == condition;
         pooled.iter().find(is_of).map(|one| one.literal_j)
     };
     let ratio = |operator: &String| {
         let (both, neither) = (of(operator, Condition::BOTH)?, of(operator, Condition::NEITHER)?);
-        (neither > 0.0).then(|| (operator.clone(), both / neither))
+        (neither > 0.0).then(|| Ratio { operator: operator.clone(), ratio: both / neither })
     };
     operators.iter().filter_map(ratio).collect()
 }

@@ -1,13 +1,11 @@
 //! All runs of the experiment: every configuration, place, force, arm, hand and seed.
 
-use std::num::NonZero;
-
 use serde::Serialize;
 
 use crate::fidelity::hold::{Hold, Holds};
 use crate::fidelity::place::{self, Place, WAYS};
 use crate::fidelity::release::{Release, ReleaseJudge};
-use crate::fidelity::script::{Course, HANDS, Hand};
+use crate::fidelity::script::{Course, Hand};
 use crate::fidelity::trial::Arm;
 use crate::no_trial::NoTrial;
 use config::Config;
@@ -26,37 +24,6 @@ const RATE_FORCE: f64 = 2.0;
 
 /// Force held before a release in pose mode, in N.
 const POSE_FORCE: f64 = 9.0;
-
-/// Hands and seeds that take part.
-#[derive(Clone, Copy, Debug)]
-pub struct Participants {
-    /// Hands that take part.
-    pub hands: &'static [Hand],
-    /// First seed.
-    pub seed: u64,
-    /// Number of seeds.
-    pub seeds: NonZero<u64>,
-}
-
-impl Participants {
-    /// All hands.
-    pub const fn full(seed: u64, seeds: NonZero<u64>) -> Self {
-        Self { hands: &HANDS, seed, seeds }
-    }
-
-    /// One hand, one seed.
-    pub fn short(seed: u64) -> Self {
-        let (hands, _) = HANDS.split_at(1);
-        Self { hands, seed, seeds: NonZero::<u64>::MIN }
-    }
-
-    /// Every hand with every seed.
-    pub fn each(&self) -> impl Iterator<Item = (&'static Hand, u64)> + use<> {
-        let Self { hands, seed, seeds } = *self;
-        let seeds = move || (0..seeds.get()).map(move |place| seed.wrapping_add(place));
-        hands.iter().flat_map(move |hand| seeds().map(move |seed| (hand, seed)))
-    }
-}
 
 /// Conditions of a run beside its hand and seed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

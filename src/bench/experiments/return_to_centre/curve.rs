@@ -1,5 +1,6 @@
 //! Samples over the displacement: averages on the way out and on the way back, in bins of equal width.
 
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// Number of bins from end to end.
@@ -52,25 +53,18 @@ impl Point {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     count: f64,
-    felt: Felt,
+    felt: Vector3<f64>,
 }
 
 impl Sum {
     fn add(&mut self, felt: &Felt) {
         self.count += 1.0;
-        self.felt.total += felt.total;
-        self.felt.centring += felt.centring;
-        self.felt.damping += felt.damping;
+        self.felt += Vector3::new(felt.total, felt.centring, felt.damping);
     }
 
     fn mean(&self) -> Option<Felt> {
-        let Felt { total, centring, damping } = self.felt;
-        let part = |sum: f64| sum / self.count;
-        (self.count > 0.0).then(|| Felt {
-            total: part(total),
-            centring: part(centring),
-            damping: part(damping),
-        })
+        let [total, centring, damping] = (self.felt / self.count).into();
+        (self.count > 0.0).then_some(Felt { total, centring, damping })
     }
 }
 

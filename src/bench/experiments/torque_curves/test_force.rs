@@ -177,22 +177,18 @@ impl Segment {
 
 /// Returns what is felt of the six test forces: the mean of a segment less that of its neighbours.
 fn feelings(segments: &[Segment]) -> [Option<Feeling>; 6] {
-    let mut feelings = [None; 6];
-    let triples = segments.windows(3).step_by(2);
-    for (place, (feeling, triple)) in feelings.iter_mut().zip(triples).enumerate() {
-        let [before, pressed, after] = triple else { continue };
+    [0, 1, 2, 3, 4, 5].map(|place: usize| {
+        let [before, pressed, after] = segments.get(2 * place..2 * place + 3)? else { return None };
         if [before, pressed, after].iter().any(|segment| segment.count <= 0.0) {
-            continue;
+            return None;
         }
         let felt = pressed.felt() - (before.felt() + after.felt()) * 0.5;
         let wanted = pressed.wanted();
-        *feeling = if place < 3 {
-            feel(&wanted.force, &felt.force)
-        } else {
-            feel(&wanted.moment, &felt.moment)
-        };
-    }
-    feelings
+        match place {
+            0..3 => feel(&wanted.force, &felt.force),
+            _ => feel(&wanted.moment, &felt.moment),
+        }
+    })
 }
 
 fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<Feeling> {

@@ -104,15 +104,9 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
 /// Returns every run, in the order of the tables.
 fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(Part, Trial<'a>)> {
     let Results { seed, short, .. } = args.results;
-    let links =
-        LINKS.map(|[delay_ms, max_age_ms]| Link { delay_ms, max_age_ms, ..Link::default() });
     // Short: no delay, 8 ms and 40 ms; the object and one arm; one accepted and one refused gain.
-    let links: Vec<Link> = match short {
-        false => links.to_vec(),
-        true => {
-            links.into_iter().filter(|link| [0.0, 8.0, 40.0].contains(&link.delay_ms)).collect()
-        }
-    };
+    let is_played = |link: &Link| !short || [0.0, 8.0, 40.0].contains(&link.delay_ms);
+    let links: Vec<Link> = LINKS.map(Link::new).into_iter().filter(is_played).collect();
     let every = if short { 5 } else { 1 };
     let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Led::Arm);
     let led: Vec<Led<'a>> = [Led::Object].into_iter().chain(arms).collect();
@@ -129,7 +123,8 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
         let with_link = config.clone().with_link(link.settings(seed));
         let runs = led.iter().flat_map(|led| {
             let k_t = WITHIN * link::largest_accepted(&led.of(&with_link));
-            both(Trial { led: *led, link: *link, k_t, ..usual })
+            let trial = Trial { led: *led, link: *link, k_t, ..usual };
+            [Commanded::Pose, Commanded::Rate].map(|commanded| Trial { commanded, ..trial })
         });
         runs.collect::<Vec<_>>()
     });
@@ -150,30 +145,13 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     compared.chain(disturbed).collect()
 }
 
-/// Returns the run in pose and in rate mode.
-fn both(trial: Trial<'_>) -> [Trial<'_>; 2] {
-    [Commanded::Pose, Commanded::Rate].map(|commanded| Trial { commanded, ..trial })
-}
-
 /// Returns links that jitter and lose, that are too slow, and that fail.
 fn disturbed() -> impl Iterator<Item = Link> {
-    let jitter = Link {
-        delay_ms: 5.0,
-        jitter_ms: 3.0,
-        loss_percent: 2.0,
-        reorders: true,
-        max_age_ms: 20.0,
-        outage_s: None,
-    };
-    let hopeless =
-        HOPELESS.map(|[delay_ms, max_age_ms]| Link { delay_ms, max_age_ms, ..Link::default() });
-    let out = [[5.0, 20.0], [20.0, 100.0]].map(|[delay_ms, max_age_ms]| Link {
-        delay_ms,
-        max_age_ms,
-        outage_s: Some(OUTAGE_S),
-        ..Link::default()
-    });
-    [jitter].into_iter().chain(hopeless).chain(out)
+    let unsteady = Link::new([5.0, 20.0]);
+    let unsteady = Link { jitter_ms: 3.0, loss_percent: 2.0, reorders: true, ..unsteady };
+    let failing = [[5.0, 20.0], [20.0, 100.0]].map(Link::new);
+    let failing = failing.map(|link| Link { outage_s: Some(OUTAGE_S), ..link });
+    [unsteady].into_iter().chain(HOPELESS.map(Link::new)).chain(failing)
 }
 
 /// Refuses accepted gains with which the hand does not rest, and links that are lost and still reflect.

@@ -11,13 +11,12 @@ use crate::command::common::{Results, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::dual_peg::bench::{self, Situation};
 use crate::dual_peg::condition::Condition;
-use crate::dual_peg::pooled::{self, Pooled};
+use crate::dual_peg::pooled::{self, Pooled, Ratio};
 use crate::dual_peg::settings::DualPeg;
 use crate::dual_peg::trial::Trial;
 use run::exit::{Failure, Kind, OrFail};
 use sim::operator_settings::OperatorSettings;
 use telemetry::shaking::Shaking;
-use testbench::robot_site::NoRobot;
 
 /// Files of the results.
 const FILES: Files = Files { csv: &["trials.csv"], has_figures: true, picture: ("work.svg", 2) };
@@ -55,19 +54,11 @@ enum Series {
 
 /// One trial to be played.
 struct Job<'s> {
-    settings: &'s DualPeg,
     series: Series,
     operator: (&'s str, OperatorSettings),
     condition: Condition,
     number: u32,
-    seed: u64,
-}
-
-/// Ratio of an operator's work with both switches on to that with both off.
-#[derive(Clone, Debug, Serialize)]
-struct Ratio {
-    operator: String,
-    ratio: f64,
+    situation: Situation,
 }
 
 /// A point of a sweep.
@@ -99,9 +90,9 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     }
     let frame = Frame::new(&args.results, &FILES, is_quiet)?;
     let jobs = jobs(&settings, &operators, &args.results);
-    let trials = frame.play(&jobs, |job| {
-        let trial = job.play().map_err(|error| refused(&settings.file, error))?;
-        Ok((job.series, trial))
+    let trials = frame.play(&jobs, |Job { series, operator, condition, number, situation }| {
+        let trial = Trial::play(&settings, *condition, *operator, *number, situation);
+        trial.map(|trial| (*series, trial)).map_err(|error| refused(&settings.file, error))
     })?;
     let figures = figures(&settings, &trials);
     frame.conclude(Report {
@@ -134,13 +125,11 @@ fn jobs<'s>(
         for operator in operators {
             for condition in conditions {
                 jobs.extend((0..trials).map(|number| Job {
-                    settings,
                     series,
                     operator: *operator,
                     condition: *condition,
                     number,
-                    // The same trial has the same seed for every operator and condition.
-                    seed: results.seed.wrapping_mul(1_000_003).wrapping_add(u64::from(number)),
+                    situation: situation(settings, series, number, results.seed),
                 }));
             }
         }
@@ -160,19 +149,17 @@ fn jobs<'s>(
     jobs
 }
 
-impl Job<'_> {
-    /// Plays the trial.
-    fn play(&self) -> Result<Trial, NoRobot> {
-        let DualPeg { task, misalignment, turn, .. } = self.settings;
-        let (offset, turn, error) = match self.series {
-            Series::Table => (*misalignment, *turn, task.visual_error),
-            Series::Aligned => ([0.0; 2], [0.0; 2], 0.0),
-            Series::VisualError(error) => (*misalignment, *turn, error),
-            Series::Misalignment(offset) => ([offset; 2], *turn, task.visual_error),
-        };
-        let situation = Situation::drawn(self.settings, self.seed, offset, turn, error);
-        Trial::play(self.settings, self.condition, self.operator, self.number, &situation)
-    }
+/// Draws the start of a trial. The same trial has the same seed for every operator and condition.
+fn situation(settings: &DualPeg, series: Series, number: u32, seed: u64) -> Situation {
+    let DualPeg { task, misalignment, turn, .. } = settings;
+    let (offset, turn, error) = match series {
+        Series::Table => (*misalignment, *turn, task.visual_error),
+        Series::Aligned => ([0.0; 2], [0.0; 2], 0.0),
+        Series::VisualError(error) => (*misalignment, *turn, error),
+        Series::Misalignment(offset) => ([offset; 2], *turn, task.visual_error),
+    };
+    let seed = seed.wrapping_mul(1_000_003).wrapping_add(u64::from(number));
+    Situation::drawn(settings, seed, offset, turn, error)
 }
 
 fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
@@ -182,10 +169,7 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
         let all: Vec<Trial> = of_series.map(|(_, trial)| trial.clone()).collect();
         Pooled::all(&all, names)
     };
-    let ratios = |pooled: &[Pooled]| {
-        let ratios = pooled::ratios(pooled, names).into_iter();
-        ratios.map(|(operator, ratio)| Ratio { operator, ratio }).collect::<Vec<_>>()
-    };
+    let ratios = |pooled: &[Pooled]| pooled::ratios(pooled, names);
     let mut swept: Vec<Series> = Vec::new();
     for (series, _) in trials {
         let is_swept = matches!(series, Series::VisualError(_) | Series::Misalignment(_));

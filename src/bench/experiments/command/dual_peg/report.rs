@@ -1,10 +1,10 @@
 //! Tables, pictures and data of the dual peg.
 
-use crate::command::dual_peg::{Figures, Ratio, Series, Swept};
+use crate::command::dual_peg::{Figures, Series, Swept};
 use crate::command::picture::{Ink, Panel, Series as Curve};
 use crate::command::table::{self, Column, Table};
 use crate::dual_peg::condition::Condition;
-use crate::dual_peg::pooled::Pooled;
+use crate::dual_peg::pooled::{Pooled, Ratio};
 use crate::dual_peg::trial::Trial;
 
 /// Work of the three operators of Table I without and with force information, in units that the paper does not state.

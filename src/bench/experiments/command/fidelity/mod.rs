@@ -9,9 +9,9 @@ use clap::{Args, ValueEnum};
 use crate::command::common::{self, Common, Named, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::command::picture::{Ink, Panel, Series};
-use crate::fidelity::experiment::{Condition, Participants, Row};
+use crate::fidelity::experiment::{Condition, Row};
 use crate::fidelity::pooled::Pooled;
-use crate::fidelity::script::{Course, Hand};
+use crate::fidelity::script::{Course, HANDS, Hand};
 use crate::no_trial::NoTrial;
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
@@ -52,11 +52,16 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     {
         return Err(refused(&config.file, NoTrial::NoWall));
     }
-    let frame = Frame::new(&args.common, &FILES, is_quiet)?;
-    let (conditions, participants) = (conditions(args), participants(args));
+    let frame = Frame::new(&args.common.results, &FILES, is_quiet)?;
+    let conditions = conditions(args);
+    let hands = if args.common.results.short { HANDS.split_at(1).0 } else { &HANDS };
+    let participants = || {
+        let seeds = || args.common.results.seeds(args.seeds);
+        hands.iter().flat_map(move |hand| seeds().map(move |seed| (hand, seed)))
+    };
     let each = configs.iter().flat_map(|named| conditions.iter().map(move |one| (named, *one)));
-    let jobs = each
-        .flat_map(|(named, condition)| participants.each().map(move |who| (named, condition, who)));
+    let jobs =
+        each.flat_map(|(named, condition)| participants().map(move |who| (named, condition, who)));
     let jobs: Vec<(&Named, Condition, _)> = jobs.collect();
     let rows = frame.play(&jobs, |(Named { name, config }, condition, who)| {
         Row::play(name, config, *condition, *who, |_, _| {}).or_fail(Kind::Drive)
@@ -81,13 +86,8 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     })
 }
 
-fn participants(args: &Arguments) -> Participants {
-    let (seed, short) = (args.common.seed, args.common.short);
-    if short { Participants::short(seed) } else { Participants::full(seed, args.seeds) }
-}
-
 fn conditions(args: &Arguments) -> Vec<Condition> {
-    let all = if args.common.short { Condition::short() } else { Condition::full() };
+    let all = if args.common.results.short { Condition::short() } else { Condition::full() };
     let is_asked = |condition: &Condition| match args.part {
         None => true,
         Some(Part::Still) => condition.course == Course::Full,

@@ -29,9 +29,9 @@ pub struct Arguments {
 
 /// Runs everything, prints the table and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
-    let Results { seed, short, .. } = *args.common;
+    let Results { seed, short, .. } = args.common.results;
     let configs = args.common.configs()?;
-    let frame = Frame::new(&args.common, &FILES, is_quiet)?;
+    let frame = Frame::new(&args.common.results, &FILES, is_quiet)?;
     let [full_s, short_s] = LEG_S;
     let leg_s = if short { short_s } else { full_s };
     let axes = (0..AXES.len()).filter(|axis| !short || SHORT.contains(axis));

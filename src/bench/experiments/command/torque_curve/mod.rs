@@ -52,7 +52,7 @@ struct Figures {
 /// Runs everything, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
-    let frame = Frame::new(&args.common, &FILES, is_quiet)?;
+    let frame = Frame::new(&args.common.results, &FILES, is_quiet)?;
     let motors = motors(args, &configs)?;
     let each = motors.iter().flat_map(|motors| ARMS.map(|arm| (motors, arm)));
     let jobs = each.flat_map(|(motors, arm)| Curve::ALL.map(|curve| (motors, arm, curve)));
@@ -72,7 +72,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         tables: vec![report::joints(joints), report::test_forces(test_forces)],
         csv: vec![report::joints_csv(joints), report::test_forces_csv(test_forces)],
         panels: || {
-            let first = motors.iter().filter(|motors| motors.seed == args.common.seed);
+            let first = motors.iter().filter(|motors| motors.seed == args.common.results.seed);
             let panels = first.flat_map(|motors| {
                 motors.each().map(|(joint, bench)| report::panel(&motors.named.name, joint, bench))
             });
@@ -95,9 +95,7 @@ impl Motors<'_> {
 
 /// Measures the motors of every configuration and seed.
 fn motors<'n>(args: &Arguments, configs: &'n [Named]) -> Result<Vec<Motors<'n>>, Failure> {
-    let (seed, short) = (args.common.seed, args.common.short);
-    let count = if short { 1 } else { args.seeds.get() };
-    let seeds = || (0..count).map(|place| seed.wrapping_add(place));
+    let seeds = || args.common.results.seeds(args.seeds);
     let each = configs.iter().flat_map(|named| seeds().map(move |seed| (named, seed)));
     each.map(|(named, seed)| {
         let benches = Bench::measure_all(&named.config, seed).or_fail(Kind::Configuration)?;

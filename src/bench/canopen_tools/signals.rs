@@ -155,7 +155,7 @@ pub struct PdoFrame {
     pub channel: Channel,
     /// COB-ID.
     pub cob_id: u16,
-    /// Name: `TPDO1_elbow`, `Torque_group1`.
+    /// Name: `TPDO1_elbow`, `RPDO1_group1`.
     pub name: String,
     /// Indices of the senders; empty for the master.
     pub senders: Vec<usize>,
@@ -222,15 +222,14 @@ fn frame(parts: &[Part<'_>], groups: &mut u32) -> Option<PdoFrame> {
     let authors = if senders.is_empty() { &receivers } else { &senders };
     let first = authors.first()?;
     let signals = signals(authors);
-    let name = if authors.len() == 1 {
-        let kind = if senders.is_empty() { "RPDO" } else { "TPDO" };
-        format!("{kind}{}_{}", first.pdo.number, first.of.name)
+    let kind = if senders.is_empty() { "RPDO" } else { "TPDO" };
+    let owner = if authors.len() == 1 {
+        first.of.name.clone()
     } else {
         *groups += 1;
-        let is_torque = signals.iter().all(|signal| signal.object == Object::TARGET_TORQUE);
-        let kind = if is_torque { "Torque".to_owned() } else { format!("PDO{}", first.pdo.number) };
-        format!("{kind}_group{groups}")
+        format!("group{groups}")
     };
+    let name = format!("{kind}{}_{owner}", first.pdo.number);
     let places = |parts: &[&Part<'_>]| parts.iter().map(|part| part.member).collect();
     Some(PdoFrame {
         channel: first.of.channel,
@@ -437,7 +436,7 @@ pub(crate) mod tests {
         let torques = frames.iter().find(|frame| frame.cob_id == 0x201).unwrap();
         assert_eq!(
             shown(torques),
-            "201 Torque_group1 shoulder_target_torque@0|16 elbow_target_torque@16|16 \
+            "201 RPDO1_group1 shoulder_target_torque@0|16 elbow_target_torque@16|16 \
              wrist_target_torque@32|16"
         );
         assert_eq!((torques.bytes, torques.receivers.len(), torques.senders.len()), (6, 3, 0));

@@ -388,7 +388,7 @@ mod tests {
     #[test]
     fn shared_frame_lists_its_receivers() {
         let all = messages(&grouped());
-        let torques = all.iter().find(|message| message.name == "Torque_group1").unwrap();
+        let torques = all.iter().find(|message| message.name == "RPDO1_group1").unwrap();
         assert_eq!((torques.id, torques.bytes, torques.cycle_ms), (0x201, 6, Some(1)));
         let takers: Vec<_> = torques.fields.iter().map(|field| field.receivers.join(",")).collect();
         assert_eq!(takers, ["shoulder", "elbow", "wrist"]);

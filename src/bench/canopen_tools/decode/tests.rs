@@ -62,7 +62,7 @@ fn shared_frame_lists_every_joint() {
     let mut bus = Probe::of(grouped());
     assert_eq!(
         bus.decode(0, 0x201, &[1, 0, 0xFE, 0xFF, 0, 0]),
-        "Torque_group1: shoulder   0.0001 /  0.0200  elbow  -0.0002 / -0.0400  \
+        "RPDO1_group1: shoulder   0.0001 /  0.0200  elbow  -0.0002 / -0.0400  \
          wrist   0.0000 /  0.0000  N·m motor / joint"
     );
     assert_eq!(

@@ -20,7 +20,7 @@ pub(super) fn of(report: &Report<'_>, config: &Config) -> String {
     let assumed = &report.assumed;
     let network = report.network;
     let buses = report.buses.iter().zip(&network.buses);
-    let buses = buses.map(|(plan, bus)| of_bus(plan, bus, network.period_us));
+    let buses = buses.map(|(plan, bus)| of_bus(plan, bus, report));
     json!({
         "fits": report.buses.iter().all(BusPlan::fits),
         "sync_period_us": network.period_us,
@@ -44,13 +44,13 @@ pub(super) fn of(report: &Report<'_>, config: &Config) -> String {
     .to_string()
 }
 
-fn of_bus(plan: &BusPlan, bus: &Bus, period_us: u32) -> Json {
+fn of_bus(plan: &BusPlan, bus: &Bus, report: &Report<'_>) -> Json {
     let all = &plan.utilisation;
     json!({
         "name": plan.name,
         "bitrate": plan.bitrate,
         "fits": plan.fits(),
-        "cycle_is_done_in_time": plan.is_done_within(period_us),
+        "cycle_is_done_in_time": plan.is_done_within(report.network.period_us),
         "limit_percent": plan.load_limit_percent,
         "load": {
             "cycle_unstuffed": load(&all.cycle_least),
@@ -64,7 +64,7 @@ fn of_bus(plan: &BusPlan, bus: &Bus, period_us: u32) -> Json {
         "left_bits_per_s": plan.margin.bits_per_s,
         "left_expedited_sdo_per_s": plan.margin.expedited_sdo_per_s,
         "highest_rate_hz": both(&plan.rates, rates),
-        "frames": plan.frames.iter().map(|it| frame(it, bus)).collect::<Vec<_>>(),
+        "frames": plan.frames.iter().map(|it| frame(it, &report.names.frame(plan, &it.stream), bus)).collect::<Vec<_>>(),
         "cycle": both(&plan.timeline, timeline),
         "loop_delay_us": both(&plan.loop_delay, loop_delay),
     })
@@ -86,7 +86,7 @@ fn rates(rates: &Rates) -> Json {
     })
 }
 
-fn frame(planned: &Planned, bus: &Bus) -> Json {
+fn frame(planned: &Planned, name: &str, bus: &Bus) -> Json {
     let stream = &planned.stream;
     let (sent, gap_us, timer_us) = match stream.pace {
         Pace::Clock { period_us } => ("clock", period_us, Some(period_us)),
@@ -95,6 +95,7 @@ fn frame(planned: &Planned, bus: &Bus) -> Json {
     };
     json!({
         "cob_id": stream.cob_id,
+        "name": name,
         "role": text::role(stream.role),
         "of": text::nodes(stream, bus),
         "nodes": stream.nodes.iter().map(|node| node.raw()).collect::<Vec<_>>(),

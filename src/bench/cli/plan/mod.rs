@@ -9,8 +9,9 @@ use clap::{Args, ValueEnum};
 
 use canopen::load::alternatives::{self, Change, Obstacle};
 use canopen::load::lacks;
-use canopen::load::network::{Assumptions, BusPlan, Network};
+use canopen::load::network::{Assumptions, BusPlan, Network, Planned};
 use canopen::load::proposals::{self, Proposal};
+use canopen::load::streams::{Role, Stream};
 use canopen::load::timeline::Pauses;
 use config::Config;
 use run::config_arg::ConfigArg;
@@ -61,6 +62,33 @@ struct Report<'r> {
     buses: Vec<BusPlan>,
     proposals: Vec<Proposal>,
     obstacles: Vec<Obstacle>,
+    names: Names,
+}
+
+/// Frames that several drives receive, by bus and COB-ID, in the order in which `decode` and DBC number them.
+struct Names(Vec<(String, u16)>);
+
+impl Names {
+    fn of(buses: &[BusPlan]) -> Self {
+        let shared = |frame: &&Planned| {
+            matches!(frame.stream.role, Role::Rpdo(_)) && frame.stream.nodes.len() > 1
+        };
+        let of_bus = |bus: &BusPlan| {
+            let shared = bus.frames.iter().filter(shared).map(|frame| frame.stream.cob_id);
+            let mut shared: Vec<_> = shared.map(|cob_id| (bus.name.clone(), cob_id)).collect();
+            shared.sort();
+            shared
+        };
+        Self(buses.iter().flat_map(of_bus).collect())
+    }
+
+    /// Returns the name of a frame without that of its node: `TPDO1`, `RPDO1_group1`.
+    fn frame(&self, bus: &BusPlan, stream: &Stream) -> String {
+        let role = text::role(stream.role);
+        let is_it = |(name, cob_id): &(String, u16)| *name == bus.name && *cob_id == stream.cob_id;
+        let group = self.0.iter().position(is_it);
+        group.map_or_else(|| role.clone(), |place| format!("{role}_group{}", place + 1))
+    }
 }
 
 /// Prints the plan; fails if it cannot run.
@@ -73,8 +101,10 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
         error_gap_us: args.error_every_ms.map(|ms| ms.saturating_mul(1_000)),
         ..Assumptions::default()
     };
+    let buses = network.plan(&assumed);
     let report = Report {
-        buses: network.plan(&assumed),
+        names: Names::of(&buses),
+        buses,
         proposals: proposals::proposals(&network, &assumed),
         obstacles: alternatives::obstacles(&network),
         network: &network,

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::plan::{Report, obstacle};
+use crate::plan::{Names, Report, obstacle};
 use canopen::load::network::{Bus, BusPlan, Planned};
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
@@ -18,7 +18,7 @@ pub(super) fn of(report: &Report<'_>) -> String {
     let mut lines = vec![head(report)];
     for (plan, bus) in report.buses.iter().zip(&report.network.buses) {
         lines.push(String::new());
-        lines.extend(bus_lines(plan, bus, report.network.period_us));
+        lines.extend(bus_lines(plan, bus, report));
     }
     let proposed = proposal_lines(report);
     if !proposed.is_empty() {
@@ -46,7 +46,8 @@ fn head(report: &Report<'_>) -> String {
     )
 }
 
-fn bus_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
+fn bus_lines(plan: &BusPlan, bus: &Bus, report: &Report<'_>) -> Vec<String> {
+    let (period_us, names) = (report.network.period_us, &report.names);
     let verdict = match (plan.fits(), plan.is_done_within(period_us)) {
         (true, true) => "fits",
         (true, false) => "fits, but a cycle may not be done before the next SYNC",
@@ -55,9 +56,9 @@ fn bus_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
     let mut lines = vec![format!("bus {}, {} bit/s: {verdict}", plan.name, plan.bitrate)];
     lines.extend(load_lines(plan));
     lines.push(String::new());
-    lines.extend(frame_lines(plan, bus));
+    lines.extend(frame_lines(plan, bus, names));
     lines.push(String::new());
-    lines.extend(cycle_lines(plan, bus, period_us));
+    lines.extend(cycle_lines(plan, bus, report));
     lines
 }
 
@@ -95,7 +96,7 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
     lines
 }
 
-fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
+fn frame_lines(plan: &BusPlan, bus: &Bus, names: &Names) -> Vec<String> {
     let head = format!(
         "  {:<4} {:<12} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<22} {:>9}",
         "id", "frame", "of", "bytes", "least", "typ", "bits", "every", "within µs"
@@ -110,7 +111,7 @@ fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
         format!(
             "  {:03X}  {:<12} {of:<25} {:>5} {:>5} {:>6.1} {:>5}  {:<22} {:>9}{late}",
             stream.cob_id,
-            role(stream.role),
+            names.frame(plan, stream),
             stream.bytes,
             stream.least_bits(),
             frame.typical_bits,
@@ -128,7 +129,8 @@ fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
     lines
 }
 
-fn cycle_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
+fn cycle_lines(plan: &BusPlan, bus: &Bus, report: &Report<'_>) -> Vec<String> {
+    let period_us = report.network.period_us;
     let (worst, typical) = (&plan.timeline.worst, &plan.timeline.typical);
     let width_us = worst.done_us.max(f64::from(period_us));
     let mut lines = vec![format!(
@@ -138,7 +140,7 @@ fn cycle_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
     for (step, usual) in worst.steps.iter().zip(&typical.steps) {
         lines.push(format!(
             "  {:<30}{:>7.0}-{:<6.0} {:>7.0}-{:<6.0} {}",
-            stage(step.stage, plan, bus),
+            stage(step.stage, plan, bus, &report.names),
             step.start_us,
             step.end_us,
             usual.start_us,
@@ -265,11 +267,14 @@ fn response(response: Option<Duration>) -> String {
     response.map_or_else(|| "none".into(), |bound| bound.as_nanos().div_ceil(1_000).to_string())
 }
 
-fn stage(stage: Stage, plan: &BusPlan, bus: &Bus) -> String {
+fn stage(stage: Stage, plan: &BusPlan, bus: &Bus, names: &Names) -> String {
     let frame = |cob_id: u16| {
         let found = plan.frames.iter().find(|frame| frame.stream.cob_id == cob_id);
         found.map_or_else(String::new, |frame| {
-            format!("{} {}", role(frame.stream.role), nodes(&frame.stream, bus))
+            let name = names.frame(plan, &frame.stream);
+            // The table of frames says whose a shared one is.
+            let is_shared = frame.stream.nodes.len() > 1;
+            if is_shared { name } else { format!("{name} {}", nodes(&frame.stream, bus)) }
         })
     };
     match stage {

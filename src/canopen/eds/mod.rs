@@ -1,6 +1,6 @@
 //! Electronic data sheets (EDS, CiA 306): the object dictionary of a device as its manufacturer describes it.
 //!
-//! A [`Dictionary`](crate::dictionary::Dictionary) holds the values of a device. The parser is as tolerant as
+//! Which values a device has is not said here. The parser is as tolerant as
 //! real files require: invalid parts count as absent, and [`Eds::lint`] reports them by line.
 
 mod compact;

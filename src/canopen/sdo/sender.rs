@@ -58,7 +58,7 @@ impl Sender {
         Some(segment)
     }
 
-    /// Returns whether [`next`](Self::next) has a segment.
+    /// Returns whether [`next_segment`](Self::next_segment) has one.
     pub const fn has_next(&self) -> bool {
         self.sent < self.block_size && (self.sent == 0 || self.place(self.sent) < self.bytes.len())
     }

@@ -2,7 +2,6 @@
 //!
 //! | file           | part                                                          |
 //! |----------------|---------------------------------------------------------------|
-//! | [`truth`]      | what the hand really feels, and its parts                     |
 //! | [`place`]      | places of the wall, and the posture of the arm there          |
 //! | [`script`]     | free motion, approach, press, slide, release, by four hands   |
 //! | [`hold`]       | still contact after each motion                               |

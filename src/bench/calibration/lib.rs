@@ -1,10 +1,8 @@
 //! Calibration: measured torques, and the torque curves and friction that are fitted to them.
 //!
-//! [`torque_data`] reads the measurements, [`fit`] computes, [`torque_plot`] shows both.
+//! [`torque_data`] reads the measurements, [`fit`] computes.
 #![forbid(unsafe_code)]
 
-mod chart;
 pub mod fit;
 mod least_squares;
 pub mod torque_data;
-pub mod torque_plot;

@@ -5,6 +5,7 @@ mod fit;
 mod fragment;
 mod friction;
 mod judgement;
+mod plot;
 mod report;
 mod session;
 

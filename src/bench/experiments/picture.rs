@@ -1,21 +1,27 @@
-//! Pictures of experiments: line charts in panels, as SVG.
+//! Pictures of experiments and calibrations: line charts in panels, as SVG.
 
 use std::ops::Range;
 
 use anyhow::anyhow;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
-use plotters::element::{Circle, IntoDynElement, PathElement};
+use plotters::element::{Circle, IntoDynElement, PathElement, Polygon, Rectangle};
 use plotters::prelude::{
     BLACK, Cartesian2d, ChartBuilder, ChartContext, Color, DashedLineSeries, DrawingArea,
-    IntoDrawingArea, IntoFont, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
+    IntoDrawingArea, IntoFont, IntoTextStyle, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
 };
 
 /// Width and height of a panel, in px.
 const PANEL: [u32; 2] = [560, 320];
 
+/// Opacity of an area.
+const BAND: f64 = 0.2;
+
 /// Width and height of the corner that a legend takes, as shares of the chart.
 const LEGEND: [f64; 2] = [0.4, 0.4];
+
+/// Height of a line of the notes, in px.
+const NOTE_HEIGHT: i32 = 18;
 
 /// Room above the marks of named places, as a share of their range.
 const ROOM: f64 = 0.5;
@@ -32,29 +38,33 @@ const COLOURS: [RGBColor; 6] = [
 
 /// Drawing of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ink {
+pub enum Ink {
     /// A line.
     Line,
     /// A dashed line.
     Dashed,
     /// A mark at each point.
     Marks,
+    /// A ring around each point.
+    Rings,
+    /// An area that the points enclose.
+    Band,
 }
 
 /// A curve with its name in the legend.
 #[derive(Debug)]
-pub(super) struct Series {
+pub struct Series {
     /// Name.
-    pub(super) name: String,
+    pub name: String,
     /// Drawing.
-    pub(super) ink: Ink,
+    pub ink: Ink,
     /// Points, in the units of the axes; a line has a gap where one is NaN.
-    pub(super) points: Vec<[f64; 2]>,
+    pub points: Vec<[f64; 2]>,
 }
 
 impl Series {
     /// Creates a curve.
-    pub(super) fn new(
+    pub fn new(
         name: impl Into<String>,
         ink: Ink,
         points: impl IntoIterator<Item = [f64; 2]>,
@@ -65,26 +75,29 @@ impl Series {
 
 /// A chart with two axes.
 #[derive(Debug)]
-pub(super) struct Panel {
+pub struct Panel {
     /// Title.
-    pub(super) title: String,
+    pub title: String,
     /// Names of the axes, with units.
-    pub(super) axes: [&'static str; 2],
+    pub axes: [String; 2],
     /// Names of the places 1, 2, … on the axis across, instead of numbers; none for numbers.
-    pub(super) places: Vec<String>,
+    pub places: Vec<String>,
     /// Its curves; the colours are those of their places.
-    pub(super) series: Vec<Series>,
+    pub series: Vec<Series>,
+    /// Lines of text below the title.
+    pub notes: Vec<String>,
 }
 
 impl Panel {
     /// Creates a chart whose places are numbers.
-    pub(super) fn new(
+    pub fn new(
         title: impl Into<String>,
-        axes: [&'static str; 2],
+        axes: [&str; 2],
         series: impl IntoIterator<Item = Series>,
     ) -> Self {
         let series = series.into_iter().collect();
-        Self { title: title.into(), axes, places: Vec::new(), series }
+        let axes = axes.map(str::to_owned);
+        Self { title: title.into(), axes, places: Vec::new(), series, notes: Vec::new() }
     }
 }
 
@@ -95,7 +108,7 @@ type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64
 ///
 /// # Errors
 /// When it cannot be drawn.
-pub(super) fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
+pub fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
     let columns = columns.clamp(1, panels.len().max(1));
     let rows = panels.len().div_ceil(columns).max(1);
     let [width, height] = PANEL;
@@ -125,10 +138,11 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Res
     }
     let ranges = [across, up];
     let corner = emptiest(&points(), &ranges);
-    let [x, y] = panel.axes;
+    let [x, y] = &panel.axes;
     let [across, up] = ranges;
-    let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, ("sans-serif", 16).into_font())
+    let area = area.titled(&panel.title, ("sans-serif", 16).into_font()).map_err(drawn)?;
+    let area = noted(&area, panel)?;
+    let mut chart = ChartBuilder::on(&area)
         .margin(10)
         .x_label_area_size(38)
         .y_label_area_size(54)
@@ -148,6 +162,21 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> anyhow::Res
     let mut labels = chart.configure_series_labels();
     labels.position(corner).label_font(("sans-serif", 12));
     labels.border_style(BLACK.mix(0.3)).background_style(WHITE.mix(0.85)).draw().map_err(drawn)
+}
+
+/// Writes the notes below the title; returns the rest of the area.
+fn noted<'a>(
+    area: &DrawingArea<SVGBackend<'a>, Shift>,
+    panel: &Panel,
+) -> anyhow::Result<DrawingArea<SVGBackend<'a>, Shift>> {
+    let mut rest = area.clone();
+    for note in &panel.notes {
+        let (row, below) = rest.split_vertically(NOTE_HEIGHT);
+        let style = ("sans-serif", 12).into_text_style(area);
+        row.draw_text(note, &style, (14, 6)).map_err(drawn)?;
+        rest = below;
+    }
+    Ok(rest)
 }
 
 fn add<'b: 'a, 'a>(
@@ -172,12 +201,24 @@ fn add<'b: 'a, 'a>(
             let marks = points.map(|point| Circle::new(point, 3, colour.filled()));
             chart.draw_series(marks).map_err(drawn)?
         }
+        Ink::Rings => {
+            let rings = points.map(|point| Circle::new(point, 6, line));
+            chart.draw_series(rings).map_err(drawn)?
+        }
+        Ink::Band => {
+            let area = Polygon::new(points.collect::<Vec<_>>(), colour.mix(BAND));
+            chart.draw_series([area]).map_err(drawn)?
+        }
     };
     let ink = series.ink;
     drawing.label(&series.name).legend(move |(x, y)| match ink {
         Ink::Line => PathElement::new([(x, y), (x + 18, y)], line).into_dyn(),
         Ink::Dashed => PathElement::new([(x, y), (x + 8, y)], line).into_dyn(),
         Ink::Marks => Circle::new((x + 9, y), 3, colour.filled()).into_dyn(),
+        Ink::Rings => Circle::new((x + 9, y), 5, line).into_dyn(),
+        Ink::Band => {
+            Rectangle::new([(x, y - 4), (x + 18, y + 4)], colour.mix(BAND).filled()).into_dyn()
+        }
     });
     Ok(())
 }
@@ -242,7 +283,8 @@ mod tests {
     fn places_are_named_instead_of_numbered() {
         let panel = Panel {
             title: "work".to_owned(),
-            axes: ["operator", "J"],
+            axes: ["operator", "J"].map(str::to_owned),
+            notes: Vec::new(),
             places: vec!["steady".to_owned(), "firm".to_owned()],
             series: vec![Series::new("both", Ink::Marks, vec![[1.0, 1.0], [2.0, 2.0]])],
         };
@@ -263,7 +305,8 @@ mod tests {
     fn picture_has_every_title_axis_and_series() {
         let panel = |title: &str| Panel {
             title: title.to_owned(),
-            axes: ["mm", "N"],
+            axes: ["mm", "N"].map(str::to_owned),
+            notes: Vec::new(),
             places: Vec::new(),
             series: vec![
                 Series::new("felt", Ink::Line, vec![[0.0, 1.0], [0.5, f64::NAN], [1.0, 2.0]]),

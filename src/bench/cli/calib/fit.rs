@@ -5,10 +5,10 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use crate::calib::plot::TorquePlot;
 use crate::calib::session::{Evidence, Fitted, Session};
 use crate::calib::{Fit, fragment, judgement, report};
 use calibration::torque_data::TorqueData;
-use calibration::torque_plot::TorquePlot;
 use config::{Config, JointParameters};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
@@ -90,7 +90,7 @@ fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failu
             calibrated: fit,
             line: *line,
         };
-        files.push((folder.join(format!("{}.svg", file_name(joint))), plot.svg()));
+        files.push((folder.join(format!("{}.svg", file_name(joint))), plot.svg()?));
     }
     results::export_all(&files, force)
 }

@@ -1,140 +1,142 @@
 //! Plot of a joint's torque curve as in the paper's Fig. 6: measurements in both driving directions, straight line and
 //! polynomial; below, the residuals of the measurements.
 
-use crate::chart::{Axis, Chart, Ink, Panel, minus};
-use crate::fit::{Calibrated, Direction, Sample};
+use calibration::fit::{Calibrated, Direction, Sample};
+use experiments::picture::{self, Ink, Panel, Series};
+use run::exit::{Failure, Kind, OrFail};
 use telemetry::digits::significant;
 
 /// Points of a curve.
 const POINTS: u16 = 160;
-/// Upper and lower edges of the two panels, and the total height, in px.
-const CURVE: [f64; 2] = [74.0, 500.0];
-const REST: [f64; 2] = [566.0, 706.0];
-const HEIGHT: f64 = 768.0;
 
 /// Content of a plot.
 #[derive(Clone, Copy, Debug)]
-pub struct TorquePlot<'a> {
+pub(super) struct TorquePlot<'a> {
     /// Name of the joint.
-    pub joint: &'a str,
+    pub(super) joint: &'a str,
     /// Source of the samples.
-    pub provenance: &'a str,
+    pub(super) provenance: &'a str,
     /// Unit: `N·m`, or `N` for a prismatic joint.
-    pub unit: &'a str,
+    pub(super) unit: &'a str,
     /// Measured samples.
-    pub samples: &'a [Sample],
+    pub(super) samples: &'a [Sample],
     /// Fit of the samples.
-    pub calibrated: &'a Calibrated,
+    pub(super) calibrated: &'a Calibrated,
     /// Straight line for comparison: name, and slope in ‰ per N·m.
-    pub line: (&'a str, f64),
+    pub(super) line: (&'a str, f64),
 }
 
 impl TorquePlot<'_> {
     /// Returns the plot as SVG. Targets of an inverted motor are drawn negated.
-    pub fn svg(&self) -> String {
-        let torque = format!("joint torque in {}", self.unit);
-        let mut chart =
-            Chart::new(&format!("Torque curve of {}", self.joint), self.provenance, HEIGHT);
-        self.curve(&mut chart, &torque);
-        self.rest(&mut chart, &torque);
-        chart.finish()
+    ///
+    /// # Errors
+    /// When it cannot be drawn.
+    pub(super) fn svg(&self) -> Result<String, Failure> {
+        picture::svg(&[self.curve(), self.rest()], 1).or_fail(Kind::File)
     }
 
-    /// Draws the upper panel: target over torque.
-    fn curve(&self, chart: &mut Chart, torque: &str) {
+    /// Target over torque.
+    fn curve(&self) -> Panel {
         let Self { calibrated, line: (line, slope), .. } = *self;
         let target = if calibrated.is_reversed {
             "negated target (6071h) in ‰ of rated torque"
         } else {
             "target torque (6071h) in ‰ of rated torque"
         };
-        let reach = self.reach();
-        let extent = self.most(|_, per_mille| per_mille);
-        let [top, bottom] = CURVE;
-        let x = Axis::new(torque, reach, 15.0);
-        let panel = Panel { x, y: Axis::new(target, extent, 13.0), top, bottom };
-        chart.axes(&panel);
-        let far = reach.min(extent / slope);
-        chart.draw(&panel, Ink::Dashed, [-far, far].into_iter().map(|t| (t, slope * t)));
-        self.marks(chart, &panel, |_, per_mille| per_mille);
+        let most = |of: fn(&[f64; 2]) -> f64| {
+            let all = self.points(|_| true, |_, per_mille| per_mille);
+            all.map(|point| of(&point).abs()).fold(0.0, f64::max)
+        };
+        let far = most(|[torque, _]| *torque).min(most(|[_, target]| *target) / slope);
         let end = calibrated.curve.max_torque();
-        let curve = along(-end, end).map(|t| (t, calibrated.curve.at(t)));
-        chart.draw(&panel, Ink::Solid, curve);
-        let mut entries = vec![
-            (Ink::Up, "measured, torque rising"),
-            (Ink::Down, "measured, torque falling"),
-            (Ink::Solid, "polynomial c₁t + c₃t³ + c₅t⁵"),
-            (Ink::Dashed, line),
-            (Ink::Band, "between the driving directions"),
+        let polynomial = along(-end, end).map(|t| [t, calibrated.curve.at(t)]);
+        let mut series = vec![
+            Series::new("polynomial c₁t + c₃t³ + c₅t⁵", Ink::Line, polynomial),
+            Series::new(line, Ink::Dashed, [-far, far].map(|t| [t, slope * t])),
         ];
-        if !calibrated.outliers.is_empty() {
-            entries.push((Ink::Ring, "left out of the fit"));
-        }
-        chart.legend(&panel, &entries);
-        chart.notes(&panel, &notes(calibrated, self.unit));
-        chart.frame(&panel);
+        series.extend(self.marks(|_, per_mille| per_mille));
+        let title = format!("Torque curve of {}", self.joint);
+        let mut panel = Panel::new(title, [&self.torque(), target], series);
+        panel.notes = vec![self.provenance.to_owned(), curve_note(calibrated, self.unit)];
+        panel
     }
 
-    /// Draws the lower panel: residuals of the polynomial.
-    fn rest(&self, chart: &mut Chart, torque: &str) {
+    /// Residuals of the polynomial.
+    fn rest(&self) -> Panel {
         let calibrated = self.calibrated;
         let rest = |t: f64, per_mille: f64| per_mille - calibrated.both.at(t);
-        let [top, bottom] = REST;
-        let x = Axis::new(torque, self.reach(), 15.0);
-        let panel =
-            Panel { x, y: Axis::new("less polynomial, ‰", self.most(rest), 7.0), top, bottom };
-        chart.axes(&panel);
         let end = calibrated.curve.max_torque();
-        let up = along(-end, end).map(|t| (t, rest(t, calibrated.branch_up.at(t))));
-        let down = along(end, -end).map(|t| (t, rest(t, calibrated.branch_down.at(t))));
-        chart.draw(&panel, Ink::Band, up.chain(down));
-        chart.draw(&panel, Ink::Solid, [(-end, 0.0), (end, 0.0)].into_iter());
-        self.marks(chart, &panel, rest);
-        chart.frame(&panel);
+        let up = along(-end, end).map(|t| [t, rest(t, calibrated.branch_up.at(t))]);
+        let down = along(end, -end).map(|t| [t, rest(t, calibrated.branch_down.at(t))]);
+        let mut series = vec![
+            Series::new("polynomial", Ink::Line, [[-end, 0.0], [end, 0.0]]),
+            Series::new("between the driving directions", Ink::Band, up.chain(down)),
+        ];
+        series.extend(self.marks(rest));
+        let mut panel = Panel::new("Residuals", [&self.torque(), "less polynomial, ‰"], series);
+        panel.notes = rest_notes(calibrated, self.unit).into();
+        panel
     }
 
-    /// Draws a mark per sample, and a ring about each that was left out, at its torque and the value that `of` computes.
-    fn marks(&self, chart: &mut Chart, panel: &Panel<'_>, of: impl Fn(f64, f64) -> f64) {
-        for (ink, direction) in [(Ink::Up, Direction::Up), (Ink::Down, Direction::Down)] {
-            let samples = self.samples.iter().filter(|sample| sample.direction == direction);
-            let place = |sample: &Sample| (sample.torque, of(sample.torque, self.target(sample)));
-            chart.draw(panel, ink, samples.map(place));
+    /// Returns the axis of torques.
+    fn torque(&self) -> String {
+        format!("joint torque in {}", self.unit)
+    }
+
+    /// Returns a mark per sample, and a ring about each that was left out, at its torque and the value that `of` computes.
+    fn marks(&self, of: impl Fn(f64, f64) -> f64 + Copy) -> Vec<Series> {
+        let marks = |name, direction| {
+            let is_it = move |sample: &&Sample| sample.direction == direction;
+            Series::new(name, Ink::Marks, self.points(is_it, of))
+        };
+        let left_out = self.calibrated.outliers.iter();
+        let left_out = left_out.filter_map(|outlier| self.samples.get(outlier.place));
+        let rings = left_out.map(|sample| self.point(sample, of)).collect::<Vec<_>>();
+        let mut series = vec![
+            marks("measured, torque rising", Direction::Up),
+            marks("measured, torque falling", Direction::Down),
+        ];
+        if !rings.is_empty() {
+            series.push(Series::new("left out of the fit", Ink::Rings, rings));
         }
-        let outliers = self.calibrated.outliers.iter();
-        let outliers = outliers.filter_map(|outlier| self.samples.get(outlier.place));
-        let place = |sample: &Sample| (sample.torque, of(sample.torque, self.target(sample)));
-        chart.draw(panel, Ink::Ring, outliers.map(place));
+        series
     }
 
-    /// Returns the target of a sample with the sign of its torque.
-    fn target(&self, sample: &Sample) -> f64 {
-        if self.calibrated.is_reversed { -sample.per_mille } else { sample.per_mille }
+    /// Returns the points of the samples that `is_meant` selects.
+    fn points(
+        &self,
+        is_meant: impl Fn(&&Sample) -> bool,
+        of: impl Fn(f64, f64) -> f64 + Copy,
+    ) -> impl Iterator<Item = [f64; 2]> {
+        self.samples.iter().filter(is_meant).map(move |sample| self.point(sample, of))
     }
 
-    /// Returns the largest torque.
-    fn reach(&self) -> f64 {
-        self.most(|torque, _| torque)
-    }
-
-    /// Returns the largest magnitude that `of` computes.
-    fn most(&self, of: impl Fn(f64, f64) -> f64) -> f64 {
-        let values = self.samples.iter().map(|sample| of(sample.torque, self.target(sample)).abs());
-        values.fold(0.0, f64::max)
+    /// Returns torque and value of a sample; its target has the sign of the torque.
+    fn point(&self, sample: &Sample, of: impl Fn(f64, f64) -> f64) -> [f64; 2] {
+        let target = if self.calibrated.is_reversed { -sample.per_mille } else { sample.per_mille };
+        [sample.torque, of(sample.torque, target)]
     }
 }
 
-/// Returns the results of the fit as lines of text.
-fn notes(calibrated: &Calibrated, unit: &str) -> [String; 6] {
+/// Returns the coefficients of the curve, and its range.
+fn curve_note(calibrated: &Calibrated, unit: &str) -> String {
     let [c1, c3, c5] = calibrated.curve.coefficients().map(|c| significant(c, 5));
+    let (least, _) = calibrated.curve.least_slope();
+    let range = calibrated.curve.max_torque();
+    format!(
+        "c₁ {c1}, c₃ {c3}, c₅ {c5}; range ±{range:.3} {unit}; rises by {least:.1} ‰ per {unit} at least"
+    )
+}
+
+/// Returns how well the curve fits, and the friction between the directions.
+fn rest_notes(calibrated: &Calibrated, unit: &str) -> [String; 2] {
     let residuals = calibrated.both.residuals;
     let friction = calibrated.friction;
-    let (least, _) = calibrated.curve.least_slope();
     [
-        minus(&format!("c₁ {c1}, c₃ {c3}, c₅ {c5}")),
-        format!("range ±{:.3} {unit}", calibrated.curve.max_torque()),
-        format!("rises by {least:.1} ‰ per {unit} at least"),
-        format!("residual {:.1} ‰ RMS, {:.1} ‰ at most", residuals.rms, residuals.largest),
-        format!("each sample left out: {:.1} ‰ RMS", residuals.left_out_rms),
+        format!(
+            "residual {:.1} ‰ RMS, {:.1} ‰ at most; each sample left out: {:.1} ‰ RMS",
+            residuals.rms, residuals.largest, residuals.left_out_rms
+        ),
         format!(
             "friction {:.3} {unit}, hysteresis {:.3} {unit}",
             friction.torque,
@@ -172,11 +174,14 @@ mod tests {
             calibrated: &Calibrated::fit(&samples).unwrap(),
             line: ("rated torque times gear ratio", 180.0),
         };
-        let svg = plot.svg();
-        assert_eq!(svg.matches("class=\"up\"").count(), 2 * 25 + 1);
-        assert_eq!(svg.matches("class=\"down\"").count(), 2 * 25 + 1);
-        // One in each panel, and one in the legend.
-        assert_eq!(svg.matches("class=\"ring\"").count(), 3);
+        for panel in [plot.curve(), plot.rest()] {
+            let marked = |ink| {
+                let inked = panel.series.iter().filter(|series| series.ink == ink);
+                inked.map(|series| series.points.len()).collect::<Vec<_>>()
+            };
+            assert_eq!((marked(Ink::Marks), marked(Ink::Rings)), (vec![25, 25], vec![1]));
+        }
+        let svg = plot.svg().unwrap();
         assert_eq!(svg.matches("<text").count(), svg.matches("</text>").count());
         assert!(!svg.contains("NaN") && svg.contains("negated target"));
     }

@@ -4,9 +4,9 @@ use anyhow::Context;
 use serde::Serialize;
 
 use crate::command::common::Results;
-use crate::command::picture::{self, Panel};
 use crate::command::runner;
 use crate::command::table::{self, Table};
+use crate::picture::{self, Panel};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results;

@@ -6,7 +6,6 @@
 //! | `frame`     | trials, output to stdout and to a folder, gate               |
 //! | `runner`    | runs on all cores, with a progress bar                       |
 //! | `table`     | tables as text and as Markdown, rows as CSV                  |
-//! | `picture`   | line charts as SVG                                           |
 //! | the others  | one experiment each: its runs, and a `report` of its figures |
 
 mod common;
@@ -15,7 +14,6 @@ pub mod dual_peg;
 pub mod fidelity;
 mod frame;
 pub mod ntrfc;
-mod picture;
 pub mod return_to_centre;
 mod runner;
 mod table;

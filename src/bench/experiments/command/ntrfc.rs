@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use crate::command::common::{Results, Robots, refused};
 use crate::command::frame::{Files, Frame, Report};
-use crate::command::picture::{Ink, Panel, Series};
 use crate::command::table::{self, Column, Table};
 use crate::contact_bounds;
 use crate::no_trial::NoTrial;
 use crate::ntrfc::{Press, Row};
+use crate::picture::{Ink, Panel, Series};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 

@@ -1,12 +1,12 @@
 //! Tables, picture and CSV of the runs over a link.
 
 use super::{Figure, LINKS, Part};
-use crate::command::picture::{Ink, Panel, Series};
 use crate::command::table::{self, Column, Table};
 use crate::delay::link::Link;
 use crate::delay::measured::Outcome;
 use crate::delay::script::Commanded;
 use crate::delay::trial::Row;
+use crate::picture::{Ink, Panel, Series};
 use crate::pool;
 
 /// Names of the columns of runs.csv.

@@ -8,11 +8,11 @@ use clap::{Args, ValueEnum};
 
 use crate::command::common::{self, Common, Named, refused};
 use crate::command::frame::{Files, Frame, Report};
-use crate::command::picture::{Ink, Panel, Series};
 use crate::fidelity::experiment::{Condition, Row};
 use crate::fidelity::pooled::Pooled;
 use crate::fidelity::script::{Course, HANDS, Hand};
 use crate::no_trial::NoTrial;
+use crate::picture::{Ink, Panel, Series};
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
 use units::spatial::Wrench;

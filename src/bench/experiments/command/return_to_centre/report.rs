@@ -1,7 +1,7 @@
 //! Table, CSV and picture of the return to centre.
 
-use crate::command::picture::{Ink, Panel, Series};
 use crate::command::table::{self, Column, Table};
+use crate::picture::{Ink, Panel, Series};
 use crate::return_to_centre::curve::Point;
 use crate::return_to_centre::figures::Figures;
 use crate::return_to_centre::trial::Row;

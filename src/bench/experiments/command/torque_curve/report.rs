@@ -1,7 +1,7 @@
 //! Tables, CSV and picture of the torque curves.
 
-use crate::command::picture::{Ink, Panel, Series};
 use crate::command::table::{self, Column, Table};
+use crate::picture::{Ink, Panel, Series};
 use crate::pool;
 use crate::torque_curves::calibration::{Bench, Row};
 use crate::torque_curves::test_force::{self, Feeling, TEST_FORCE, TEST_MOMENT};

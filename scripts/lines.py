@@ -26,9 +26,9 @@ def is_test_code(file, test_roots):
                                      root.with_suffix("") in file.parents for root in test_roots)
 
 
-def long_functions(code, spans):
-    """Returns (first line, length in lines, name) of every function of more than MAX_FUNCTION_LINES lines of code."""
-    for start, end, signature in functions(code, spans):
+def long_functions(code):
+    """Yields (first line, length in lines, name) of every function of more than MAX_FUNCTION_LINES lines of code."""
+    for start, end, signature in functions(code, []):
         first = start - len(signature)
         length = sum(1 for line in code[first:end + 1].split("\n") if line.strip())
         if length > MAX_FUNCTION_LINES:
@@ -54,11 +54,13 @@ def measured():
         text = blanked(file.read_text(), keep_strings=True)
         code = blanked(file.read_text())
         spans, _ = tests(code)
-        for first, last in sorted(spans, reverse=True):
-            text, code = text[:first] + text[last + 1:], code[:first] + code[last + 1:]
+        for first, last in spans:
+            # Lines keep their numbers.
+            gap = re.sub(r"[^\n]", " ", text[first:last + 1])
+            text, code = (whole[:first] + gap + whole[last + 1:] for whole in (text, code))
         lines[room_of(file)] += sum(1 for line in text.split("\n") if line.strip())
         public[room_of(file)] += len(PUBLIC.findall(code))
-        long += [(room_of(file), file.relative_to(ROOT), *found) for found in long_functions(code, [])]
+        long += [(room_of(file), file.relative_to(ROOT), *found) for found in long_functions(code)]
     return lines, public, long
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """mutants.py: mutation test: applies faults to the sources and reports which the tests detect.
 
-A seeded sample of small changes ("mutants") of src/node, src/controller, src/canopen/exchange and
-src/canopen/sdo. Each is a copy of its function behind a switch that is read once at the start of the program
+A seeded sample of small changes ("mutants") of src/node, src/controller, src/bench/calibration/fit,
+src/canopen/exchange and src/canopen/sdo. Each is a copy of its function behind a switch that is read once at the start of the program
 (FRHC_MUTANT=17), so that one build serves all of them. Copies that do not compile are removed, and the build is
 repeated: these mutants are not viable. Then the unit tests and the tests on the in-memory bus run once for each
 mutant, up to the first failure or the time limit.
@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "target" / "mutants"
 TREE = WORK / "tree"
 TARGET = WORK / "target"
-WHERE = ["src/node", "src/controller", "src/canopen/exchange", "src/canopen/sdo"]
+WHERE = ["src/node", "src/controller", "src/bench/calibration/fit", "src/canopen/exchange", "src/canopen/sdo"]
 # Test targets that start no process and need no CAN interface.
 IN_MEMORY = ["memory", "no_alloc"]
 SWITCH = '''//! The switch of mutants: which of them is on, if any.
@@ -351,7 +351,7 @@ def judged(mutant, steps):
 
 def own(mutant):
     """Returns the room of the mutant and its module path there, whose own tests run first."""
-    room, *parts = (part for part in mutant.path.with_suffix("").parts[1:] if part != "bench")
+    room, *parts = mutant.path.with_suffix("").relative_to("src/bench" if "src/bench" in map(str, mutant.path.parents) else "src").parts
     return room, "::".join(parts[:-1] if parts[-1] in ("mod", "lib") else parts)
 
 

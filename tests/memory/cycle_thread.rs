@@ -32,7 +32,7 @@ struct Bench<S> {
     requests: RequestReceiver,
     latch: Latch,
     folder: PathBuf,
-    /// RecordSink: a ring without its other end loses all.
+    /// A ring without its other end loses all.
     _consumer: EntryConsumer,
 }
 
@@ -40,6 +40,7 @@ impl<S: Station> Bench<S> {
     /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
     fn of(name: &str, crashed: bool, stations: S) -> Self {
         let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok(); // left by an earlier process with this id
         let set = || Latch::set_in(folder.clone(), None, &["can0".to_owned()]);
         if crashed {
             drop(set());

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::time::Duration;
 use std::{env, fs};
 
-use bus::candump::{Content, Line};
 use canopen::frame::Channel;
+use canopen_tools::candump::{Content, Line};
 use canopen_tools::decode::Decoder;
 use canopen_tools::members;
 use config::Config;

@@ -26,10 +26,10 @@ use common::log::Log;
 use common::process::{Candump, Outcome, Process, Scratch};
 use nix::sys::signal::Signal;
 
-use bus::candump::Line;
 use bus::{Bus, BusEvent, SendError, SocketCan};
 use canopen::drive::{State, Statusword};
 use canopen::frame::{Channel, Frame, Telegram};
+use canopen_tools::candump::Line;
 use config::Config;
 use testbench::world;
 

@@ -7,7 +7,6 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use bus::candump::Line;
 use calibration::torque_data::TorqueData;
 use canopen::NodeId;
 use canopen::eds::Eds;
@@ -18,6 +17,7 @@ use canopen::plan::NodePlan;
 use canopen::sdo::{Block, MAX_BYTES, Terms, Transfer};
 use canopen_device::dictionary::Dictionary;
 use canopen_device::station::Station;
+use canopen_tools::candump::Line;
 use config::Config;
 use sim::drive::Drive;
 use sim::scenario::Scenario;

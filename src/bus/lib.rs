@@ -1,22 +1,13 @@
 //! CAN buses: frames, time and waiting. No other crate reads a clock or blocks.
-//!
-//! ```
-//! use bus::candump::{Content, Line};
-//!
-//! let line = Line::parse("(1700000000.123456) can0 181#3706E803").unwrap();
-//! assert_eq!((line.interface, line.id), ("can0", 0x181));
-//! assert!(matches!(line.content, Content::Data(data) if data.len() == 4));
-//! ```
 #![forbid(unsafe_code)]
 
 mod arrival;
-pub mod candump;
 pub mod clock;
 pub mod interface;
+pub mod log_writer;
 mod netlink;
 mod raw_frame;
 pub mod realtime;
-pub mod screen;
 mod socket;
 mod socketcan;
 mod trace;

@@ -1,4 +1,4 @@
-//! The files of `config/` and `eds/` inside the program, so that `frhc demo` and every scenario run anywhere.
+//! The files of `config/` and `eds/` inside the program, so that it runs anywhere; the scenarios are with the bench.
 
 use std::path::Path;
 
@@ -31,71 +31,6 @@ tables! {
     others: [
         "config/robots/eight_r_synthetic.toml",
         "config/robots/puma560.toml",
-        "config/scenarios/contact_10s.toml",
-        "config/scenarios/free.toml",
-        "config/scenarios/relaxed_10s.toml",
-        "config/scenarios/stiff-wall.toml",
-        "config/scenarios/stretched.toml",
-        "config/scenarios/teleoperation.toml",
-        "config/scenarios/faults/bus_off.toml",
-        "config/scenarios/faults/corrupt.toml",
-        "config/scenarios/faults/deadman_bounce.toml",
-        "config/scenarios/faults/deadman_stuck.toml",
-        "config/scenarios/faults/delay.toml",
-        "config/scenarios/faults/drop.toml",
-        "config/scenarios/faults/drop_some.toml",
-        "config/scenarios/faults/duplicate.toml",
-        "config/scenarios/faults/emergency.toml",
-        "config/scenarios/faults/encoder_frozen.toml",
-        "config/scenarios/faults/encoder_jump.toml",
-        "config/scenarios/faults/fault.toml",
-        "config/scenarios/faults/foreign_frame.toml",
-        "config/scenarios/faults/foreign_nmt.toml",
-        "config/scenarios/faults/foreign_sync.toml",
-        "config/scenarios/faults/freeze.toml",
-        "config/scenarios/faults/heartbeat_stop.toml",
-        "config/scenarios/faults/impersonate.toml",
-        "config/scenarios/faults/link_frozen.toml",
-        "config/scenarios/faults/link_loss.toml",
-        "config/scenarios/faults/reorder.toml",
-        "config/scenarios/faults/reset.toml",
-        "config/scenarios/faults/resize.toml",
-        "config/scenarios/faults/rpdo_lost.toml",
-        "config/scenarios/faults/sto.toml",
-        "config/scenarios/faults/switches_unplugged.toml",
-        "config/scenarios/faults/sync_lost.toml",
-        "config/scenarios/faults/torque_actual_scale.toml",
-        "config/scenarios/faults/unplug.toml",
-        "config/scenarios/faults/wire_cut.toml",
-        "config/scenarios/quirks/deaf-to-master.toml",
-        "config/scenarios/quirks/double-replies.toml",
-        "config/scenarios/quirks/emcy-storm.toml",
-        "config/scenarios/quirks/filtered-torque.toml",
-        "config/scenarios/quirks/fixed-mapping.toml",
-        "config/scenarios/quirks/forgetful.toml",
-        "config/scenarios/quirks/heartbeat-liar.toml",
-        "config/scenarios/quirks/holds-torque.toml",
-        "config/scenarios/quirks/keeps-torque.toml",
-        "config/scenarios/quirks/late-boot.toml",
-        "config/scenarios/quirks/lost-sdo-reply.toml",
-        "config/scenarios/quirks/lost-write-reply.toml",
-        "config/scenarios/quirks/mode-when-enabled.toml",
-        "config/scenarios/quirks/mode-when-operational.toml",
-        "config/scenarios/quirks/no-boot-up.toml",
-        "config/scenarios/quirks/no-rpdo-timer.toml",
-        "config/scenarios/quirks/no-rtr.toml",
-        "config/scenarios/quirks/no-sync-counter.toml",
-        "config/scenarios/quirks/open-rpdos.toml",
-        "config/scenarios/quirks/polarity-reversed.toml",
-        "config/scenarios/quirks/quiet-fault.toml",
-        "config/scenarios/quirks/running-at-start.toml",
-        "config/scenarios/quirks/slow-first-answer.toml",
-        "config/scenarios/quirks/slow-sdo.toml",
-        "config/scenarios/quirks/stored.toml",
-        "config/scenarios/quirks/two-reset-edges.toml",
-        "config/scenarios/quirks/unsized-replies.toml",
-        "config/scenarios/quirks/vague-aborts.toml",
-        "config/scenarios/quirks/wrong-identity.toml",
         "eds/drives/elmo-gold.eds",
         "eds/drives/elmo-simpliq.eds",
         "eds/drives/eyou-euservo.eds",
@@ -116,18 +51,9 @@ tables! {
     ],
 }
 
-/// The folder of the scenarios, and the end of their names.
-const SCENARIOS: (&str, &str) = ("config/scenarios/", ".toml");
-
 /// Returns the shipped file of this name.
 pub(super) fn file(path: &Path) -> Option<&'static [u8]> {
     FILES.iter().find(|(name, _)| Path::new(name) == path).map(|(_, bytes)| *bytes)
-}
-
-/// Names of the shipped scenarios, as `frhc demo --scenario` takes them.
-pub fn scenarios() -> impl Iterator<Item = &'static str> {
-    let (folder, end) = SCENARIOS;
-    FILES.iter().filter_map(move |(name, _)| name.strip_prefix(folder)?.strip_suffix(end))
 }
 
 #[cfg(test)]
@@ -163,10 +89,13 @@ mod tests {
     }
 
     #[test]
-    fn every_configuration_scenario_and_eds_is_shipped() {
+    fn every_configuration_and_eds_is_shipped() {
         let mut files = [below("config"), below("eds")].concat();
-        // What only an experiment reads is with the experiment.
-        files.retain(|name| !name.starts_with("config/experiments/"));
+        // What only the bench reads is with the bench.
+        let is_of_bench = |name: &String| {
+            ["config/experiments/", "config/scenarios/"].iter().any(|of| name.starts_with(of))
+        };
+        files.retain(|name| !is_of_bench(name));
         files.retain(|name| name.ends_with(".toml") || name.ends_with(".eds"));
         let missing: Vec<_> = files.iter().filter(|name| file(Path::new(name)).is_none()).collect();
         assert!(missing.is_empty(), "{missing:?}");

@@ -17,7 +17,6 @@
 pub mod accommodation;
 pub mod arm_control;
 pub mod chain;
-pub mod contact_work;
 pub mod damped_inverse;
 pub mod following_arm;
 pub mod god_object;

@@ -9,7 +9,7 @@ use clap::Args;
 use crate::config_arg::ConfigArg;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
-use crate::{check, print, signals};
+use crate::{check, print, stop_flag};
 use canopen::master::check::Check;
 use canopen::nameplate::Held;
 use canopen::plan::NodePlan;
@@ -49,7 +49,7 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     // --prove overrides `safety.prove_drives = false`.
     let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let stop = signals::stop_flag().context("cannot receive signals").or_fail(Kind::Bus)?;
+    let stop = stop_flag::new().context("cannot receive signals").or_fail(Kind::Bus)?;
     let bus = interfaces::open(&config, &names)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));

@@ -14,7 +14,7 @@ use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
 use crate::results::{self, Access, number};
 use crate::state;
-use bus::candump::LogWriter;
+use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use node::safety::table;

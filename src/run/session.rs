@@ -13,7 +13,7 @@ use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
 use crate::results::{self, Access, Force};
-use bus::candump::LogWriter;
+use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use telemetry::origin::Origin;

@@ -12,7 +12,7 @@
 
 use std::io::{self, Write};
 
-use bus::candump::LogWriter;
+use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use node::cause::Cause;
 use node::record::{Mode, Record};

@@ -3,7 +3,7 @@
 
 use nalgebra::SVector;
 
-use bus::candump::{Content, Line};
+use canopen_tools::candump::{Content, Line};
 use config::Config;
 use sim::arm::Arm;
 use telemetry::session::{NODE, WRENCH};

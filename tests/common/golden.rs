@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use bus::candump::Line;
+use canopen_tools::candump::Line;
 
 /// Compares a transcript with the one in tests/golden, line by line; `GOLDEN=write` in the environment rewrites it.
 pub(crate) fn compare(name: &str, transcript: &str) {

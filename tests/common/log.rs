@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use bus::candump::Line;
+use canopen_tools::candump::Line;
 
 /// COB-IDs of the grouped target torques of nodes 1 to 3 and 4 to 6.
 pub(crate) const GROUPS: [u16; 2] = [0x201, 0x204];

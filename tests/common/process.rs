@@ -11,7 +11,7 @@ use std::{fs, thread};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use bus::candump::{Content, Line};
+use canopen_tools::candump::{Content, Line};
 
 /// A running process.
 pub(crate) struct Process(Child);

@@ -10,9 +10,9 @@ use crate::common::oracle::{
 };
 use config::Config;
 use config::robots::RobotArm;
+use experiments::dual_peg::contact_work::ContactWork;
 use robot::accommodation::Accommodation;
 use robot::chain::Joints;
-use robot::contact_work::ContactWork;
 use robot::following_arm::FollowingArm;
 use robot::interaction::Interaction;
 use robot::object::{Object, Servo};

@@ -20,11 +20,11 @@ use nix::unistd::Pid;
 
 use crate::common::bench::{Wire, config, until};
 use crate::common::cli::{Ended, folder, frhc};
-use bus::candump::Line;
 use bus::{Bus, Received, SendError, Tap};
 use canopen::NmtState;
 use canopen::drive::State;
 use canopen::frame::{Frame, Telegram};
+use canopen_tools::candump::Line;
 use config::Config;
 use memory_bus::Memory;
 use node::cause::{Cause, ResetReason};

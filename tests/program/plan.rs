@@ -9,8 +9,9 @@ use serde_json::Value;
 
 use canopen::bits;
 use canopen::frame::{Channel, Telegram};
-use canopen::load::network::{Assumptions, BusPlan, Planned};
+use canopen::load::network::Assumptions;
 use canopen::load::streams::Role;
+use canopen_tools::bus_figures::{self, BusPlan, Planned, values};
 use node::record::Mode;
 use units::time::Instant;
 
@@ -23,7 +24,9 @@ fn assert_carried_as_planned(config: &str) {
     wire.clear();
     let cycles: u32 = 1_700;
     bench.run(cycles.into());
-    let plan = crate::common::bench::config(config).network().plan(&Assumptions::default());
+    let configuration = crate::common::bench::config(config);
+    let values = values::of(&configuration);
+    let plan = bus_figures::plans(&configuration.network(), &values, &Assumptions::default());
     let carried = wire.all();
     for (channel, bus) in (0..).map(Channel).zip(&plan) {
         let here = carried.iter().filter(|(_, telegram)| telegram.channel == channel);

@@ -4,7 +4,7 @@ use crate::common::process::Process;
 use crate::gateway::{Gateway, NODE};
 use crate::host::KEEPS;
 use crate::rig::{NODES, Rig, Setup, millis};
-use bus::candump::Line;
+use canopen_tools::candump::Line;
 
 /// Returns a boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.
 fn boot_that_withholds(name: &str, sync: bool) -> Rig {

@@ -12,7 +12,7 @@ use crate::gateway::{DRIVES, Gateway, NODE};
 use crate::script;
 use crate::seen::Seen;
 use crate::torque::CYCLE;
-use bus::candump::Line;
+use canopen_tools::candump::Line;
 use sim::scenario::Entry;
 
 const CONFIG: &str = "config/kraft_like.toml";

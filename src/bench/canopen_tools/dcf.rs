@@ -8,6 +8,7 @@ use canopen_rs::Value;
 use thiserror::Error;
 
 use crate::concise::Download;
+use crate::sheet::Sheet;
 use canopen::data_type;
 use canopen::eds::{Commissioning, Eds, OutsideLimits, value};
 use canopen::object::Object;
@@ -47,7 +48,7 @@ pub fn write(
     commissioning: &Commissioning,
     file_name: &str,
 ) -> Result<Vec<u8>, DcfError> {
-    let mut sheet = eds.sheet();
+    let mut sheet = Sheet::of(eds);
     if let Some(last) = sheet.file_info("FileName").map(str::to_owned) {
         sheet.set_file_info("LastEDS", &last);
     }

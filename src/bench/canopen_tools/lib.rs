@@ -13,6 +13,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod bus_figures;
+pub mod candump;
 pub mod concise;
 pub mod dbc;
 pub mod dcf;
@@ -22,5 +24,7 @@ pub mod lss;
 pub mod members;
 pub mod object_text;
 pub mod procedure;
+pub mod screen;
+pub mod sheet;
 pub mod signals;
 pub mod value;

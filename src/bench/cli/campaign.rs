@@ -12,7 +12,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::event_narrator::EventNarrator;
-use bus::candump::LogWriter;
+use bus::log_writer::LogWriter;
 use campaign::case::Case;
 use campaign::monitor::Monitor;
 use campaign::run::Campaign as Cases;

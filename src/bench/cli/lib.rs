@@ -20,6 +20,7 @@ mod rig;
 pub mod scan;
 mod scenario;
 pub mod sdo;
+mod signals;
 mod sim;
 
 use clap::Subcommand;

@@ -1,23 +1,25 @@
 //! Scenarios by file, or by name: those of `config/scenarios`, which the program contains.
 
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+mod shipped;
 
-use config::{files, shipped};
+use std::io::ErrorKind;
+use std::path::PathBuf;
+
+use config::files;
 use run::exit::{Failure, Kind};
 use sim::scenario::Scenario;
 
 /// Reads a scenario by its name, or from the file `name` if that ends in `.toml`.
 pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     let is_file = name.ends_with(".toml");
-    let path = if is_file {
-        PathBuf::from(name)
-    } else {
-        Path::new("config/scenarios").join(name).with_extension("toml")
-    };
+    let path = if is_file { PathBuf::from(name) } else { shipped::path(name) };
     let wrong =
         |reason: String| Failure::new(Kind::Configuration, format!("{}: {reason}", path.display()));
-    let bytes = files::read(&path).map_err(|error| {
+    let bytes = match (files::read(&path), shipped::text(&path)) {
+        (Err(error), Some(text)) if error.kind() == ErrorKind::NotFound => Ok(text.into()),
+        (read, _) => read,
+    };
+    let bytes = bytes.map_err(|error| {
         let is_unknown = error.kind() == ErrorKind::NotFound && !is_file;
         if is_unknown { unknown(name) } else { wrong(error.to_string()) }
     })?;
@@ -28,7 +30,7 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
 /// Returns the failure for an unknown name, with the known ones by folder.
 fn unknown(name: &str) -> Failure {
     let of_folder = |folder: Option<&str>| {
-        let names = shipped::scenarios().map(|name| match name.split_once('/') {
+        let names = shipped::names().map(|name| match name.split_once('/') {
             Some((folder, name)) => (Some(folder), name),
             None => (None, name),
         });
@@ -36,7 +38,7 @@ fn unknown(name: &str) -> Failure {
         names.collect::<Vec<_>>().join(", ")
     };
     let last = |name: &str| name.rsplit('/').next().map(str::to_owned);
-    let similar = shipped::scenarios().find(|full| last(full) == last(name));
+    let similar = shipped::names().find(|full| last(full) == last(name));
     let similar = similar.map_or_else(String::new, |full| format!("; did you mean {full}?"));
     let lines = [
         format!("--scenario {name}: unknown scenario{similar}"),

@@ -11,7 +11,7 @@ use crate::eds::title::Title;
 
 /// Parsed sections of a text.
 #[derive(Debug, Default)]
-pub(super) struct Ini<'t> {
+pub struct Ini<'t> {
     sections: Vec<Section<'t>>,
     /// Index of the first section of each title.
     places: HashMap<Title<'t>, usize>,
@@ -20,42 +20,42 @@ pub(super) struct Ini<'t> {
 
 /// Section.
 #[derive(Debug)]
-pub(super) struct Section<'t> {
+pub struct Section<'t> {
     /// Text in the brackets.
-    pub(super) name: &'t str,
+    pub name: &'t str,
     /// Parsed title.
-    pub(super) title: Title<'t>,
+    pub title: Title<'t>,
     /// First line, from 1.
-    pub(super) line: usize,
+    pub line: usize,
     /// Set if no earlier section has this title.
-    pub(super) is_first: bool,
+    pub is_first: bool,
     /// Entries, in order.
-    pub(super) entries: Vec<Entry<'t>>,
+    pub entries: Vec<Entry<'t>>,
 }
 
 /// Entry of a section.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Entry<'t> {
+pub struct Entry<'t> {
     /// Text before the `=`.
-    pub(super) key: &'t str,
+    pub key: &'t str,
     /// Text after it.
-    pub(super) value: &'t str,
+    pub value: &'t str,
     /// Line, from 1.
-    pub(super) line: usize,
+    pub line: usize,
 }
 
 /// Invalid line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Stray {
+pub struct Stray {
     /// Line, from 1.
-    pub(super) line: usize,
+    pub line: usize,
     /// Reason.
-    pub(super) oddity: Oddity,
+    pub oddity: Oddity,
 }
 
 /// Reason why a line is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Oddity {
+pub enum Oddity {
     /// Neither a section, an entry nor a comment; skipped.
     NoEntry,
     /// An entry before the first section; skipped.
@@ -70,7 +70,7 @@ pub(super) enum Oddity {
 
 impl<'t> Ini<'t> {
     /// Parses a text whose lines end with `\n`. Any text is accepted.
-    pub(super) fn read(text: &'t str) -> Self {
+    pub fn read(text: &'t str) -> Self {
         let mut ini = Self::default();
         for (line, text) in (1..).zip(text.split('\n')) {
             let text = trim(text);
@@ -114,52 +114,52 @@ impl<'t> Ini<'t> {
     }
 
     /// Sections, in order.
-    pub(super) fn sections(&self) -> &[Section<'t>] {
+    pub fn sections(&self) -> &[Section<'t>] {
         &self.sections
     }
 
     /// First sections of each title, in order.
-    pub(super) fn first_sections(&self) -> impl Iterator<Item = &Section<'t>> {
+    pub fn first_sections(&self) -> impl Iterator<Item = &Section<'t>> {
         self.sections.iter().filter(|section| section.is_first)
     }
 
     /// Returns the first section of a title.
-    pub(super) fn section<'s>(&'s self, title: Title<'s>) -> Option<&'s Section<'t>> {
+    pub fn section<'s>(&'s self, title: Title<'s>) -> Option<&'s Section<'t>> {
         let places: &HashMap<Title<'s>, usize> = &self.places;
         self.sections.get(*places.get(&title)?)
     }
 
     /// Invalid lines.
-    pub(super) fn strays(&self) -> &[Stray] {
+    pub fn strays(&self) -> &[Stray] {
         &self.strays
     }
 }
 
 impl<'t> Section<'t> {
     /// Returns the first entry of a key.
-    pub(super) fn entry(&self, key: &str) -> Option<&Entry<'t>> {
+    pub fn entry(&self, key: &str) -> Option<&Entry<'t>> {
         self.entries.iter().find(|entry| entry.key.eq_ignore_ascii_case(key))
     }
 
     /// Returns the first entry of a key, unless it is empty.
-    pub(super) fn value(&self, key: &str) -> Option<&Entry<'t>> {
+    pub fn value(&self, key: &str) -> Option<&Entry<'t>> {
         self.entry(key).filter(|entry| !entry.word().is_empty())
     }
 
     /// Total size of all values, in bytes.
-    pub(super) fn bytes(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         self.entries.iter().map(|entry| entry.value.len()).sum()
     }
 
     /// Returns the text of a key; empty if absent.
-    pub(super) fn text(&self, key: &str) -> &'t str {
+    pub fn text(&self, key: &str) -> &'t str {
         self.entry(key).map_or("", |entry| entry.value)
     }
 }
 
 impl<'t> Entry<'t> {
     /// Key in lower case, for comparisons.
-    pub(super) fn folded(&self) -> Cow<'t, str> {
+    pub fn folded(&self) -> Cow<'t, str> {
         if self.key.bytes().any(|byte| byte.is_ascii_uppercase()) {
             Cow::Owned(self.key.to_ascii_lowercase())
         } else {
@@ -168,7 +168,7 @@ impl<'t> Entry<'t> {
     }
 
     /// Value without its comment: for everything but names and texts.
-    pub(super) fn word(&self) -> &'t str {
+    pub fn word(&self) -> &'t str {
         self.value.split_once(';').map_or(self.value, |(word, _)| trim(word))
     }
 }

@@ -78,7 +78,7 @@ const OBJECT: &[&str] = &[
 ];
 
 /// Known keys of a section; a list continues with numbers.
-pub(super) const fn of(title: Title<'_>) -> &'static [&'static str] {
+pub const fn of(title: Title<'_>) -> &'static [&'static str] {
     match title {
         Title::Named(Named::FileInfo) => FILE_INFO,
         Title::Named(Named::DeviceInfo) => DEVICE_INFO,
@@ -96,7 +96,7 @@ pub(super) const fn of(title: Title<'_>) -> &'static [&'static str] {
 }
 
 /// Returns whether the value of a key is free text, in which leading zeros and `;` have no meaning.
-pub(super) fn is_text(key: &str) -> bool {
+pub fn is_text(key: &str) -> bool {
     const TEXTS: &[&str] = &[
         "ParameterName",
         "Denotation",
@@ -115,11 +115,11 @@ pub(super) fn is_text(key: &str) -> bool {
 }
 
 /// Returns the spelling of CiA 306 for a known key.
-pub(super) fn canonical(title: Title<'_>, key: &str) -> Option<&'static str> {
+pub fn canonical(title: Title<'_>, key: &str) -> Option<&'static str> {
     place(title, key).and_then(|place| of(title).get(place).copied())
 }
 
 /// Order of a key in CiA 306; `None` if it is unknown.
-pub(super) fn place(title: Title<'_>, key: &str) -> Option<usize> {
+pub fn place(title: Title<'_>, key: &str) -> Option<usize> {
     of(title).iter().position(|known| known.eq_ignore_ascii_case(key))
 }

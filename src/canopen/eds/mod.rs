@@ -6,16 +6,15 @@
 mod compact;
 mod described;
 mod device;
-mod ini;
-mod keys;
+pub mod ini;
+pub mod keys;
 mod limits;
 mod lint;
 mod objects;
 mod pdo;
 mod read;
-pub mod sheet;
 mod text;
-mod title;
+pub mod title;
 pub mod value;
 
 pub use described::{Access, Described, Setting};
@@ -23,7 +22,7 @@ pub use device::{Commissioning, DeviceInfo};
 pub use limits::OutsideLimits;
 pub use lint::{Finding, Gap, Severity};
 pub use pdo::PdoAbility;
-pub(crate) use sheet::Sheet;
+pub use text::encode;
 pub use value::{NoValue, Number};
 
 use std::sync::Arc;
@@ -108,14 +107,9 @@ impl Eds {
         lint::truncation(self)
     }
 
-    /// Writes the file again: the same description in the order of CiA 306, without comments.
-    pub fn write(&self) -> Vec<u8> {
-        self.sheet().write()
-    }
-
-    /// Sections of the file, for changes.
-    pub fn sheet(&self) -> Sheet<'_> {
-        Sheet::of(&Ini::read(&self.text.text))
+    /// Sections of the file, as written.
+    pub fn ini(&self) -> Ini<'_> {
+        Ini::read(&self.text.text)
     }
 
     /// Vendor-ID; zero if absent.

@@ -65,8 +65,8 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     characters.map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
-/// Encodes a text for [`Text::decode`]: ASCII, or Latin-1 where that is unambiguous, else UTF-8.
-pub(super) fn encode(text: String) -> Vec<u8> {
+/// Encodes the text of a file for [`Eds::parse`](super::Eds::parse): ASCII, or Latin-1 where that is unambiguous, else UTF-8.
+pub fn encode(text: String) -> Vec<u8> {
     if text.is_ascii() {
         return text.into_bytes();
     }

@@ -6,7 +6,7 @@ use crate::object::Object;
 
 /// Parsed title of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Title<'t> {
+pub enum Title<'t> {
     /// One of [`NAMES`].
     Named(Named),
     /// `[1A00]`: an object, or the head of an array or record.
@@ -27,7 +27,7 @@ pub(super) enum Title<'t> {
 
 /// Named sections, in the order they are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Named {
+pub enum Named {
     FileInfo,
     DeviceInfo,
     Commissioning,
@@ -55,15 +55,15 @@ const COMMISSIONING: &str = "DeviceCommissioning";
 
 impl Named {
     /// Lists of objects.
-    pub(super) const LISTS: [Self; 3] = [Self::Mandatory, Self::Optional, Self::Manufacturer];
+    pub const LISTS: [Self; 3] = [Self::Mandatory, Self::Optional, Self::Manufacturer];
 
     /// Name in CiA 306.
-    pub(super) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         NAMES.into_iter().find(|(named, _)| *named == self).map_or("", |(_, name)| name)
     }
 
     /// Returns the list of an object (CiA 306, 4.5.2).
-    pub(super) fn list_of(index: u16) -> Self {
+    pub fn list_of(index: u16) -> Self {
         const MANDATORY: [u16; 3] =
             [Object::DEVICE_TYPE.index, Object::ERROR_REGISTER.index, Object::VENDOR_ID.index];
         match index {
@@ -76,7 +76,7 @@ impl Named {
 
 impl<'t> Title<'t> {
     /// Parses a title.
-    pub(super) fn of(name: &'t str) -> Self {
+    pub fn of(name: &'t str) -> Self {
         let objects = name.split_at_checked(4).and_then(|(index, rest)| {
             let index = hexadecimal(index)?;
             let is = |word: &str| rest.eq_ignore_ascii_case(word);

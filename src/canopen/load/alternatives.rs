@@ -217,8 +217,8 @@ fn laid_out(
 mod tests {
     use super::*;
     use crate::load::lacks;
-    use crate::load::network::tests::{network, six_drives_and_switches};
     use crate::object::Object;
+    use crate::testing::networks::{network, six_drives_and_switches};
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

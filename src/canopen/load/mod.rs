@@ -6,10 +6,9 @@
 //! |---|---|
 //! | [`pace`] | frequency of a frame: periodic, on change, sporadic |
 //! | [`streams`](mod@streams) | planned frames of a bus, one stream per COB-ID |
-//! | [`payload`] | typical frame lengths, from typical values |
-//! | [`utilisation`] | bus load and margin |
+//! | [`utilisation`] | bus load |
 //! | [`response`] | worst-case response time of each frame (Davis et al. 2007) |
-//! | [`timeline`] | schedule of a cycle, and delay from position to torque |
+//! | [`timeline`] | schedule of a cycle |
 //! | [`rates`] | maximum SYNC rate |
 //! | [`network`] | all of the above for all buses |
 //! | [`lacks`] | parts of a layout that a drive cannot have, by its EDS |
@@ -22,7 +21,6 @@ pub mod alternatives;
 pub mod lacks;
 pub mod network;
 pub mod pace;
-pub mod payload;
 pub mod proposals;
 pub mod rates;
 pub mod response;

@@ -104,8 +104,8 @@ mod tests {
     use super::*;
     use crate::load::lacks::Lack;
     use crate::load::network::Bus;
-    use crate::load::network::tests::{network, six_drives_and_switches};
     use crate::object::Object;
+    use crate::testing::networks::{network, six_drives_and_switches};
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

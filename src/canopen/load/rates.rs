@@ -51,9 +51,9 @@ mod tests {
 
     use super::*;
     use crate::load::streams::streams;
-    use crate::load::streams::tests::{drives, grouped, master};
     use crate::load::utilisation::BusLoad;
     use crate::plan::NodePlan;
+    use crate::testing::networks::{drives, grouped, master};
 
     fn worst(stream: &Stream) -> f64 {
         stream.pace.planned_per_s() * f64::from(stream.worst_bits())

@@ -326,44 +326,9 @@ const SDO_REQUEST: u16 = 0x600;
 const SDO_RESPONSE: u16 = 0x580;
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::layout;
-    use crate::testing::plans::{elbow, switch_box};
-
-    pub(crate) fn node(raw: u8) -> NodeId {
-        NodeId::new(raw).unwrap()
-    }
-
-    pub(crate) fn master() -> NodeId {
-        node(127)
-    }
-
-    /// Drives 1 to `count` with the per-drive layout.
-    pub(crate) fn drives(count: u8) -> Vec<NodePlan> {
-        let drive = |raw| {
-            let pdos = layout::per_drive(node(raw), Some(5));
-            let emcy_cob_id = 0x80 + u16::from(raw);
-            NodePlan { node: node(raw), pdos, emcy_cob_id, ..elbow() }
-        };
-        (1..=count).map(drive).collect()
-    }
-
-    /// Six drives in two groups and the switch box, with heartbeats every 100 ms.
-    pub(crate) fn grouped() -> Vec<NodePlan> {
-        let nodes: Vec<NodeId> = (1..=6).map(node).collect();
-        let group = |(place, plan): (usize, NodePlan)| {
-            let group = layout::Group::threes(&nodes)[place];
-            NodePlan { pdos: layout::grouped(plan.node, place, group, Some(5)), ..plan }
-        };
-        let drives = drives(6).into_iter().enumerate().map(group);
-        let plans = drives.chain([switch_box()]);
-        let error_control = |plan: &NodePlan| ErrorControl::Heartbeat {
-            period_ms: 100,
-            lost_after: plan.error_control.lost_after(),
-        };
-        plans.map(|plan| NodePlan { error_control: error_control(&plan), ..plan }).collect()
-    }
+    use crate::testing::networks::{drives, grouped, master, node};
 
     #[test]
     fn shared_rpdo_is_one_frame() {

@@ -6,5 +6,6 @@
     reason = "a missing fixture fails the test"
 )]
 
+pub mod networks;
 pub mod plans;
 pub mod scripted;

@@ -1,7 +1,7 @@
 //! Reports of lines that are not candump lines: the first few by number and reason, then their total.
 
 use crate::decode::transcriber::Counts;
-use bus::candump::NotALine;
+use canopen_tools::candump::NotALine;
 use run::exit::{Failure, Kind};
 use run::print;
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use bus::candump::Line;
+use canopen_tools::candump::Line;
 use canopen_tools::object_text::Switches;
 use node::record::Mode;
 use telemetry::session::{NODE, WRENCH};

@@ -7,11 +7,11 @@ use crate::decode::input::read_line;
 use crate::decode::recorder_line::RecorderLine;
 use crate::decode::timestamps::Timestamps;
 use crate::decode::{json, text};
-use bus::candump::{Content, Line, NotALine};
-use bus::screen;
 use canopen::frame::Channel;
+use canopen_tools::candump::{Content, Line, NotALine};
 use canopen_tools::decode::error_frame::ErrorFrame;
 use canopen_tools::decode::{Bus, Decoder};
+use canopen_tools::screen;
 use units::time::Instant;
 
 /// Error that ended decoding before the end of the input.

@@ -6,8 +6,8 @@ use std::thread;
 
 use anyhow::Context;
 
+use crate::signals;
 use run::exit::{Failure, Kind, OrFail};
-use run::signals;
 
 /// Returns a flag that the first of these signals sets. Its thread ends with the process.
 pub(super) fn new() -> Result<Arc<AtomicBool>, Failure> {

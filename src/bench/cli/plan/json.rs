@@ -5,13 +5,15 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 
 use crate::plan::{Report, reason, text};
-use canopen::load::network::{Both, Bus, BusPlan, Planned};
+use canopen::load::network::Bus;
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
 use canopen::load::rates::Rates;
 use canopen::load::streams::Sender;
-use canopen::load::timeline::{LoopDelay, Stage, Step, Timeline};
+use canopen::load::timeline::{Stage, Step, Timeline};
 use canopen::load::utilisation::BusLoad;
+use canopen_tools::bus_figures::loop_delay::LoopDelay;
+use canopen_tools::bus_figures::{Both, BusPlan, Planned};
 use config::Config;
 use run::stopping;
 

@@ -9,10 +9,11 @@ use clap::{Args, ValueEnum};
 
 use canopen::load::alternatives::{self, Change, Obstacle};
 use canopen::load::lacks;
-use canopen::load::network::{Assumptions, BusPlan, Network, Planned};
+use canopen::load::network::{Assumptions, Network};
 use canopen::load::proposals::{self, Proposal};
 use canopen::load::streams::{Role, Stream};
 use canopen::load::timeline::Pauses;
+use canopen_tools::bus_figures::{self, BusPlan, Planned, values};
 use config::Config;
 use run::config_arg::ConfigArg;
 use run::exit::{Failure, Kind, OrFail};
@@ -101,7 +102,7 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
         error_gap_us: args.error_every_ms.map(|ms| ms.saturating_mul(1_000)),
         ..Assumptions::default()
     };
-    let buses = network.plan(&assumed);
+    let buses = bus_figures::plans(&network, &values::of(&config), &assumed);
     let report = Report {
         names: Names::of(&buses),
         buses,

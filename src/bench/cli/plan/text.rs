@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use crate::plan::{Names, Report, obstacle};
-use canopen::load::network::{Bus, BusPlan, Planned};
+use canopen::load::network::Bus;
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
 use canopen::load::streams::{Role, Stream};
 use canopen::load::timeline::{Stage, Step};
 use canopen::load::utilisation::BusLoad;
+use canopen_tools::bus_figures::{BusPlan, Planned};
 
 /// Width of the timeline, in columns.
 const COLUMNS: u32 = 50;

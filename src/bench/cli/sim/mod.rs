@@ -13,13 +13,13 @@ use tokio::sync::mpsc;
 
 use crate::args::Sim;
 use crate::event_narrator::EventNarrator;
+use crate::signals::{self, StatusSignals};
 use crate::{quirks, rig, scenario};
 use bus::{SocketCan, realtime};
 use canopen::frame::Channel;
 use config::Config;
 use faults::{Fault, Target};
 use run::exit::{Failure, Kind, OrFail};
-use run::signals::{self, StatusSignals};
 use run::{interfaces, log_time, print};
 use sim::drive_view::Report;
 use sim::fault::Notice;

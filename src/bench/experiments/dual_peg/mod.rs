@@ -6,10 +6,12 @@
 //! | [`condition`]| the two switches: reflection and accommodation                  |
 //! | `bench`      | hand controller, robot, pegs and plate of one trial             |
 //! | [`trial`]    | one trial, in figures                                           |
+//! | [`contact_work`] | work of the contact wrench, Eq. 11                        |
 //! | [`pooled`]   | figures of all trials of an operator in a condition             |
 
 pub mod bench;
 pub mod condition;
+pub mod contact_work;
 pub mod pooled;
 pub mod settings;
 mod settings_file;

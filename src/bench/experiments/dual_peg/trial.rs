@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use crate::dual_peg::bench::{PegBench, Situation};
 use crate::dual_peg::condition::Condition;
+use crate::dual_peg::contact_work::ContactWork;
 use crate::dual_peg::settings::DualPeg;
-use robot::contact_work::ContactWork;
 use sim::operator_settings::OperatorSettings;
 use telemetry::shaking::Shaking;
 use testbench::robot_site::NoRobot;

@@ -4,13 +4,11 @@
 //! three quarters of the time and else moves about there, with torques around those that hold the arm. The
 //! samples come from a fixed sequence, so a plan always gives the same figures.
 
-use canopen_rs::NodeId;
-
-use crate::frame::Frame;
-use crate::load::pace::MOVING;
-use crate::load::streams::{Role, Slot, Stream};
-use crate::object::Object;
-use crate::{bits, drive};
+use canopen::frame::Frame;
+use canopen::load::pace::MOVING;
+use canopen::load::streams::{Role, Slot, Stream};
+use canopen::object::Object;
+use canopen::{NodeId, bits, drive};
 
 /// Number of sampled frames per mean.
 const SAMPLES: u32 = 512;
@@ -124,8 +122,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::load::streams::streams;
-    use crate::load::streams::tests::{drives, grouped, master};
+    use canopen::load::streams::streams;
+    use canopen::testing::networks::{drives, grouped, master};
 
     fn moving(_: NodeId) -> Signals {
         Signals { home: 20_000, travel: 60_000, holding: 100, effort: 200 }

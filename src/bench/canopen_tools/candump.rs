@@ -1,4 +1,4 @@
-//! Lines of `candump -L` logs: parsing, and writing byte for byte.
+//! Lines of `candump -L` logs, parsed, and written again byte for byte.
 //!
 //! ```text
 //! (1700000000.123456) vcan0 181#3706E8030000FEFF       a data frame
@@ -12,13 +12,9 @@
 //! error frame.
 
 use std::fmt;
-use std::io::{self, Write};
 use std::ops::Deref;
 
 use thiserror::Error;
-
-use canopen::frame::{Channel, Telegram};
-use units::time::Instant;
 
 /// Flag of error frames in the identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -281,62 +277,14 @@ fn number(digits: &str) -> Option<u64> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
-/// Writer of a log of several buses.
-#[derive(Debug)]
-pub struct LogWriter<W> {
-    to: W,
-    interfaces: Vec<String>,
-    epoch_micros: u64,
-}
-
-impl<W: Write> LogWriter<W> {
-    /// Writes to `to`, with one interface name per channel. Stamps are `epoch_micros` plus the bus time.
-    pub fn new(to: W, interfaces: &[String], epoch_micros: u64) -> Self {
-        Self { to, interfaces: interfaces.to_vec(), epoch_micros }
-    }
-
-    /// Writes a frame.
-    ///
-    /// # Errors
-    /// The write fails.
-    pub fn frame(&mut self, at: Instant, telegram: &Telegram) -> io::Result<()> {
-        self.stamp(at)?;
-        let Channel(place) = telegram.channel;
-        let name = self.interfaces.get(usize::from(place)).map_or("can?", String::as_str);
-        writeln!(self.to, "{name} {}", telegram.frame)
-    }
-
-    /// Writes data of a pseudo-interface, as a CAN FD frame with a 29-bit identifier.
-    ///
-    /// # Errors
-    /// The write fails.
-    pub fn pseudo(&mut self, at: Instant, name: &str, id: u32, data: &[u8]) -> io::Result<()> {
-        self.stamp(at)?;
-        write!(self.to, "{name} {id:08X}##0")?;
-        data.iter().try_for_each(|byte| write!(self.to, "{byte:02X}"))?;
-        writeln!(self.to)
-    }
-
-    /// Flushes the writer.
-    ///
-    /// # Errors
-    /// The flush fails.
-    pub fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
-    }
-
-    fn stamp(&mut self, at: Instant) -> io::Result<()> {
-        let micros = self.epoch_micros + at.as_micros();
-        write!(self.to, "({}.{:06}) ", micros / 1_000_000, micros % 1_000_000)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen::frame::Frame;
+    use bus::log_writer::LogWriter;
+    use canopen::frame::{Channel, Frame, Telegram};
+    use units::time::Instant;
 
     #[test]
     fn candump_lines_survive_parse_and_display() {
@@ -381,10 +329,11 @@ mod tests {
 
     #[test]
     fn written_log_is_parsed() {
-        let mut log = LogWriter::new(Vec::new(), &["vcan0".to_owned()], 1_700_000_000_000_000);
+        let mut text = Vec::new();
+        let mut log = LogWriter::new(&mut text, &["vcan0".to_owned()], 1_700_000_000_000_000);
         let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x201, [0x0F, 0, 1, 2]) };
         log.frame(Instant::from_micros(42), &telegram).unwrap();
-        let text = String::from_utf8(log.to).unwrap();
+        let text = String::from_utf8(text).unwrap();
         assert_eq!(text, "(1700000000.000042) vcan0 201#0F000102\n");
         assert_eq!(Line::parse(&text).unwrap().canopen(), Some((0x201, &[0x0F, 0, 1, 2][..])));
     }

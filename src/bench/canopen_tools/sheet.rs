@@ -4,11 +4,10 @@
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-use crate::eds::described::Described;
-use crate::eds::ini::{Ini, Section};
-use crate::eds::title::{Named, Title};
-use crate::eds::{keys, text};
-use crate::object::Object;
+use canopen::eds::ini::Section;
+use canopen::eds::title::{Named, Title};
+use canopen::eds::{self, Described, Eds, keys};
+use canopen::object::Object;
 
 /// Sections of a file.
 #[derive(Clone, Debug)]
@@ -25,8 +24,8 @@ struct Part<'t> {
 
 impl<'t> Sheet<'t> {
     /// Collects the effective entries: the first section of each name, in it the first entry of each key.
-    pub(super) fn of(ini: &Ini<'t>) -> Self {
-        Self { sections: ini.first_sections().map(part).collect() }
+    pub fn of(eds: &'t Eds) -> Self {
+        Self { sections: eds.ini().first_sections().map(part).collect() }
     }
 
     /// Sets a key of `[FileInfo]`.
@@ -166,7 +165,7 @@ impl<'t> Sheet<'t> {
                 text.push_str("\r\n");
             }
         }
-        text::encode(text)
+        eds::encode(text)
     }
 }
 
@@ -197,14 +196,14 @@ fn order(title: Title<'_>) -> (Named, u8, u16, u8, u8) {
 
 #[cfg(test)]
 mod tests {
-    use crate::eds::Eds;
+    use super::*;
 
     #[test]
     fn written_sections_are_in_order() {
         let text = "[Tools]\nx=1\n[2000SUB1]\nDataType=7\nparametername=B\n[2000]\nObjectType=9\n\
             SubNumber=1\nParameterName=A\n[DeviceCommissioning]\nNodeID=3\n[1000]\nDataType=7\n\
             [1000]\nDataType=8\n";
-        let written = Eds::parse(text.as_bytes()).unwrap().write();
+        let written = Sheet::of(&Eds::parse(text.as_bytes()).unwrap()).write();
         assert_eq!(
             String::from_utf8(written).unwrap().replace("\r\n", "\n"),
             "[DeviceComissioning]\nNodeID=3\n\n[1000]\nDataType=7\n\n[2000]\nSubNumber=1\n\

@@ -164,13 +164,10 @@ struct Play<'a> {
 impl Play<'_> {
     fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
         let Self { args, quiet, config, seconds, interrupt } = self;
-        let length = Duration::try_from_secs_f64(*seconds).or_fail(Kind::Usage)?;
-        let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
-        let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
+        let cycles = cycles(config, *seconds)?;
         let bar = progress(cycles, *quiet);
         let recorder = RefCell::new(recorder);
-        let has_faults = !scenario.faults().is_empty();
-        let mut narrator = has_faults.then(|| EventNarrator::of(config));
+        let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let is_booting = Cell::new(true);
         let tap = Observer {
             recorder: &recorder,
@@ -226,6 +223,13 @@ impl Play<'_> {
         }
         Ok(summary)
     }
+}
+
+/// Returns the number of cycles in `seconds`.
+fn cycles(config: &Config, seconds: f64) -> Result<u64, Failure> {
+    let length = Duration::try_from_secs_f64(seconds).or_fail(Kind::Usage)?;
+    let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
+    u64::try_from(cycles).or_fail(Kind::Usage)
 }
 
 /// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.

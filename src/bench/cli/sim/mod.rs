@@ -23,6 +23,7 @@ use run::exit::{Failure, Kind, OrFail};
 use run::{interfaces, log_time, print};
 use sim::drive_view::Report;
 use sim::fault::Notice;
+use sim::scenario::Scenario;
 use sim::world::World;
 use telemetry::origin::Origin;
 use testbench::transmit_queue::Down;
@@ -35,18 +36,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     if args.rig.is_chosen() {
         return rig::run(&args.rig, &config, args.seed);
     }
-    let mut scenario = scenario::load(&args.scenario)?;
-    args.quirks.assign(&config, scenario.quirks_mut())?;
-    quirks::check(&config, scenario.quirks())?;
-    let is_of_node = |fault: &Fault| fault.target == Target::Link || fault.is_of_host();
-    if scenario.faults().iter().any(is_of_node) {
-        tracing::warn!(
-            "faults of host, buses and link have no effect here: they are on the node's side"
-        );
-    }
-    if config.switches.is_none() && scenario.needs_switch_box() {
-        tracing::warn!("no [switches]: the switches of the scenario act on nothing");
-    }
+    let scenario = scenario_of(args, &config)?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
@@ -94,6 +84,23 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         Ok(Err(Down(channel))) => Err(Failure::new(Kind::Bus, down(&names, channel))),
         Err(_) => Err(Failure::new(Kind::Bus, "the simulation thread panicked")),
     }
+}
+
+/// Reads the scenario with the quirks of the command line, and warns of what has no effect.
+fn scenario_of(args: &Sim, config: &Config) -> Result<Scenario, Failure> {
+    let mut scenario = scenario::load(&args.scenario)?;
+    args.quirks.assign(config, scenario.quirks_mut())?;
+    quirks::check(config, scenario.quirks())?;
+    let is_of_node = |fault: &Fault| fault.target == Target::Link || fault.is_of_host();
+    if scenario.faults().iter().any(is_of_node) {
+        tracing::warn!(
+            "faults of host, buses and link have no effect here: they are on the node's side"
+        );
+    }
+    if config.switches.is_none() && scenario.needs_switch_box() {
+        tracing::warn!("no [switches]: the switches of the scenario act on nothing");
+    }
+    Ok(scenario)
 }
 
 /// Requests to the bus thread.

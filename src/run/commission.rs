@@ -3,13 +3,13 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use anyhow::Context;
 use clap::Args;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::config_arg::ConfigArg;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
-use crate::{check, print, stop_flag};
+use crate::{check, print, signal_flag};
 use canopen::master::check::Check;
 use canopen::nameplate::Held;
 use canopen::plan::NodePlan;
@@ -49,7 +49,9 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     // --prove overrides `safety.prove_drives = false`.
     let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let stop = stop_flag::new().context("cannot receive signals").or_fail(Kind::Bus)?;
+    let stop = signal_flag::of([SIGINT, SIGTERM])?;
+    // A closed terminal does not stop the drives.
+    signal_flag::of([SIGHUP])?;
     let bus = interfaces::open(&config, &names)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));

@@ -44,8 +44,8 @@ pub mod run_recorder;
 #[cfg(test)]
 mod scratch;
 pub mod session;
+pub mod signal_flag;
 mod state;
 pub mod stderr;
-mod stop_flag;
 pub mod stop_signals;
 pub mod stopping;

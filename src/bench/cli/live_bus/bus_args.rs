@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::live_bus::{NodeArg, Session, SessionError, stop_flag};
+use crate::live_bus::{NodeArg, Session, SessionError};
 use bus::SocketCan;
 use canopen::NodeId;
 use canopen::eds::Eds;
@@ -14,6 +15,7 @@ use canopen_tools::diagnostics::beats::Beats;
 use canopen_tools::diagnostics::presence::Presence;
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
+use run::signal_flag;
 
 /// Options that select the bus.
 #[derive(Debug, Args)]
@@ -73,7 +75,8 @@ impl SelectedBus {
     /// Opens the interface.
     pub(crate) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
-        Ok(Session::new(bus, Channel(0), stop_flag::new()?))
+        // A session aborts its transfer in order.
+        Ok(Session::new(bus, Channel(0), signal_flag::of([SIGINT, SIGTERM])?))
     }
 
     /// Opens the interface to command or write; refuses while a master sends SYNC on it, unless forced.

@@ -8,7 +8,6 @@ pub(super) mod node_arg;
 pub mod objects;
 pub(super) mod parsers;
 pub mod session;
-mod stop_flag;
 
 pub(super) use bus_args::{BusArgs, ForceArg, SelectedBus};
 pub(super) use node_arg::NodeArg;

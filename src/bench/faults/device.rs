@@ -2,59 +2,63 @@
 
 use std::fmt;
 
-/// A device without its bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Disconnection {
-    /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
-    Unplugged,
-    /// The bus is cut before the device: it and all behind it on the same bus are disconnected.
-    WireCut,
-    /// The device's CAN controller is bus-off. It reports its recovery by an emergency message (8140h).
-    BusOff,
-}
+use crate::described::described;
 
-/// A fault of a device itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DeviceFault {
-    /// The device reboots by itself.
-    Reboot,
-    /// The device sends an emergency message and goes on.
-    Emergency {
-        /// The error code.
-        code: u16,
-        /// The error register (1001h).
-        register: u8,
-    },
-    /// The drive enters the state Fault (CiA 402) and sends this error code; 0 for no emergency message.
-    DriveFault(u16),
-    /// Safe torque off is requested at the drive's input.
-    SafeTorqueOff,
-    /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
-    ControlwordIgnored,
-    /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
-    TorqueOffset(i16),
-}
+described! {
+    /// A device without its bus.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Disconnection {
+        /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
+        Unplugged => "unplugged";
+        /// The bus is cut before the device: it and all behind it on the same bus are disconnected.
+        WireCut => "wire cut before it";
+        /// The device's CAN controller is bus-off. It reports its recovery by an emergency message (8140h).
+        BusOff => "bus-off";
+    }
 
-/// A wrong measurement of a drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SensorFault {
-    /// The position is off by this much, in rad (m) of the joint.
-    PositionOffset(f64),
-    /// The position does not change.
-    PositionFrozen,
-    /// The torque is multiplied by this factor.
-    TorqueScaled(f64),
-}
+    /// A fault of a device itself.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum DeviceFault {
+        /// The device reboots by itself.
+        Reboot => "reboots by itself";
+        /// The device sends an emergency message and goes on.
+        Emergency {
+            /// The error code.
+            code: u16,
+            /// The error register (1001h).
+            register: u8,
+        } => "emergency {code:04X}h";
+        /// The drive enters the state Fault (CiA 402) and sends this error code; 0 for no emergency message.
+        DriveFault(code: u16) => "fault {code:04X}h";
+        /// Safe torque off is requested at the drive's input.
+        SafeTorqueOff => "safe torque off";
+        /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
+        ControlwordIgnored => "controlword ignored";
+        /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
+        TorqueOffset(per_mille: i16) => "torque offset of {per_mille} ‰";
+    }
 
-/// A fault of a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ContactFault {
-    /// The input is always high.
-    StuckHigh,
-    /// The input is always low.
-    StuckLow,
-    /// The input is inverted at random.
-    Bouncing,
+    /// A wrong measurement of a drive.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum SensorFault {
+        /// The position is off by this much, in rad (m) of the joint.
+        PositionOffset(by: f64) => "encoder off by {by} rad (m)";
+        /// The position does not change.
+        PositionFrozen => "encoder frozen";
+        /// The torque is multiplied by this factor.
+        TorqueScaled(factor: f64) => "torque actual multiplied by {factor}";
+    }
+
+    /// A fault of a contact.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ContactFault {
+        /// The input is always high.
+        StuckHigh => "stuck high";
+        /// The input is always low.
+        StuckLow => "stuck low";
+        /// The input is inverted at random.
+        Bouncing => "bounces";
+    }
 }
 
 /// An input of the switch box. Its bits are stated here apart from those the node reads, so that a mistake in one
@@ -100,49 +104,6 @@ impl Input {
             Self::Reference => 1 << 2,
             Self::Reflection => 1 << 3,
         }
-    }
-}
-
-impl fmt::Display for Disconnection {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Unplugged => "unplugged",
-            Self::WireCut => "wire cut before it",
-            Self::BusOff => "bus-off",
-        })
-    }
-}
-
-impl fmt::Display for DeviceFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Reboot => f.write_str("reboots by itself"),
-            Self::Emergency { code, .. } => write!(f, "emergency {code:04X}h"),
-            Self::DriveFault(code) => write!(f, "fault {code:04X}h"),
-            Self::SafeTorqueOff => f.write_str("safe torque off"),
-            Self::ControlwordIgnored => f.write_str("controlword ignored"),
-            Self::TorqueOffset(per_mille) => write!(f, "torque offset of {per_mille} ‰"),
-        }
-    }
-}
-
-impl fmt::Display for SensorFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::PositionOffset(by) => write!(f, "encoder off by {by} rad (m)"),
-            Self::PositionFrozen => f.write_str("encoder frozen"),
-            Self::TorqueScaled(factor) => write!(f, "torque actual multiplied by {factor}"),
-        }
-    }
-}
-
-impl fmt::Display for ContactFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::StuckHigh => "stuck high",
-            Self::StuckLow => "stuck low",
-            Self::Bouncing => "bounces",
-        })
     }
 }
 

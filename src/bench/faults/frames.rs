@@ -3,6 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::described::described;
+
 /// A fault of some frames of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameFault {
@@ -14,34 +16,58 @@ pub struct FrameFault {
     pub extent: Extent,
 }
 
-/// Frames of a device that a fault selects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// All frames that the device sends or receives.
-    All,
-    /// Those of one service.
-    Service(Service),
-    /// Those with this COB-ID.
-    CobId(u16),
-}
+described! {
+    /// Frames of a device that a fault selects.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Selection {
+        /// All frames that the device sends or receives.
+        All => "frames";
+        /// Those of one service.
+        Service(service: Service) => "{service}";
+        /// Those with this COB-ID.
+        CobId(cob_id: u16) => "{cob_id:03X}h";
+    }
 
-/// A service of a device; its dictionary says with which COB-ID.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Service {
-    /// A TPDO, from 1.
-    Tpdo(u16),
-    /// An RPDO, from 1.
-    Rpdo(u16),
-    /// Emergency messages.
-    Emergency,
-    /// Heartbeat, boot-up message and node guarding.
-    Heartbeat,
-    /// Requests to the SDO server, and its responses.
-    Sdo,
-    /// The SYNC that the device consumes.
-    Sync,
-    /// NMT commands.
-    Nmt,
+    /// A service of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Service {
+        /// A TPDO, from 1.
+        Tpdo(number: u16) => "tpdo{number}";
+        /// An RPDO, from 1.
+        Rpdo(number: u16) => "rpdo{number}";
+        /// Emergency messages.
+        Emergency => "emcy";
+        /// Heartbeat, boot-up message and node guarding.
+        Heartbeat => "heartbeat";
+        /// Requests to the SDO server, and its responses.
+        Sdo => "sdo";
+        /// The SYNC that the device consumes.
+        Sync => "sync";
+        /// NMT commands.
+        Nmt => "nmt";
+    }
+
+    /// Effect on a frame.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Effect {
+        /// The frame is lost.
+        Drop => "lost";
+        /// The frame is received twice.
+        Duplicate => "twice";
+        /// The frame is received later.
+        Delay {
+            /// The delay.
+            by: Duration,
+            /// Later frames of the same COB-ID may overtake it.
+            reorders: bool,
+        } => "{} ms late", by.as_secs_f64() * 1e3;
+        /// The set bits of this mask are inverted in its data.
+        Corrupt(mask: [u8; 8]) => "corrupted";
+        /// Its data is that of the first frame since the fault began.
+        Freeze => "frozen";
+        /// Its data has this length, 0 to 8 bytes.
+        Resize(bytes: u8) => "of {bytes} bytes";
+    }
 }
 
 /// Extent of a fault among the selected frames.
@@ -55,26 +81,10 @@ pub enum Extent {
     First(u32),
 }
 
-/// Effect on a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effect {
-    /// The frame is lost.
-    Drop,
-    /// The frame is received twice.
-    Duplicate,
-    /// The frame is received later.
-    Delay {
-        /// The delay.
-        by: Duration,
-        /// Later frames of the same COB-ID may overtake it.
-        reorders: bool,
-    },
-    /// The set bits of this mask are inverted in its data.
-    Corrupt([u8; 8]),
-    /// Its data is that of the first frame since the fault began.
-    Freeze,
-    /// Its data has this length, 0 to 8 bytes.
-    Resize(u8),
+impl Service {
+    /// Services of which a device has one.
+    pub const UNNUMBERED: [Self; 5] =
+        [Self::Emergency, Self::Heartbeat, Self::Sdo, Self::Sync, Self::Nmt];
 }
 
 impl FrameFault {
@@ -99,44 +109,6 @@ impl fmt::Display for FrameFault {
             Extent::Share(share) => write!(f, ", {} %", 100.0 * share),
             Extent::First(1) => f.write_str(", once"),
             Extent::First(count) => write!(f, ", {count} times"),
-        }
-    }
-}
-
-impl fmt::Display for Selection {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::All => f.write_str("frames"),
-            Self::Service(service) => write!(f, "{service}"),
-            Self::CobId(cob_id) => write!(f, "{cob_id:03X}h"),
-        }
-    }
-}
-
-/// The word for it in a scenario.
-impl fmt::Display for Service {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Tpdo(number) => write!(f, "tpdo{number}"),
-            Self::Rpdo(number) => write!(f, "rpdo{number}"),
-            Self::Emergency => f.write_str("emcy"),
-            Self::Heartbeat => f.write_str("heartbeat"),
-            Self::Sdo => f.write_str("sdo"),
-            Self::Sync => f.write_str("sync"),
-            Self::Nmt => f.write_str("nmt"),
-        }
-    }
-}
-
-impl fmt::Display for Effect {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Drop => f.write_str("lost"),
-            Self::Duplicate => f.write_str("twice"),
-            Self::Delay { by, .. } => write!(f, "{} ms late", by.as_secs_f64() * 1e3),
-            Self::Corrupt(_) => f.write_str("corrupted"),
-            Self::Freeze => f.write_str("frozen"),
-            Self::Resize(bytes) => write!(f, "of {bytes} bytes"),
         }
     }
 }

@@ -16,6 +16,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod described;
 mod device;
 mod frames;
 mod host;
@@ -27,6 +28,7 @@ pub use host::{Disturbance, HostFault, LinkFault};
 use std::fmt;
 use std::time::Duration;
 
+use crate::described::described;
 use canopen::frame::{Channel, Frame};
 use units::numbering::Joint;
 
@@ -43,58 +45,60 @@ pub struct Fault {
     pub kind: Kind,
 }
 
-/// The part of the system that has a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// The drive of one joint.
-    Joint(Joint),
-    /// All six drives.
-    Drives,
-    /// The switch box.
-    SwitchBox,
-    /// One bus, with the host's adapter to it.
-    Bus(Channel),
-    /// The commanded side, or the link to it.
-    Link,
-    /// The host: the node's process and the clocks.
-    Host,
-}
+described! {
+    /// The part of the system that has a fault.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Target {
+        /// The drive of one joint.
+        Joint(joint: Joint) => "joint {joint}";
+        /// All six drives.
+        Drives => "every drive";
+        /// The switch box.
+        SwitchBox => "switch box";
+        /// One bus, with the host's adapter to it.
+        Bus(bus: Channel) => "bus {}", bus.0;
+        /// The commanded side, or the link to it.
+        Link => "link";
+        /// The host: the node's process and the clocks.
+        Host => "host";
+    }
 
-/// Kind of a fault.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
-    /// The device has no connection to its bus.
-    Disconnection(Disconnection),
-    /// Frames of a device are lost or changed.
-    Frames(FrameFault),
-    /// A second node sends the data of joint `by` under the target's identifier.
-    Imitation {
-        /// The joint whose data is sent twice.
-        by: Joint,
-        /// The service that is imitated.
-        service: Service,
-    },
-    /// The device itself fails.
-    Device(DeviceFault),
-    /// A drive measures a wrong value.
-    Sensor(SensorFault),
-    /// An input of the switch box differs from its switch.
-    Contact(Input, ContactFault),
-    /// A node outside of the configuration sends a frame.
-    ForeignFrame {
-        /// The frame.
-        frame: Frame,
-        /// Time between two of them; `None` for a single one.
-        period: Option<Duration>,
-    },
-    /// The link to the commanded side fails.
-    Link(LinkFault),
-    /// The commanded side reports this force along x, in N. It may be NaN or infinite.
-    SensedForce(f64),
-    /// A bus, or the host's adapter to it, fails.
-    Bus(Disturbance),
-    /// The host fails.
-    Host(HostFault),
+    /// Kind of a fault.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum Kind {
+        /// The device has no connection to its bus.
+        Disconnection(fault: Disconnection) => "{fault}";
+        /// Frames of a device are lost or changed.
+        Frames(fault: FrameFault) => "{fault}";
+        /// A second node sends the data of joint `by` under the target's identifier.
+        Imitation {
+            /// The joint whose data is sent twice.
+            by: Joint,
+            /// The service that is imitated.
+            service: Service,
+        } => "{service} sent twice, once with joint {by}'s data";
+        /// The device itself fails.
+        Device(fault: DeviceFault) => "{fault}";
+        /// A drive measures a wrong value.
+        Sensor(fault: SensorFault) => "{fault}";
+        /// An input of the switch box differs from its switch.
+        Contact(input: Input, fault: ContactFault) => "{input} {fault}";
+        /// A node outside of the configuration sends a frame.
+        ForeignFrame {
+            /// The frame.
+            frame: Frame,
+            /// Time between two of them; `None` for a single one.
+            period: Option<Duration>,
+        } => "foreign frame {frame}";
+        /// The link to the commanded side fails.
+        Link(fault: LinkFault) => "{fault}";
+        /// The commanded side reports this force along x, in N. It may be NaN or infinite.
+        SensedForce(force: f64) => "reports a force of {force} N";
+        /// A bus, or the host's adapter to it, fails.
+        Bus(fault: Disturbance) => "{fault}";
+        /// The host fails.
+        Host(fault: HostFault) => "{fault}";
+    }
 }
 
 impl Fault {
@@ -161,39 +165,6 @@ impl fmt::Display for Fault {
         match (self.duration, self.is_of_host()) {
             (Some(duration), true) => write!(f, " for {} ms", 1e3 * duration.as_secs_f64()),
             (Some(_) | None, _) => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for Target {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Joint(joint) => write!(f, "joint {joint}"),
-            Self::Drives => f.write_str("every drive"),
-            Self::SwitchBox => f.write_str("switch box"),
-            Self::Bus(Channel(bus)) => write!(f, "bus {bus}"),
-            Self::Link => f.write_str("link"),
-            Self::Host => f.write_str("host"),
-        }
-    }
-}
-
-impl fmt::Display for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Disconnection(fault) => write!(f, "{fault}"),
-            Self::Frames(fault) => write!(f, "{fault}"),
-            Self::Imitation { by, service } => {
-                write!(f, "{service} sent twice, once with joint {by}'s data")
-            }
-            Self::Device(fault) => write!(f, "{fault}"),
-            Self::Sensor(fault) => write!(f, "{fault}"),
-            Self::Contact(input, fault) => write!(f, "{input} {fault}"),
-            Self::ForeignFrame { frame, .. } => write!(f, "foreign frame {frame}"),
-            Self::Link(fault) => write!(f, "{fault}"),
-            Self::SensedForce(force) => write!(f, "reports a force of {force} N"),
-            Self::Bus(fault) => write!(f, "{fault}"),
-            Self::Host(fault) => write!(f, "{fault}"),
         }
     }
 }

@@ -1,103 +1,38 @@
-//! Reads a `[[fault]]` entry: `at_s`, `kind`, target, `for_s` and the keys of its kind.
+//! A `[[fault]]` entry, read and written: `at_s`, `kind`, the keys of its kind, `for_s`.
 
 use std::time::Duration;
 
-use canopen_rs::{NmtCommand, NodeId};
-use toml::{Spanned, Value};
+use serde::{Serialize, Serializer};
+use toml::Spanned;
 
-use crate::scenario::keys::{Entry, Keys};
-use crate::scenario::problem::{MIN_DURATION, Misplaced, Problem, follows};
-use canopen::frame::{COB_ID_MAX, Channel, Frame};
-use canopen::layout::MAX_PDOS;
-use canopen::nmt::Order;
-use canopen::sync;
-use faults::{
-    ContactFault, DeviceFault, Disconnection, Disturbance, Effect, Extent, Fault, FrameFault,
-    HostFault, Input, Kind, LinkFault, Selection, SensorFault, Service, Target,
-};
-use units::numbering::Joint;
-
-/// Longest delay of a frame, in ms.
-const MAX_DELAY_MS: f64 = 10_000.0;
-
-/// Shortest period of foreign frames, in ms.
-const MIN_PERIOD_MS: f64 = 0.1;
-
-/// Largest offset of an encoder, in rad (m).
-const MAX_ENCODER_OFFSET: f64 = 1e3;
-
-/// Latest time of a wall clock, in s since 1970: the year 2106.
-const MAX_WALL_S: f64 = 4_294_967_296.0;
+use crate::scenario::fault_table::{self, seconds};
+use crate::scenario::keys::{Entry, Keys, Written};
+use crate::scenario::problem::{MIN_DURATION, Misplaced, follows};
+use faults::{Fault, Kind};
 
 /// Reads all of them. They may overlap, but none may start before the one before it.
-pub(super) fn read_all(
-    entries: Vec<Spanned<Entry>>,
-    seconds: f64,
-) -> Result<Vec<Fault>, Misplaced> {
+pub(super) fn read_all(entries: Vec<Spanned<Entry>>, length: f64) -> Result<Vec<Fault>, Misplaced> {
     let mut started_s = 0.0;
     let mut faults = Vec::with_capacity(entries.len());
     for entry in entries {
         let (kind, mut keys) = Keys::of(entry)?;
-        let at_s = keys.number("at_s", 0.0..=seconds)?;
+        let at_s = keys.value("at_s", |it| it.number(0.0..=length))?;
         let at_s = keys.needed("at_s", at_s)?;
         follows(at_s, started_s).map_err(|problem| keys.misplaced(problem))?;
         started_s = at_s;
-        faults.push(read(&kind, at_s, seconds, &mut keys)?);
+        faults.push(read(&kind, at_s, length, &mut keys)?);
         keys.end()?;
     }
     Ok(faults)
 }
 
-fn read(kind: &str, at_s: f64, seconds: f64, keys: &mut Keys) -> Result<Fault, Misplaced> {
-    let (target, kind) = match kind {
-        "unplug" => (device(keys)?, Kind::Disconnection(Disconnection::Unplugged)),
-        "wire_cut" => (device(keys)?, Kind::Disconnection(Disconnection::WireCut)),
-        "bus_off" => (device(keys)?, Kind::Disconnection(Disconnection::BusOff)),
-        "drop" => frames(keys, Effect::Drop)?,
-        "duplicate" => frames(keys, Effect::Duplicate)?,
-        "delay" => delay(keys)?,
-        "corrupt" => corrupt(keys)?,
-        "freeze" => frames(keys, Effect::Freeze)?,
-        "resize" => resize(keys)?,
-        "heartbeat_stop" => {
-            (device(keys)?, Kind::Frames(FrameFault::of(Service::Heartbeat, Effect::Drop)))
-        }
-        "impersonate" => imitation(keys)?,
-        "reset" => (device(keys)?, Kind::Device(DeviceFault::Reboot)),
-        "emergency" => emergency(keys)?,
-        "fault" => (drive(keys)?, Kind::Device(DeviceFault::DriveFault(code(keys)?.unwrap_or(0)))),
-        "sto" => (drive(keys)?, Kind::Device(DeviceFault::SafeTorqueOff)),
-        "controlword_ignored" => (drive(keys)?, Kind::Device(DeviceFault::ControlwordIgnored)),
-        "torque_offset" => torque_offset(keys)?,
-        "encoder_jump" => encoder_jump(keys)?,
-        "encoder_frozen" => (drive(keys)?, Kind::Sensor(SensorFault::PositionFrozen)),
-        "torque_actual_scale" => torque_actual_scale(keys)?,
-        "switch_stuck" => switch_stuck(keys)?,
-        "switch_bounce" => (Target::SwitchBox, Kind::Contact(input(keys)?, ContactFault::Bouncing)),
-        "foreign_sync" => foreign(keys, Frame::new(sync::COB_ID, []))?,
-        "foreign_nmt" => foreign_nmt(keys)?,
-        "foreign_frame" => foreign_frame(keys)?,
-        "link_loss" => (Target::Link, Kind::Link(LinkFault::Lost)),
-        "link_frozen" => (Target::Link, Kind::Link(LinkFault::Frozen)),
-        "sensed_force" => (Target::Link, Kind::SensedForce(keys.any_number("force_n")?)),
-        "flood" => flood(keys)?,
-        "process_stopped" => process_stopped(keys)?,
-        "host_suspended" => (Target::Host, Kind::Host(HostFault::Suspended)),
-        "clock_set" => clock_set(keys)?,
-        word => match DISTURBANCES.iter().find(|(name, _)| *name == word) {
-            Some((_, disturbance)) => (bus(keys)?, Kind::Bus(*disturbance)),
-            None => {
-                let (key, wanted) = ("kind", "a kind of fault");
-                let value = word.replace('\n', " ");
-                return Err(keys.misplaced(Problem::Value { key, value, wanted }));
-            }
-        },
-    };
+fn read(kind: &str, at_s: f64, length: f64, keys: &mut Keys) -> Result<Fault, Misplaced> {
+    let (target, kind) = fault_table::read(kind, keys)?;
     let mut fault = Fault::new(Duration::from_secs_f64(at_s), target, kind);
     if !kind.is_momentary() {
         // A host or an adapter may stand still for a part of a cycle.
         let least = if matches!(kind, Kind::Host(_) | Kind::Bus(_)) { 0.0 } else { MIN_DURATION };
-        let duration = keys.number("for_s", least..=seconds - at_s)?;
+        let duration = keys.value("for_s", |it| it.number(least..=length - at_s))?;
         fault.duration = duration.map(Duration::from_secs_f64);
     }
     // Without an end, virtual time would never come back to the process.
@@ -107,222 +42,18 @@ fn read(kind: &str, at_s: f64, seconds: f64, keys: &mut Keys) -> Result<Fault, M
     Ok(fault)
 }
 
-/// Disturbances of a bus that their word alone describes.
-pub(super) const DISTURBANCES: [(&str, Disturbance); 8] = [
-    ("queue_full", Disturbance::QueueFull),
-    ("adapter_stuck", Disturbance::AdapterStuck),
-    ("adapter_stalled", Disturbance::AdapterStalled),
-    ("adapter_unplugged", Disturbance::AdapterUnplugged),
-    ("adapter_bus_off", Disturbance::BusOff),
-    ("error_passive", Disturbance::ErrorPassive),
-    ("error_warning", Disturbance::ErrorWarning),
-    ("interface_down", Disturbance::InterfaceDown),
-];
+/// A fault as a table of TOML, its keys in the order in which people write them.
+#[derive(Debug)]
+pub(super) struct FaultEntry<'a>(pub(super) &'a Fault);
 
-/// `joint = 3`, `joint = "all"` or `device = "switches"`.
-fn device(keys: &mut Keys) -> Result<Target, Misplaced> {
-    let switches = keys
-        .word("device", "\"switches\"", |word| (word == "switches").then_some(Target::SwitchBox))?;
-    if switches.is_some() { keys.needed("device", switches) } else { drive(keys) }
-}
-
-/// `joint = 3` or `joint = "all"`.
-fn drive(keys: &mut Keys) -> Result<Target, Misplaced> {
-    let read = |value: &Value| match value.as_str() {
-        Some(word) => (word == "all").then_some(Target::Drives),
-        None => joint(value).map(Target::Joint),
-    };
-    let target = keys.value("joint", "1 to 6 or \"all\"", read)?;
-    keys.needed("joint", target)
-}
-
-fn joint(value: &Value) -> Option<Joint> {
-    Joint::new(value.as_integer()?)
-}
-
-/// `bus = 1`; the first one if the key is absent.
-fn bus(keys: &mut Keys) -> Result<Target, Misplaced> {
-    let bus = keys.whole("bus", "a bus, from 0", |_: &u8| true)?.unwrap_or(0);
-    Ok(Target::Bus(Channel(bus)))
-}
-
-fn frames(keys: &mut Keys, effect: Effect) -> Result<(Target, Kind), Misplaced> {
-    let target = device(keys)?;
-    let service = service(keys)?.map(Selection::Service);
-    let cob_id = match service {
-        Some(_) => None,
-        None => cob_id(keys)?.map(Selection::CobId),
-    };
-    let selection = service.or(cob_id).unwrap_or(Selection::All);
-    Ok((target, Kind::Frames(FrameFault { selection, effect, extent: extent(keys)? })))
-}
-
-/// `frame = "tpdo1"` and the like.
-fn service(keys: &mut Keys) -> Result<Option<Service>, Misplaced> {
-    let wanted = "tpdo1 to tpdo512, rpdo1 to rpdo512, emcy, heartbeat, sdo, sync or nmt";
-    keys.word("frame", wanted, |word| {
-        let number = |digits: &str| {
-            digits.parse().ok().filter(|number: &u16| {
-                (1..=MAX_PDOS).contains(number) && number.to_string() == digits
-            })
-        };
-        match word {
-            "emcy" => Some(Service::Emergency),
-            "heartbeat" => Some(Service::Heartbeat),
-            "sdo" => Some(Service::Sdo),
-            "sync" => Some(Service::Sync),
-            "nmt" => Some(Service::Nmt),
-            pdo => {
-                let tpdo = pdo.strip_prefix("tpdo").and_then(number).map(Service::Tpdo);
-                tpdo.or_else(|| pdo.strip_prefix("rpdo").and_then(number).map(Service::Rpdo))
-            }
-        }
-    })
-}
-
-fn cob_id(keys: &mut Keys) -> Result<Option<u16>, Misplaced> {
-    keys.whole("cob_id", "0 to 0x7FF", |cob_id| *cob_id <= COB_ID_MAX)
-}
-
-/// `share` or `count`, or neither.
-fn extent(keys: &mut Keys) -> Result<Extent, Misplaced> {
-    if let Some(share) = keys.number("share", 0.0..=1.0)? {
-        return Ok(Extent::Share(share));
+impl Serialize for FaultEntry<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self(fault) = self;
+        let mut keys: Written = vec![("at_s", seconds(fault.start).into())];
+        fault_table::write(fault.target, fault.kind, &mut keys);
+        keys.extend(fault.duration.map(|duration| ("for_s", seconds(duration).into())));
+        serializer.collect_map(keys)
     }
-    let count = keys.whole("count", "1 or more", |count: &u32| *count > 0)?;
-    Ok(count.map_or(Extent::Always, Extent::First))
-}
-
-fn delay(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let by = keys.number("delay_ms", 0.0..=MAX_DELAY_MS)?;
-    let by = Duration::from_secs_f64(keys.needed("delay_ms", by)? * 1e-3);
-    let reorders = keys.value("reorder", "true or false", Value::as_bool)?.unwrap_or(false);
-    frames(keys, Effect::Delay { by, reorders })
-}
-
-fn corrupt(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let bytes = keys.bytes("xor")?;
-    let bytes = keys.needed("xor", bytes)?;
-    let mut mask = [0; 8];
-    for (to, from) in mask.iter_mut().zip(bytes) {
-        *to = from;
-    }
-    frames(keys, Effect::Corrupt(mask))
-}
-
-fn resize(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let bytes = keys.whole("bytes", "0 to 8", |bytes: &u8| *bytes <= 8)?;
-    let bytes = keys.needed("bytes", bytes)?;
-    frames(keys, Effect::Resize(bytes))
-}
-
-fn imitation(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let by = keys.value("by", "1 to 6", joint)?;
-    let by = keys.needed("by", by)?;
-    let service = service(keys)?.unwrap_or(Service::Tpdo(1));
-    Ok((device(keys)?, Kind::Imitation { by, service }))
-}
-
-fn code(keys: &mut Keys) -> Result<Option<u16>, Misplaced> {
-    keys.whole("code", "0 to 0xFFFF", |_| true)
-}
-
-fn emergency(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let code = code(keys)?;
-    let code = keys.needed("code", code)?;
-    let register = keys.whole("register", "0 to 0xFF", |_| true)?.unwrap_or(0);
-    Ok((device(keys)?, Kind::Device(DeviceFault::Emergency { code, register })))
-}
-
-fn encoder_jump(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let by = keys.number("by_rad", -MAX_ENCODER_OFFSET..=MAX_ENCODER_OFFSET)?;
-    let by = keys.needed("by_rad", by)?;
-    Ok((drive(keys)?, Kind::Sensor(SensorFault::PositionOffset(by))))
-}
-
-fn torque_actual_scale(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let factor = keys.number("scale", -10.0..=10.0)?;
-    let factor = keys.needed("scale", factor)?;
-    Ok((drive(keys)?, Kind::Sensor(SensorFault::TorqueScaled(factor))))
-}
-
-fn torque_offset(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let per_mille =
-        keys.whole("per_mille", "-1000 to 1000", |one: &i16| (-1_000..=1_000).contains(one))?;
-    let per_mille = keys.needed("per_mille", per_mille)?;
-    Ok((drive(keys)?, Kind::Device(DeviceFault::TorqueOffset(per_mille))))
-}
-
-fn input(keys: &mut Keys) -> Result<Input, Misplaced> {
-    let input = keys.word("switch", "deadman_a, deadman_b, reference or reflection", |word| {
-        Input::ALL.iter().find(|(name, _)| *name == word).map(|(_, input)| *input)
-    })?;
-    keys.needed("switch", input)
-}
-
-fn switch_stuck(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let stuck = keys.word("level", "\"high\" or \"low\"", |word| match word {
-        "high" => Some(ContactFault::StuckHigh),
-        "low" => Some(ContactFault::StuckLow),
-        _ => None,
-    })?;
-    let stuck = keys.needed("level", stuck)?;
-    Ok((Target::SwitchBox, Kind::Contact(input(keys)?, stuck)))
-}
-
-/// On `bus`; once, or every `every_ms`.
-fn foreign(keys: &mut Keys, frame: Frame) -> Result<(Target, Kind), Misplaced> {
-    let target = bus(keys)?;
-    let period = keys.number("every_ms", MIN_PERIOD_MS..=MAX_DELAY_MS)?;
-    let period = period.map(|period| Duration::from_secs_f64(period * 1e-3));
-    Ok((target, Kind::ForeignFrame { frame, period }))
-}
-
-fn foreign_nmt(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let wanted = "start, stop, pre_operational, reset_node or reset_communication";
-    let command = keys.word("command", wanted, |word| match word {
-        "start" => Some(NmtCommand::StartRemoteNode),
-        "stop" => Some(NmtCommand::StopRemoteNode),
-        "pre_operational" => Some(NmtCommand::EnterPreOperational),
-        "reset_node" => Some(NmtCommand::ResetNode),
-        "reset_communication" => Some(NmtCommand::ResetCommunication),
-        _ => None,
-    })?;
-    let command = keys.needed("command", command)?;
-    let node = keys.whole("node_id", "1 to 127", |raw: &u8| NodeId::new(*raw).is_ok())?;
-    let node = node.and_then(|raw| NodeId::new(raw).ok());
-    foreign(keys, Order { command, node }.frame())
-}
-
-fn foreign_frame(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let frame = frame(keys)?;
-    foreign(keys, frame)
-}
-
-/// `cob_id` and `payload`.
-fn frame(keys: &mut Keys) -> Result<Frame, Misplaced> {
-    let cob_id = cob_id(keys)?;
-    let cob_id = keys.needed("cob_id", cob_id)?;
-    let bytes = keys.bytes("payload")?;
-    let bytes = keys.needed("payload", bytes)?;
-    keys.needed("payload", Frame::from_slice(cob_id, &bytes))
-}
-
-fn flood(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let frame = frame(keys)?;
-    Ok((bus(keys)?, Kind::Bus(Disturbance::Flood(frame))))
-}
-
-/// At once, or after the next frame with `cob_id`.
-fn process_stopped(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let fault = cob_id(keys)?.map_or(HostFault::ProcessStopped, HostFault::ProcessStoppedAfter);
-    Ok((Target::Host, Kind::Host(fault)))
-}
-
-fn clock_set(keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
-    let wall = keys.number("wall_s", 0.0..=MAX_WALL_S)?;
-    let wall = Duration::from_secs_f64(keys.needed("wall_s", wall)?);
-    Ok((Target::Host, Kind::Host(HostFault::ClockSet(wall))))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Keys of one `[[fault]]`: read one by one, each checked, none left over.
+//! Keys of one `[[fault]]`: each described once, to be read and written; none may be left over.
 
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
@@ -10,6 +10,27 @@ use crate::scenario::problem::{Misplaced, Problem, within};
 /// A table of a file.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;
 
+/// Keys as they are written, in order.
+pub(super) type Written = Vec<(&'static str, Value)>;
+
+/// A key of a fault, read and written. It is required unless it has a default, or another key in its place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Key<T: 'static> {
+    name: &'static str,
+    form: Form<T>,
+    default: Option<T>,
+    other: Option<&'static Self>,
+}
+
+/// Form of a value.
+#[derive(Clone, Copy, Debug)]
+enum Form<T: 'static> {
+    /// One of these words; the first field names them.
+    Words(&'static str, &'static [(&'static str, T)]),
+    /// Functions that read it, and write it if this key can have it.
+    Value(fn(&KeyValue<'_>) -> Result<T, Problem>, fn(T) -> Option<Value>),
+}
+
 /// Keys of a table not read yet.
 #[derive(Debug)]
 pub(super) struct Keys {
@@ -18,12 +39,68 @@ pub(super) struct Keys {
     left: Entry,
 }
 
+impl<T: Copy + PartialEq> Key<T> {
+    /// Returns a key with functions that read and write its value.
+    pub(super) const fn new(
+        name: &'static str,
+        decode: fn(&KeyValue<'_>) -> Result<T, Problem>,
+        encode: fn(T) -> Option<Value>,
+    ) -> Self {
+        Self { name, form: Form::Value(decode, encode), default: None, other: None }
+    }
+
+    /// Returns a key whose value is a word; `wanted` names the words.
+    pub(super) const fn words(
+        name: &'static str,
+        wanted: &'static str,
+        words: &'static [(&'static str, T)],
+    ) -> Self {
+        Self { name, form: Form::Words(wanted, words), default: None, other: None }
+    }
+
+    /// Returns the key with a default.
+    pub(super) const fn or(self, default: T) -> Self {
+        Self { default: Some(default), ..self }
+    }
+
+    /// Returns the key with another one that is read if it is absent.
+    pub(super) const fn or_else(self, other: &'static Self) -> Self {
+        Self { other: Some(other), ..self }
+    }
+
+    /// Reads the value.
+    pub(super) fn read(&self, keys: &mut Keys) -> Result<T, Misplaced> {
+        let value = keys.value(self.name, |it| match self.form {
+            Form::Value(decode, _) => decode(it),
+            Form::Words(wanted, words) => it.word(wanted, |word| {
+                words.iter().find(|(name, _)| *name == word).map(|(_, value)| *value)
+            }),
+        })?;
+        match (value, self.other) {
+            (None, Some(other)) => other.read(keys),
+            _ => keys.needed(self.name, value.or(self.default)),
+        }
+    }
+
+    /// Writes the value.
+    pub(super) fn write(&self, value: T, to: &mut Written) {
+        let encoded = match self.form {
+            Form::Value(_, encode) => encode(value),
+            Form::Words(_, words) => {
+                words.iter().find(|(_, one)| *one == value).map(|(name, _)| (*name).into())
+            }
+        };
+        to.extend(encoded.map(|encoded| (self.name, encoded)));
+        self.other.iter().for_each(|other| other.write(value, to));
+    }
+}
+
 impl Keys {
     /// Reads `kind`; returns it with the other keys.
     pub(super) fn of(entry: Spanned<Entry>) -> Result<(String, Self), Misplaced> {
         let span = entry.span();
         let mut keys = Self { kind: "fault".to_owned(), span, left: entry.into_inner() };
-        let kind = keys.word("kind", "a word", |word| Some(word.to_owned()))?;
+        let kind = keys.value("kind", |it| it.word("a word", |word| Some(word.to_owned())))?;
         keys.kind = keys.needed("kind", kind)?;
         Ok((keys.kind.clone(), keys))
     }
@@ -33,64 +110,15 @@ impl Keys {
         (self.span.clone(), problem)
     }
 
-    /// Reads a key if it is present; `read` decodes its value, and `wanted` names the values allowed.
+    /// Reads a key if it is present.
     pub(super) fn value<T>(
         &mut self,
         key: &'static str,
-        wanted: &'static str,
-        read: impl Fn(&Value) -> Option<T>,
+        decode: impl Fn(&KeyValue<'_>) -> Result<T, Problem>,
     ) -> Result<Option<T>, Misplaced> {
         let Some(value) = self.left.remove(key) else { return Ok(None) };
-        let decoded = read(value.get_ref()).map(Some);
-        decoded.ok_or_else(|| {
-            let given = value.get_ref().to_string().replace('\n', " ");
-            (value.span(), Problem::Value { key, value: given, wanted })
-        })
-    }
-
-    /// Reads a number within bounds, if the key is present.
-    pub(super) fn number(
-        &mut self,
-        key: &'static str,
-        bounds: RangeInclusive<f64>,
-    ) -> Result<Option<f64>, Misplaced> {
-        let span = self.left.get(key).map(Spanned::span).unwrap_or_default();
-        let Some(number) = self.value(key, "a number", number)? else { return Ok(None) };
-        within(key, number, *bounds.start(), *bounds.end()).map_err(|problem| (span, problem))?;
-        Ok(Some(number))
-    }
-
-    /// Reads any number, NaN and infinities among them; the key is required.
-    pub(super) fn any_number(&mut self, key: &'static str) -> Result<f64, Misplaced> {
-        let value = self.value(key, "a number", number)?;
-        self.needed(key, value)
-    }
-
-    /// Reads an integer in the range of `T`, if the key is present.
-    pub(super) fn whole<T: TryFrom<i64>>(
-        &mut self,
-        key: &'static str,
-        wanted: &'static str,
-        is_wanted: impl Fn(&T) -> bool,
-    ) -> Result<Option<T>, Misplaced> {
-        self.value(key, wanted, |value| {
-            T::try_from(value.as_integer()?).ok().filter(|number| is_wanted(number))
-        })
-    }
-
-    /// Reads a word, if the key is present.
-    pub(super) fn word<T>(
-        &mut self,
-        key: &'static str,
-        wanted: &'static str,
-        read: impl Fn(&str) -> Option<T>,
-    ) -> Result<Option<T>, Misplaced> {
-        self.value(key, wanted, |value| read(value.as_str()?))
-    }
-
-    /// Reads up to eight bytes in hexadecimal, if the key is present.
-    pub(super) fn bytes(&mut self, key: &'static str) -> Result<Option<Vec<u8>>, Misplaced> {
-        self.word(key, "up to 8 bytes as two hexadecimal digits each", bytes)
+        let decoded = decode(&KeyValue { key, value: value.get_ref() });
+        decoded.map(Some).map_err(|problem| (value.span(), problem))
     }
 
     /// Checks that a required key is present.
@@ -109,9 +137,62 @@ impl Keys {
     }
 }
 
-fn number(value: &Value) -> Option<f64> {
-    let whole = || i32::try_from(value.as_integer()?).ok().map(f64::from);
-    value.as_float().or_else(whole)
+/// A key as given, with its value.
+#[derive(Debug)]
+pub(super) struct KeyValue<'a> {
+    key: &'static str,
+    value: &'a Value,
+}
+
+impl KeyValue<'_> {
+    /// Reads any value by `decode`; `wanted` names the values allowed.
+    pub(super) fn any<T>(
+        &self,
+        wanted: &'static str,
+        decode: impl Fn(&Value) -> Option<T>,
+    ) -> Result<T, Problem> {
+        let given = || self.value.to_string().replace('\n', " ");
+        let invalid = || Problem::Value { key: self.key, value: given(), wanted };
+        decode(self.value).ok_or_else(invalid)
+    }
+
+    /// Reads a number within bounds.
+    pub(super) fn number(&self, bounds: RangeInclusive<f64>) -> Result<f64, Problem> {
+        let number = self.any_number()?;
+        within(self.key, number, *bounds.start(), *bounds.end()).map(|()| number)
+    }
+
+    /// Reads any number, NaN and infinities among them.
+    pub(super) fn any_number(&self) -> Result<f64, Problem> {
+        self.any("a number", |value| {
+            let whole = || i32::try_from(value.as_integer()?).ok().map(f64::from);
+            value.as_float().or_else(whole)
+        })
+    }
+
+    /// Reads an integer within bounds.
+    pub(super) fn whole<T: TryFrom<i64> + PartialOrd>(
+        &self,
+        wanted: &'static str,
+        bounds: RangeInclusive<T>,
+    ) -> Result<T, Problem> {
+        let whole = |value: &Value| T::try_from(value.as_integer()?).ok();
+        self.any(wanted, |value| whole(value).filter(|whole| bounds.contains(whole)))
+    }
+
+    /// Reads a word.
+    pub(super) fn word<T>(
+        &self,
+        wanted: &'static str,
+        decode: impl Fn(&str) -> Option<T>,
+    ) -> Result<T, Problem> {
+        self.any(wanted, |value| decode(value.as_str()?))
+    }
+
+    /// Reads up to eight bytes in hexadecimal.
+    pub(super) fn bytes(&self) -> Result<Vec<u8>, Problem> {
+        self.word("up to 8 bytes as two hexadecimal digits each", bytes)
+    }
 }
 
 fn bytes(digits: &str) -> Option<Vec<u8>> {

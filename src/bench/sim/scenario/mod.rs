@@ -7,15 +7,15 @@
 //! |--------------|-------------------------------------------------------------|
 //! | [`operator`] | moves, switches, holds, requests to the console             |
 //! | [`environment`] | changes of the wall                                      |
-//! | `entry`      | `[[fault]]` entries, read                                   |
-//! | `to_toml`    | `[[fault]]` entries, written                                |
+//! | `entry`      | `[[fault]]` entries, read and written                       |
+//! | `fault_table` | words, targets and keys of faults                          |
 
 mod entry;
 pub mod environment;
+mod fault_table;
 mod keys;
 pub mod operator;
 mod problem;
-mod to_toml;
 
 pub use operator::{ConsoleRequest, Operator};
 pub use problem::{Problem, ScenarioError};
@@ -27,11 +27,11 @@ use toml::Spanned;
 
 use crate::operator_settings::OperatorSettings;
 use crate::quirks::QuirkAssignment;
+use crate::scenario::entry::FaultEntry;
 use crate::scenario::environment::Environment;
 use crate::scenario::keys::Entry as Table;
 use crate::scenario::operator::{Actions, Console, Hold, Move, Switch};
 use crate::scenario::problem::{MIN_DURATION, Misplaced, follows, within};
-use crate::scenario::to_toml::FaultEntry;
 use faults::{Fault, Target};
 
 /// Maximum length of a scenario, in s.

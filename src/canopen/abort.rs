@@ -1,9 +1,9 @@
 //! SDO abort codes (CiA 301, 7.2.4.3.17), by name.
 
-use std::fmt;
-
+use derive_more::Display;
 /// 32-bit reason in an SDO abort. Devices use codes of their own, so any value is possible.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[display("{:08X}h {}", self.0, self.description().unwrap_or("unknown reason"))]
 pub struct AbortCode(pub u32);
 
 /// Defines each code by its name, number and text.
@@ -72,13 +72,6 @@ impl AbortCode {
                 | Self::VALUE_TOO_HIGH
                 | Self::VALUE_TOO_LOW
         )
-    }
-}
-
-/// The number as the standard prints it, then its text: `06090011h sub-index does not exist`
-impl fmt::Display for AbortCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:08X}h {}", self.0, self.description().unwrap_or("unknown reason"))
     }
 }
 

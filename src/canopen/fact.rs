@@ -7,19 +7,23 @@
 //! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh or 6093h: unused ones read so |
 //! | torque unit    | 6076h, or 6075h where the rated current is configured              |
 
+use derive_more::Display;
 use std::fmt;
 
 use crate::nameplate::{Held, Nameplate, Ratio};
 use crate::object::Object;
 
 /// A fact about a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Fact {
     /// Direction in which 6064h counts.
+    #[display("sign")]
     Sign,
     /// Counts of 6064h per revolution.
+    #[display("position scale")]
     PositionScale,
     /// Torque of 1000 ‰ in 6071h.
+    #[display("torque unit")]
     TorqueUnit,
 }
 
@@ -43,17 +47,6 @@ impl Fact {
             Self::PositionScale => "608Fh other than 1:1, and 6091h",
             Self::TorqueUnit => "6076h, or 6075h with rated_current_a",
         }
-    }
-}
-
-/// `position scale`
-impl fmt::Display for Fact {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Sign => "sign",
-            Self::PositionScale => "position scale",
-            Self::TorqueUnit => "torque unit",
-        })
     }
 }
 

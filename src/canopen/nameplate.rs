@@ -19,9 +19,8 @@
 //!
 //! [`units`] has 60A8h, 60A9h, 6093h, 6094h and 607Bh.
 
+use derive_more::Display;
 pub mod units;
-
-use std::fmt;
 
 use thiserror::Error;
 
@@ -36,7 +35,8 @@ const ROUNDING: f64 = 0.01;
 pub const HAS_CYCLIC_TORQUE: u32 = 1 << 9;
 
 /// Ratio of sub-index 1 to sub-index 2.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Display)]
+#[display("{}:{}", self.0, self.1)]
 pub struct Ratio(pub u32, pub u32);
 
 impl Ratio {
@@ -64,13 +64,6 @@ impl PartialEq for Ratio {
     fn eq(&self, other: &Self) -> bool {
         let cross = |a: u32, b: u32| u64::from(a) * u64::from(b);
         self.1 != 0 && other.1 != 0 && cross(self.0, other.1) == cross(other.0, self.1)
-    }
-}
-
-/// `2:1`
-impl fmt::Display for Ratio {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}", self.0, self.1)
     }
 }
 
@@ -120,7 +113,8 @@ pub struct Nameplate {
 }
 
 /// Value found in a drive, of one to four bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+#[display("{object} = {value:0digits$X}h", digits = usize::from(2 * size))]
 pub struct Held {
     /// Object.
     pub object: Object,
@@ -128,14 +122,6 @@ pub struct Held {
     pub value: u32,
     /// Number of bytes.
     pub size: u8,
-}
-
-/// `60A8h = 00B50000h`
-impl fmt::Display for Held {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { object, value, size } = *self;
-        write!(f, "{object} = {value:0digits$X}h", digits = usize::from(2 * size))
-    }
 }
 
 impl Held {

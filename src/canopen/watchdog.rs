@@ -2,6 +2,7 @@
 //!
 //! Derived from the plan. The boot shows whether a drive has them; the watchdog test, whether they work.
 
+use derive_more::Display;
 use std::fmt;
 
 use canopen_rs::Value;
@@ -13,30 +14,22 @@ use crate::plan::{ErrorControl, NodePlan};
 use crate::setting::Setting;
 
 /// Message a drive waits for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 pub enum Awaited {
     /// RPDO with its targets (event timer of an RPDO, CiA 301, 7.5.2.36).
+    #[display("RPDOs")]
     Rpdo,
     /// Heartbeat of the master (1016h, CiA 301, 7.5.2.13).
+    #[display("heartbeats")]
     Heartbeat,
     /// Remote frames of node guarding (life guarding, CiA 301, 7.2.8.2.2.1).
+    #[display("guarding")]
     Guarding,
 }
 
 impl Awaited {
     /// All messages, in the order of the proof test.
     pub const ALL: [Self; 3] = [Self::Rpdo, Self::Heartbeat, Self::Guarding];
-}
-
-/// `without RPDOs`
-impl fmt::Display for Awaited {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Rpdo => "RPDOs",
-            Self::Heartbeat => "heartbeats",
-            Self::Guarding => "guarding",
-        })
-    }
 }
 
 /// Configured timer of a drive.

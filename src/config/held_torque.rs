@@ -4,7 +4,7 @@
 //! target that the drive has taken with those it sent: the torque demand (6074h) that arrives by TPDO, or the target
 //! torque (6071h) read by SDO, one drive after the other. Two readings in a row must differ.
 
-use std::fmt;
+use derive_more::Display;
 use std::time::Duration;
 
 use crate::parameters::Parameters;
@@ -23,25 +23,17 @@ pub const TAKEN_CYCLES: u32 = 5;
 const DEMANDS: u32 = 2;
 
 /// Means by which the loss of a drive's RPDOs is seen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum SeenBy {
     /// The drive's own RPDO timer.
+    #[display("its RPDO timer")]
     RpdoTimer,
     /// Its torque demand (6074h), by TPDO.
+    #[display("6074h by TPDO")]
     Demand,
     /// Its target torque (6071h), by SDO.
+    #[display("6071h by SDO")]
     Reading,
-}
-
-/// `its RPDO timer`, `6074h by TPDO` or `6071h by SDO`
-impl fmt::Display for SeenBy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::RpdoTimer => "its RPDO timer",
-            Self::Demand => "6074h by TPDO",
-            Self::Reading => "6071h by SDO",
-        })
-    }
 }
 
 /// Longest time of a held torque, and the means.

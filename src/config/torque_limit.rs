@@ -1,8 +1,6 @@
 //! `[joint.torque_limit]`: limit of a drive's torque in place of 6072h, by an object that the boot writes, or by a limit
 //! that the maker's tool has stored and nothing reads.
 
-use std::fmt;
-
 use crate::drive_object::{self, Written};
 use crate::problem::Problems;
 use crate::raw;
@@ -10,6 +8,7 @@ use crate::value::Optional;
 use canopen::eds::Eds;
 use canopen::object::Object;
 use canopen::setting::can_limit_torque;
+use derive_more::Display;
 
 /// Limit of a drive's torque in place of 6072h.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,11 +20,13 @@ pub enum TorqueLimit {
 }
 
 /// Torque limit that the maker's tool has stored in a drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum StatedLimit {
     /// In per mille of rated torque.
+    #[display("{_0} ‰ of rated torque")]
     PerMille(f64),
     /// Motor current in mA.
+    #[display("{_0} mA")]
     Milliamperes(f64),
 }
 
@@ -43,16 +44,6 @@ impl TorqueLimit {
         match *self {
             Self::Objects(_) => None,
             Self::Stated(limit) => Some(limit),
-        }
-    }
-}
-
-/// `900 ‰ of rated torque`, `3000 mA`
-impl fmt::Display for StatedLimit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::PerMille(limit) => write!(f, "{limit} ‰ of rated torque"),
-            Self::Milliamperes(limit) => write!(f, "{limit} mA"),
         }
     }
 }

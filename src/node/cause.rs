@@ -3,6 +3,7 @@
 //! Each row of the table declares a cause, its description, its message, and the reaction it leads to.
 //! [`table`](crate::safety::table) derives the mode from the reaction.
 
+use derive_more::Display;
 use std::fmt;
 
 use crate::joint_reading::JointReading;
@@ -302,21 +303,14 @@ impl Cause {
 }
 
 /// Reason why a run starts stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum ResetReason {
     /// The last run crashed, was killed, or ended stopped.
+    #[display("the last run did not end in order")]
     UncleanEnd,
     /// The latch that would show a crash of this run cannot be written.
+    #[display("the state folder cannot be written")]
     NoLatch,
-}
-
-impl fmt::Display for ResetReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::UncleanEnd => "the last run did not end in order",
-            Self::NoLatch => "the state folder cannot be written",
-        })
-    }
 }
 
 /// Name of a node in messages: `joint 3` or `switch box`.

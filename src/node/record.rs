@@ -2,8 +2,7 @@
 //!
 //! The controller's intermediates are those from which the torques of the cycle were computed.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Isometry3;
 
 use crate::cause::Cause;
@@ -12,7 +11,8 @@ use units::spatial::Wrench;
 use units::time::Instant;
 
 /// Mode of the node. Only [`safety`](crate::safety) changes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
+#[display("{}", self.name())]
 pub enum Mode {
     /// Drives are being configured, enabled and proof-tested, at zero torque.
     Boot,
@@ -74,12 +74,6 @@ impl Mode {
             Self::ZeroTorque => "zero-torque",
             Self::DrivesOff => "drives-off",
         }
-    }
-}
-
-impl fmt::Display for Mode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

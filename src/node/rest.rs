@@ -3,8 +3,7 @@
 //! Until then no torque acts, so a wrong factor or zero moves nothing. Later armings may start anywhere: a drive that loses its
 //! position reboots, and that stops the node.
 
-use std::fmt;
-
+use derive_more::Display;
 use thiserror::Error;
 
 use config::Config;
@@ -30,21 +29,14 @@ pub(super) struct RestPosture {
 pub struct NotAtRest(Vec<Reading>);
 
 /// Reading of a joint that is not at rest.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Display, PartialEq)]
+#[display("joint {joint} ({name}): reads {}, {} is {rest}", rest.format(*q), rest.key())]
 struct Reading {
     joint: Joint,
     name: String,
     rest: Rest,
     /// In rad or m.
     q: f64,
-}
-
-/// `joint 3 (elbow): reads 12.0°, rest_deg is 95.0°, within 5.0°`
-impl fmt::Display for Reading {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { joint, name, rest, q } = self;
-        write!(f, "joint {joint} ({name}): reads {}, {} is {rest}", rest.format(*q), rest.key())
-    }
 }
 
 impl RestPosture {

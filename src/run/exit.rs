@@ -1,5 +1,6 @@
 //! Failures of commands: an exit code for scripts and one line of text for people.
 
+use derive_more::Display;
 use std::fmt;
 use std::process::ExitCode;
 
@@ -28,7 +29,8 @@ pub enum Kind {
 pub const INTERRUPTED: u8 = 130;
 
 /// A failure and its kind.
-#[derive(Debug)]
+#[derive(Debug, Display)]
+#[display("{:#}", self.error)]
 pub struct Failure {
     kind: Kind,
     error: anyhow::Error,
@@ -51,13 +53,6 @@ impl Failure {
             Kind::Stopped => 6,
             Kind::Interrupted => INTERRUPTED,
         })
-    }
-}
-
-/// Shows the error with all its causes on one line.
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:#}", self.error)
     }
 }
 

@@ -3,8 +3,7 @@
 //! From K_FA m = T/2 coth(T/2τ_s) on, accommodation yields to the inertia of the payload `m` faster than the servo follows, and
 //! the arm shakes with half its cycle rate (docs/adr/0025). Contact pushes one way; this force has no mean.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -20,7 +19,10 @@ const SHAKING_FORCE: f64 = 0.2;
 const REPORTED_FROM: f64 = 0.1;
 
 /// Shaking so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, Default, PartialEq, Serialize)]
+#[display(
+    "shakes in free motion, {peak_n:.1} N at half the cycle rate for {seconds:.1} s: lower K_FA or the payload"
+)]
 pub struct Shaking {
     /// Time of shaking, in s.
     pub seconds: f64,
@@ -65,16 +67,6 @@ impl Shaking {
     /// Returns the strongest of several.
     pub fn strongest(all: impl Iterator<Item = Self>) -> Option<Self> {
         all.max_by(|a, b| a.peak_n.total_cmp(&b.peak_n))
-    }
-}
-
-impl fmt::Display for Shaking {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { seconds, peak_n, .. } = self;
-        write!(
-            f,
-            "shakes in free motion, {peak_n:.1} N at half the cycle rate for {seconds:.1} s: lower K_FA or the payload"
-        )
     }
 }
 

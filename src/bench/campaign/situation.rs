@@ -1,23 +1,26 @@
 //! The situation at the onset of a fault: ready, armed, moving freely, or pressing against a wall.
 
-use std::fmt;
-
+use derive_more::Display;
 use serde::Serialize;
 
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry};
 
 /// Situation of the operator at the onset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Situation {
     /// The drives are enabled at zero torque; the operator has not armed.
+    #[display("ready")]
     Ready,
     /// The arm is carried, the deadman open.
+    #[display("armed")]
     Armed,
     /// The hand moves, and commands the object.
+    #[display("free motion")]
     Free,
     /// The object presses against the wall, with reflection on.
+    #[display("in contact")]
     Contact,
 }
 
@@ -92,16 +95,4 @@ fn engage([deadman, on, off, press, release]: [f64; 5]) -> [Entry; 5] {
         Switch::reference(release, false),
     ]
     .map(Entry::Switch)
-}
-
-/// Its name in a table.
-impl fmt::Display for Situation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ready => "ready",
-            Self::Armed => "armed",
-            Self::Free => "free motion",
-            Self::Contact => "in contact",
-        })
-    }
 }

@@ -1,5 +1,6 @@
 //! The figures of a campaign: one line for each kind of fault.
 
+use derive_more::Display;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use std::{fmt, iter};
@@ -23,7 +24,11 @@ pub struct Table {
 }
 
 /// Drives whose node was killed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Serialize)]
+#[display(
+    "node killed, {count} times: torque-free after {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2} ms, \
+             demanded {within_ms:.0} ms"
+)]
 pub struct Killed {
     /// Limit, in ms: the RPDO timer and 1 ms.
     pub within_ms: f64,
@@ -91,7 +96,8 @@ pub struct Line {
 }
 
 /// Median, 99th percentile and maximum, in cycles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
+#[display("{}/{}/{}", self.p50, self.p99, self.max)]
 pub struct Spread {
     /// Median.
     pub p50: u64,
@@ -209,13 +215,6 @@ impl Spread {
     }
 }
 
-/// As in `2/3/5`.
-impl fmt::Display for Spread {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/{}/{}", self.p50, self.p99, self.max)
-    }
-}
-
 /// Columns: name with unit, and width.
 const COLUMNS: [(&str, usize); 13] = [
     ("row", 3),
@@ -293,18 +292,6 @@ impl Table {
         text.push('\n');
         self.notes().iter().for_each(|note| text.push_str(&format!("- {note}\n")));
         text
-    }
-}
-
-/// As in `process killed, demanded within 6 ms: torque-free after 4.7/5.6/5.7 ms, 64 times`.
-impl fmt::Display for Killed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { within_ms, count, p50_ms, p99_ms, max_ms } = self;
-        write!(
-            f,
-            "node killed, {count} times: torque-free after {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2} ms, \
-             demanded {within_ms:.0} ms"
-        )
     }
 }
 

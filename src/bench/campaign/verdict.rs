@@ -1,6 +1,6 @@
 //! The outcome of one case: its observation against its criterion.
 
-use std::fmt;
+use derive_more::Display;
 use std::time::Duration;
 
 use crate::case::Case;
@@ -83,36 +83,29 @@ pub struct Verdict {
 }
 
 /// Comparison of the observed with the demanded reaction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Outcome {
     /// The criterion is met.
+    #[display("as demanded")]
     Met,
     /// The fault was not detected.
+    #[display("missed")]
     Missed,
     /// The reaction came too late.
+    #[display("late")]
     Late,
     /// The node stopped without a reason.
+    #[display("false trip")]
     FalseTrip,
     /// The node stopped by a cause that the fault does not have.
+    #[display("wrong cause")]
     WrongCause,
     /// The node stopped in a milder state than its cause demands.
+    #[display("wrong end state")]
     WrongState,
     /// The node stopped, and a drive's power stage stayed on.
+    #[display("a drive left on")]
     LeftOn,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Met => "as demanded",
-            Self::Missed => "missed",
-            Self::Late => "late",
-            Self::FalseTrip => "false trip",
-            Self::WrongCause => "wrong cause",
-            Self::WrongState => "wrong end state",
-            Self::LeftOn => "a drive left on",
-        })
-    }
 }
 
 impl Verdict {

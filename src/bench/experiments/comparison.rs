@@ -10,6 +10,7 @@
 //! - A calm contact is *faithful* if the hand at rest feels K_T times the sensed force within `MAX_FELT_ERROR`: a layer
 //!   that takes the contact away bounds it, too.
 
+use derive_more::Display;
 use std::fmt;
 
 use serde::Serialize;
@@ -53,18 +54,23 @@ pub struct Comparison {
 }
 
 /// Result of a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// One of the runs was hardly in contact.
+    #[display("the wall was not met")]
     WallNotMet,
     /// The loop settles without the layer, too.
+    #[display("nothing to bound: the loop settles without the passivity layer")]
     NothingToBound,
     /// The loop is active, and with the layer contact is calm.
+    #[display("the uncontrolled loop is active; the passivity layer bounds it")]
     Bounded,
     /// The loop is active, and with the layer contact is calm, but the hand feels another force.
+    #[display("the passivity layer bounds the loop, but the hand does not feel the sensed force")]
     Distorted,
     /// The loop is active, and with the layer contact is not calm.
+    #[display("the passivity layer does not bound this loop")]
     NotBounded,
 }
 
@@ -85,23 +91,6 @@ impl Verdict {
     /// Returns whether nothing is wrong with the layer.
     pub const fn is_good(self) -> bool {
         matches!(self, Self::NothingToBound | Self::Bounded)
-    }
-}
-
-/// The verdict as a sentence.
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::WallNotMet => "the wall was not met",
-            Self::NothingToBound => {
-                "nothing to bound: the loop settles without the passivity layer"
-            }
-            Self::Bounded => "the uncontrolled loop is active; the passivity layer bounds it",
-            Self::Distorted => {
-                "the passivity layer bounds the loop, but the hand does not feel the sensed force"
-            }
-            Self::NotBounded => "the passivity layer does not bound this loop",
-        })
     }
 }
 

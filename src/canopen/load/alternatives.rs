@@ -1,8 +1,7 @@
 //! Variants of a network: layouts and changes that [`proposals`](crate::load::proposals) compares.
 
-use std::fmt;
-
 use canopen_rs::NodeId;
+use derive_more::Display;
 
 use crate::emcy;
 use crate::layout::{self, Direction, Group, Pdo};
@@ -15,41 +14,29 @@ use crate::plan::{ErrorControl, NodePlan};
 const SLOW_HEARTBEAT_MS: u16 = 100;
 
 /// Change of a network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Change {
     /// One RPDO and one TPDO per drive, both cyclic synchronous.
+    #[display("one RPDO and one TPDO a drive")]
     PerDrive,
     /// Three drives share one torque RPDO; states are sent on change.
+    #[display("three torques in one RPDO")]
     Grouped,
     /// Statusword and controlword are sent on change, in PDOs of their own.
+    #[display("statusword and controlword on change")]
     StatesOnChange,
     /// Half of a bus's drives move to a second bus.
+    #[display("a second bus for half of the drives")]
     SecondBus,
     /// Another SYNC period, in µs.
+    #[display("{:.0} Hz", 1e6 / f64::from((*_0).max(1)))]
     Period(u32),
     /// Nodes with an RPDO timer, or without torque, send a heartbeat every 100 ms.
+    #[display("the nodes' heartbeats every {SLOW_HEARTBEAT_MS} ms")]
     SlowHeartbeats,
     /// EMCY COB-IDs behind those of the cycle.
+    #[display("emergencies behind the PDOs")]
     EmergenciesMoved,
-}
-
-/// Text of the change.
-impl fmt::Display for Change {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::PerDrive => f.write_str("one RPDO and one TPDO a drive"),
-            Self::Grouped => f.write_str("three torques in one RPDO"),
-            Self::StatesOnChange => f.write_str("statusword and controlword on change"),
-            Self::SecondBus => f.write_str("a second bus for half of the drives"),
-            Self::Period(period_us) => {
-                write!(f, "{:.0} Hz", 1e6 / f64::from((*period_us).max(1)))
-            }
-            Self::SlowHeartbeats => {
-                write!(f, "the nodes' heartbeats every {SLOW_HEARTBEAT_MS} ms")
-            }
-            Self::EmergenciesMoved => f.write_str("emergencies behind the PDOs"),
-        }
-    }
 }
 
 /// Drive that cannot take a shared RPDO.

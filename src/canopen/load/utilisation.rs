@@ -1,6 +1,6 @@
 //! Bus load in the worst case, which the configuration is checked against.
 
-use std::fmt;
+use derive_more::Display;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -9,7 +9,8 @@ use crate::load::streams::Stream;
 
 /// Worst-case load of one bus: every planned frame with maximum bit stuffing. Planned frames are periodic: SYNC,
 /// synchronous PDOs, event timers, heartbeats. Changes, emergencies and SDO use the rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq)]
+#[display("{used:.1} of {available:.0} bits a cycle, {:.1} %", self.percent())]
 pub struct BusLoad {
     /// Bits used per SYNC period.
     pub used: f64,
@@ -48,14 +49,6 @@ impl BusLoad {
         } else {
             Err(Overload { load: self, limit_percent })
         }
-    }
-}
-
-/// `833.4 of 1000 bits a cycle, 83.3 %`
-impl fmt::Display for BusLoad {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { used, available } = self;
-        write!(f, "{used:.1} of {available:.0} bits a cycle, {:.1} %", self.percent())
     }
 }
 

@@ -3,7 +3,7 @@
 //! Each sign may have another reason, such as a second master. Each makes the node-id's messages
 //! unreliable.
 
-use std::fmt;
+use derive_more::Display;
 use std::time::Duration;
 
 use canopen_rs::sdo::request_cob_id;
@@ -13,28 +13,20 @@ use crate::frame::Frame;
 use units::time::Instant;
 
 /// Sign of two nodes with one node-id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 pub enum Sign {
     /// Two boot-up messages for one reset, twice in a row.
+    #[display("boots up twice after one reset")]
     TwoBootUps,
     /// One SDO reply more than there were requests.
+    #[display("answers one SDO request twice")]
     ExtraReply,
     /// More heartbeats than configured (1017h).
+    #[display("sends more heartbeats than configured")]
     ExtraHeartbeats,
     /// Two NMT states that alternate.
+    #[display("is in two NMT states by turns")]
     AlternatingStates,
-}
-
-/// `node 3 …`
-impl fmt::Display for Sign {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::TwoBootUps => "boots up twice after one reset",
-            Self::ExtraReply => "answers one SDO request twice",
-            Self::ExtraHeartbeats => "sends more heartbeats than configured",
-            Self::AlternatingStates => "is in two NMT states by turns",
-        })
-    }
 }
 
 /// Monitor of one node's heartbeats for signs of a second node.

@@ -2,6 +2,7 @@
 //!
 //! `node::safety` decides the reaction to each.
 
+use derive_more::Display;
 use std::fmt;
 use std::time::Duration;
 
@@ -189,28 +190,20 @@ pub enum Event {
 }
 
 /// Step to a power stage that is off, mildest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PowerOffStep {
     /// 6040h = 0 by SDO, and 6041h read.
+    #[display("6040h = 0 by SDO")]
     Download,
     /// NMT stop of the node, on which its abort connection option (6007h) acts.
+    #[display("NMT stop")]
     NmtStop,
     /// NMT pre-operational of the node, in which it answers SDO again, and 6041h read.
+    #[display("NMT pre-operational")]
     PreOperational,
     /// End of heartbeat and guarding for all nodes: the watchdogs of all drives expire.
+    #[display("end of heartbeat and guarding for all nodes")]
     NoErrorControl,
-}
-
-/// As in `NMT stop`.
-impl fmt::Display for PowerOffStep {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Download => "6040h = 0 by SDO",
-            Self::NmtStop => "NMT stop",
-            Self::PreOperational => "NMT pre-operational",
-            Self::NoErrorControl => "end of heartbeat and guarding for all nodes",
-        })
-    }
 }
 
 impl Event {

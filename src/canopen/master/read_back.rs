@@ -3,7 +3,7 @@
 //! One request and one expedited reply of at most four bytes, so that a cycle allocates nothing. The owner
 //! of the [master](crate::master) chooses object and time.
 
-use std::fmt;
+use derive_more::Display;
 use std::time::Duration;
 
 use canopen_rs::NodeId;
@@ -77,11 +77,13 @@ impl Setting {
 }
 
 /// Outcome of a read-back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum ReadBack {
     /// The object holds the verified value.
+    #[display("is as proven")]
     Unchanged,
     /// The object holds another value.
+    #[display("is {found:X}h, was {expected:X}h at boot")]
     Changed {
         /// Verified value.
         expected: u32,
@@ -89,23 +91,11 @@ pub enum ReadBack {
         found: u32,
     },
     /// The object, of which no value is expected, holds this one.
+    #[display("is {_0:X}h")]
     Value(u32),
     /// The object could not be read: its value is unknown.
+    #[display("cannot be read again: {_0}")]
     Unread(SdoError),
-}
-
-/// `1400h:5 is 0h, was 5h at boot`
-impl fmt::Display for ReadBack {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unchanged => f.write_str("is as proven"),
-            Self::Changed { expected, found } => {
-                write!(f, "is {found:X}h, was {expected:X}h at boot")
-            }
-            Self::Value(value) => write!(f, "is {value:X}h"),
-            Self::Unread(error) => write!(f, "cannot be read again: {error}"),
-        }
-    }
 }
 
 /// Read-back under way.

@@ -16,8 +16,8 @@
 //!
 //! [`commission`](crate::master::commission) runs the steps.
 
+use derive_more::Display;
 use std::collections::HashSet;
-use std::fmt;
 
 use canopen_rs::{NmtCommand, Value};
 
@@ -58,28 +58,20 @@ pub enum Stage {
 }
 
 /// Origin of a node's configuration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 pub enum Configuration {
     /// Every object was written and read back.
+    #[display("downloaded")]
     Downloaded,
     /// Written, read back and stored by the node.
+    #[display("downloaded and stored")]
     Stored,
     /// Already stored by the node: only read.
+    #[display("already stored, verified")]
     Skipped,
     /// Found operational with it: not even reset.
+    #[display("kept, node not reset")]
     Kept,
-}
-
-/// `configuration downloaded`
-impl fmt::Display for Configuration {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Downloaded => "downloaded",
-            Self::Stored => "downloaded and stored",
-            Self::Skipped => "already stored, verified",
-            Self::Kept => "kept, node not reset",
-        })
-    }
 }
 
 /// Successor of a stage.

@@ -4,7 +4,7 @@
 //! request is refused when it is older than a second, was made before the end of a boot or before a disarm, or its
 //! client has disconnected: an abandoned request must not act later.
 
-use std::fmt;
+use derive_more::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::time::Duration;
@@ -22,41 +22,32 @@ const QUEUE_CAPACITY: usize = 8;
 const MAX_AGE: Duration = Duration::from_secs(1);
 
 /// Reasons why a request is refused.
-#[derive(Debug)]
+#[derive(Debug, Display)]
 pub enum Denied {
     /// The node refuses it.
+    #[display("{_0}")]
     Refused(RequestError),
     /// A reset whose latch cannot be written: no drive may be enabled.
+    #[display("{}", _0)]
     Latch(String),
     /// The node is booting the network.
+    #[display("the node is booting: retry when it is ready")]
     Booting,
     /// The node is stopping.
+    #[display("the node is stopping")]
     Ending,
     /// The queue is full.
+    #[display("too many requests are waiting: retry")]
     Busy,
     /// The request has this age.
+    #[display("the request is {:.1} s old: retry", _0.as_secs_f64())]
     TooOld(Duration),
     /// A disarm was requested later.
+    #[display("disarmed meanwhile: retry")]
     Disarmed,
     /// Its client has disconnected.
+    #[display("its client has disconnected")]
     Withdrawn,
-}
-
-impl fmt::Display for Denied {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Refused(refused) => refused.fmt(f),
-            Self::Latch(reason) => f.write_str(reason),
-            Self::Booting => f.write_str("the node is booting: retry when it is ready"),
-            Self::Ending => f.write_str("the node is stopping"),
-            Self::Busy => f.write_str("too many requests are waiting: retry"),
-            Self::TooOld(age) => {
-                write!(f, "the request is {:.1} s old: retry", age.as_secs_f64())
-            }
-            Self::Disarmed => f.write_str("disarmed meanwhile: retry"),
-            Self::Withdrawn => f.write_str("its client has disconnected"),
-        }
-    }
 }
 
 /// Result of a request: the mode after it.

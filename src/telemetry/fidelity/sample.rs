@@ -1,7 +1,6 @@
 //! One sample: the felt wrench, the wanted one, and the known parts of the difference.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -9,22 +8,15 @@ use units::spatial::Wrench;
 use units::time::Instant;
 
 /// Place at which a wrench is judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Judged {
     /// The wrench between grip and hand, which only a simulation knows.
+    #[display("hand")]
     Hand,
     /// The wrench of the commanded torques, without gravity compensation.
+    #[display("command")]
     Command,
-}
-
-impl fmt::Display for Judged {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Hand => "hand",
-            Self::Command => "command",
-        })
-    }
 }
 
 /// Known parts of what is felt beside the task, on the hand, at {G} in {G}.

@@ -1,13 +1,14 @@
 //! One measurement of a joint against a load cell.
 
-use std::fmt;
-
+use derive_more::Display;
 /// Which way a joint was driven when a sample was taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Direction {
     /// Its torque rose.
+    #[display("up")]
     Up,
     /// Its torque fell.
+    #[display("down")]
     Down,
 }
 
@@ -18,15 +19,6 @@ impl Direction {
             Self::Up => 1.0,
             Self::Down => -1.0,
         }
-    }
-}
-
-impl fmt::Display for Direction {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Up => "up",
-            Self::Down => "down",
-        })
     }
 }
 

@@ -1,11 +1,13 @@
 //! The thirteen invariants, and their violations.
 
+use derive_more::Display;
 use std::fmt;
 
 use units::time::Instant;
 
 /// A condition that holds on the buses at any moment, with any fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[display("I{}", self.number())]
 pub enum Invariant {
     /// I1: no target exceeds its joint's capacity.
     Cap,
@@ -57,13 +59,6 @@ impl Invariant {
     /// Returns its number, from 1.
     pub fn number(self) -> usize {
         1 + Self::ALL.iter().position(|one| *one == self).unwrap_or_default()
-    }
-}
-
-/// As in "I4".
-impl fmt::Display for Invariant {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "I{}", self.number())
     }
 }
 

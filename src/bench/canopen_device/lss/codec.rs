@@ -16,10 +16,9 @@
 //! | 5Ah + n    | inquire identity               |                                 | 5Ah + n, number              |
 //! | 5Eh        | inquire node-id                |                                 | 5Eh, node-id                 |
 
-use std::fmt;
-
 use crate::lss::{Part, REPLY_COB_ID, REQUEST_COB_ID};
 use canopen::frame::Frame;
+use derive_more::Display;
 
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;
@@ -93,15 +92,19 @@ impl Probe {
 }
 
 /// LSS request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Request {
     /// Switches the state of every slave.
+    #[display("switch state global")]
     SwitchGlobal(Mode),
     /// Selects by one part; the slave matching all four enters configuration.
+    #[display("switch state selective")]
     Select(Part, u32),
     /// Configures the node-id, as LSS encodes it.
+    #[display("configure node-id")]
     ConfigureNodeId(u8),
     /// Configures the bit rate, which acts after its activation.
+    #[display("configure bit timing")]
     ConfigureBitTiming {
         /// Table; [`STANDARD_TABLE`](crate::lss::STANDARD_TABLE) is that of CiA.
         table: u8,
@@ -109,18 +112,25 @@ pub enum Request {
         index: u8,
     },
     /// Activates the bit rate after this delay in ms; no node sends for twice that time.
+    #[display("activate bit timing")]
     ActivateBitTiming(u16),
     /// Stores node-id and bit rate.
+    #[display("store configuration")]
     Store,
     /// Inquires one part of the identity.
+    #[display("inquire {_0}")]
     Inquire(Part),
     /// Inquires the node-id.
+    #[display("inquire node-id")]
     InquireNodeId,
     /// Identifies by one condition; slaves that meet all six reply.
+    #[display("identify remote slave")]
     IdentifyRemote(Condition, u32),
     /// Identifies unconfigured slaves.
+    #[display("identify non-configured slave")]
     IdentifyNonConfigured,
     /// Compares part of the identity of unconfigured slaves.
+    #[display("fastscan")]
     Fastscan(Probe),
 }
 
@@ -181,25 +191,6 @@ impl Request {
             INQUIRE_NODE_ID => Self::InquireNodeId,
             _ => return None,
         })
-    }
-}
-
-/// `configure node-id`, `inquire serial number`
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::SwitchGlobal(_) => f.write_str("switch state global"),
-            Self::Select(..) => f.write_str("switch state selective"),
-            Self::ConfigureNodeId(_) => f.write_str("configure node-id"),
-            Self::ConfigureBitTiming { .. } => f.write_str("configure bit timing"),
-            Self::ActivateBitTiming(_) => f.write_str("activate bit timing"),
-            Self::Store => f.write_str("store configuration"),
-            Self::Inquire(part) => write!(f, "inquire {part}"),
-            Self::InquireNodeId => f.write_str("inquire node-id"),
-            Self::IdentifyRemote(..) => f.write_str("identify remote slave"),
-            Self::IdentifyNonConfigured => f.write_str("identify non-configured slave"),
-            Self::Fastscan(_) => f.write_str("fastscan"),
-        }
     }
 }
 

@@ -10,11 +10,10 @@
 //!
 //! Every frame has eight bytes, first a command specifier; [`codec`] has the table.
 
+use derive_more::Display;
 pub mod codec;
 pub(crate) mod layer;
 pub mod slave;
-
-use std::fmt;
 
 use canopen_rs::NodeId;
 use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID, UNCONFIGURED_NODE_ID};
@@ -25,15 +24,19 @@ pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;
 pub const REPLY_COB_ID: u16 = LSS_SLAVE_COB_ID;
 
 /// Part of an LSS address, in the order of 1018h:1 to 4.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
     /// Vendor-ID.
+    #[display("vendor-ID")]
     Vendor,
     /// Product code.
+    #[display("product code")]
     Product,
     /// Revision number.
+    #[display("revision number")]
     Revision,
     /// Serial number.
+    #[display("serial number")]
     Serial,
 }
 
@@ -57,20 +60,9 @@ impl Part {
     }
 }
 
-/// Name in CiA 301.
-impl fmt::Display for Part {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Vendor => "vendor-ID",
-            Self::Product => "product code",
-            Self::Revision => "revision number",
-            Self::Serial => "serial number",
-        })
-    }
-}
-
 /// LSS address: the identity (1018h) of one device.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, Default, PartialEq, Eq, Hash)]
+#[display("{vendor:08X}h {product:08X}h {revision:08X}h {serial:08X}h")]
 pub struct Address {
     /// Vendor-ID.
     pub vendor: u32,
@@ -103,14 +95,6 @@ impl Address {
             Part::Serial => self.serial = number,
         }
         self
-    }
-}
-
-/// `00000F8Ch 04020010h 00010000h 00000003h`: vendor, product, revision, serial
-impl fmt::Display for Address {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { vendor, product, revision, serial } = self;
-        write!(f, "{vendor:08X}h {product:08X}h {revision:08X}h {serial:08X}h")
     }
 }
 

@@ -14,7 +14,7 @@
 //! | `os` `d`   | OCTET_STRING, DOMAIN         | hexadecimal bytes: `01 AB ff`, `01ABff`                 |
 //! | `t` `td`   | TIME_OF_DAY, TIME_DIFFERENCE | days, since 1984 or between, and milliseconds: `15665:31238000` |
 
-use std::fmt;
+use derive_more::Display;
 use std::str::FromStr;
 
 use thiserror::Error;
@@ -43,31 +43,43 @@ impl Width {
 }
 
 /// Data type of an object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 pub enum GatewayType {
     /// `b`
+    #[display("b")]
     Boolean,
     /// `i8` to `i64`
+    #[display("i{}", _0.bits())]
     Signed(Width),
     /// `u8` to `u64`
+    #[display("u{}", _0.bits())]
     Unsigned(Width),
     /// `x8` to `x64`
+    #[display("x{}", _0.bits())]
     Hexadecimal(Width),
     /// `r32`
+    #[display("r32")]
     Real32,
     /// `r64`
+    #[display("r64")]
     Real64,
     /// `vs`
+    #[display("vs")]
     VisibleString,
     /// `us`
+    #[display("us")]
     UnicodeString,
     /// `os`
+    #[display("os")]
     OctetString,
     /// `d`
+    #[display("d")]
     Domain,
     /// `t`
+    #[display("t")]
     TimeOfDay,
     /// `td`
+    #[display("td")]
     TimeDifference,
 }
 
@@ -105,25 +117,6 @@ impl FromStr for GatewayType {
                 }
             }
         })
-    }
-}
-
-impl fmt::Display for GatewayType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Boolean => f.write_str("b"),
-            Self::Signed(width) => write!(f, "i{}", width.bits()),
-            Self::Unsigned(width) => write!(f, "u{}", width.bits()),
-            Self::Hexadecimal(width) => write!(f, "x{}", width.bits()),
-            Self::Real32 => f.write_str("r32"),
-            Self::Real64 => f.write_str("r64"),
-            Self::VisibleString => f.write_str("vs"),
-            Self::UnicodeString => f.write_str("us"),
-            Self::OctetString => f.write_str("os"),
-            Self::Domain => f.write_str("d"),
-            Self::TimeOfDay => f.write_str("t"),
-            Self::TimeDifference => f.write_str("td"),
-        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! Detection of timestamps that go back: a concatenated log, a clock that was set, or a file in the wrong order.
 
-use std::fmt;
-
+use derive_more::Display;
 /// Maximum number of interfaces tracked separately; further ones share the last.
 const MAX_INTERFACES: usize = 32;
 
@@ -12,7 +11,8 @@ pub(super) struct Timestamps {
 }
 
 /// Time in ns by which a timestamp is earlier than the previous one of the same interface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+#[display("timestamp goes back {}.{:06} s", _0 / 1_000_000_000, _0 % 1_000_000_000 / 1_000)]
 pub(super) struct GoesBack(u64);
 
 impl Timestamps {
@@ -28,19 +28,6 @@ impl Timestamps {
         let back = before.checked_sub(nanos).filter(|back| *back > 0);
         *before = nanos;
         back.map(GoesBack)
-    }
-}
-
-/// Formats as `timestamp goes back 1.500000 s`.
-impl fmt::Display for GoesBack {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(nanos) = self;
-        write!(
-            f,
-            "timestamp goes back {}.{:06} s",
-            nanos / 1_000_000_000,
-            nanos % 1_000_000_000 / 1_000
-        )
     }
 }
 

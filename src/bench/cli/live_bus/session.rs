@@ -2,8 +2,8 @@
 //!
 //! A frame that the driver does not accept is queued and sent later. A tool may do so; the node's cycle must not.
 
+use derive_more::Display;
 use std::collections::VecDeque;
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -21,27 +21,20 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(1);
 const TRANSMIT_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Reasons why a session ended early.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum SessionError {
     /// The stop flag was set.
+    #[display("interrupted")]
     Interrupted,
     /// The interface went down or was unplugged.
+    #[display("the interface is down")]
     Down,
     /// The controller has left the bus.
+    #[display("bus-off: the controller has left the bus")]
     BusOff,
     /// The controller transmits no frames.
+    #[display("no frame is transmitted: no node acknowledges, or the bit rate differs")]
     Stuck,
-}
-
-impl fmt::Display for SessionError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Interrupted => "interrupted",
-            Self::Down => "the interface is down",
-            Self::BusOff => "bus-off: the controller has left the bus",
-            Self::Stuck => "no frame is transmitted: no node acknowledges, or the bit rate differs",
-        })
-    }
 }
 
 impl std::error::Error for SessionError {}

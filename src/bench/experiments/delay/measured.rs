@@ -1,7 +1,6 @@
 //! Measurement of a run over a link: rest at the wall, energy of the layer, and torques beyond gravity compensation.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -26,31 +25,24 @@ const MIN_FORCE: f64 = 0.5;
 const MIN_TORQUE: f64 = 1e-9;
 
 /// Outcome of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The hand comes to rest at the wall.
+    #[display("calm")]
     Calm,
     /// It swings.
+    #[display("swings")]
     Swings,
     /// The node ended the reflection or stopped the drives.
+    #[display("stopped")]
     Stopped,
     /// The link was lost, or nothing young enough came over it.
+    #[display("link lost")]
     LinkLost,
     /// The hand rests, and nothing touches the wall.
+    #[display("wall not met")]
     WallNotMet,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Calm => "calm",
-            Self::Swings => "swings",
-            Self::Stopped => "stopped",
-            Self::LinkLost => "link lost",
-            Self::WallNotMet => "wall not met",
-        })
-    }
 }
 
 /// Figures of a run so far.

@@ -8,8 +8,7 @@
 //!
 //! The hand is that of the gain check: no reaction, no tremor. A tremor would excite what is looked for.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -41,12 +40,14 @@ const MAX_FORCE: f64 = 7.0;
 const MIN_COMPONENT: f64 = 1e-6;
 
 /// Command of the hand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Commanded {
     /// Poses.
+    #[display("pose")]
     Pose,
     /// Rates.
+    #[display("rate")]
     Rate,
 }
 
@@ -56,15 +57,6 @@ impl From<Commanded> for Mode {
             Commanded::Pose => Self::Pose,
             Commanded::Rate => Self::Rate,
         }
-    }
-}
-
-impl fmt::Display for Commanded {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Pose => "pose",
-            Self::Rate => "rate",
-        })
     }
 }
 

@@ -1,7 +1,6 @@
 //! Places of the wall: the postures in which the hand meets it, and their quality.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -18,7 +17,8 @@ pub const WAYS: [f64; 3] = [0.05, 0.09, 0.13];
 const NAMING_JOINT: usize = 2;
 
 /// Place of the wall, and the posture of the arm where the hand meets it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Display, PartialEq, Serialize)]
+#[display("{:.0} cm: {joint}, σ {sigma_min:.2}, {friction_n:.1} N", way_m * 100.0)]
 pub struct Place {
     /// Way of the hand to the wall, in m.
     pub way_m: f64,
@@ -55,13 +55,6 @@ impl Place {
             sigma_min: met.sigma_min,
             friction_n: met.friction_n,
         })
-    }
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { way_m, joint, sigma_min, friction_n } = self;
-        write!(f, "{:.0} cm: {joint}, σ {sigma_min:.2}, {friction_n:.1} N", way_m * 100.0)
     }
 }
 

@@ -14,8 +14,7 @@
 //!
 //! The way into the wall depends on the hand: at rest its spring and the wall's, in series, carry the same force.
 
-use std::fmt;
-
+use derive_more::Display;
 use serde::Serialize;
 
 use crate::opening;
@@ -40,35 +39,23 @@ pub const HANDS: [Hand; 4] = [
 ];
 
 /// A named operator.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Display)]
+#[display("{}", self.0)]
 pub struct Hand(pub &'static str, pub OperatorSettings);
 
-impl fmt::Display for Hand {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.0)
-    }
-}
-
 /// Course of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Course {
     /// Free motion, approach, slide, press, half release and release, in pose mode.
+    #[display("full")]
     Full,
     /// Contact and release in pose mode.
+    #[display("pose")]
     PoseRelease,
     /// Contact and release in rate mode.
+    #[display("rate")]
     RateRelease,
-}
-
-impl fmt::Display for Course {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Full => "full",
-            Self::PoseRelease => "pose",
-            Self::RateRelease => "rate",
-        })
-    }
 }
 
 /// Start of the release and end of the script, in s.

@@ -1,23 +1,26 @@
 //! The arm of a run: as configured, or another one.
 
-use std::fmt;
-
+use derive_more::Display;
 use serde::Serialize;
 
 use config::Config;
 use controller::{Extensions, Settings};
 
 /// The arm that the hand really holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arm {
     /// As configured.
+    #[display("as identified")]
     Identified,
     /// With 30 % less friction than configured.
+    #[display("30 % less friction")]
     LessFriction,
     /// With 30 % more friction than configured.
+    #[display("30 % more friction")]
     MoreFriction,
     /// Without friction, and without its compensation.
+    #[display("without friction")]
     Frictionless,
 }
 
@@ -42,16 +45,5 @@ impl Arm {
         let friction = extensions.friction.filter(|_| self.friction() > 0.0);
         let extensions = Extensions { friction, ..extensions };
         config.clone().with_controller(Settings { extensions, ..config.controller })
-    }
-}
-
-impl fmt::Display for Arm {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Identified => "as identified",
-            Self::LessFriction => "30 % less friction",
-            Self::MoreFriction => "30 % more friction",
-            Self::Frictionless => "without friction",
-        })
     }
 }

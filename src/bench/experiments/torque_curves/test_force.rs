@@ -3,8 +3,7 @@
 //! The motors have the rig's curves, the controller has the maker's lines or the fitted polynomials. Gravity compensation
 //! passes through the same curves, so its error is felt, too, and is reported as what the hand carries without a test force.
 
-use std::fmt;
-
+use derive_more::Display;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -36,12 +35,14 @@ const AVERAGED_S: f64 = 0.5;
 const SEGMENTS: u8 = 13;
 
 /// Curve that the controller takes for the motors'.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Curve {
     /// Straight line of the data sheets.
+    #[display("maker's line")]
     MakersLine,
     /// Polynomial of 5th order, fitted on the rig.
+    #[display("polynomial")]
     Polynomial,
 }
 
@@ -54,15 +55,6 @@ impl Curve {
             Self::MakersLine => bench.line,
             Self::Polynomial => bench.fitted,
         }
-    }
-}
-
-impl fmt::Display for Curve {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::MakersLine => "maker's line",
-            Self::Polynomial => "polynomial",
-        })
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! An error misleads a reader of the file; a warning is unusual, or read differently elsewhere.
 
+use derive_more::Display;
 mod device;
 mod file;
 mod lists;
@@ -16,21 +17,14 @@ use crate::eds::title::Title;
 use crate::object::Object;
 
 /// Severity of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Severity {
     /// Misleading.
+    #[display("error")]
     Error,
     /// Unusual.
+    #[display("warning")]
     Warning,
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-        })
-    }
 }
 
 /// Finding in an EDS.

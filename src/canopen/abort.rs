@@ -1,6 +1,7 @@
 //! SDO abort codes (CiA 301, 7.2.4.3.17), by name.
 
 use derive_more::Display;
+
 /// 32-bit reason in an SDO abort. Devices use codes of their own, so any value is possible.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[display("{:08X}h {}", self.0, self.description().unwrap_or("unknown reason"))]

@@ -7,8 +7,9 @@
 //! | position scale | 608Fh and 6091h; not by 1:1 in 608Fh or 6093h: unused ones read so |
 //! | torque unit    | 6076h, or 6075h where the rated current is configured              |
 
-use derive_more::Display;
 use std::fmt;
+
+use derive_more::Display;
 
 use crate::nameplate::{Held, Nameplate, Ratio};
 use crate::object::Object;

@@ -19,9 +19,9 @@
 //!
 //! [`units`] has 60A8h, 60A9h, 6093h, 6094h and 607Bh.
 
-use derive_more::Display;
 pub mod units;
 
+use derive_more::Display;
 use thiserror::Error;
 
 use crate::nameplate::units::{SiUnit, Units};

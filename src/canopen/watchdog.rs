@@ -2,10 +2,10 @@
 //!
 //! Derived from the plan. The boot shows whether a drive has them; the watchdog test, whether they work.
 
-use derive_more::Display;
 use std::fmt;
 
 use canopen_rs::Value;
+use derive_more::Display;
 
 use crate::layout::Direction;
 use crate::master::check::Check;

@@ -4,8 +4,9 @@
 //! target that the drive has taken with those it sent: the torque demand (6074h) that arrives by TPDO, or the target
 //! torque (6071h) read by SDO, one drive after the other. Two readings in a row must differ.
 
-use derive_more::Display;
 use std::time::Duration;
+
+use derive_more::Display;
 
 use crate::parameters::Parameters;
 use crate::protection::timer_tolerance;

@@ -1,6 +1,8 @@
 //! `[joint.torque_limit]`: limit of a drive's torque in place of 6072h, by an object that the boot writes, or by a limit
 //! that the maker's tool has stored and nothing reads.
 
+use derive_more::Display;
+
 use crate::drive_object::{self, Written};
 use crate::problem::Problems;
 use crate::raw;
@@ -8,7 +10,6 @@ use crate::value::Optional;
 use canopen::eds::Eds;
 use canopen::object::Object;
 use canopen::setting::can_limit_torque;
-use derive_more::Display;
 
 /// Limit of a drive's torque in place of 6072h.
 #[derive(Clone, Debug, PartialEq)]

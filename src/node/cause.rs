@@ -3,8 +3,9 @@
 //! Each row of the table declares a cause, its description, its message, and the reaction it leads to.
 //! [`table`](crate::safety::table) derives the mode from the reaction.
 
-use derive_more::Display;
 use std::fmt;
+
+use derive_more::Display;
 
 use crate::joint_reading::JointReading;
 use crate::reaction::{Initiator, Reaction, Row, always, armed};

@@ -1,8 +1,9 @@
 //! Failures of commands: an exit code for scripts and one line of text for people.
 
-use derive_more::Display;
 use std::fmt;
 use std::process::ExitCode;
+
+use derive_more::Display;
 
 /// Kinds of failure. The exit codes are stable (docs/commands.md, "Exit codes").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! A bench brought into the situation of a case: booted, armed, engaged.
 
-use std::fmt;
 use std::time::Duration;
+
+use thiserror::Error;
 
 use crate::monitor::{self, Answer, Monitor};
 use crate::situation::Situation;
@@ -21,38 +22,24 @@ const BOOT_TIMEOUT: Duration = Duration::from_secs(20);
 const MIN_CONTACT: f64 = 2.0;
 
 /// A case that cannot be played.
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum StageError {
     /// A scenario that is invalid.
+    #[error("scenario: {0}")]
     Scenario(Problem),
     /// The network does not come up.
+    #[error("{0}")]
     Boot(BringUpError),
     /// The network is not up when `BOOT_TIMEOUT` is over.
+    #[error("the boot must end within {} s of virtual time, and did not", BOOT_TIMEOUT.as_secs())]
     BootTimeout,
     /// The situation is not reached.
+    #[error("the node must be {0} before the fault, and is {1}")]
     NotReached(Situation, Mode),
     /// An invariant is violated before the fault.
+    #[error("before any fault: {0}")]
     Violated(String),
 }
-
-impl fmt::Display for StageError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(problem) => write!(f, "scenario: {problem}"),
-            Self::Boot(error) => write!(f, "{error}"),
-            Self::BootTimeout => {
-                let seconds = BOOT_TIMEOUT.as_secs();
-                write!(f, "the boot must end within {seconds} s of virtual time, and did not")
-            }
-            Self::NotReached(situation, mode) => {
-                write!(f, "the node must be {situation} before the fault, and is {mode}")
-            }
-            Self::Violated(violation) => write!(f, "before any fault: {violation}"),
-        }
-    }
-}
-
-impl std::error::Error for StageError {}
 
 /// Brings a bench into a situation; `seed` is that of the hand's tremor. No drive may exert torque before it is armed,
 /// the proof test included (promise 9).

@@ -1,10 +1,10 @@
 //! The figures of a campaign: one line for each kind of fault.
 
-use derive_more::Display;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use std::{fmt, iter};
 
+use derive_more::Display;
 use serde::Serialize;
 
 use crate::catalogue;

@@ -1,7 +1,8 @@
 //! The outcome of one case: its observation against its criterion.
 
-use derive_more::Display;
 use std::time::Duration;
+
+use derive_more::Display;
 
 use crate::case::Case;
 use crate::criterion::{Criterion, MayStop};

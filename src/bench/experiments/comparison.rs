@@ -10,9 +10,9 @@
 //! - A calm contact is *faithful* if the hand at rest feels K_T times the sensed force within `MAX_FELT_ERROR`: a layer
 //!   that takes the contact away bounds it, too.
 
-use derive_more::Display;
 use std::fmt;
 
+use derive_more::Display;
 use serde::Serialize;
 
 use nalgebra::Vector3;

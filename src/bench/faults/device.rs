@@ -2,63 +2,76 @@
 
 use std::fmt;
 
-use crate::described::described;
+use derive_more::Display;
 
-described! {
-    /// A device without its bus.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Disconnection {
-        /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
-        Unplugged => "unplugged";
-        /// The bus is cut before the device: it and all behind it on the same bus are disconnected.
-        WireCut => "wire cut before it";
-        /// The device's CAN controller is bus-off. It reports its recovery by an emergency message (8140h).
-        BusOff => "bus-off";
-    }
+/// A device without its bus.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Disconnection {
+    /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
+    #[display("unplugged")]
+    Unplugged,
+    /// The bus is cut before the device: it and all behind it on the same bus are disconnected.
+    #[display("wire cut before it")]
+    WireCut,
+    /// The device's CAN controller is bus-off. It reports its recovery by an emergency message (8140h).
+    #[display("bus-off")]
+    BusOff,
+}
 
-    /// A fault of a device itself.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum DeviceFault {
-        /// The device reboots by itself.
-        Reboot => "reboots by itself";
-        /// The device sends an emergency message and goes on.
-        Emergency {
-            /// The error code.
-            code: u16,
-            /// The error register (1001h).
-            register: u8,
-        } => "emergency {code:04X}h";
-        /// The drive enters the state Fault (CiA 402) and sends this error code; 0 for no emergency message.
-        DriveFault(code: u16) => "fault {code:04X}h";
-        /// Safe torque off is requested at the drive's input.
-        SafeTorqueOff => "safe torque off";
-        /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
-        ControlwordIgnored => "controlword ignored";
-        /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
-        TorqueOffset(per_mille: i16) => "torque offset of {per_mille} ‰";
-    }
+/// A fault of a device itself.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum DeviceFault {
+    /// The device reboots by itself.
+    #[display("reboots by itself")]
+    Reboot,
+    /// The device sends an emergency message and goes on.
+    #[display("emergency {code:04X}h")]
+    Emergency {
+        /// The error code.
+        code: u16,
+        /// The error register (1001h).
+        register: u8,
+    },
+    /// The drive enters the state Fault (CiA 402) and sends this error code; 0 for no emergency message.
+    #[display("fault {_0:04X}h")]
+    DriveFault(u16),
+    /// Safe torque off is requested at the drive's input.
+    #[display("safe torque off")]
+    SafeTorqueOff,
+    /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
+    #[display("controlword ignored")]
+    ControlwordIgnored,
+    /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
+    #[display("torque offset of {_0} ‰")]
+    TorqueOffset(i16),
+}
 
-    /// A wrong measurement of a drive.
-    #[derive(Clone, Copy, Debug, PartialEq)]
-    pub enum SensorFault {
-        /// The position is off by this much, in rad (m) of the joint.
-        PositionOffset(by: f64) => "encoder off by {by} rad (m)";
-        /// The position does not change.
-        PositionFrozen => "encoder frozen";
-        /// The torque is multiplied by this factor.
-        TorqueScaled(factor: f64) => "torque actual multiplied by {factor}";
-    }
+/// A wrong measurement of a drive.
+#[derive(Clone, Copy, Debug, Display, PartialEq)]
+pub enum SensorFault {
+    /// The position is off by this much, in rad (m) of the joint.
+    #[display("encoder off by {_0} rad (m)")]
+    PositionOffset(f64),
+    /// The position does not change.
+    #[display("encoder frozen")]
+    PositionFrozen,
+    /// The torque is multiplied by this factor.
+    #[display("torque actual multiplied by {_0}")]
+    TorqueScaled(f64),
+}
 
-    /// A fault of a contact.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum ContactFault {
-        /// The input is always high.
-        StuckHigh => "stuck high";
-        /// The input is always low.
-        StuckLow => "stuck low";
-        /// The input is inverted at random.
-        Bouncing => "bounces";
-    }
+/// A fault of a contact.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum ContactFault {
+    /// The input is always high.
+    #[display("stuck high")]
+    StuckHigh,
+    /// The input is always low.
+    #[display("stuck low")]
+    StuckLow,
+    /// The input is inverted at random.
+    #[display("bounces")]
+    Bouncing,
 }
 
 /// An input of the switch box. Its bits are stated here apart from those the node reads, so that a mistake in one

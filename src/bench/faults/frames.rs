@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::described::described;
+use derive_more::Display;
 
 /// A fault of some frames of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,58 +16,71 @@ pub struct FrameFault {
     pub extent: Extent,
 }
 
-described! {
-    /// Frames of a device that a fault selects.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Selection {
-        /// All frames that the device sends or receives.
-        All => "frames";
-        /// Those of one service.
-        Service(service: Service) => "{service}";
-        /// Those with this COB-ID.
-        CobId(cob_id: u16) => "{cob_id:03X}h";
-    }
+/// Frames of a device that a fault selects.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Selection {
+    /// All frames that the device sends or receives.
+    #[display("frames")]
+    All,
+    /// Those of one service.
+    Service(Service),
+    /// Those with this COB-ID.
+    #[display("{_0:03X}h")]
+    CobId(u16),
+}
 
-    /// A service of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Service {
-        /// A TPDO, from 1.
-        Tpdo(number: u16) => "tpdo{number}";
-        /// An RPDO, from 1.
-        Rpdo(number: u16) => "rpdo{number}";
-        /// Emergency messages.
-        Emergency => "emcy";
-        /// Heartbeat, boot-up message and node guarding.
-        Heartbeat => "heartbeat";
-        /// Requests to the SDO server, and its responses.
-        Sdo => "sdo";
-        /// The SYNC that the device consumes.
-        Sync => "sync";
-        /// NMT commands.
-        Nmt => "nmt";
-    }
+/// A service of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Service {
+    /// A TPDO, from 1.
+    #[display("tpdo{_0}")]
+    Tpdo(u16),
+    /// An RPDO, from 1.
+    #[display("rpdo{_0}")]
+    Rpdo(u16),
+    /// Emergency messages.
+    #[display("emcy")]
+    Emergency,
+    /// Heartbeat, boot-up message and node guarding.
+    #[display("heartbeat")]
+    Heartbeat,
+    /// Requests to the SDO server, and its responses.
+    #[display("sdo")]
+    Sdo,
+    /// The SYNC that the device consumes.
+    #[display("sync")]
+    Sync,
+    /// NMT commands.
+    #[display("nmt")]
+    Nmt,
+}
 
-    /// Effect on a frame.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Effect {
-        /// The frame is lost.
-        Drop => "lost";
-        /// The frame is received twice.
-        Duplicate => "twice";
-        /// The frame is received later.
-        Delay {
-            /// The delay.
-            by: Duration,
-            /// Later frames of the same COB-ID may overtake it.
-            reorders: bool,
-        } => "{} ms late", by.as_secs_f64() * 1e3;
-        /// The set bits of this mask are inverted in its data.
-        Corrupt(mask: [u8; 8]) => "corrupted";
-        /// Its data is that of the first frame since the fault began.
-        Freeze => "frozen";
-        /// Its data has this length, 0 to 8 bytes.
-        Resize(bytes: u8) => "of {bytes} bytes";
-    }
+/// Effect on a frame.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Effect {
+    /// The frame is lost.
+    #[display("lost")]
+    Drop,
+    /// The frame is received twice.
+    #[display("twice")]
+    Duplicate,
+    /// The frame is received later.
+    #[display("{} ms late", by.as_secs_f64() * 1e3)]
+    Delay {
+        /// The delay.
+        by: Duration,
+        /// Later frames of the same COB-ID may overtake it.
+        reorders: bool,
+    },
+    /// The set bits of this mask are inverted in its data.
+    #[display("corrupted")]
+    Corrupt([u8; 8]),
+    /// Its data is that of the first frame since the fault began.
+    #[display("frozen")]
+    Freeze,
+    /// Its data has this length, 0 to 8 bytes.
+    #[display("of {_0} bytes")]
+    Resize(u8),
 }
 
 /// Extent of a fault among the selected frames.

@@ -2,52 +2,66 @@
 
 use std::time::Duration;
 
-use crate::described::described;
+use derive_more::Display;
+
 use canopen::frame::Frame;
 
-described! {
-    /// A fault of a bus, as its host sees it.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Disturbance {
-        /// The transmit queue is full: no frame is accepted. Frames are received.
-        QueueFull => "transmit queue full";
-        /// The adapter accepts frames and sends none; it receives nothing.
-        AdapterStuck => "adapter stuck";
-        /// The adapter queues frames in both directions and delivers them when the fault ends.
-        AdapterStalled => "adapter stalled";
-        /// The adapter is unplugged, and its driver reports that the interface is gone.
-        AdapterUnplugged => "adapter unplugged";
-        /// The interface is down: no frame is accepted or received, and nothing is reported.
-        InterfaceDown => "interface down";
-        /// The controller reports bus-off: accepted frames are lost, and nothing is received.
-        BusOff => "adapter bus-off";
-        /// The controller reports error passive. Frames still pass.
-        ErrorPassive => "adapter error passive";
-        /// The controller reports an error warning. Frames still pass.
-        ErrorWarning => "adapter error warning";
-        /// Another node sends this frame whenever it wins the arbitration.
-        Flood(frame: Frame) => "flooded with {frame}";
-    }
+/// A fault of a bus, as its host sees it.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Disturbance {
+    /// The transmit queue is full: no frame is accepted. Frames are received.
+    #[display("transmit queue full")]
+    QueueFull,
+    /// The adapter accepts frames and sends none; it receives nothing.
+    #[display("adapter stuck")]
+    AdapterStuck,
+    /// The adapter queues frames in both directions and delivers them when the fault ends.
+    #[display("adapter stalled")]
+    AdapterStalled,
+    /// The adapter is unplugged, and its driver reports that the interface is gone.
+    #[display("adapter unplugged")]
+    AdapterUnplugged,
+    /// The interface is down: no frame is accepted or received, and nothing is reported.
+    #[display("interface down")]
+    InterfaceDown,
+    /// The controller reports bus-off: accepted frames are lost, and nothing is received.
+    #[display("adapter bus-off")]
+    BusOff,
+    /// The controller reports error passive. Frames still pass.
+    #[display("adapter error passive")]
+    ErrorPassive,
+    /// The controller reports an error warning. Frames still pass.
+    #[display("adapter error warning")]
+    ErrorWarning,
+    /// Another node sends this frame whenever it wins the arbitration.
+    #[display("flooded with {_0}")]
+    Flood(Frame),
+}
 
-    /// A fault of the host. All but a clock that is set last for the duration of their [`Fault`](crate::Fault).
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum HostFault {
-        /// The process does not run. The buses go on.
-        ProcessStopped => "process stopped";
-        /// The same, from the next frame with this COB-ID on that the process sends or reads: within a cycle.
-        ProcessStoppedAfter(cob_id: u16) => "process stopped after {cob_id:03X}h";
-        /// The host is suspended. The buses go on.
-        Suspended => "suspended";
-        /// The wall clock is set to this time since 1970.
-        ClockSet(wall: Duration) => "wall clock set to {} s", wall.as_secs_f64();
-    }
+/// A fault of the host. All but a clock that is set last for the duration of their [`Fault`](crate::Fault).
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum HostFault {
+    /// The process does not run. The buses go on.
+    #[display("process stopped")]
+    ProcessStopped,
+    /// The same, from the next frame with this COB-ID on that the process sends or reads: within a cycle.
+    #[display("process stopped after {_0:03X}h")]
+    ProcessStoppedAfter(u16),
+    /// The host is suspended. The buses go on.
+    #[display("suspended")]
+    Suspended,
+    /// The wall clock is set to this time since 1970.
+    #[display("wall clock set to {} s", _0.as_secs_f64())]
+    ClockSet(Duration),
+}
 
-    /// A fault of the link to the commanded side, mildest first.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-    pub enum LinkFault {
-        /// Wrenches are repeated, with their old time stamps.
-        Frozen => "frozen";
-        /// No message passes in either direction.
-        Lost => "lost";
-    }
+/// A fault of the link to the commanded side, mildest first.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LinkFault {
+    /// Wrenches are repeated, with their old time stamps.
+    #[display("frozen")]
+    Frozen,
+    /// No message passes in either direction.
+    #[display("lost")]
+    Lost,
 }

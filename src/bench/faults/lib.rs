@@ -16,7 +16,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod described;
 mod device;
 mod frames;
 mod host;
@@ -28,7 +27,8 @@ pub use host::{Disturbance, HostFault, LinkFault};
 use std::fmt;
 use std::time::Duration;
 
-use crate::described::described;
+use derive_more::Display;
+
 use canopen::frame::{Channel, Frame};
 use units::numbering::Joint;
 
@@ -45,60 +45,68 @@ pub struct Fault {
     pub kind: Kind,
 }
 
-described! {
-    /// The part of the system that has a fault.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Target {
-        /// The drive of one joint.
-        Joint(joint: Joint) => "joint {joint}";
-        /// All six drives.
-        Drives => "every drive";
-        /// The switch box.
-        SwitchBox => "switch box";
-        /// One bus, with the host's adapter to it.
-        Bus(bus: Channel) => "bus {}", bus.0;
-        /// The commanded side, or the link to it.
-        Link => "link";
-        /// The host: the node's process and the clocks.
-        Host => "host";
-    }
+/// The part of the system that has a fault.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+pub enum Target {
+    /// The drive of one joint.
+    #[display("joint {_0}")]
+    Joint(Joint),
+    /// All six drives.
+    #[display("every drive")]
+    Drives,
+    /// The switch box.
+    #[display("switch box")]
+    SwitchBox,
+    /// One bus, with the host's adapter to it.
+    #[display("bus {}", _0.0)]
+    Bus(Channel),
+    /// The commanded side, or the link to it.
+    #[display("link")]
+    Link,
+    /// The host: the node's process and the clocks.
+    #[display("host")]
+    Host,
+}
 
-    /// Kind of a fault.
-    #[derive(Clone, Copy, Debug, PartialEq)]
-    pub enum Kind {
-        /// The device has no connection to its bus.
-        Disconnection(fault: Disconnection) => "{fault}";
-        /// Frames of a device are lost or changed.
-        Frames(fault: FrameFault) => "{fault}";
-        /// A second node sends the data of joint `by` under the target's identifier.
-        Imitation {
-            /// The joint whose data is sent twice.
-            by: Joint,
-            /// The service that is imitated.
-            service: Service,
-        } => "{service} sent twice, once with joint {by}'s data";
-        /// The device itself fails.
-        Device(fault: DeviceFault) => "{fault}";
-        /// A drive measures a wrong value.
-        Sensor(fault: SensorFault) => "{fault}";
-        /// An input of the switch box differs from its switch.
-        Contact(input: Input, fault: ContactFault) => "{input} {fault}";
-        /// A node outside of the configuration sends a frame.
-        ForeignFrame {
-            /// The frame.
-            frame: Frame,
-            /// Time between two of them; `None` for a single one.
-            period: Option<Duration>,
-        } => "foreign frame {frame}";
-        /// The link to the commanded side fails.
-        Link(fault: LinkFault) => "{fault}";
-        /// The commanded side reports this force along x, in N. It may be NaN or infinite.
-        SensedForce(force: f64) => "reports a force of {force} N";
-        /// A bus, or the host's adapter to it, fails.
-        Bus(fault: Disturbance) => "{fault}";
-        /// The host fails.
-        Host(fault: HostFault) => "{fault}";
-    }
+/// Kind of a fault.
+#[derive(Clone, Copy, Debug, Display, PartialEq)]
+pub enum Kind {
+    /// The device has no connection to its bus.
+    Disconnection(Disconnection),
+    /// Frames of a device are lost or changed.
+    Frames(FrameFault),
+    /// A second node sends the data of joint `by` under the target's identifier.
+    #[display("{service} sent twice, once with joint {by}'s data")]
+    Imitation {
+        /// The joint whose data is sent twice.
+        by: Joint,
+        /// The service that is imitated.
+        service: Service,
+    },
+    /// The device itself fails.
+    Device(DeviceFault),
+    /// A drive measures a wrong value.
+    Sensor(SensorFault),
+    /// An input of the switch box differs from its switch.
+    #[display("{_0} {_1}")]
+    Contact(Input, ContactFault),
+    /// A node outside of the configuration sends a frame.
+    #[display("foreign frame {frame}")]
+    ForeignFrame {
+        /// The frame.
+        frame: Frame,
+        /// Time between two of them; `None` for a single one.
+        period: Option<Duration>,
+    },
+    /// The link to the commanded side fails.
+    Link(LinkFault),
+    /// The commanded side reports this force along x, in N. It may be NaN or infinite.
+    #[display("reports a force of {_0} N")]
+    SensedForce(f64),
+    /// A bus, or the host's adapter to it, fails.
+    Bus(Disturbance),
+    /// The host fails.
+    Host(HostFault),
 }
 
 impl Fault {

@@ -1,8 +1,8 @@
 //! Bus load in the worst case, which the configuration is checked against.
 
-use derive_more::Display;
 use std::time::Duration;
 
+use derive_more::Display;
 use thiserror::Error;
 
 use crate::load::streams::Stream;

@@ -3,11 +3,11 @@
 //! Each sign may have another reason, such as a second master. Each makes the node-id's messages
 //! unreliable.
 
-use derive_more::Display;
 use std::time::Duration;
 
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::{NmtState, NodeId};
+use derive_more::Display;
 
 use crate::frame::Frame;
 use units::time::Instant;

@@ -2,13 +2,12 @@
 //!
 //! `node::safety` decides the reaction to each.
 
-use derive_more::Display;
-use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NmtState;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
+use derive_more::Display;
 
 use crate::abort::AbortCode;
 use crate::drive::Statusword;
@@ -25,18 +24,22 @@ use crate::sdo::SdoError;
 use units::numbering::NodeIndex;
 
 /// Event of the master.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Display, PartialEq)]
 pub enum Event {
     /// Every mandatory node is configured, started and operational.
+    #[display("every node is operational")]
     Booted,
     /// A node could not be booted. The others are booted further, but none is started.
+    #[display("{_0}")]
     BootFailed(BootError),
     /// A drive was found enabled before its boot. The boot disabled voltage and awaited standstill.
+    #[display("was found enabled; it is disabled now")]
     FoundEnabled {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node is configured.
+    #[display("configuration {configuration}")]
     Configured {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -44,6 +47,7 @@ pub enum Event {
         configuration: Configuration,
     },
     /// A node refuses the value of an object that is only a means; the boot has gone on without it.
+    #[display("{object}: value refused: {code}; goes on as if it had no such object")]
     ValueRefused {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -53,6 +57,7 @@ pub enum Event {
         code: AbortCode,
     },
     /// An optional node is absent. The others continue; it is booted when it appears.
+    #[display("missing, waited {:.1} s; optional, so the others start without it", waited.as_secs_f64())]
     Absent {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -60,11 +65,13 @@ pub enum Event {
         waited: Duration,
     },
     /// An optional node that was absent is operational.
+    #[display("has appeared and is operational")]
     Joined {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node reports an error, or an error reset.
+    #[display("emergency {emergency}")]
     Emergency {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -72,6 +79,7 @@ pub enum Event {
         emergency: Emergency,
     },
     /// A node reports a warning: an emergency without an error, with a code that its plan lists.
+    #[display("warning {emergency} (emcy_warnings)")]
     EmergencyWarning {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -79,6 +87,7 @@ pub enum Event {
         emergency: Emergency,
     },
     /// A drive reports the error that the test of its watchdog has caused.
+    #[display("proof test of its watchdog: emergency {emergency}")]
     Tested {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -86,6 +95,7 @@ pub enum Event {
         emergency: Emergency,
     },
     /// The error history (1003h) of a node was read after an emergency.
+    #[display("error history (1003h): {history}")]
     ErrorHistory {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -93,6 +103,7 @@ pub enum Event {
         history: History,
     },
     /// The statusword (6041h) of a drive was read on request.
+    #[display("6041h = {:04X}h", statusword.0)]
     Statusword {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -100,6 +111,7 @@ pub enum Event {
         statusword: Statusword,
     },
     /// A drive did not report in time that its power stage is off, so the next step follows.
+    #[display("does not report power off after disable voltage (6041h = {:04X}h); next: {step}", statusword.0)]
     StillOn {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -109,6 +121,7 @@ pub enum Event {
         step: PowerOffStep,
     },
     /// A drive that did not follow disable voltage in its RPDO reports that its power stage is off.
+    #[display("confirmed power off after {step}")]
     PowerOffConfirmed {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -116,6 +129,7 @@ pub enum Event {
         step: PowerOffStep,
     },
     /// An object that the boot has verified was read again.
+    #[display("{object} {read}")]
     ReadBack {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -125,16 +139,19 @@ pub enum Event {
         read: ReadBack,
     },
     /// The torque limits of a drive are the planned ones again, after its mode was checked under reduced ones.
+    #[display("shows the planned mode when enabled; torque limit raised to the planned one")]
     LimitsRaised {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node no longer monitors its master, on request.
+    #[display("no longer monitors this master")]
     MonitoringEnded {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node keeps monitoring its master: the write that ends it failed.
+    #[display("still monitors this master, so it will report 8130h: {object} = 0 {error}")]
     MonitoringKept {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -144,16 +161,19 @@ pub enum Event {
         error: SdoError,
     },
     /// A node sent no heartbeat within its consumer heartbeat time.
+    #[display("heartbeat lost")]
     HeartbeatLost {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node has rebooted by itself: its configuration is lost.
+    #[display("rebooted by itself")]
     Rebooted {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// A node has changed its NMT state, or its heartbeat has returned after a loss.
+    #[display("is {}", nmt::description(*state))]
     StateChanged {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -161,6 +181,7 @@ pub enum Event {
         state: NmtState,
     },
     /// Two nodes seem to share one node-id.
+    #[display("{sign}: are there two nodes with this node-id?")]
     Duplicate {
         /// Index of the node in the list of plans.
         node: NodeIndex,
@@ -168,6 +189,7 @@ pub enum Event {
         sign: Sign,
     },
     /// A node that is in no plan sends on the bus. Reported once.
+    #[display("bus {}: node {node_id} is not in the configuration", channel.0)]
     UnknownNode {
         /// Bus it is on.
         channel: Channel,
@@ -175,11 +197,13 @@ pub enum Event {
         node_id: u8,
     },
     /// Another SDO client reads from a node. Reported once for each node and boot.
+    #[display("another SDO client reads from it; transfers may disturb each other")]
     ReadByAnother {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
     /// Another master commands this network.
+    #[display("bus {}: {} {frame}", channel.0, evidence(frame))]
     ForeignMaster {
         /// Bus it is on.
         channel: Channel,
@@ -236,69 +260,6 @@ impl Event {
             | Self::BootFailed(_)
             | Self::UnknownNode { .. }
             | Self::ForeignMaster { .. } => None,
-        }
-    }
-}
-
-/// Text without the node's name: `emergency 3210h DC link over-voltage (voltage)`
-impl fmt::Display for Event {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Booted => f.write_str("every node is operational"),
-            Self::BootFailed(error) => write!(f, "{error}"),
-            Self::FoundEnabled { .. } => f.write_str("was found enabled; it is disabled now"),
-            Self::Configured { configuration, .. } => write!(f, "configuration {configuration}"),
-            Self::ValueRefused { object, code, .. } => {
-                write!(f, "{object}: value refused: {code}; goes on as if it had no such object")
-            }
-            Self::Absent { waited, .. } => {
-                let waited = waited.as_secs_f64();
-                write!(f, "missing, waited {waited:.1} s; optional, so the others start without it")
-            }
-            Self::Joined { .. } => f.write_str("has appeared and is operational"),
-            Self::Emergency { emergency, .. } => write!(f, "emergency {emergency}"),
-            Self::EmergencyWarning { emergency, .. } => {
-                write!(f, "warning {emergency} (emcy_warnings)")
-            }
-            Self::Tested { emergency, .. } => {
-                write!(f, "proof test of its watchdog: emergency {emergency}")
-            }
-            Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
-            Self::Statusword { statusword, .. } => write!(f, "6041h = {:04X}h", statusword.0),
-            Self::StillOn { statusword, step, .. } => {
-                write!(
-                    f,
-                    "does not report power off after disable voltage (6041h = {:04X}h); next: {step}",
-                    statusword.0
-                )
-            }
-            Self::PowerOffConfirmed { step, .. } => write!(f, "confirmed power off after {step}"),
-            Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
-            Self::LimitsRaised { .. } => f.write_str(
-                "shows the planned mode when enabled; torque limit raised to the planned one",
-            ),
-            Self::MonitoringEnded { .. } => f.write_str("no longer monitors this master"),
-            Self::MonitoringKept { object, error, .. } => {
-                write!(
-                    f,
-                    "still monitors this master, so it will report 8130h: {object} = 0 {error}"
-                )
-            }
-            Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
-            Self::Rebooted { .. } => f.write_str("rebooted by itself"),
-            Self::StateChanged { state, .. } => write!(f, "is {}", nmt::description(*state)),
-            Self::Duplicate { sign, .. } => {
-                write!(f, "{sign}: are there two nodes with this node-id?")
-            }
-            Self::UnknownNode { channel, node_id } => {
-                write!(f, "bus {}: node {node_id} is not in the configuration", channel.0)
-            }
-            Self::ReadByAnother { .. } => {
-                f.write_str("another SDO client reads from it; transfers may disturb each other")
-            }
-            Self::ForeignMaster { channel, frame } => {
-                write!(f, "bus {}: {} {frame}", channel.0, evidence(frame))
-            }
         }
     }
 }

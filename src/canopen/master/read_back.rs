@@ -3,11 +3,11 @@
 //! One request and one expedited reply of at most four bytes, so that a cycle allocates nothing. The owner
 //! of the [master](crate::master) chooses object and time.
 
-use derive_more::Display;
 use std::time::Duration;
 
 use canopen_rs::NodeId;
 use canopen_rs::sdo::{request_cob_id, response_cob_id};
+use derive_more::Display;
 
 use crate::abort::AbortCode;
 use crate::frame::Frame;

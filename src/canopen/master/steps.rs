@@ -16,10 +16,10 @@
 //!
 //! [`commission`](crate::master::commission) runs the steps.
 
-use derive_more::Display;
 use std::collections::HashSet;
 
 use canopen_rs::{NmtCommand, Value};
+use derive_more::Display;
 
 use crate::drive::{Controlword, Statusword};
 use crate::master::check::Check;

@@ -4,11 +4,11 @@
 //! request is refused when it is older than a second, was made before the end of a boot or before a disarm, or its
 //! client has disconnected: an abandoned request must not act later.
 
-use derive_more::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::time::Duration;
 
+use derive_more::Display;
 use tokio::sync::{mpsc, oneshot};
 
 use node::record::Mode;

@@ -1,6 +1,7 @@
 //! One measurement of a joint against a load cell.
 
 use derive_more::Display;
+
 /// Which way a joint was driven when a sample was taken.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Direction {

@@ -1,7 +1,8 @@
 //! The thirteen invariants, and their violations.
 
-use derive_more::Display;
 use std::fmt;
+
+use derive_more::Display;
 
 use units::time::Instant;
 

@@ -16,9 +16,10 @@
 //! | 5Ah + n    | inquire identity               |                                 | 5Ah + n, number              |
 //! | 5Eh        | inquire node-id                |                                 | 5Eh, node-id                 |
 
+use derive_more::Display;
+
 use crate::lss::{Part, REPLY_COB_ID, REQUEST_COB_ID};
 use canopen::frame::Frame;
-use derive_more::Display;
 
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;

@@ -10,13 +10,13 @@
 //!
 //! Every frame has eight bytes, first a command specifier; [`codec`] has the table.
 
-use derive_more::Display;
 pub mod codec;
 pub(crate) mod layer;
 pub mod slave;
 
 use canopen_rs::NodeId;
 use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID, UNCONFIGURED_NODE_ID};
+use derive_more::Display;
 
 /// COB-ID of LSS requests.
 pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;

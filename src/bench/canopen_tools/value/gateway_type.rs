@@ -14,9 +14,9 @@
 //! | `os` `d`   | OCTET_STRING, DOMAIN         | hexadecimal bytes: `01 AB ff`, `01ABff`                 |
 //! | `t` `td`   | TIME_OF_DAY, TIME_DIFFERENCE | days, since 1984 or between, and milliseconds: `15665:31238000` |
 
-use derive_more::Display;
 use std::str::FromStr;
 
+use derive_more::Display;
 use thiserror::Error;
 
 use crate::value::numeral::decimal;

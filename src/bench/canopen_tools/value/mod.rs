@@ -7,6 +7,7 @@ pub mod numeral;
 
 use std::fmt;
 
+use derive_more::Display;
 use thiserror::Error;
 
 use crate::value::gateway_type::{GatewayType, Width};
@@ -45,23 +46,31 @@ pub enum ValueError {
 }
 
 /// Decoded value.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Display, PartialEq)]
 pub enum Value {
     /// Boolean.
+    #[display("{}", u8::from(*_0))]
     Boolean(bool),
     /// Integer.
+    #[display("{_0}")]
     Whole(i128),
     /// Unsigned integer, shown in hexadecimal.
+    #[display("0x{_0:0digits$X}", digits = _1.bytes() * 2)]
     Pattern(u64, Width),
     /// Floating-point number of 32 bits.
+    #[display("{_0}")]
     Real32(f32),
     /// Floating-point number of 64 bits.
+    #[display("{_0}")]
     Real64(f64),
     /// Text.
+    #[display("{_0}")]
     Text(String),
     /// Bytes.
+    #[display("{}", Octets(_0))]
     Bytes(Vec<u8>),
     /// Time of day or time difference.
+    #[display("{}:{}", _0.days, _0.millis)]
     Time(TimeOfDay),
 }
 
@@ -173,24 +182,6 @@ impl GatewayType {
             Value::Text(text) => text.as_bytes().to_vec(),
             Value::Bytes(bytes) => bytes.clone(),
             Value::Time(time) => time.bytes().to_vec(),
-        }
-    }
-}
-
-/// Text that [`GatewayType::parse`] accepts.
-impl fmt::Display for Value {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Boolean(is) => write!(f, "{}", u8::from(*is)),
-            Self::Whole(number) => write!(f, "{number}"),
-            Self::Pattern(number, width) => {
-                write!(f, "0x{number:0digits$X}", digits = width.bytes() * 2)
-            }
-            Self::Real32(number) => write!(f, "{number}"),
-            Self::Real64(number) => write!(f, "{number}"),
-            Self::Text(text) => f.write_str(text),
-            Self::Bytes(bytes) => write!(f, "{}", Octets(bytes)),
-            Self::Time(TimeOfDay { days, millis }) => write!(f, "{days}:{millis}"),
         }
     }
 }

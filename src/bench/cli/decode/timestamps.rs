@@ -1,6 +1,7 @@
 //! Detection of timestamps that go back: a concatenated log, a clock that was set, or a file in the wrong order.
 
 use derive_more::Display;
+
 /// Maximum number of interfaces tracked separately; further ones share the last.
 const MAX_INTERFACES: usize = 32;
 

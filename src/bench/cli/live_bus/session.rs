@@ -2,11 +2,12 @@
 //!
 //! A frame that the driver does not accept is queued and sent later. A tool may do so; the node's cycle must not.
 
-use derive_more::Display;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+use derive_more::Display;
 
 use bus::{Bus, BusEvent, BusFault, SendError};
 use canopen::frame::{Channel, Frame, Telegram};

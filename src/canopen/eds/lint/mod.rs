@@ -2,7 +2,6 @@
 //!
 //! An error misleads a reader of the file; a warning is unusual, or read differently elsewhere.
 
-use derive_more::Display;
 mod device;
 mod file;
 mod lists;
@@ -10,6 +9,8 @@ mod mapping;
 mod objects;
 
 use std::fmt;
+
+use derive_more::Display;
 
 use crate::eds::Eds;
 use crate::eds::ini::{Entry, Ini, Section};

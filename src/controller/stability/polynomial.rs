@@ -88,12 +88,7 @@ impl Add for Polynomial {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let (mut longer, shorter) =
-            if self.0.len() < other.0.len() { (other, self) } else { (self, other) };
-        for (part, more) in longer.0.iter_mut().zip(shorter.0) {
-            *part += more;
-        }
-        longer
+        self.plus(&other, 1.0)
     }
 }
 

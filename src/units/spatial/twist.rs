@@ -1,13 +1,12 @@
 //! Linear and angular velocity, in m/s and rad/s.
 
-use std::ops::{Add, Mul};
-
+use derive_more::{Add, Mul};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::spatial::rotation;
 
 /// Velocity of a frame, written in that frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Add, Mul)]
 pub struct Twist {
     /// Velocity of the origin, in m/s.
     pub linear: Vector3<f64>,
@@ -69,22 +68,6 @@ impl Twist {
     /// Returns whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.components().iter().all(|component| component.is_finite())
-    }
-}
-
-impl Add for Twist {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self { linear: self.linear + other.linear, angular: self.angular + other.angular }
-    }
-}
-
-impl Mul<f64> for Twist {
-    type Output = Self;
-
-    fn mul(self, scale: f64) -> Self {
-        Self { linear: self.linear * scale, angular: self.angular * scale }
     }
 }
 

@@ -1,13 +1,12 @@
 //! Force and moment, in N and N·m (Craig 1989, chapter 5).
 
-use std::ops::{Add, Mul, Neg, Sub};
-
+use derive_more::{Add, Mul, Neg, Sub};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::spatial::Twist;
 
 /// A force and a moment at a frame, written in it. It acts *on* the body in its name.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Add, Sub, Neg, Mul)]
 pub struct Wrench {
     /// Force, in N.
     pub force: Vector3<f64>,
@@ -57,38 +56,6 @@ impl Wrench {
     /// Returns whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.components().iter().all(|component| component.is_finite())
-    }
-}
-
-impl Add for Wrench {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self { force: self.force + other.force, moment: self.moment + other.moment }
-    }
-}
-
-impl Sub for Wrench {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        Self { force: self.force - other.force, moment: self.moment - other.moment }
-    }
-}
-
-impl Neg for Wrench {
-    type Output = Self;
-
-    fn neg(self) -> Self {
-        Self { force: -self.force, moment: -self.moment }
-    }
-}
-
-impl Mul<f64> for Wrench {
-    type Output = Self;
-
-    fn mul(self, scale: f64) -> Self {
-        Self { force: self.force * scale, moment: self.moment * scale }
     }
 }
 

@@ -1,9 +1,6 @@
 //! All cases of a campaign, on every core. The number of threads does not change the verdicts.
 
 use std::num::NonZero;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 use crate::case::Case;
 use crate::monitor::Monitor;
@@ -15,6 +12,7 @@ use canopen::frame::Telegram;
 use config::Config;
 use node::record::Record;
 use testbench::bench::Bench;
+use testbench::threads::each;
 use units::time::Instant;
 
 /// The cases of a seed on some hand controllers.
@@ -68,7 +66,7 @@ impl Campaign {
         progress: &(dyn Fn() + Sync),
     ) -> Result<Vec<Verdict>, StageError> {
         let stages = self.stages(threads)?;
-        let verdicts = each(threads, &self.cases, &|case| {
+        let verdicts = each(threads, &self.cases, |case| {
             let verdict = self.play_on(&stages, case);
             progress();
             verdict
@@ -121,7 +119,7 @@ impl Campaign {
         wanted.retain(|wanted| {
             self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
         });
-        let reached = each(threads, &wanted, &|(config, situation)| {
+        let reached = each(threads, &wanted, |(config, situation)| {
             let config = self.configs.get(*config)?;
             Some(stage::bring_to(config, *situation, self.seed, Monitor::new(config), None))
         });
@@ -138,31 +136,3 @@ impl Campaign {
 
 /// Largest number of cases among which one of each kind is found.
 const MAX_KINDS: u32 = 200;
-
-/// Maps `items` on several threads; the results are in the items' order.
-pub(super) fn each<T: Sync, R: Send>(
-    threads: NonZero<usize>,
-    items: &[T],
-    work: &(dyn Fn(&T) -> R + Sync),
-) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::with_capacity(items.len()));
-    thread::scope(|scope| {
-        for _ in 0..threads.get() {
-            scope.spawn(|| {
-                while let Some((place, item)) = {
-                    let place = next.fetch_add(1, Ordering::Relaxed);
-                    items.get(place).map(|item| (place, item))
-                } {
-                    let result = work(item);
-                    if let Ok(mut done) = done.lock() {
-                        done.push((place, result));
-                    }
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().unwrap_or_default();
-    done.sort_by_key(|(place, _)| *place);
-    done.into_iter().map(|(_, result)| result).collect()
-}

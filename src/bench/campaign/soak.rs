@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use crate::monitor::Monitor;
 use crate::random::{Random, rounded};
-use crate::run::each;
 use crate::stage::{self, StageError};
 use config::Config;
 use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
@@ -17,6 +16,7 @@ use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
 use telemetry::fidelity::{Fidelity, Judged};
 use testbench::bench::Bench;
+use testbench::threads::each;
 use testbench::truth::Truth;
 use units::numbering::Joint;
 
@@ -77,7 +77,7 @@ pub fn soak(
         laps.push((number, place, config, most));
         planned += most;
     }
-    let laps = each(threads, &laps, &|(number, place, config, most)| {
+    let laps = each(threads, &laps, |(number, place, config, most)| {
         let lap = lap(seed, (*number, *place), config, *most)?;
         progress(lap.cycles);
         Ok(lap)

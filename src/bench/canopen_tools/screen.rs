@@ -10,10 +10,9 @@
 //! ```
 
 use std::str::SplitAsciiWhitespace;
+use std::time::UNIX_EPOCH;
 
 use crate::candump::{Bytes, Content, Line, NotALine, byte, identifier, is_error, long_dlc, stamp};
-
-const NANOS: u64 = 1_000_000_000;
 
 /// Parses a line of either form; returns the stamp in ns, if there is one.
 ///
@@ -52,36 +51,12 @@ fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
 
 /// Parses `(2026-01-31 08:15:00.123456)` as UTC: only differences matter.
 fn date(word: &str) -> Option<(u64, bool)> {
-    let (day, time) = word.strip_prefix('(')?.strip_suffix(')')?.split_once(' ')?;
-    let mut day = day.splitn(3, '-').map(|part| part.parse::<u64>().ok());
-    let (year, month, day) = (day.next()??, day.next()??, day.next()??);
-    let (time, fraction) = time.split_once('.')?;
-    let mut time = time.splitn(3, ':').map(|part| part.parse::<u64>().ok());
-    let (hours, minutes, seconds) = (time.next()??, time.next()??, time.next()??);
-    let is_date = (1971..2500).contains(&year) && (1..=12).contains(&month) && day <= 31;
-    if !is_date || hours > 23 || minutes > 59 || seconds > 60 {
-        return None;
-    }
-    let (below, is_fine) = stamp_fraction(fraction)?;
-    let seconds =
-        ((days(year, month) + day - days(1970, 1)) * 24 + hours) * 3_600 + minutes * 60 + seconds;
-    Some((seconds * NANOS + below, is_fine))
-}
-
-/// Parses six or nine decimals of a second, to ns.
-fn stamp_fraction(digits: &str) -> Option<(u64, bool)> {
-    let scale = match digits.len() {
-        6 => 1_000,
-        9 => 1,
-        _ => return None,
-    };
-    Some((digits.parse::<u64>().ok()? * scale, scale == 1))
-}
-
-/// Returns the days before a month, in a calendar whose year starts in March: the leap day is its last.
-const fn days(year: u64, month: u64) -> u64 {
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    year * 365 + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5
+    let word = word.strip_prefix('(')?.strip_suffix(')')?;
+    let (_, fraction) = word.split_once('.')?;
+    let is_fine = fraction.len() == 9;
+    let at = humantime::parse_rfc3339_weak(word).ok().filter(|_| is_fine || fraction.len() == 6)?;
+    let nanos = at.duration_since(UNIX_EPOCH).ok()?.as_nanos();
+    Some((nanos.try_into().ok()?, is_fine))
 }
 
 /// Returns the identifier, after the `RX - -` of `-x`.
@@ -142,6 +117,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    const NANOS: u64 = 1_000_000_000;
 
     /// Converts a line of the screen to a line of a log.
     fn as_log(text: &str) -> String {

@@ -133,17 +133,7 @@ impl Fault {
 
     /// Returns whether the fault is on the node's side of the buses, so that simulated devices cannot apply it.
     pub const fn is_of_host(&self) -> bool {
-        match self.kind {
-            Kind::Bus(_) | Kind::Host(_) | Kind::SensedForce(_) => true,
-            Kind::Disconnection(_)
-            | Kind::Frames(_)
-            | Kind::Imitation { .. }
-            | Kind::Device(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::ForeignFrame { .. }
-            | Kind::Link(_) => false,
-        }
+        matches!(self.kind, Kind::Bus(_) | Kind::Host(_) | Kind::SensedForce(_))
     }
 }
 

@@ -25,6 +25,7 @@ pub mod robot_site;
 pub mod side;
 mod simulated_joint;
 pub mod station;
+pub mod threads;
 pub mod transmit_queue;
 pub mod truth;
 pub mod world;

@@ -1,6 +1,8 @@
 //! CRC of a block transfer (CiA 301, 7.2.4.3.16): CRC-16 with the polynomial x¹⁶ + x¹² + x⁵ + 1, initial value
 //! zero, most significant bit first.
 
+static CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_XMODEM);
+
 /// CRC of the bytes taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Crc(u16);
@@ -8,44 +10,15 @@ pub(crate) struct Crc(u16);
 impl Crc {
     /// Takes further bytes.
     pub(crate) fn take(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            let [high, low] = self.0.to_be_bytes();
-            let step = TABLE.get(usize::from(high ^ byte)).copied().unwrap_or_default();
-            self.0 = u16::from_be_bytes([low, 0]) ^ step;
-        }
+        let mut digest = CRC.digest_with_initial(self.0);
+        digest.update(bytes);
+        self.0 = digest.finalize();
     }
 
     /// CRC value.
     pub(crate) const fn sum(self) -> u16 {
         self.0
     }
-}
-
-const POLYNOMIAL: u16 = 0x1021;
-
-/// Contribution of each value of the byte shifted out.
-const TABLE: [u16; 256] = table();
-
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    clippy::indexing_slicing,
-    reason = "computed when compiled, with `byte` below 256; a constant has no `try_from`"
-)]
-const fn table() -> [u16; 256] {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut rest = (byte as u16) << 8;
-        let mut bit = 0;
-        while bit < 8 {
-            rest = if rest & 0x8000 == 0 { rest << 1 } else { rest << 1 ^ POLYNOMIAL };
-            bit += 1;
-        }
-        table[byte] = rest;
-        byte += 1;
-    }
-    table
 }
 
 #[cfg(test)]

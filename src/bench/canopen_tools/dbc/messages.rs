@@ -48,11 +48,8 @@ pub fn database(members: &[Member], master: &Master) -> Result<Database, Collisi
     for member in members {
         let node = member.node().raw();
         messages.push(emergency(member));
-        messages.push(heartbeat(
-            &member.name,
-            node,
-            u32::from(member.plan.error_control.period_ms()),
-        ));
+        let period_ms = u32::from(member.plan.error_control.period_ms());
+        messages.push(heartbeat(&member.name, node, period_ms));
         messages.extend(sdo(&member.name, node));
     }
     messages.sort_by_key(|message| message.id);
@@ -166,25 +163,11 @@ fn sdo(name: &str, node: u8) -> [Message; 2] {
         fields.map(|field| Field { receivers: vec![receiver.to_owned()], ..field }).collect()
     };
     let comment = "segments carry seven bytes of the value behind the command; an abort carries its code as value";
-    let request = 0x600 + u16::from(node);
-    let response = 0x580 + u16::from(node);
+    let (request, response) = (format!("SDO_request_{name}"), format!("SDO_response_{name}"));
+    let (requests, responses) = (fields(requests, name), fields(responses, MASTER));
     [
-        message(
-            request,
-            &format!("SDO_request_{name}"),
-            8,
-            MASTER,
-            fields(requests, name),
-            comment,
-        ),
-        message(
-            response,
-            &format!("SDO_response_{name}"),
-            8,
-            name,
-            fields(responses, MASTER),
-            comment,
-        ),
+        message(0x600 + u16::from(node), &request, 8, MASTER, requests, comment),
+        message(0x580 + u16::from(node), &response, 8, name, responses, comment),
     ]
 }
 
@@ -240,48 +223,35 @@ fn pdo(frame: &PdoFrame, members: &[Member], master: &Master) -> Message {
 
 /// Splits bit fields into signals.
 fn parts(signal: &Signal) -> Vec<Field> {
-    let start = u16::from(signal.start);
-    let stem = |object: &str| signal.name.strip_suffix(object).unwrap_or(&signal.name).to_owned();
-    let bits = |of: &str, named: &[(&str, u16, u16)]| -> Vec<Field> {
-        let stem = stem(of);
-        named
-            .iter()
-            .map(|(name, bit, bits)| number(&format!("{stem}{name}"), start + bit, *bits))
-            .collect()
-    };
-    match signal.object {
-        Object::STATUSWORD if signal.bits == 16 => {
-            let mut fields = bits("statusword", STATUS);
-            if let Some(state) = fields.first_mut() {
-                state.values = states();
-                state.comment =
-                    "bits 0 to 6 of the statusword: the state, and bit 4, voltage".to_owned();
-            }
-            fields
+    // Name of the object, its fields, and the explained one: place, values and comment.
+    let (object, named, (place, values, comment)) = match (signal.object, signal.bits) {
+        (Object::STATUSWORD, 16) => {
+            let comment = "bits 0 to 6 of the statusword: the state, and bit 4, voltage";
+            ("statusword", STATUS, (0, states(), comment))
         }
-        Object::CONTROLWORD if signal.bits == 16 => {
-            let mut fields = bits("controlword", CONTROL);
-            if let Some(command) = fields.first_mut() {
-                command.values = commands();
-                command.comment = "bits 0 to 3 of the controlword".to_owned();
-            }
-            fields
+        (Object::CONTROLWORD, 16) => {
+            ("controlword", CONTROL, (0, commands(), "bits 0 to 3 of the controlword"))
         }
-        Object::DIGITAL_INPUTS if signal.bits == 8 => {
-            let mut fields = bits("digital_inputs", INPUTS);
-            if let Some(antivalent) = fields.get_mut(1) {
-                antivalent.comment = "antivalent: clear while the deadman is pressed".to_owned();
-            }
-            fields
+        (Object::DIGITAL_INPUTS, 8) => {
+            let comment = "antivalent: clear while the deadman is pressed";
+            ("digital_inputs", INPUTS, (1, Vec::new(), comment))
         }
-        Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
+        (Object::MODE_DISPLAY | Object::MODE_OF_OPERATION, _) => {
             let modes = (-1..=11_i8).filter(|mode| *mode != 5);
-            let values =
-                modes.map(|mode| (i64::from(mode), object_text::mode_of_operation(mode))).collect();
-            vec![Field { values, ..scaled(signal) }]
+            let values = modes.map(|mode| (i64::from(mode), object_text::mode_of_operation(mode)));
+            return vec![Field { values: values.collect(), ..scaled(signal) }];
         }
-        _ => vec![scaled(signal)],
+        _ => return vec![scaled(signal)],
+    };
+    let stem = signal.name.strip_suffix(object).unwrap_or(&signal.name);
+    let field = |(name, bit, bits): &(&str, u16, u16)| {
+        number(&format!("{stem}{name}"), u16::from(signal.start) + bit, *bits)
+    };
+    let mut fields: Vec<Field> = named.iter().map(field).collect();
+    if let Some(explained) = fields.get_mut(place) {
+        (explained.values, explained.comment) = (values, comment.to_owned());
     }
+    fields
 }
 
 /// Scaled number.

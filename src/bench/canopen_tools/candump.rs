@@ -73,7 +73,7 @@ pub struct Bytes {
 }
 
 impl Bytes {
-    const EMPTY: Self = Self { length: 0, bytes: [0; MAX_DATA] };
+    pub(super) const EMPTY: Self = Self { length: 0, bytes: [0; MAX_DATA] };
 
     /// Parses pairs of hexadecimal digits, at most `most` pairs.
     fn parse(digits: &[u8], most: usize) -> Option<Self> {
@@ -91,10 +91,6 @@ impl Bytes {
         *self.bytes.get_mut(self.length)? = byte;
         self.length += 1;
         Some(())
-    }
-
-    pub(super) const fn empty() -> Self {
-        Self::EMPTY
     }
 }
 
@@ -262,14 +258,19 @@ fn content(id: u32, rest: &str) -> Option<Content> {
 /// Parses `(seconds.digits)` to ns, and whether it has nine digits.
 pub(super) fn stamp(word: &str) -> Option<(u64, bool)> {
     let (seconds, digits) = word.strip_prefix('(')?.strip_suffix(')')?.split_once('.')?;
+    let (below, is_fine) = fraction(digits)?;
+    let whole = number(seconds)?.checked_mul(1_000_000_000)?;
+    Some((whole.checked_add(below)?, is_fine))
+}
+
+/// Parses six or nine decimals of a second, to ns.
+pub(super) fn fraction(digits: &str) -> Option<(u64, bool)> {
     let scale = match digits.len() {
         6 => 1_000,
         9 => 1,
         _ => return None,
     };
-    let whole = number(seconds)?.checked_mul(1_000_000_000)?;
-    let nanos = whole.checked_add(number(digits)?.checked_mul(scale)?)?;
-    Some((nanos, scale == 1))
+    Some((number(digits)? * scale, scale == 1))
 }
 
 /// Parses decimal digits; `None` for anything else, such as a sign.

@@ -12,7 +12,9 @@
 use std::str::SplitAsciiWhitespace;
 use std::time::UNIX_EPOCH;
 
-use crate::candump::{Bytes, Content, Line, NotALine, byte, identifier, is_error, long_dlc, stamp};
+use crate::candump::{
+    Bytes, Content, Line, NotALine, byte, fraction, identifier, is_error, long_dlc, stamp,
+};
 
 /// Parses a line of either form; returns the stamp in ns, if there is one.
 ///
@@ -52,9 +54,9 @@ fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
 /// Parses `(2026-01-31 08:15:00.123456)` as UTC: only differences matter.
 fn date(word: &str) -> Option<(u64, bool)> {
     let word = word.strip_prefix('(')?.strip_suffix(')')?;
-    let (_, fraction) = word.split_once('.')?;
-    let is_fine = fraction.len() == 9;
-    let at = humantime::parse_rfc3339_weak(word).ok().filter(|_| is_fine || fraction.len() == 6)?;
+    let (_, decimals) = word.split_once('.')?;
+    let (_, is_fine) = fraction(decimals)?;
+    let at = humantime::parse_rfc3339_weak(word).ok()?;
     let nanos = at.duration_since(UNIX_EPOCH).ok()?.as_nanos();
     Some((nanos.try_into().ok()?, is_fine))
 }
@@ -95,7 +97,7 @@ fn length(word: &str) -> Option<Length> {
 /// Parses `[8]  37 16 …` to content, and the data length code if it is above 8.
 fn content(id: u32, words: &mut SplitAsciiWhitespace<'_>) -> Option<(Content, Option<u8>)> {
     let Length { bytes: length, is_fd, raw_dlc } = length(words.next()?)?;
-    let mut bytes = Bytes::empty();
+    let mut bytes = Bytes::EMPTY;
     for place in 0..length {
         let word = words.next()?;
         if place == 0 && word == "remote" {

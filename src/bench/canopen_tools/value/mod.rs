@@ -10,6 +10,7 @@ use std::fmt;
 use derive_more::Display;
 use thiserror::Error;
 
+use crate::candump;
 use crate::value::gateway_type::{GatewayType, Width};
 use crate::value::numeral::{bare, hexadecimal, whole};
 use canopen::time_stamp::TimeOfDay;
@@ -221,9 +222,8 @@ fn octets(text: &str) -> Option<Vec<u8>> {
         if !rest.is_empty() {
             return None;
         }
-        for [high, low] in pairs {
-            let digit = |byte: u8| char::from(byte).to_digit(16);
-            bytes.push(u8::try_from(digit(*high)? * 16 + digit(*low)?).ok()?);
+        for pair in pairs {
+            bytes.push(candump::byte(*pair)?);
         }
     }
     Some(bytes)

@@ -97,11 +97,6 @@ fn pdo_parameter(index: u16) -> Option<(&'static str, bool, u16)> {
     Some((kind, is_mapping, index - first + 1))
 }
 
-/// Returns whether this is a data type, used as a dummy mapping (CiA 301, 7.4.7.3).
-pub const fn is_dummy(object: Object) -> bool {
-    object.index <= 0x1F
-}
-
 /// Returns the name of an object without its unit; `None` for PDO parameters and unknown objects.
 pub fn name(object: Object) -> Option<&'static str> {
     let (_, name, _) = OBJECTS.iter().find(|(known, ..)| *known == object)?;
@@ -277,7 +272,7 @@ fn cob_id(raw: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
 fn mapped(raw: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let [bits, sub, low, high] = raw.to_le_bytes();
     let object = Object { index: u16::from_le_bytes([low, high]), sub };
-    if is_dummy(object) {
+    if object.is_dummy() {
         return write!(f, "{object} dummy, {bits} bits");
     }
     write!(f, "{}, {bits} bits", ObjectText { object, fallback: None })

@@ -254,7 +254,7 @@ fn signals(authors: &[&Part<'_>]) -> Vec<Signal> {
     for part in authors {
         let mut start = 0_u8;
         for mapped in &part.service.mapping {
-            if !object_text::is_dummy(mapped.object) {
+            if !mapped.object.is_dummy() {
                 signals.push(signal(part, *mapped, start));
             }
             start = start.saturating_add(mapped.bits);

@@ -12,6 +12,7 @@ use crate::object_text::{self, Command, ObjectText, Status, Switches, ValueText}
 use crate::signals::{ACTUATOR_POSITION, PdoFrame, Signal};
 use canopen::drive::{Controlword, Statusword};
 use canopen::layout::Direction;
+pub use canopen::nmt::description as state_name;
 use canopen::object::Object;
 
 /// `elbow`, `node 3`
@@ -215,16 +216,6 @@ fn heartbeat(state: NmtState, change: Option<Change>, f: &mut fmt::Formatter<'_>
         Some(Change::Back(silent)) => {
             write!(f, "{}, back after {} ms", state_name(state), silent.as_millis())
         }
-    }
-}
-
-/// Name of an NMT state.
-pub const fn state_name(state: NmtState) -> &'static str {
-    match state {
-        NmtState::Initialising => "initialising",
-        NmtState::Stopped => "stopped",
-        NmtState::Operational => "operational",
-        NmtState::PreOperational => "pre-operational",
     }
 }
 

@@ -20,6 +20,7 @@ use derive_more::Display;
 use thiserror::Error;
 
 use crate::value::numeral::decimal;
+use canopen::data_type::{self, DataType, Kind};
 
 /// Width of an integer, 1 to 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -122,34 +123,21 @@ impl FromStr for GatewayType {
 
 impl GatewayType {
     /// Returns the type with a number of CiA 301, 7.4.7.1, as used in an EDS.
-    pub const fn of_number(number: u16) -> Option<Self> {
-        Some(match number {
-            0x01 => Self::Boolean,
-            0x02 => Self::Signed(Width(1)),
-            0x03 => Self::Signed(Width(2)),
-            0x04 => Self::Signed(Width(4)),
-            0x05 => Self::Unsigned(Width(1)),
-            0x06 => Self::Unsigned(Width(2)),
-            0x07 => Self::Unsigned(Width(4)),
-            0x08 => Self::Real32,
-            0x09 => Self::VisibleString,
-            0x0A => Self::OctetString,
-            0x0B => Self::UnicodeString,
-            0x0C => Self::TimeOfDay,
-            0x0D => Self::TimeDifference,
-            0x0F => Self::Domain,
-            0x10 => Self::Signed(Width(3)),
-            0x11 => Self::Real64,
-            0x12 => Self::Signed(Width(5)),
-            0x13 => Self::Signed(Width(6)),
-            0x14 => Self::Signed(Width(7)),
-            0x15 => Self::Signed(Width(8)),
-            0x16 => Self::Unsigned(Width(3)),
-            0x18 => Self::Unsigned(Width(5)),
-            0x19 => Self::Unsigned(Width(6)),
-            0x1A => Self::Unsigned(Width(7)),
-            0x1B => Self::Unsigned(Width(8)),
-            _ => return None,
+    pub fn of_number(number: u16) -> Option<Self> {
+        let DataType { kind, bits, .. } = data_type::of(number)?;
+        let width = bits.and_then(Width::of_bits);
+        Some(match (number, kind) {
+            (0x0C, _) => Self::TimeOfDay,
+            (0x0D, _) => Self::TimeDifference,
+            (data_type::DOMAIN, _) => Self::Domain,
+            (_, Kind::Boolean) => Self::Boolean,
+            (_, Kind::Signed) => Self::Signed(width?),
+            (_, Kind::Unsigned) => Self::Unsigned(width?),
+            (_, Kind::Real) if bits == Some(32) => Self::Real32,
+            (_, Kind::Real) => Self::Real64,
+            (_, Kind::Text) => Self::VisibleString,
+            (_, Kind::UnicodeText) => Self::UnicodeString,
+            (_, Kind::Octets) => Self::OctetString,
         })
     }
 

@@ -31,7 +31,7 @@ use canopen_rs::time::TimeOfDay;
 use crate::decode::lss::Lss;
 use crate::decode::network::{Network, Use};
 use crate::decode::sdo::{Listener, Side, Step};
-use crate::decode::watch::{Beat, Change, Remark, Timing, Watch};
+use crate::decode::watch::{Change, Remark, Timing, Watch};
 use crate::signals::{self, Member, PdoFrame};
 use canopen::emcy::Emergency;
 use canopen::frame::{Channel, Frame};
@@ -189,7 +189,7 @@ impl Decoder {
             (Some(frame), Some(bus)) => {
                 bus.decoded(at, use_of, &frame, &self.frames, &mut self.remarks)
             }
-            (None, _) | (_, None) => Decoded::Malformed("at most eight bytes"),
+            (None, _) | (_, None) => Decoded::Whole(What::Malformed("at most eight bytes")),
         };
         let node = use_of.node();
         let member = if let Use::Pdo(pdo) = use_of {
@@ -220,19 +220,7 @@ impl Decoder {
                     None => What::Unknown,
                 }
             }
-            Decoded::Sync(sync, beat) => What::Sync {
-                counter: sync.counter,
-                period: beat.map(|(period, _)| period),
-                jitter_us: beat.and_then(|(_, jitter)| jitter),
-            },
-            Decoded::Nmt(order) => What::Nmt(order),
-            Decoded::Time(time) => What::Time(time),
-            Decoded::Emergency(emergency) => What::Emergency(emergency),
-            Decoded::OtherPdo(direction, number) => What::OtherPdo(direction, number),
-            Decoded::Heartbeat(state, change) => What::Heartbeat(state, change),
-            Decoded::Lss(lss) => What::Lss(lss),
-            Decoded::Malformed(expected) => What::Malformed(expected),
-            Decoded::Unknown => What::Unknown,
+            Decoded::Whole(what) => what,
         }
     }
 
@@ -260,32 +248,32 @@ impl BusState {
             self.watch.on_time(now, remarks);
         }
         let eight = <[u8; 8]>::try_from(frame.data()).ok();
-        let decoded = match use_of {
-            Use::Nmt => Order::decode(frame).map(|order| {
-                self.watch.on_order(order);
-                Decoded::Nmt(order)
-            }),
-            Use::Sync => {
-                Sync::decode(frame).map(|sync| Decoded::Sync(sync, self.watch.on_sync(at, remarks)))
+        let whole = match (use_of, eight) {
+            (Use::Pdo(pdo), _) => return self.on_pdo(at, pdo, frame, frames, remarks),
+            (Use::Sdo(side, node), Some(data)) => return self.on_sdo(node, side, data),
+            (Use::Lss(side), Some(data)) => {
+                Some(What::Lss(Lss { is_request: side == Side::Client, data }))
             }
-            Use::Time => TimeOfDay::decode(frame.data()).ok().map(Decoded::Time),
-            Use::Emergency(_) => Emergency::decode(frame.data()).map(Decoded::Emergency),
-            Use::Pdo(pdo) => Some(self.on_pdo(at, pdo, frame, frames, remarks)),
-            Use::OtherPdo(direction, number, _) => Some(Decoded::OtherPdo(direction, number)),
-            Use::SdoRequest(node) => eight.map(|data| self.on_sdo(node, Side::Client, data)),
-            Use::SdoResponse(node) => eight.map(|data| self.on_sdo(node, Side::Server, data)),
-            Use::Heartbeat(node) => {
+            (Use::Sdo(..) | Use::Lss(_), None) => None,
+            (Use::Nmt, _) => Order::decode(frame).map(|order| {
+                self.watch.on_order(order);
+                What::Nmt(order)
+            }),
+            (Use::Sync, _) => Sync::decode(frame).map(|Sync { counter }| {
+                let (period, jitter_us) = self.watch.on_sync(at, remarks).unzip();
+                What::Sync { counter, period, jitter_us: jitter_us.flatten() }
+            }),
+            (Use::Time, _) => TimeOfDay::decode(frame.data()).ok().map(What::Time),
+            (Use::Emergency(_), _) => Emergency::decode(frame.data()).map(What::Emergency),
+            (Use::OtherPdo(direction, number, _), _) => Some(What::OtherPdo(direction, number)),
+            (Use::Heartbeat(node), _) => {
                 let state =
                     frame.data().try_into().ok().and_then(|byte| decode_heartbeat(byte).ok());
-                state.map(|state| {
-                    Decoded::Heartbeat(state, self.watch.on_heartbeat(at, node, state))
-                })
+                state.map(|state| What::Heartbeat(state, self.watch.on_heartbeat(at, node, state)))
             }
-            Use::LssRequest => eight.map(|data| Decoded::Lss(Lss { is_request: true, data })),
-            Use::LssResponse => eight.map(|data| Decoded::Lss(Lss { is_request: false, data })),
-            Use::Unknown => Some(Decoded::Unknown),
+            (Use::Unknown, _) => Some(What::Unknown),
         };
-        decoded.unwrap_or_else(|| Decoded::Malformed(use_of.expects()))
+        Decoded::Whole(whole.unwrap_or_else(|| What::Malformed(use_of.expects())))
     }
 
     fn on_pdo(
@@ -296,7 +284,7 @@ impl BusState {
         frames: &[PdoFrame],
         remarks: &mut Vec<Remark>,
     ) -> Decoded {
-        let Some(layout) = frames.get(pdo) else { return Decoded::Unknown };
+        let Some(layout) = frames.get(pdo) else { return Decoded::Whole(What::Unknown) };
         let length = frame.data().len();
         if length != layout.bytes {
             remarks.push(Remark::Length(layout.bytes));
@@ -312,25 +300,20 @@ impl BusState {
     fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> Decoded {
         match self.sdo.get_mut(usize::from(node)) {
             Some(listener) => Decoded::Sdo(node, side, listener.on_frame(side, data)),
-            None => Decoded::Unknown,
+            None => Decoded::Whole(What::Unknown),
         }
     }
 }
 
 /// [`What`] without borrowed parts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Decoded {
-    Nmt(Order),
-    Sync(Sync, Option<Beat>),
-    Time(TimeOfDay),
-    Emergency(Emergency),
+    /// Index of the PDO, its data and length.
     Pdo(usize, [u8; 8], usize),
-    OtherPdo(Direction, u8),
+    /// Node, side and step of a transfer.
     Sdo(u8, Side, sdo::What),
-    Heartbeat(NmtState, Option<Change>),
-    Lss(Lss),
-    Malformed(&'static str),
-    Unknown,
+    /// Borrows nothing.
+    Whole(What<'static>),
 }
 
 /// Returns the member of a PDO: its sender, or else its receiver; `None` for several.

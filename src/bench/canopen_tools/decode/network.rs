@@ -4,6 +4,7 @@ use canopen_rs::NodeId;
 use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID};
 use canopen_rs::time::TIME_COB_ID;
 
+use crate::decode::sdo::Side;
 use crate::signals::{Member, PdoFrame};
 use canopen::frame::{COB_ID_MAX, Channel};
 use canopen::layout::Direction;
@@ -23,11 +24,9 @@ pub(super) enum Use {
     Pdo(usize),
     /// PDO outside the layout: direction, number and node.
     OtherPdo(Direction, u8, u8),
-    SdoRequest(u8),
-    SdoResponse(u8),
+    Sdo(Side, u8),
     Heartbeat(u8),
-    LssRequest,
-    LssResponse,
+    Lss(Side),
 }
 
 impl Use {
@@ -36,16 +35,11 @@ impl Use {
         match self {
             Self::Emergency(node)
             | Self::OtherPdo(_, _, node)
-            | Self::SdoRequest(node)
-            | Self::SdoResponse(node)
+            | Self::Sdo(_, node)
             | Self::Heartbeat(node) => Some(node),
-            Self::Unknown
-            | Self::Nmt
-            | Self::Sync
-            | Self::Time
-            | Self::Pdo(_)
-            | Self::LssRequest
-            | Self::LssResponse => None,
+            Self::Unknown | Self::Nmt | Self::Sync | Self::Time | Self::Pdo(_) | Self::Lss(_) => {
+                None
+            }
         }
     }
 
@@ -56,9 +50,9 @@ impl Use {
             Self::Sync => "a SYNC of at most one byte",
             Self::Time => "a time of six bytes",
             Self::Emergency(_) => "an emergency of eight bytes",
-            Self::SdoRequest(_) | Self::SdoResponse(_) => "an SDO of eight bytes",
+            Self::Sdo(..) => "an SDO of eight bytes",
             Self::Heartbeat(_) => "a state of one byte",
-            Self::LssRequest | Self::LssResponse => "an LSS message of eight bytes",
+            Self::Lss(_) => "an LSS message of eight bytes",
             Self::Pdo(_) | Self::OtherPdo(..) => "a PDO",
             Self::Unknown => "anything",
         }
@@ -138,8 +132,8 @@ fn predefined(cob_id: u16) -> Use {
         (nmt::COB_ID, _) => Use::Nmt,
         (sync::COB_ID, _) => Use::Sync,
         (TIME_COB_ID, _) => Use::Time,
-        (LSS_MASTER_COB_ID, _) => Use::LssRequest,
-        (LSS_SLAVE_COB_ID, _) => Use::LssResponse,
+        (LSS_MASTER_COB_ID, _) => Use::Lss(Side::Client),
+        (LSS_SLAVE_COB_ID, _) => Use::Lss(Side::Server),
         _ if NodeId::new(node).is_err() || node == 0 => Use::Unknown,
         (_, 0x080) => Use::Emergency(node),
         (_, 0x180) => Use::OtherPdo(Direction::Transmit, 1, node),
@@ -150,8 +144,8 @@ fn predefined(cob_id: u16) -> Use {
         (_, 0x400) => Use::OtherPdo(Direction::Receive, 3, node),
         (_, 0x480) => Use::OtherPdo(Direction::Transmit, 4, node),
         (_, 0x500) => Use::OtherPdo(Direction::Receive, 4, node),
-        (_, 0x580) => Use::SdoResponse(node),
-        (_, 0x600) => Use::SdoRequest(node),
+        (_, 0x580) => Use::Sdo(Side::Server, node),
+        (_, 0x600) => Use::Sdo(Side::Client, node),
         (_, 0x700) => Use::Heartbeat(node),
         _ => Use::Unknown,
     }
@@ -171,10 +165,10 @@ mod tests {
         assert_eq!(predefined(0x100), Use::Time);
         assert_eq!(predefined(0x180), Use::Unknown, "no node has the id 0");
         assert_eq!(predefined(0x57F), Use::OtherPdo(Direction::Receive, 4, 127));
-        assert_eq!(predefined(0x5FF), Use::SdoResponse(127));
-        assert_eq!(predefined(0x601), Use::SdoRequest(1));
+        assert_eq!(predefined(0x5FF), Use::Sdo(Side::Server, 127));
+        assert_eq!(predefined(0x601), Use::Sdo(Side::Client, 1));
         assert_eq!(predefined(0x701), Use::Heartbeat(1));
-        assert_eq!(predefined(0x7E5), Use::LssRequest);
+        assert_eq!(predefined(0x7E5), Use::Lss(Side::Client));
     }
 
     #[test]

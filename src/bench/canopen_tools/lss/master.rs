@@ -8,7 +8,6 @@
 //! still be several identical ones, merged.
 
 use std::collections::VecDeque;
-use std::time::Duration;
 
 use canopen_rs::NodeId;
 
@@ -24,10 +23,11 @@ use units::time::Instant;
 /// Awaited event.
 #[derive(Clone, Copy, Debug)]
 enum Awaited {
-    Reply { request: Request, reply: Option<Reply>, until: Instant },
+    Reply(Request, Option<Reply>),
+    /// Result of a scan, which has deadlines of its own.
     Scan(Fastscan),
-    Pause { until: Instant },
-    BootUp { node: NodeId, until: Instant },
+    Pause,
+    BootUp(NodeId),
 }
 
 /// Job in progress.
@@ -37,6 +37,8 @@ pub struct Master {
     timeouts: Timeouts,
     steps: VecDeque<Step>,
     awaited: Option<Awaited>,
+    /// End of the wait.
+    until: Instant,
     /// Request of the step before: a late reply to it comes from another slave.
     before: Option<Request>,
     report: Report,
@@ -51,6 +53,7 @@ impl Master {
             timeouts,
             steps: job.steps().into(),
             awaited: None,
+            until: now,
             before: None,
             report: Report::default(),
             failure: None,
@@ -66,29 +69,24 @@ impl Master {
     fn proceed(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.awaited = None;
         while let Some(step) = self.steps.pop_front() {
-            self.awaited = match step {
+            let Timeouts { reply, store, probe } = self.timeouts;
+            let (awaited, wait) = match step {
                 Step::Send(request) => {
                     out.push(request.frame());
                     continue;
                 }
                 Step::Request(request) => {
                     out.push(request.frame());
-                    Some(Awaited::Reply { request, reply: None, until: now + self.window(request) })
+                    let wait = if request == Request::Store { store } else { reply };
+                    (Awaited::Reply(request, None), wait)
                 }
-                Step::Scan => Some(Awaited::Scan(Fastscan::start(self.timeouts.probe, now, out))),
-                Step::Pause(span) => {
-                    Some(Awaited::Pause { until: now + span + self.timeouts.reply })
-                }
-                Step::BootUp(node) => {
-                    Some(Awaited::BootUp { node, until: now + self.timeouts.store })
-                }
+                Step::Scan => (Awaited::Scan(Fastscan::start(probe, now, out)), probe),
+                Step::Pause(span) => (Awaited::Pause, span + reply),
+                Step::BootUp(node) => (Awaited::BootUp(node), store),
             };
+            (self.awaited, self.until) = (Some(awaited), now + wait);
             return;
         }
-    }
-
-    fn window(&self, request: Request) -> Duration {
-        if request == Request::Store { self.timeouts.store } else { self.timeouts.reply }
     }
 
     /// Ends the job with an error after switching all slaves to waiting.
@@ -153,7 +151,7 @@ impl Master {
 
     /// Takes a reply to the current request, or a late one to the request before.
     fn on_reply(&mut self, reply: Reply, now: Instant, out: &mut Vec<Frame>) {
-        let Some(Awaited::Reply { request, reply: first, until }) = self.awaited else { return };
+        let Some(Awaited::Reply(request, first)) = self.awaited else { return };
         if !reply.answers(request) {
             if let Some(before) = self.before.filter(|before| reply.answers(*before)) {
                 self.fail(LssError::Several(before), now, out);
@@ -163,7 +161,7 @@ impl Master {
         } else if self.job.selection.is_one() {
             self.conclude(request, Some(reply), now, out);
         } else {
-            self.awaited = Some(Awaited::Reply { request, reply: Some(reply), until });
+            self.awaited = Some(Awaited::Reply(request, Some(reply)));
         }
     }
 
@@ -185,28 +183,24 @@ impl Procedure for Master {
         out: &mut Vec<Frame>,
     ) -> Option<Self::Outcome> {
         match &mut self.awaited {
-            Some(Awaited::Reply { .. }) => {
+            Some(Awaited::Reply(..)) => {
                 let reply = Reply::decode(frame)?;
                 self.on_reply(reply, now, out);
             }
             Some(Awaited::Scan(scan)) => scan.on_frame(frame),
-            Some(Awaited::BootUp { node, .. }) => {
+            Some(Awaited::BootUp(node)) => {
                 if is_boot_up(frame, *node) {
                     self.report.is_booted = true;
                     self.proceed(now, out);
                 }
             }
-            Some(Awaited::Pause { .. }) | None => {}
+            Some(Awaited::Pause) | None => {}
         }
         self.outcome()
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
         match &mut self.awaited {
-            Some(Awaited::Reply { request, reply, until }) if *until <= now => {
-                let (request, reply) = (*request, *reply);
-                self.conclude(request, reply, now, out);
-            }
             Some(Awaited::Scan(scan)) => match scan.on_time(now, out) {
                 None => {}
                 Some(Found::One(address)) => {
@@ -216,22 +210,20 @@ impl Procedure for Master {
                 Some(Found::None) => self.fail(LssError::NoneUnconfigured, now, out),
                 Some(Found::Lost(part)) => self.fail(LssError::Lost(part), now, out),
             },
-            Some(Awaited::Pause { until } | Awaited::BootUp { until, .. }) if *until <= now => {
-                self.proceed(now, out);
+            Some(_) | None if now < self.until => {}
+            Some(Awaited::Reply(request, reply)) => {
+                let (request, reply) = (*request, *reply);
+                self.conclude(request, reply, now, out);
             }
-            Some(Awaited::Reply { .. } | Awaited::Pause { .. } | Awaited::BootUp { .. }) | None => {
-            }
+            Some(Awaited::Pause | Awaited::BootUp(_)) => self.proceed(now, out),
+            None => {}
         }
         self.outcome()
     }
 
     fn deadline(&self) -> Option<Instant> {
         match &self.awaited {
-            Some(
-                Awaited::Reply { until, .. }
-                | Awaited::Pause { until }
-                | Awaited::BootUp { until, .. },
-            ) => Some(*until),
+            Some(Awaited::Reply(..) | Awaited::Pause | Awaited::BootUp(_)) => Some(self.until),
             Some(Awaited::Scan(scan)) => scan.deadline(),
             // No step has to wait: the outcome is ready.
             None => Some(Instant::ZERO),
@@ -245,6 +237,8 @@ impl Procedure for Master {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;

@@ -13,7 +13,7 @@ use canopen_rs::{NmtState, NodeId};
 use crate::procedure::Procedure;
 use canopen::frame::Frame;
 use canopen::object::Object;
-use canopen::sdo::{Content, SdoError, Transfer};
+use canopen::sdo::{Outcome, SdoError, Transfer};
 use units::time::Instant;
 
 /// Toggle bit of an answer.
@@ -33,10 +33,8 @@ pub enum Answer {
 /// Poll of one node.
 #[derive(Clone, Debug)]
 enum Step {
-    /// Reads the guard time, 100Ch.
-    GuardTime(Transfer),
-    /// Reads the life time factor, 100Dh.
-    LifeTimeFactor(Transfer),
+    /// Reads the guard time (100Ch), then the life time factor (100Dh).
+    Read(Object, Transfer),
     /// Waits for the answer to the remote frame.
     Poll(Instant),
 }
@@ -65,11 +63,15 @@ impl States {
     }
 
     fn ask_next(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let next = self.waiting.pop_front();
-        self.current = next.map(|node| {
-            let read = Transfer::read(node, Object::GUARD_TIME, self.timeout, now, out);
-            (node, Step::GuardTime(read))
-        });
+        self.current = None;
+        if let Some(node) = self.waiting.pop_front() {
+            self.read(node, Object::GUARD_TIME, now, out);
+        }
+    }
+
+    fn read(&mut self, node: NodeId, object: Object, now: Instant, out: &mut Vec<Frame>) {
+        let read = Transfer::read(node, object, self.timeout, now, out);
+        self.current = Some((node, Step::Read(object, read)));
     }
 
     fn conclude(&mut self, node: NodeId, answer: Answer, now: Instant, out: &mut Vec<Frame>) {
@@ -85,12 +87,12 @@ impl States {
     /// Takes the content of 100Ch or 100Dh.
     fn on_read(
         &mut self,
-        node: NodeId,
-        is_guard_time: bool,
-        read: Result<Content, SdoError>,
+        (node, object): (NodeId, Object),
+        read: Outcome,
         now: Instant,
         out: &mut Vec<Frame>,
     ) {
+        let is_guard_time = object == Object::GUARD_TIME;
         let is_set = match read {
             Err(SdoError::Timeout) => return self.conclude(node, Answer::Silent, now, out),
             // A node without the object has no life time.
@@ -103,11 +105,7 @@ impl States {
         };
         match (is_set, is_guard_time) {
             (false, _) => self.poll(node, now, out),
-            (true, true) => {
-                let object = Object::LIFE_TIME_FACTOR;
-                let read = Transfer::read(node, object, self.timeout, now, out);
-                self.current = Some((node, Step::LifeTimeFactor(read)));
-            }
+            (true, true) => self.read(node, Object::LIFE_TIME_FACTOR, now, out),
             (true, false) => self.conclude(node, Answer::LifeGuarding, now, out),
         }
     }
@@ -130,13 +128,9 @@ impl Procedure for States {
         let (node, step) = self.current.as_mut()?;
         let node = *node;
         match step {
-            Step::GuardTime(transfer) => {
-                let read = transfer.on_frame(now, frame, out)?;
-                self.on_read(node, true, read, now, out);
-            }
-            Step::LifeTimeFactor(transfer) => {
-                let read = transfer.on_frame(now, frame, out)?;
-                self.on_read(node, false, read, now, out);
+            Step::Read(object, transfer) => {
+                let (object, read) = (*object, transfer.on_frame(now, frame, out)?);
+                self.on_read((node, object), read, now, out);
             }
             Step::Poll(_) => {
                 let state = state(node, frame)?;
@@ -150,13 +144,9 @@ impl Procedure for States {
         let Some((node, step)) = self.current.as_mut() else { return self.outcome() };
         let node = *node;
         match step {
-            Step::GuardTime(transfer) => {
-                let read = transfer.on_time(now, out)?;
-                self.on_read(node, true, read, now, out);
-            }
-            Step::LifeTimeFactor(transfer) => {
-                let read = transfer.on_time(now, out)?;
-                self.on_read(node, false, read, now, out);
+            Step::Read(object, transfer) => {
+                let (object, read) = (*object, transfer.on_time(now, out)?);
+                self.on_read((node, object), read, now, out);
             }
             Step::Poll(until) if now >= *until => self.conclude(node, Answer::Silent, now, out),
             Step::Poll(_) => {}
@@ -166,18 +156,14 @@ impl Procedure for States {
 
     fn deadline(&self) -> Option<Instant> {
         match &self.current {
-            Some((_, Step::GuardTime(transfer) | Step::LifeTimeFactor(transfer))) => {
-                transfer.deadline()
-            }
+            Some((_, Step::Read(_, transfer))) => transfer.deadline(),
             Some((_, Step::Poll(until))) => Some(*until),
             None => Some(Instant::ZERO),
         }
     }
 
     fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Some((_, Step::GuardTime(transfer) | Step::LifeTimeFactor(transfer))) =
-            &mut self.current
-        {
+        if let Some((_, Step::Read(_, transfer))) = &mut self.current {
             transfer.abandon(now, out);
         }
     }

@@ -18,7 +18,7 @@ use crate::value::visible;
 use canopen::emcy::{self, Emergency};
 use canopen::frame::Frame;
 use canopen::object::Object;
-use canopen::sdo::{Content, SdoError, Transfer};
+use canopen::sdo::{Content, Outcome, SdoError, Transfer};
 use canopen_device::lss::Address;
 use units::time::Instant;
 
@@ -148,9 +148,9 @@ impl Found {
     }
 }
 
-/// Node being polled, or already polled.
+/// Node that is polled, or sends by itself.
 #[derive(Clone, Debug)]
-struct Polled {
+struct Node {
     found: Found,
     /// Index of the current object in [`OBJECTS`].
     next: usize,
@@ -164,9 +164,8 @@ struct Polled {
 pub struct Scan {
     timeout: Duration,
     waiting: VecDeque<NodeId>,
-    polled: Vec<Polled>,
-    /// Nodes that sent by themselves and are not polled.
-    passive: Vec<Found>,
+    /// Polled nodes in their order, among those that are not polled.
+    nodes: Vec<Node>,
     /// Minimum end of listening, even if all replies arrive sooner.
     listens_until: Instant,
     is_over: bool,
@@ -184,8 +183,7 @@ impl Scan {
         let mut scan = Self {
             timeout,
             waiting: nodes.iter().copied().collect(),
-            polled: Vec::with_capacity(nodes.len()),
-            passive: Vec::new(),
+            nodes: Vec::with_capacity(nodes.len()),
             listens_until: now + listen,
             is_over: false,
         };
@@ -195,46 +193,45 @@ impl Scan {
 
     /// Polls further nodes in free slots.
     fn poll_more(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let busy = self.polled.iter().filter(|polled| polled.transfer.is_some()).count();
-        for node in self.waiting.drain(..self.waiting.len().min(MAX_PARALLEL.saturating_sub(busy)))
-        {
-            let known = self.passive.iter().position(|found| found.node == node);
-            let found = known.map_or(Found::new(node), |place| self.passive.swap_remove(place));
-            let mut polled = Polled { found, next: 0, transfer: None, answered: None };
-            polled.request(self.timeout, now, out);
-            self.polled.push(polled);
+        let busy = self.nodes.iter().filter(|node| node.transfer.is_some()).count();
+        for id in self.waiting.drain(..self.waiting.len().min(MAX_PARALLEL.saturating_sub(busy))) {
+            let known = self.nodes.iter().position(|node| node.found.node == id);
+            let mut node = known.map_or(Node::new(id), |place| self.nodes.remove(place));
+            node.request(self.timeout, now, out);
+            self.nodes.push(node);
         }
     }
 
     /// Takes a heartbeat or emergency of any node.
     fn listen(&mut self, frame: &Frame) {
-        let Some(node) = sender(frame) else { return };
-        if let Some(polled) = self.polled.iter_mut().find(|polled| polled.found.node == node) {
-            polled.found.on_frame(frame);
-        } else if let Some(found) = self.passive.iter_mut().find(|found| found.node == node) {
-            found.on_frame(frame);
+        let Some(id) = sender(frame) else { return };
+        if let Some(node) = self.nodes.iter_mut().find(|node| node.found.node == id) {
+            node.found.on_frame(frame);
         } else {
-            let mut found = Found::new(node);
-            found.on_frame(frame);
-            self.passive.push(found);
+            let mut node = Node::new(id);
+            node.found.on_frame(frame);
+            self.nodes.push(node);
         }
     }
 
     fn outcome(&mut self, now: Instant) -> Option<Vec<Found>> {
-        let is_busy = self.polled.iter().any(|polled| polled.transfer.is_some());
+        let is_busy = self.nodes.iter().any(|node| node.transfer.is_some());
         if self.is_over || is_busy || !self.waiting.is_empty() || now < self.listens_until {
             return None;
         }
         self.is_over = true;
-        let polled = self.polled.drain(..).map(|polled| polled.found);
-        let all = polled.chain(self.passive.drain(..));
+        let all = self.nodes.drain(..).map(|node| node.found);
         let mut found: Vec<Found> = all.filter(Found::is_there).collect();
         found.sort_by_key(|found| found.node);
         Some(found)
     }
 }
 
-impl Polled {
+impl Node {
+    const fn new(node: NodeId) -> Self {
+        Self { found: Found::new(node), next: 0, transfer: None, answered: None }
+    }
+
     /// Sends the next request, if there is one.
     fn request(&mut self, timeout: Duration, now: Instant, out: &mut Vec<Frame>) {
         let read = |object: &Object| Transfer::read(self.found.node, *object, timeout, now, out);
@@ -244,7 +241,7 @@ impl Polled {
     /// Records the outcome of a request and sends the next.
     fn conclude(
         &mut self,
-        outcome: Result<Content, SdoError>,
+        outcome: Outcome,
         timeout: Duration,
         now: Instant,
         out: &mut Vec<Frame>,
@@ -290,14 +287,13 @@ impl Procedure for Scan {
         frame: &Frame,
         out: &mut Vec<Frame>,
     ) -> Option<Vec<Found>> {
-        let timeout = self.timeout;
-        let is_reply = |polled: &&mut Polled| frame.cob_id == response_cob_id(polled.found.node);
-        if let Some(polled) = self.polled.iter_mut().find(is_reply) {
-            polled.found.is_answered_twice |= polled.is_repeated(frame);
-            let transfer = polled.transfer.as_mut();
+        let is_reply = |node: &&mut Node| frame.cob_id == response_cob_id(node.found.node);
+        if let Some(node) = self.nodes.iter_mut().find(is_reply) {
+            node.found.is_answered_twice |= node.is_repeated(frame);
+            let transfer = node.transfer.as_mut();
             if let Some(outcome) = transfer.and_then(|transfer| transfer.on_frame(now, frame, out))
             {
-                polled.conclude(outcome, timeout, now, out);
+                node.conclude(outcome, self.timeout, now, out);
             }
         } else {
             self.listen(frame);
@@ -307,10 +303,10 @@ impl Procedure for Scan {
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Vec<Found>> {
-        for polled in &mut self.polled {
-            let transfer = polled.transfer.as_mut();
+        for node in &mut self.nodes {
+            let transfer = node.transfer.as_mut();
             if let Some(outcome) = transfer.and_then(|transfer| transfer.on_time(now, out)) {
-                polled.conclude(outcome, self.timeout, now, out);
+                node.conclude(outcome, self.timeout, now, out);
             }
         }
         self.poll_more(now, out);
@@ -318,13 +314,13 @@ impl Procedure for Scan {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let transfers = self.polled.iter().filter_map(|polled| polled.transfer.as_ref());
+        let transfers = self.nodes.iter().filter_map(|node| node.transfer.as_ref());
         let soonest = transfers.filter_map(Transfer::deadline).min();
         (!self.is_over).then_some(soonest.unwrap_or(self.listens_until))
     }
 
     fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        for transfer in self.polled.iter_mut().filter_map(|polled| polled.transfer.as_mut()) {
+        for transfer in self.nodes.iter_mut().filter_map(|node| node.transfer.as_mut()) {
             transfer.abandon(now, out);
         }
     }

@@ -1,6 +1,7 @@
 //! Input and output of one cycle, with every intermediate of Fig. 3.
 
 use nalgebra::Isometry3;
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::JointVector;
@@ -102,8 +103,9 @@ pub struct Output {
     pub fault: Option<Fault>,
 }
 
-/// Torque budget of one cycle: every request, and the scales applied to it. In N·m or N.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Torque budget of one cycle: every request, and the scales applied to it. In N·m or N. It serializes as the `budget` of a
+/// status.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ledger {
     /// The task (Eq. 7).
     pub task: JointVector,
@@ -120,12 +122,14 @@ pub struct Ledger {
     /// Friction compensation, times the share of the engagement ramp.
     pub friction: JointVector,
     /// Joint that its friction compensation drove without a hand: the compensation is withdrawn until the next arming.
+    #[serde(skip)]
     pub self_driven: Option<Joint>,
     /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,
     /// Scale of task and assist together, 0 to 1.
     pub rest_scale: f64,
     /// Share of task and assist that is reflected at all, 0 to 1.
+    #[serde(skip)]
     pub share: f64,
     /// Joint that set the scale.
     pub limiting_joint: Option<Joint>,

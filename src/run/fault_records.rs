@@ -328,6 +328,14 @@ mod tests {
             (&document["reaction"], &document["hazards"]),
             (&json!("zero-torque"), &json!([1, 3, 4]))
         );
+        let budget = document["status"]["budget"].as_object().unwrap();
+        let torques = "task gravity centring damping passivity soft_stops friction";
+        let rest = "assist_scale rest_scale limiting_joint slewing_joint";
+        assert_eq!(
+            budget.keys().map(String::as_str).collect::<Vec<_>>().join(" "),
+            format!("{torques} {rest}")
+        );
+        assert_eq!(budget["task"].as_array().unwrap().len(), 6);
         assert_eq!(document["is_complete"], false, "until one second after the trip");
         assert_eq!((mode_of(&folder), mode_of(&record)), (0o700, 0o700));
         assert_eq!((mode_of(&record.join(LOG)), mode_of(&record.join(DOCUMENT))), (0o600, 0o600));

@@ -41,7 +41,7 @@ pub struct Status {
     /// Target torques sent, in per mille of rated torque.
     pub targets: [i16; 6],
     /// Components of these torques.
-    pub budget: Budget,
+    pub budget: Ledger,
     /// Reflected wrench at the grip: force in N, moment in N·m.
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
@@ -78,51 +78,6 @@ pub struct JointStatus {
     pub target_per_mille: i16,
 }
 
-/// Torque budget of the newest cycle, in N·m or N; joints count from 1.
-#[derive(Clone, Debug, Serialize)]
-pub struct Budget {
-    /// Reflected wrench.
-    pub task: [f64; 6],
-    /// Gravity compensation.
-    pub gravity: [f64; 6],
-    /// Return to centre, before scaling.
-    pub centring: [f64; 6],
-    /// Damping, before scaling.
-    pub damping: [f64; 6],
-    /// Passivity layer.
-    pub passivity: [f64; 6],
-    /// Soft stops.
-    pub soft_stops: [f64; 6],
-    /// Friction compensation.
-    pub friction: [f64; 6],
-    /// Scale of return to centre and damping.
-    pub assist_scale: f64,
-    /// Scale of reflected wrench and assist.
-    pub rest_scale: f64,
-    /// Joint that limits the scale.
-    pub limiting_joint: Option<u8>,
-    /// Joint at its slew rate limit.
-    pub slewing_joint: Option<u8>,
-}
-
-impl From<&Ledger> for Budget {
-    fn from(ledger: &Ledger) -> Self {
-        Self {
-            task: ledger.task.into(),
-            gravity: ledger.gravity.into(),
-            centring: ledger.centring.into(),
-            damping: ledger.damping.into(),
-            passivity: ledger.passivity.into(),
-            soft_stops: ledger.soft_stops.into(),
-            friction: ledger.friction.into(),
-            assist_scale: ledger.assist_scale,
-            rest_scale: ledger.rest_scale,
-            limiting_joint: ledger.limiting_joint.map(Joint::number),
-            slewing_joint: ledger.slewing_joint.map(Joint::number),
-        }
-    }
-}
-
 impl Status {
     /// Creates the status from the newest record, and the numbers of missed samples and lost entries.
     pub fn of(record: &Record, missing_samples: u64, lost: Losses) -> Self {
@@ -142,7 +97,7 @@ impl Status {
             q: record.output.q.into(),
             tau: record.output.tau.into(),
             targets: record.targets,
-            budget: Budget::from(&record.output.ledger),
+            budget: record.output.ledger,
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),

@@ -3,8 +3,10 @@
 use std::iter::Zip;
 use std::{array, fmt};
 
+use serde::Serialize;
+
 /// A joint of the arm, numbered from the base: 1 to 6.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 pub struct Joint(u8);
 
 impl Joint {

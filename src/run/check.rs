@@ -121,7 +121,7 @@ fn report(config: &Config) -> serde_json::Value {
         "sync_period_us": config.period.as_micros(),
         "buses": buses.collect::<Vec<_>>(),
         "contact": contact::json(config),
-        "gains": gains::json(&config.findings()),
+        "gains": config.findings(),
         "eds": eds::faulty_json(config),
         "eds_warnings": eds::lines(config),
         "stopping": stopping::json(config),

@@ -1,9 +1,9 @@
-//! Findings of the stability check of the gains, as text and JSON.
+//! Findings of the stability check of the gains, as text.
 
 use std::cmp::Reverse;
 
 use config::Config;
-use controller::stability::finding::{Finding, Side, Verdict};
+use controller::stability::finding::{Finding, Verdict};
 
 /// Maximum length of a line on a terminal, with its level and "gains: " in front.
 const MAX_LINE: usize = 120;
@@ -81,27 +81,10 @@ fn line(group: &[&Finding]) -> Option<(Verdict, String)> {
     Some((tightest.verdict, format!("{tightest}{also}")))
 }
 
-/// Returns every finding as an object; an infinite side is null.
-pub(super) fn json(findings: &[Finding]) -> serde_json::Value {
-    findings.iter().map(object).collect()
-}
-
-fn object(finding: &Finding) -> serde_json::Value {
-    let side = |side: &Side| serde_json::json!({ "symbols": side.symbols, "value": side.value, "unit": side.unit });
-    serde_json::json!({
-        "name": finding.name,
-        "axis": finding.axis,
-        "verdict": finding.verdict.to_string(),
-        "left": side(&finding.left),
-        "right": side(&finding.right),
-        "reason": finding.reason,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::stability::finding::Culprit;
+    use controller::stability::finding::{Culprit, Side};
 
     fn finding(axis: &'static str, left: f64, verdict: Verdict) -> Finding {
         let side = |symbols: &str, value| Side { symbols: symbols.to_owned(), value, unit: "N" };
@@ -162,7 +145,8 @@ mod tests {
 
     #[test]
     fn json_has_every_axis_and_null_for_infinity() {
-        let objects = json(&[finding("x", f64::INFINITY, Verdict::Refuses)]);
+        let finding = finding("x", f64::INFINITY, Verdict::Refuses);
+        let objects = serde_json::to_value([finding]).unwrap();
         let expected = serde_json::json!([{
             "name": "damping",
             "axis": "x",

@@ -2,8 +2,11 @@
 
 use std::fmt;
 
+use serde::Serialize;
+
 /// Consequence of an inequality.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// It holds.
     Holds,
@@ -35,7 +38,7 @@ pub enum Culprit {
 }
 
 /// One side of an inequality.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Side {
     /// In symbols.
     pub symbols: String,
@@ -45,22 +48,24 @@ pub struct Side {
     pub unit: &'static str,
 }
 
-/// An inequality that gains must obey on one axis: the left side stays below the right.
-#[derive(Clone, Debug, PartialEq)]
+/// An inequality that gains must obey on one axis: the left side stays below the right. An infinite side
+/// serializes as null.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Subject of the inequality.
     pub name: &'static str,
     /// On which axis.
     pub axis: &'static str,
+    /// Holds, is covered, or is refused.
+    pub verdict: Verdict,
     /// Side that must stay below `right`.
     pub left: Side,
     /// Side that `left` must stay below.
     pub right: Side,
-    /// Holds, is covered, or is refused.
-    pub verdict: Verdict,
     /// Meaning; where the inequality does not hold, the layer that covers it or the reason why none does.
     pub reason: String,
     /// The gain to change.
+    #[serde(skip)]
     pub culprit: Culprit,
 }
 

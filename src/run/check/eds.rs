@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use serde::Serialize;
 
 use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
@@ -10,8 +11,9 @@ use canopen::eds::{Eds, Finding, Severity};
 use config::{Config, EdsFile, files};
 
 /// A file and its findings.
-struct Report<'a> {
-    file: &'a Path,
+#[derive(Serialize)]
+struct Report {
+    file: String,
     objects: usize,
     findings: Vec<Finding>,
 }
@@ -51,7 +53,10 @@ pub(super) fn run(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let reports = paths.iter().map(|file| read(file)).collect::<Result<Vec<_>, _>>()?;
     let (errors, warnings) = (count(&reports, Severity::Error), count(&reports, Severity::Warning));
     if json {
-        print::line(&as_json(&reports, errors, warnings).to_string());
+        let (ok, files) = (errors == 0, &reports);
+        let report =
+            serde_json::json!({ "ok": ok, "errors": errors, "warnings": warnings, "files": files });
+        print::line(&report.to_string());
     } else {
         reports.iter().for_each(Report::print);
     }
@@ -59,25 +64,25 @@ pub(super) fn run(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     if errors > 0 { Err(Failure::new(Kind::Negative, negative)) } else { Ok(()) }
 }
 
-fn read(file: &Path) -> Result<Report<'_>, Failure> {
+fn read(file: &Path) -> Result<Report, Failure> {
     let named = || file.display().to_string();
     let bytes = files::read(file).with_context(named).or_fail(Kind::Configuration)?;
     let eds = Eds::parse(&bytes).with_context(named).or_fail(Kind::Configuration)?;
-    Ok(Report { file, objects: eds.objects().len(), findings: eds.lint() })
+    Ok(Report { file: named(), objects: eds.objects().len(), findings: eds.lint() })
 }
 
-impl Report<'_> {
+impl Report {
     fn print(&self) {
         for finding in &self.findings {
-            print::line(&format!("{}:{finding}", self.file.display()));
+            print::line(&format!("{}:{finding}", self.file));
         }
         if self.findings.is_empty() {
-            print::line(&format!("{}: valid, {} objects", self.file.display(), self.objects));
+            print::line(&format!("{}: valid, {} objects", self.file, self.objects));
         }
     }
 }
 
-fn count(reports: &[Report<'_>], severity: Severity) -> usize {
+fn count(reports: &[Report], severity: Severity) -> usize {
     reports.iter().map(|report| number(&report.findings, severity)).sum()
 }
 
@@ -87,29 +92,4 @@ fn number(findings: &[Finding], severity: Severity) -> usize {
 
 fn many(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
-}
-
-fn as_json(reports: &[Report<'_>], errors: usize, warnings: usize) -> serde_json::Value {
-    let files = reports.iter().map(|report| {
-        let findings = report.findings.iter().map(|finding| {
-            serde_json::json!({
-                "line": finding.line,
-                "severity": finding.severity.to_string(),
-                "place": finding.place,
-                "key": finding.key,
-                "reason": finding.reason,
-            })
-        });
-        serde_json::json!({
-            "file": report.file.display().to_string(),
-            "objects": report.objects,
-            "findings": findings.collect::<Vec<_>>(),
-        })
-    });
-    serde_json::json!({
-        "ok": errors == 0,
-        "errors": errors,
-        "warnings": warnings,
-        "files": files.collect::<Vec<_>>(),
-    })
 }

@@ -11,6 +11,7 @@ mod objects;
 use std::fmt;
 
 use derive_more::Display;
+use serde::Serialize;
 
 use crate::eds::Eds;
 use crate::eds::ini::{Entry, Ini, Section};
@@ -18,7 +19,8 @@ use crate::eds::title::Title;
 use crate::object::Object;
 
 /// Severity of a finding.
-#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Misleading.
     #[display("error")]
@@ -29,7 +31,7 @@ pub enum Severity {
 }
 
 /// Finding in an EDS.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// Line, from 1; absent parts are reported at line 1.
     pub line: usize,
@@ -42,6 +44,7 @@ pub struct Finding {
     /// Reason.
     pub reason: String,
     /// Set if a part is missing that the file announces: a miscount of its maker, or a truncated file.
+    #[serde(skip)]
     pub gap: Option<Gap>,
 }
 

@@ -4,6 +4,7 @@
 //! before it lead there: reference set, deadman pressed, one cycle ago.
 
 use nalgebra::{Isometry3, Vector3};
+use serde::Serialize;
 
 use crate::question::{InvalidQuestion, Posed, Question};
 use config::Config;
@@ -21,43 +22,39 @@ const SETTLING_TIME: f64 = 10.0;
 const TAU_FRICTION: &str = "tau_friction";
 
 /// A value of Fig. 3.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Value {
     /// One number.
     Number(f64),
     /// A number of each axis or joint.
-    Six([f64; 6]),
-    /// Three numbers.
-    Three([f64; 3]),
+    Numbers(Vec<f64>),
     /// A pose, as the rows of its 4 × 4 matrix.
     Pose([[f64; 4]; 4]),
     /// A matrix, row by row.
-    Matrix([[f64; 6]; 6]),
+    Matrix(Vec<Vec<f64>>),
     /// Targets of drives.
     Targets([i16; 6]),
-    /// A number of each joint of an arm of any number of joints.
-    Joints(Vec<f64>),
-    /// A matrix with a column for each of these, row by row.
-    Rows(Vec<Vec<f64>>),
     /// A word, or its absence.
     Word(Option<String>),
 }
 
-/// One line of the explanation.
-#[derive(Clone, Debug, PartialEq)]
+/// One line of the explanation. It serializes without its name.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
     /// Its name, as everywhere in this program.
+    #[serde(skip)]
     pub name: &'static str,
-    /// Description.
-    pub what: &'static str,
-    /// Equation or section of the paper.
-    pub place: &'static str,
+    /// Its value.
+    pub value: Value,
     /// Its unit.
     pub unit: &'static str,
     /// The frame it is written in.
     pub frame: &'static str,
-    /// Its value.
-    pub value: Value,
+    /// Equation or section of the paper.
+    pub place: &'static str,
+    /// Description.
+    pub what: &'static str,
 }
 
 /// The whole cycle, in the order it is computed.
@@ -228,31 +225,31 @@ impl From<&f64> for Value {
 
 impl From<&JointVector> for Value {
     fn from(joints: &JointVector) -> Self {
-        Self::Six((*joints).into())
+        Self::Numbers(joints.as_slice().to_vec())
     }
 }
 
 impl From<&Displacement> for Value {
     fn from(dx: &Displacement) -> Self {
-        Self::Six(dx.components())
+        Self::Numbers(dx.components().to_vec())
     }
 }
 
 impl From<&Wrench> for Value {
     fn from(f: &Wrench) -> Self {
-        Self::Six(f.components())
+        Self::Numbers(f.components().to_vec())
     }
 }
 
 impl From<&Twist> for Value {
     fn from(v: &Twist) -> Self {
-        Self::Six(v.components())
+        Self::Numbers(v.components().to_vec())
     }
 }
 
 impl From<&Vector3<f64>> for Value {
     fn from(vector: &Vector3<f64>) -> Self {
-        Self::Three((*vector).into())
+        Self::Numbers(vector.as_slice().to_vec())
     }
 }
 
@@ -265,20 +262,20 @@ impl From<&Isometry3<f64>> for Value {
 
 impl From<&Jacobian<6>> for Value {
     fn from(j_g: &Jacobian<6>) -> Self {
-        // An array of arrays holds columns.
-        Self::Matrix(j_g.matrix().transpose().into())
+        let j_g = j_g.matrix();
+        Self::Matrix(j_g.row_iter().map(|row| row.iter().copied().collect()).collect())
     }
 }
 
 impl From<&Vec<f64>> for Value {
     fn from(joints: &Vec<f64>) -> Self {
-        Self::Joints(joints.clone())
+        Self::Numbers(joints.clone())
     }
 }
 
 impl From<&Vec<Vec<f64>>> for Value {
     fn from(rows: &Vec<Vec<f64>>) -> Self {
-        Self::Rows(rows.clone())
+        Self::Matrix(rows.clone())
     }
 }
 

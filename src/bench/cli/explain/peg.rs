@@ -4,13 +4,12 @@ use std::ffi::OsString;
 
 use clap::Args;
 use serde::Deserialize;
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use crate::explain::input;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use sim::contact::Features;
-use sim::contact::peg_rig::{Approach, Grip, Outcome, PegRig, PegRigSettings};
+use sim::contact::peg_rig::{Approach, Grip, Lowered, PegRig, PegRigSettings};
 
 /// `frhc explain peg`.
 #[derive(Debug, Args)]
@@ -81,17 +80,12 @@ pub(super) fn run(args: &Peg) -> Result<(), Failure> {
         let approach = Approach { offset: [*x, *y], tilt: [*a, *b] };
         let touched = rig.touched(&approach, *depth);
         let f_e = touched.f_e.components();
-        print::line(&json!({ "f_e": f_e, "points": points(&touched.features) }).to_string());
+        print::line(&json!({ "f_e": f_e, "points": touched.features }).to_string());
     }
     for [x, y, a, b] in &question.approaches {
-        let lowered = rig.lower(&Approach { offset: [*x, *y], tilt: [*a, *b] }, &grip, depth);
-        let outcome = match lowered.outcome {
-            Outcome::Inserted => "inserted",
-            Outcome::Jammed => "jammed",
-            Outcome::Rejected => "rejected",
-        };
-        let points = points(&lowered.features);
-        let answer = json!({ "outcome": outcome, "depth_m": lowered.depth, "points": points });
+        let Lowered { outcome, depth, features, .. } =
+            rig.lower(&Approach { offset: [*x, *y], tilt: [*a, *b] }, &grip, depth);
+        let answer = json!({ "outcome": outcome, "depth_m": depth, "points": features });
         print::line(&answer.to_string());
     }
     Ok(())
@@ -145,17 +139,4 @@ impl Question {
             force: self.grip_force_n,
         }
     }
-}
-
-/// Returns the numbers of points in contact.
-fn points(features: &Features) -> Json {
-    json!({
-        "face": features.face,
-        "cone": features.cone,
-        "bore": features.bore,
-        "peg_end": features.peg_end,
-        "peg_chamfer": features.peg_chamfer,
-        "peg_side": features.peg_side,
-        "other": features.solid,
-    })
 }

@@ -8,31 +8,8 @@ use testbench::explanation::{Entry, Explanation, Value};
 /// Returns one object: name to value, unit, frame, equation and description.
 pub(super) fn json(explanation: &Explanation) -> String {
     let Explanation(entries) = explanation;
-    let object = entries.iter().map(|entry| {
-        let described = serde_json::json!({
-            "value": json_value(&entry.value),
-            "unit": entry.unit,
-            "frame": entry.frame,
-            "place": entry.place,
-            "what": entry.what,
-        });
-        (entry.name.to_owned(), described)
-    });
-    Json::Object(object.collect()).to_string()
-}
-
-fn json_value(value: &Value) -> Json {
-    match value {
-        Value::Number(number) => serde_json::json!(number),
-        Value::Six(six) => serde_json::json!(six),
-        Value::Three(three) => serde_json::json!(three),
-        Value::Pose(rows) => serde_json::json!(rows),
-        Value::Matrix(rows) => serde_json::json!(rows),
-        Value::Targets(targets) => serde_json::json!(targets),
-        Value::Joints(joints) => serde_json::json!(joints),
-        Value::Rows(rows) => serde_json::json!(rows),
-        Value::Word(word) => serde_json::json!(word),
-    }
+    let object: Json = entries.iter().map(|entry| (entry.name, serde_json::json!(entry))).collect();
+    object.to_string()
 }
 
 /// Returns one line per value; poses and matrices take several.
@@ -43,7 +20,7 @@ pub(super) fn text(explanation: &Explanation) -> String {
 }
 
 fn line(entry: &Entry) -> String {
-    let Entry { name, what, place, unit, frame, value } = entry;
+    let Entry { name, value, unit, frame, place, what } = entry;
     let place = match place.chars().next() {
         None => String::new(),
         Some('F') => format!(" ({place})"),
@@ -65,12 +42,9 @@ fn shown(value: &Value) -> String {
     let rows = |rows: Vec<String>| rows.join("\n               ");
     match value {
         Value::Number(number) => row(&[*number]),
-        Value::Six(six) => row(six),
-        Value::Three(three) => row(three),
+        Value::Numbers(numbers) => row(numbers),
         Value::Pose(matrix) => rows(matrix.iter().take(3).map(|numbers| row(numbers)).collect()),
         Value::Matrix(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
-        Value::Joints(joints) => row(joints),
-        Value::Rows(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
         Value::Targets(targets) => {
             targets.iter().map(|target| format!("{target:10}")).collect::<Vec<_>>().join(" ")
         }

@@ -1,12 +1,12 @@
 //! Numbers of points in contact, by the part of the solid that they touch.
 
+use serde::Serialize;
+
 use crate::contact::surface::Feature;
 
 /// Numbers of points in contact.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq, Serialize)]
 pub struct Features {
-    /// With wall, box or sphere, or with sides and lower face of the plate.
-    pub solid: u16,
     /// With the face of the plate.
     pub face: u16,
     /// With a chamfer of a hole.
@@ -19,6 +19,9 @@ pub struct Features {
     pub peg_chamfer: u16,
     /// Edge of a hole, on the side of a peg.
     pub peg_side: u16,
+    /// With wall, box or sphere, or with sides and lower face of the plate.
+    #[serde(rename = "other")]
+    pub solid: u16,
 }
 
 impl Features {

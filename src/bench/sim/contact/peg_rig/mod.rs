@@ -7,6 +7,7 @@
 mod body;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use serde::Serialize;
 
 use crate::contact::peg_rig::body::Body;
 use crate::contact::{
@@ -79,7 +80,8 @@ pub struct Grip {
 }
 
 /// End of a lowering.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[derive(Clone, Copy, Debug, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Outcome {
     /// The end reached the wanted depth.
     Inserted,

@@ -1,6 +1,7 @@
 //! All of a joint's samples to its curve, with the evidence for and against it.
 
 use nalgebra::DVector;
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::fit::dry::{self, Dry};
@@ -21,7 +22,7 @@ const ENDS: f64 = 1e6;
 pub(super) const EXCHANGED: (f64, f64) = (3.0, 1e-3);
 
 /// Dry friction of a joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DryFriction {
     /// In N·m. Below zero: samples driven up lie below those driven down, as if the directions were exchanged.
     pub torque: f64,
@@ -31,6 +32,7 @@ pub struct DryFriction {
     pub per_mille: f64,
     /// Largest distance of the measured directions within the range, in N·m at one target: twice the friction,
     /// if friction is the same everywhere.
+    #[serde(skip)]
     pub widest: f64,
 }
 

@@ -8,6 +8,7 @@
 //! ```
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 use crate::fit::dry::Dry;
 use crate::fit::polynomial::{ODD, columns, unscaled};
@@ -24,7 +25,7 @@ const HALVINGS: u32 = 6;
 const COMMON: usize = ODD.len() + 1;
 
 /// Difference between the two sides of zero torque.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Unevenness {
     /// Largest even part relative to the end of the curve.
     pub share: f64,

@@ -154,18 +154,9 @@ fn curve_json(evidence: &Evidence) -> serde_json::Value {
         "up": polynomial_json(up),
         "down": polynomial_json(down),
         "straight_line": polynomial_json(line),
-        "friction": {
-            "torque": friction.torque,
-            "deviation": friction.deviation,
-            "per_mille": friction.per_mille,
-        },
+        "friction": friction,
         "hysteresis": { "torque": friction.hysteresis(), "largest": friction.widest },
-        "even_part": {
-            "share": unevenness.share,
-            "is_offset": unevenness.is_offset,
-            "offset": unevenness.offset,
-            "strength": unevenness.strength,
-        },
+        "even_part": unevenness,
     })
 }
 

@@ -1,6 +1,7 @@
 //! Fit of a line per direction to torques over velocities.
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::fit::robust::{self, chosen};
@@ -24,7 +25,7 @@ pub struct Moving {
 }
 
 /// A fitted number.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     /// Best value.
     pub value: f64,
@@ -33,7 +34,7 @@ pub struct Estimate {
 }
 
 /// Friction in one direction, or of both.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Law {
     /// Coulomb friction, in N·m or N.
     pub coulomb: Estimate,

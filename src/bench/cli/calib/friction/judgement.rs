@@ -1,5 +1,7 @@
 //! Judgement of one joint's sweep: fitted friction, gravity in held postures, and what speaks against them.
 
+use serde::Serialize;
+
 use crate::calib::friction::sweep::{Source, Swept};
 use calibration::fit::posture::{Posture, postures};
 use calibration::fit::sweep::JointFriction;
@@ -22,7 +24,7 @@ pub(super) struct Judged<'c> {
 }
 
 /// Held postures compared with gravity.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct Gravity {
     /// Number of postures.
     pub(super) postures: usize,
@@ -30,9 +32,14 @@ pub(super) struct Gravity {
     pub(super) rms: f64,
     /// Largest error with its sign, in N·m or N.
     pub(super) largest: f64,
+    /// The same, as a share of the capacity.
+    #[serde(rename = "largest_share_of_capacity")]
+    pub(super) share: f64,
     /// Its place.
+    #[serde(flatten)]
     pub(super) at: Source,
     /// Mean friction at rest, in N·m or N.
+    #[serde(rename = "friction_at_rest")]
     pub(super) friction: f64,
 }
 
@@ -72,7 +79,8 @@ pub(super) fn judge(swept: Swept<'_>) -> Judged<'_> {
     let resolution = swept.parameters.calibration.resolution();
     let fitted = JointFriction::fit(&swept.moving, resolution, swept.has_gravity);
     let found = postures(&swept.held);
-    let gravity = Gravity::of(&found, &swept.held_at);
+    let capacity = swept.parameters.calibration.curve().max_torque();
+    let gravity = Gravity::of(&found, &swept.held_at, capacity);
     let (reasons, warnings) = (Vec::new(), Vec::new());
     let mut judged = Judged { swept, friction: None, gravity, reasons, warnings };
     match fitted {
@@ -113,11 +121,9 @@ fn doubt_gravity(judged: &mut Judged<'_>, found: &[Posture]) {
             ));
         }
     }
-    let Some(Gravity { largest, at: Source { file, line }, friction, .. }) = &judged.gravity else {
-        return;
-    };
-    let share = largest.abs() / judged.capacity();
-    if share > MAX_GRAVITY_ERROR {
+    let Some(Gravity { largest, share, at, friction, .. }) = &judged.gravity else { return };
+    let Source { file, line } = at;
+    if *share > MAX_GRAVITY_ERROR {
         judged.warnings.push(format!(
             "{file}:{line}: the held torque is {largest:+.4} {unit} off the configured gravity, {:.1} % of the capacity; \
              check masses and centres of mass",
@@ -134,7 +140,7 @@ fn doubt_gravity(judged: &mut Judged<'_>, found: &[Posture]) {
 
 impl Gravity {
     /// Returns the errors of postures that were reached from both sides; `None` without one.
-    fn of(postures: &[Posture], held_at: &[Source]) -> Option<Self> {
+    fn of(postures: &[Posture], held_at: &[Source], capacity: f64) -> Option<Self> {
         let both = postures.iter().filter_map(|posture| {
             Some((posture.error?, posture.friction?, held_at.get(posture.place)?))
         });
@@ -146,6 +152,7 @@ impl Gravity {
             postures: both.len(),
             rms: (both.iter().map(|(error, ..)| error * error).sum::<f64>() / count).sqrt(),
             largest: *largest,
+            share: largest.abs() / capacity,
             at: (*at).clone(),
             friction: both.iter().map(|(_, friction, _)| friction).sum::<f64>() / count,
         })

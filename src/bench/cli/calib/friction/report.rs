@@ -86,10 +86,11 @@ fn load(judged: &Judged<'_>, friction: &JointFriction) -> String {
 /// Formats the comparison of held postures with gravity.
 fn held(judged: &Judged<'_>, gravity: &Gravity) -> String {
     let [unit, _] = judged.units();
-    let (Gravity { postures, rms, largest, at, friction }, places) = (gravity, decimals(judged));
-    let share = 100.0 * largest.abs() / judged.capacity();
+    let places = decimals(judged);
+    let Gravity { postures, rms, largest, share, at, friction } = gravity;
+    let percent = 100.0 * share;
     format!(
-        "{postures} held postures off by {rms:.places$} {unit} RMS, {largest:+.places$} {unit} at most ({share:.1} % of the capacity, \
+        "{postures} held postures off by {rms:.places$} {unit} RMS, {largest:+.places$} {unit} at most ({percent:.1} % of the capacity, \
          line {}); friction at rest {friction:.places$} {unit}",
         at.line
     )
@@ -124,17 +125,6 @@ fn joint_json(judged: &Judged<'_>) -> serde_json::Value {
         serde_json::json!({ "file": source.file, "line": source.line, "distance": distance })
     });
     let friction = judged.friction.as_ref();
-    let gravity = judged.gravity.as_ref().map(|gravity| {
-        serde_json::json!({
-            "postures": gravity.postures,
-            "rms": gravity.rms,
-            "largest": gravity.largest,
-            "largest_share_of_capacity": gravity.largest.abs() / judged.capacity(),
-            "file": gravity.at.file,
-            "line": gravity.at.line,
-            "friction_at_rest": gravity.friction,
-        })
-    });
     serde_json::json!({
         "joint": judged.name(),
         "files": judged.swept.files(),
@@ -143,26 +133,13 @@ fn joint_json(judged: &Judged<'_>) -> serde_json::Value {
         "accepted": judged.accepted().is_some(),
         "reasons": judged.reasons,
         "warnings": judged.warnings,
-        "up": friction.map(|friction| law_json(&friction.up)),
-        "down": friction.map(|friction| law_json(&friction.down)),
-        "both": friction.map(|friction| law_json(&friction.both)),
-        "load": friction.map(|friction| estimate_json(&friction.load)),
+        "up": friction.map(|friction| friction.up),
+        "down": friction.map(|friction| friction.down),
+        "both": friction.map(|friction| friction.both),
+        "load": friction.map(|friction| friction.load),
         "gravity_subtracted": judged.swept.has_gravity,
-        "gravity": gravity,
+        "gravity": judged.gravity,
         "configured": { "coulomb": configured.coulomb, "viscous": configured.viscous },
         "outliers": outliers.collect::<Vec<_>>(),
     })
-}
-
-fn law_json(law: &Law) -> serde_json::Value {
-    serde_json::json!({
-        "coulomb": estimate_json(&law.coulomb),
-        "viscous": estimate_json(&law.viscous),
-        "rms": law.rms,
-        "readings": law.readings,
-    })
-}
-
-fn estimate_json(estimate: &Estimate) -> serde_json::Value {
-    serde_json::json!({ "value": estimate.value, "deviation": estimate.deviation })
 }

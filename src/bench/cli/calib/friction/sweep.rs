@@ -1,5 +1,7 @@
 //! Recorded sweeps as torques at the joints, less gravity: readings of all files, joint by joint.
 
+use serde::Serialize;
+
 use crate::rig;
 use calibration::fit::posture::Held;
 use calibration::fit::sweep::Moving;
@@ -29,7 +31,7 @@ pub(super) struct Swept<'c> {
 }
 
 /// File and line of a reading.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Source {
     pub(super) file: String,
     pub(super) line: usize,

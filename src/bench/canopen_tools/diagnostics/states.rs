@@ -34,7 +34,7 @@ pub enum Answer {
 #[derive(Clone, Debug)]
 enum Step {
     /// Reads the guard time (100Ch), then the life time factor (100Dh).
-    Read(Object, Transfer),
+    Read(Object, Box<Transfer>),
     /// Waits for the answer to the remote frame.
     Poll(Instant),
 }
@@ -71,7 +71,7 @@ impl States {
 
     fn read(&mut self, node: NodeId, object: Object, now: Instant, out: &mut Vec<Frame>) {
         let read = Transfer::read(node, object, self.timeout, now, out);
-        self.current = Some((node, Step::Read(object, read)));
+        self.current = Some((node, Step::Read(object, Box::new(read))));
     }
 
     fn conclude(&mut self, node: NodeId, answer: Answer, now: Instant, out: &mut Vec<Frame>) {

@@ -20,7 +20,6 @@ pub(crate) mod drive;
 pub(crate) mod felt;
 pub(crate) mod golden;
 pub(crate) mod log;
-pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;
 pub(crate) mod rest;

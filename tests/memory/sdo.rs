@@ -14,11 +14,12 @@ use proptest::prelude::*;
 use crate::common::bench::Wire;
 use crate::common::drive::{carry, drive, node};
 use crate::common::golden::compare;
-use crate::common::lossy::{ErrorRates, Lossy};
+use crate::lossy::{ErrorRates, Lossy};
+use crate::sdo_queue::Task;
 use bus::{Bus, Tap};
 use canopen::abort::AbortCode;
 use canopen::object::Object;
-use canopen::sdo::{Block, Content, Outcome, SdoError, Task, Terms, Transfer};
+use canopen::sdo::{Block, Content, Outcome, SdoError, Terms, Transfer};
 use memory_bus::Memory;
 use sim::drive::Drive;
 

@@ -1,5 +1,4 @@
-//! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and block transfer, in both directions, one after
-//! the other at each node.
+//! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and block transfer, in both directions.
 //!
 //! A reply counts only if it comes from the requested node and names the requested object. All other frames
 //! are ignored, late replies and stale aborts included; the deadline of the request ends the wait. Segments
@@ -32,7 +31,6 @@ mod block_download;
 mod block_upload;
 mod content;
 mod crc;
-mod queue;
 mod receiver;
 mod segmented;
 mod sender;
@@ -43,7 +41,6 @@ mod tests;
 mod transfer;
 
 pub use content::{Content, bytes};
-pub use queue::{Done, Queue, Request, Task, Ticket};
 pub use receiver::{BlockParameters, Receiver, Taken};
 pub use sender::Sender;
 pub use terms::{Block, InvalidBlockSize, MAX_BYTES, Protocol, SEGMENTED_BYTES, Terms};

@@ -1,12 +1,14 @@
 //! SDO client and simulated drive on a disturbed bus.
+#![cfg(test)]
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::common::drive::{drive, node};
+use crate::sdo_queue::{Queue, Request, Task};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
-use canopen::sdo::{Block, Outcome, Queue, Request, Task, Terms};
+use canopen::sdo::{Block, Outcome, Terms};
 use canopen_device::station::Station;
 use sim::drive::Drive;
 use units::time::Instant;

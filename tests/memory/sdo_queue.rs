@@ -1,36 +1,34 @@
-//! SDO requests to several nodes, one transfer at a time per node.
+//! SDO requests to several nodes, one transfer at a time per node: the client of the tests on a disturbed bus.
 //!
 //! Nodes are served in parallel, the requests to one node in order. Every request has one outcome, unless it
 //! is cancelled.
+#![cfg(test)]
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use canopen_rs::NodeId;
-
-use crate::frame::Frame;
-use crate::object::Object;
-use crate::sdo::terms::Terms;
-use crate::sdo::transfer::Transfer;
-use crate::sdo::{Outcome, SdoError};
+use canopen::NodeId;
+use canopen::frame::Frame;
+use canopen::object::Object;
+use canopen::sdo::{Outcome, SdoError, Terms, Transfer};
 use units::time::Instant;
 
 /// Request to a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Request {
+pub(crate) struct Request {
     /// Object.
-    pub object: Object,
+    pub(crate) object: Object,
     /// Read or write.
-    pub task: Task,
+    pub(crate) task: Task,
     /// Protocol, and timeout of each reply.
-    pub terms: Terms,
+    pub(crate) terms: Terms,
     /// Maximum time from the request to its outcome.
-    pub within: Duration,
+    pub(crate) within: Duration,
 }
 
 /// Access to an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Task {
+pub(crate) enum Task {
     /// Uploads the object.
     Read,
     /// Downloads these bytes, little-endian.
@@ -39,24 +37,24 @@ pub enum Task {
 
 /// Identifier of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Ticket(u64);
+pub(crate) struct Ticket(u64);
 
 /// Finished request.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Done {
+pub(crate) struct Done {
     /// Request.
-    pub ticket: Ticket,
+    pub(crate) ticket: Ticket,
     /// Node.
-    pub node: NodeId,
+    pub(crate) node: NodeId,
     /// Object.
-    pub object: Object,
+    pub(crate) object: Object,
     /// Outcome.
-    pub outcome: Outcome,
+    pub(crate) outcome: Outcome,
 }
 
 /// Queue of requests to several nodes.
 #[derive(Clone, Debug, Default)]
-pub struct Queue {
+pub(crate) struct Queue {
     issued: u64,
     lines: BTreeMap<u8, Line>,
 }
@@ -86,7 +84,7 @@ struct Running {
 
 impl Queue {
     /// Queues a request to `node`; the next call of [`on_time`](Self::on_time) starts it.
-    pub fn submit(&mut self, now: Instant, node: NodeId, request: Request) -> Ticket {
+    pub(crate) fn submit(&mut self, now: Instant, node: NodeId, request: Request) -> Ticket {
         let ticket = Ticket(self.issued);
         self.issued += 1;
         let until = now + request.within;
@@ -96,14 +94,14 @@ impl Queue {
     }
 
     /// Cancels a request, without an outcome, and aborts its transfer. Returns false if it has already ended.
-    pub fn cancel(&mut self, ticket: Ticket, out: &mut Vec<Frame>) -> bool {
+    pub(crate) fn cancel(&mut self, ticket: Ticket, out: &mut Vec<Frame>) -> bool {
         let is_cancelled = self.lines.values_mut().any(|line| line.cancel(ticket, out));
         self.lines.retain(|_, line| !line.is_empty());
         is_cancelled
     }
 
     /// Cancels every request. Call it before dropping a queue in use, as servers would wait otherwise.
-    pub fn cancel_all(&mut self, out: &mut Vec<Frame>) {
+    pub(crate) fn cancel_all(&mut self, out: &mut Vec<Frame>) {
         for line in std::mem::take(&mut self.lines).values_mut() {
             if let Some(running) = &mut line.running {
                 running.transfer.cancel(out);
@@ -112,31 +110,36 @@ impl Queue {
     }
 
     /// Number of pending requests.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.lines.values().map(Line::len).sum()
     }
 
     /// Returns whether no request is pending.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
 
     /// Takes one received frame; requests are appended to `out`.
-    pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> Option<Done> {
+    pub(crate) fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Done> {
         let done = self.lines.values_mut().find_map(|line| line.on_frame(now, frame, out));
         self.lines.retain(|_, line| !line.is_empty());
         done
     }
 
     /// Does what is due, up to one outcome per call.
-    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
+    pub(crate) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
         let done = self.lines.values_mut().find_map(|line| line.on_time(now, out));
         self.lines.retain(|_, line| !line.is_empty());
         done
     }
 
     /// Time of the next call of [`on_time`](Self::on_time); `None` without pending requests.
-    pub fn deadline(&self) -> Option<Instant> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         self.lines.values().filter_map(Line::deadline).min()
     }
 }
@@ -226,8 +229,8 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::abort::AbortCode;
-    use crate::sdo::Content;
+    use canopen::abort::AbortCode;
+    use canopen::sdo::Content;
 
     const TYPE: Object = Object::DEVICE_TYPE;
     const ERRORS: Object = Object::ERROR_REGISTER;

@@ -6,10 +6,9 @@ use nalgebra::Vector3;
 
 use crate::expectation::EndState;
 use crate::injection::Injection;
-use crate::monitor::Monitor;
+use crate::monitor::{Monitor, is_off};
 use crate::timers;
 use crate::verdict::Observation;
-use canopen::drive::State;
 use config::Config;
 use faults::{Disturbance, Fault, Kind};
 use node::record::{Mode, Record};
@@ -184,8 +183,8 @@ impl PowerStages {
         if mode == Mode::DrivesOff {
             self.due = self.due.map(|due| due.min(now));
         }
-        let is_on = drives.iter().any(|drive| has_voltage(drive.state()));
-        self.off = if is_on { None } else { Some(self.off.unwrap_or(now)) };
+        let are_off = drives.iter().all(|drive| is_off(drive.state()));
+        self.off = are_off.then(|| self.off.unwrap_or(now));
     }
 
     /// Returns the time from the stop until the last power stage was off.
@@ -197,20 +196,6 @@ impl PowerStages {
     fn is_left_on(&self, until: Instant) -> bool {
         let is_late = |due: Instant| self.off.unwrap_or(until) > due + self.tolerance;
         self.due.is_some_and(is_late)
-    }
-}
-
-/// Returns whether a drive in this state has voltage on its motor (CiA 402-2, 6.1).
-const fn has_voltage(state: State) -> bool {
-    match state {
-        State::NotReadyToSwitchOn
-        | State::SwitchOnDisabled
-        | State::ReadyToSwitchOn
-        | State::Fault => false,
-        State::SwitchedOn
-        | State::OperationEnabled
-        | State::QuickStopActive
-        | State::FaultReactionActive => true,
     }
 }
 

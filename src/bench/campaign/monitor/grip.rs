@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::mode::Mode;
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
@@ -36,16 +36,11 @@ impl Grip {
     }
 
     /// Takes the mode after a cycle.
-    pub(super) fn on_mode(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        mode: Mode,
-        violations: &mut Violations,
-    ) {
+    pub(super) fn on_mode(&mut self, moment: &mut Moment<'_>, mode: Mode) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let was_engaged = std::mem::replace(&mut self.is_engaged, mode == Mode::Engaged);
         if self.is_engaged && !was_engaged {
-            self.check(sheet, at, violations);
+            self.check(moment);
         }
         let before = self.contacts.filter(|(contacts, _)| Some(*contacts) == self.reported);
         if before.is_none() {
@@ -57,18 +52,18 @@ impl Grip {
     }
 
     /// Checks an engagement.
-    fn check(&mut self, sheet: &Sheet, at: Instant, violations: &mut Violations) {
+    fn check(&mut self, moment: &mut Moment<'_>) {
         let pressed = match self.contacts {
-            Some((Deadman::Pressed, since)) => at.since(since),
+            Some((Deadman::Pressed, since)) => moment.at.since(since),
             Some((Deadman::Released | Deadman::Disagreeing, _)) | None => Duration::ZERO,
         };
         if !std::mem::take(&mut self.has_released) {
-            let what = "engaged by a deadman that was not released for 25 ms before".to_owned();
-            violations.add(Invariant::Permitted, at, what);
-        } else if pressed < min_settling_time(sheet) {
+            let what = "engaged by a deadman that was not released for 25 ms before";
+            moment.violates(Invariant::Permitted, what);
+        } else if pressed < min_settling_time(moment.sheet) {
             let millis = pressed.as_secs_f64() * 1e3;
             let what = format!("engaged {millis:.3} ms after the deadman's contacts closed");
-            violations.add(Invariant::Permitted, at, what);
+            moment.violates(Invariant::Permitted, what);
         }
     }
 }

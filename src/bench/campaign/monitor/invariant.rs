@@ -4,6 +4,7 @@ use std::fmt;
 
 use derive_more::Display;
 
+use crate::monitor::sheet::Sheet;
 use units::time::Instant;
 
 /// A condition that holds on the buses at any moment, with any fault.
@@ -89,11 +90,26 @@ pub(super) struct Violations {
     count: u64,
 }
 
+/// A moment on the buses: what the monitor checks there, and where it records violations.
+#[derive(Debug)]
+pub(super) struct Moment<'a> {
+    pub(super) sheet: &'a Sheet,
+    pub(super) at: Instant,
+    pub(super) violations: &'a mut Violations,
+}
+
+impl Moment<'_> {
+    /// Records a violation at this time.
+    pub(super) fn violates(&mut self, invariant: Invariant, what: impl Into<String>) {
+        self.violations.add(invariant, self.at, what.into());
+    }
+}
+
 /// Most violations that are kept with their description.
 const MAX_KEPT: usize = 8;
 
 impl Violations {
-    pub(super) fn add(&mut self, invariant: Invariant, at: Instant, what: String) {
+    fn add(&mut self, invariant: Invariant, at: Instant, what: String) {
         self.count += 1;
         if self.first.len() < MAX_KEPT {
             self.first.push(Violation { invariant, at, what });

@@ -28,6 +28,7 @@ mod watch;
 
 pub(super) use age::stale;
 pub use invariant::{Invariant, Violation};
+pub(super) use order::is_off;
 pub use rhythm::Exemption;
 
 use std::sync::Arc;
@@ -35,7 +36,7 @@ use std::time::Duration;
 
 use crate::monitor::age::Age;
 use crate::monitor::grip::Grip;
-use crate::monitor::invariant::Violations;
+use crate::monitor::invariant::{Moment, Violations};
 use crate::monitor::mode::Mode;
 use crate::monitor::order::Order;
 use crate::monitor::rhythm::Rhythm;
@@ -102,7 +103,10 @@ impl Monitor {
     /// Takes an answer of the console.
     pub fn on_answer(&mut self, at: Instant, answer: Answer) {
         match answer {
-            Answer::Armed => self.torque.on_armed(at, &mut self.violations),
+            Answer::Armed => {
+                let Self { sheet, violations, torque, .. } = self;
+                torque.on_armed(&mut Moment { sheet, at, violations });
+            }
             Answer::ResetToArmed => self.torque.resume(),
             Answer::Disarmed => self.torque.on_disarmed(at),
         }
@@ -113,7 +117,8 @@ impl Monitor {
         if mode == Mode::Stopped {
             self.torque.on_stop(at);
         }
-        self.grip.on_mode(&self.sheet, at, mode, &mut self.violations);
+        let Self { sheet, violations, grip, .. } = self;
+        grip.on_mode(&mut Moment { sheet, at, violations }, mode);
     }
 
     /// Exempts a bus or the process from I5.
@@ -187,7 +192,7 @@ impl Monitor {
 impl Tap for Monitor {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
-        self.order.on_wire(&self.sheet, at, (telegram.channel, &telegram.frame));
+        self.order.on_wire(&self.sheet, at, telegram);
         if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
             self.torque.on_tpdo(at, &sample);
             // A process that does not run discards what comes meanwhile.
@@ -198,10 +203,10 @@ impl Tap for Monitor {
     }
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
-        let Telegram { channel, frame } = *telegram;
-        self.age.on_taken(at, telegram);
-        let taken = ((channel, &frame), self.order.are_driven(&self.sheet));
-        self.rhythm.on_taken(&self.sheet, at, taken, &mut self.violations);
+        let Self { sheet, violations, rhythm, order, age, .. } = self;
+        age.on_taken(at, telegram);
+        let is_driven = order.are_driven(sheet);
+        rhythm.on_taken(&mut Moment { sheet, at, violations }, telegram, is_driven);
     }
 
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
@@ -215,19 +220,20 @@ impl Tap for Monitor {
                 torque.on_sync();
             }
         }
-        rhythm.on_sent(sheet, (at, since), (channel, &frame), violations);
-        order.on_sent(sheet, at, (channel, &frame), violations);
+        let moment = &mut Moment { sheet, at, violations };
+        rhythm.on_sent(moment, since, telegram);
+        order.on_sent(moment, telegram);
         let Some((_, rpdo)) = sheet.rpdo(channel, &frame) else { return };
         for command in rpdo.read(&frame) {
             match command {
                 Command::Target(joint, target) => {
                     let is_off = order.is_off(joint);
                     age.on_target(sheet, (at, since), (joint, target));
-                    torque.on_target(sheet, (at, since), ((joint, target), is_off), violations);
-                    order.on_target(sheet, at, (joint, target), violations);
+                    torque.on_target(moment, since, (joint, target), is_off);
+                    order.on_target(moment, joint, target);
                 }
                 Command::Controlword(joint, word) => {
-                    order.on_controlword(sheet, at, (joint, word), violations);
+                    order.on_controlword(moment, joint, word);
                 }
             }
         }

@@ -1,20 +1,17 @@
 //! Order of the node's commands to each device: I6, I8, I9, I12 and I13.
 
-use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::{ERROR_CONTROL, Member, SDO_REPLY, SDO_REQUEST, Sheet};
 use crate::monitor::watch::Proof;
 use canopen::NmtCommand;
-use canopen::drive::State;
+use canopen::drive::{Controlword, State};
 use canopen::emcy::Emergency;
 use canopen::exchange::TpdoSample;
-use canopen::frame::{Channel, Frame};
+use canopen::frame::{Frame, Telegram};
 use canopen::nmt::{self, Order as Nmt};
 use canopen::object::Object;
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
-
-/// Bits 0 to 3 of a controlword: enable operation.
-const ENABLE: u16 = 0x000F;
 
 /// State of every node.
 #[derive(Clone, Debug)]
@@ -53,17 +50,12 @@ impl Known {
 
     /// Checks a command by which the node switches off a drive that does not follow its RPDO (I13): it must not have
     /// reported that it is off two periods ago.
-    fn check_last_resort(
-        &self,
-        sheet: &Sheet,
-        at: Instant,
-        (member, how): (&Member, &str),
-        violations: &mut Violations,
-    ) {
-        let is_known = self.off_since.is_some_and(|since| at.since(since) > sheet.period * 2);
+    fn check_last_resort(&self, moment: &mut Moment<'_>, member: &Member, how: &str) {
+        let latest = moment.sheet.period * 2;
+        let is_known = self.off_since.is_some_and(|since| moment.at.since(since) > latest);
         if self.is_started && is_known {
             let what = format!("node {} is {how}, and has reported off", member.node.raw());
-            violations.add(Invariant::LastResort, at, what);
+            moment.violates(Invariant::LastResort, what);
         }
     }
 
@@ -84,32 +76,24 @@ impl Order {
     }
 
     /// Takes a frame of the node.
-    pub(super) fn on_sent(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (channel, frame): (Channel, &Frame),
-        violations: &mut Violations,
-    ) {
+    pub(super) fn on_sent(&mut self, moment: &mut Moment<'_>, telegram: &Telegram) {
+        let sheet = moment.sheet;
+        let &Telegram { channel, ref frame } = telegram;
         if !sheet.is_own(channel, frame) {
             let what = format!("{frame} is not configured");
-            violations.add(Invariant::OwnIdentifiers, at, what);
+            moment.violates(Invariant::OwnIdentifiers, what);
         } else if frame.cob_id == nmt::COB_ID {
-            self.on_nmt(sheet, at, (channel, frame), violations);
+            self.on_nmt(moment, telegram);
         } else if let Some(node) = sheet.guarded(channel, frame) {
-            self.nodes.get_mut(node.0).into_iter().for_each(|known| known.proof.on_poll(at));
+            self.nodes.get_mut(node.0).into_iter().for_each(|known| known.proof.on_poll(moment.at));
         } else if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REQUEST) {
-            self.on_request(sheet, at, (node, frame), violations);
+            self.on_request(moment, node, frame);
         }
     }
 
     /// Takes a frame of a device.
-    pub(super) fn on_wire(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (channel, frame): (Channel, &Frame),
-    ) {
+    pub(super) fn on_wire(&mut self, sheet: &Sheet, at: Instant, telegram: &Telegram) {
+        let &Telegram { channel, ref frame } = telegram;
         if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(node, frame);
         } else if let Some(node) = sheet.emergency_producer(channel, frame.cob_id) {
@@ -160,13 +144,8 @@ impl Order {
     }
 
     /// Takes a target. I6: none before its drive was proven to stop by itself.
-    pub(super) fn on_target(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (joint, target): (Joint, i16),
-        violations: &mut Violations,
-    ) {
+    pub(super) fn on_target(&mut self, moment: &mut Moment<'_>, joint: Joint, target: i16) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let Some((known, member)) =
             self.nodes.get_mut(joint.index()).zip(sheet.nodes.get(joint.index()))
         else {
@@ -176,52 +155,41 @@ impl Order {
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if target != 0 && !known.is_proven(member) && !is_on_its_way {
             let what = format!("joint {joint}: target {target} per mille, not proven");
-            violations.add(Invariant::KnownFirst, at, what);
+            moment.violates(Invariant::KnownFirst, what);
         }
     }
 
     /// Takes a controlword. I6, and the second step of I12.
-    pub(super) fn on_controlword(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (joint, word): (Joint, u16),
-        violations: &mut Violations,
-    ) {
+    pub(super) fn on_controlword(&mut self, moment: &mut Moment<'_>, joint: Joint, word: u16) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let Some(known) = self.nodes.get_mut(joint.index()) else { return };
         let before = std::mem::replace(&mut known.controlword, word);
         // A frame on its way when the drive booted cannot be recalled.
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if is_enabling(word) && !known.is_started && !is_on_its_way {
             let what = format!("joint {joint} is enabled before it was started");
-            violations.add(Invariant::KnownFirst, at, what);
+            moment.violates(Invariant::KnownFirst, what);
         }
         if is_enabling(before) && !is_enabling(word) && known.target != 0 {
             let what = format!("joint {joint} is disabled at {} per mille", known.target);
-            violations.add(Invariant::Shutdown, at, what);
+            moment.violates(Invariant::Shutdown, what);
         }
     }
 
-    fn on_nmt(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (channel, frame): (Channel, &Frame),
-        violations: &mut Violations,
-    ) {
+    fn on_nmt(&mut self, moment: &mut Moment<'_>, &Telegram { channel, ref frame }: &Telegram) {
         let Some(Nmt { command, node: addressed }) = Nmt::decode(frame) else { return };
-        for (member, known) in sheet.nodes.iter().zip(&mut self.nodes) {
+        for (member, known) in moment.sheet.nodes.iter().zip(&mut self.nodes) {
             if member.channel != channel || addressed.is_some_and(|node| node != member.node) {
                 continue;
             }
             if command == NmtCommand::StopRemoteNode && addressed.is_some() {
-                known.check_last_resort(sheet, at, (member, "stopped by NMT"), violations);
+                known.check_last_resort(moment, member, "stopped by NMT");
             }
             match command {
                 NmtCommand::StartRemoteNode => {
                     if let Some(why) = known.unready(member).filter(|_| !known.is_started) {
                         let what = format!("node {} is started {why}", member.node.raw());
-                        violations.add(Invariant::KnownFirst, at, what);
+                        moment.violates(Invariant::KnownFirst, what);
                     }
                     known.is_started = true;
                 }
@@ -232,7 +200,7 @@ impl Order {
                     if known.target != 0 || is_enabling(known.controlword) {
                         let what =
                             format!("node {}: {} before it was off", member.node.raw(), frame);
-                        violations.add(Invariant::Shutdown, at, what);
+                        moment.violates(Invariant::Shutdown, what);
                     }
                     known.is_started = false;
                     known.is_reset |= is_reset(command);
@@ -242,16 +210,9 @@ impl Order {
     }
 
     /// Takes an SDO request. Downloads must be read back, and none go to an enabled drive.
-    fn on_request(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (node, frame): (NodeIndex, &Frame),
-        violations: &mut Violations,
-    ) {
-        let Some((known, member)) = self.nodes.get_mut(node.0).zip(sheet.nodes.get(node.0)) else {
-            return;
-        };
+    fn on_request(&mut self, moment: &mut Moment<'_>, node: NodeIndex, frame: &Frame) {
+        let member = moment.sheet.nodes.get(node.0);
+        let Some((known, member)) = self.nodes.get_mut(node.0).zip(member) else { return };
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
         match command & SPECIFIER {
@@ -260,11 +221,10 @@ impl Order {
                 let is_enabled = known.state == Some(State::OperationEnabled) && known.is_started;
                 if is_enabled && !is_power_off(object, [a, b]) {
                     let what = format!("{object} of node {} is written", member.node.raw());
-                    violations.add(Invariant::HandsOff, at, what);
+                    moment.violates(Invariant::HandsOff, what);
                 }
                 if object == Object::CONTROLWORD {
-                    let what = (member, "switched off by SDO");
-                    known.check_last_resort(sheet, at, what, violations);
+                    known.check_last_resort(moment, member, "switched off by SDO");
                 }
                 known.unread.retain(|(other, _)| *other != object);
                 if !is_command(object) {
@@ -320,7 +280,7 @@ fn is_power_off(object: Object, word: [u8; 2]) -> bool {
 }
 
 /// Returns whether a drive in this state has no voltage on its motor (CiA 402-2, 6.1).
-const fn is_off(state: State) -> bool {
+pub(crate) const fn is_off(state: State) -> bool {
     match state {
         State::NotReadyToSwitchOn
         | State::SwitchOnDisabled
@@ -348,7 +308,7 @@ fn is_command(object: Object) -> bool {
 }
 
 const fn is_enabling(word: u16) -> bool {
-    word & ENABLE == ENABLE
+    Controlword(word).enables()
 }
 
 const fn is_reset(command: NmtCommand) -> bool {

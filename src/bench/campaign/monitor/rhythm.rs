@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::{Command, Sheet};
-use canopen::frame::{Channel, Frame};
+use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use units::time::Instant;
 
@@ -65,11 +65,11 @@ impl Rhythm {
     /// proof test, and after its last cycle, the node sends heartbeats without SYNCs.
     pub(super) fn on_taken(
         &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        ((channel, frame), is_driven): ((Channel, &Frame), bool),
-        violations: &mut Violations,
+        moment: &mut Moment<'_>,
+        Telegram { channel, frame }: &Telegram,
+        is_driven: bool,
     ) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
             *given = Some(at);
@@ -77,24 +77,20 @@ impl Rhythm {
             && is_driven
             && given.is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)
         {
-            violations.add(
-                Invariant::Heartbeat,
-                at,
-                "a heartbeat without a SYNC before it".to_owned(),
-            );
+            moment.violates(Invariant::Heartbeat, "a heartbeat without a SYNC before it");
         }
     }
 
-    /// Takes a frame on the wire at `at` that was sent at `since`.
+    /// Takes a frame on the wire that was sent at `since`.
     pub(super) fn on_sent(
         &mut self,
-        sheet: &Sheet,
-        (at, since): (Instant, Instant),
-        (channel, frame): (Channel, &Frame),
-        violations: &mut Violations,
+        moment: &mut Moment<'_>,
+        since: Instant,
+        &Telegram { channel, ref frame }: &Telegram,
     ) {
+        let (sheet, at) = (moment.sheet, moment.at);
         if frame.cob_id == sync::COB_ID {
-            self.sync(sheet, at, channel, violations);
+            self.sync(moment, channel);
         } else if let Some((place, rpdo)) = sheet.rpdo(channel, frame)
             && rpdo.is_cyclic
         {
@@ -110,21 +106,22 @@ impl Rhythm {
             };
             if late && !is_exempt {
                 let what = format!("{frame} comes more than half a period late");
-                violations.add(Invariant::OncePerSync, at, what);
+                moment.violates(Invariant::OncePerSync, what);
             }
             self.came.iter_mut().skip(place).take(1).for_each(|came| *came += 1);
         }
     }
 
     /// Checks I5 of the last cycle, and I10.
-    fn sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel, violations: &mut Violations) {
+    fn sync(&mut self, moment: &mut Moment<'_>, channel: Channel) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let is_exempt = self.exemption(at, channel).is_some();
         let Some(beat) = self.buses.get_mut(usize::from(channel.0)) else { return };
         let rpdos = sheet.rpdos.iter().zip(&mut self.came);
         for (rpdo, came) in rpdos.filter(|(rpdo, _)| rpdo.channel == channel && rpdo.is_cyclic) {
             if *came != 1 && beat.latest().is_some() && !is_exempt {
                 let what = format!("{:03X}h came {came} times after one SYNC", rpdo.cob_id);
-                violations.add(Invariant::OncePerSync, at, what);
+                moment.violates(Invariant::OncePerSync, what);
             }
             *came = 0;
         }
@@ -134,7 +131,7 @@ impl Rhythm {
             let Some(before) = before else { break };
             if at.since(*before) <= burst_time(sheet.period, periods) {
                 let what = format!("{} SYNCs within {:?}", periods + 1, at.since(*before));
-                violations.add(Invariant::NoBurst, at, what);
+                moment.violates(Invariant::NoBurst, what);
                 break;
             }
         }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::monitor::invariant::{Invariant, Violations};
+use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
 use config::switch_inputs::{Deadman, SwitchInputs};
@@ -107,16 +107,12 @@ impl Torque {
     }
 
     /// Takes the arming by the console. I4: not with a closed deadman.
-    pub(super) fn on_armed(&mut self, at: Instant, violations: &mut Violations) {
+    pub(super) fn on_armed(&mut self, moment: &mut Moment<'_>) {
         if self.deadman != Some(Deadman::Released) {
-            violations.add(
-                Invariant::Latched,
-                at,
-                "armed although the deadman is not open".to_owned(),
-            );
+            moment.violates(Invariant::Latched, "armed although the deadman is not open");
         }
         if matches!(self.state, State::Stopped(_)) {
-            violations.add(Invariant::Latched, at, "armed after a stop without a reset".to_owned());
+            moment.violates(Invariant::Latched, "armed after a stop without a reset");
         }
         self.resume();
     }
@@ -146,21 +142,22 @@ impl Torque {
         }
     }
 
-    /// Takes a target on the wire at `at` that was sent at `since`, in ‰ of rated torque. `is_off` says that its drive
-    /// acts on no target.
+    /// Takes a target on the wire that was sent at `since`, in ‰ of rated torque. `is_off` says that its drive acts on no
+    /// target.
     pub(super) fn on_target(
         &mut self,
-        sheet: &Sheet,
-        (at, since): (Instant, Instant),
-        ((joint, target), is_off): ((Joint, i16), bool),
-        violations: &mut Violations,
+        moment: &mut Moment<'_>,
+        since: Instant,
+        (joint, target): (Joint, i16),
+        is_off: bool,
     ) {
+        let (sheet, at) = (moment.sheet, moment.at);
         let bounds = joint.entry(&sheet.joints);
         let before = std::mem::replace(joint.entry_mut(&mut self.targets), target);
         let size = target.unsigned_abs();
         if size > bounds.cap.unsigned_abs() {
             let what = format!("joint {joint}: target {target} exceeds {} per mille", bounds.cap);
-            violations.add(Invariant::Cap, at, what);
+            moment.violates(Invariant::Cap, what);
         }
         let is_same_way = before.signum() == target.signum();
         let from = if is_same_way { before } else { 0 };
@@ -173,7 +170,7 @@ impl Torque {
         let is_growth = size > from.unsigned_abs();
         if is_growth && bounds.torque(target) - bounds.torque(from) > may_grow {
             let what = format!("joint {joint}: target from {before} to {target} per mille");
-            violations.add(Invariant::Slew, at, what);
+            moment.violates(Invariant::Slew, what);
         }
         let is_cut =
             target == 0 && bounds.torque(before) > 2.5 * bounds.growth + 2.0 * bounds.resolution;
@@ -181,45 +178,34 @@ impl Torque {
             // All six were zero together: targets withdrawn after a stall may rise again.
             self.cut = [None; 6];
         }
-        self.record((at, since), joint, target == 0, is_cut);
+        if is_cut {
+            *joint.entry_mut(&mut self.cut) = Some(since);
+        }
+        let zero_since = joint.entry_mut(&mut self.zero_since);
+        *zero_since = (target == 0).then(|| zero_since.unwrap_or(at));
         // A frame that an adapter held back moves no drive that is off.
         if target != 0 && !is_off {
-            self.check(sheet, since, (joint, target), violations);
+            self.check(
+                &mut Moment { sheet, at: since, violations: moment.violations },
+                joint,
+                target,
+            );
         }
     }
 
-    fn record(
-        &mut self,
-        (at, sent): (Instant, Instant),
-        joint: Joint,
-        is_zero: bool,
-        is_cut: bool,
-    ) {
-        if is_cut {
-            *joint.entry_mut(&mut self.cut) = Some(sent);
-        }
-        let since = joint.entry_mut(&mut self.zero_since);
-        *since = is_zero.then(|| since.unwrap_or(at));
-    }
-
-    /// Checks a non-zero target that was sent at `at`.
-    fn check(
-        &mut self,
-        sheet: &Sheet,
-        at: Instant,
-        (joint, target): (Joint, i16),
-        violations: &mut Violations,
-    ) {
+    /// Checks a non-zero target at the time at which it was sent.
+    fn check(&mut self, moment: &mut Moment<'_>, joint: Joint, target: i16) {
+        let (sheet, at) = (moment.sheet, moment.at);
         match self.state {
             State::Disarmed(since) if at > since + sheet.period => {
                 self.unarmed += 1;
                 let what = format!("joint {joint}: target {target} per mille, not armed");
-                violations.add(Invariant::Permitted, at, what);
+                moment.violates(Invariant::Permitted, what);
             }
             State::Stopped(since) if at > since + sheet.period => {
                 self.unarmed += 1;
                 let what = format!("joint {joint}: target {target} per mille after a stop");
-                violations.add(Invariant::Latched, at, what);
+                moment.violates(Invariant::Latched, what);
             }
             State::Armed | State::Disarmed(_) if !self.is_pressed(at, sheet.period) => {
                 let (weight, ends) = self.weight(sheet);
@@ -235,7 +221,7 @@ impl Torque {
                     let what = format!(
                         "joint {joint}: target {target} per mille, with {weight:.3} N·m (N) to carry it"
                     );
-                    violations.add(Invariant::Permitted, at, what);
+                    moment.violates(Invariant::Permitted, what);
                 }
             }
             State::Disarmed(_) | State::Armed | State::Stopped(_) => {}
@@ -245,7 +231,7 @@ impl Torque {
         {
             let what =
                 format!("joint {joint}: target {target} per mille after another was cut to zero");
-            violations.add(Invariant::Together, at, what);
+            moment.violates(Invariant::Together, what);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Drives that node guarding alone stops: those of config/drives/technosoft_ipos.toml.
 
 use super::*;
+use crate::monitor::invariant::Moment;
 
 const IPOS: &str = "config/drives/technosoft_ipos.toml";
 
@@ -31,7 +32,8 @@ impl Bench {
         let mut violations = Violations::default();
         for joint in Joint::ALL {
             let at = Instant::from_micros(self.now);
-            known.on_target(&self.monitor.sheet, at, (joint, 1), &mut violations);
+            let (sheet, violations) = (&*self.monitor.sheet, &mut violations);
+            known.on_target(&mut Moment { sheet, at, violations }, joint, 1);
         }
         nodes.all(|member| member.watched.is_guarded()) && violations.count() == 0
     }

@@ -8,12 +8,24 @@ mod devices;
 mod frames;
 mod operator;
 
+use crate::injection::Conditions;
 use crate::kind::Kind;
+use canopen::layout::{Pdo, Service};
+use canopen::object::Object;
+use units::numbering::Joint;
 
 /// Returns all kinds, by group.
 pub fn kinds() -> impl Iterator<Item = &'static Kind> {
     let groups: [&[Kind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS];
     groups.into_iter().flatten()
+}
+
+/// Returns the PDO of a joint's drive with an object.
+fn pdo_with(at: &Conditions<'_>, joint: Joint, object: Object) -> Option<Pdo> {
+    let (_, plan) = at.config.node_plans().into_iter().nth(joint.index())?;
+    let has_object =
+        |service: &Service| service.mapping.iter().any(|mapped| mapped.object == object);
+    plan.pdos.into_iter().find(|pdo| pdo.service.as_ref().is_some_and(has_object))
 }
 
 /// Former names of kinds, with the new ones.

@@ -2,14 +2,15 @@
 
 use std::time::Duration;
 
+use crate::catalogue::pdo_with;
 use crate::criterion::Criterion;
 use crate::injection::{Conditions, Injection};
 use crate::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind, ready};
 use crate::random::{Random, rounded};
+use canopen::error_codes;
 use canopen::frame::Frame;
 use canopen::object::Object;
 use canopen::watchdog::Awaited;
-use canopen::{error_codes, layout};
 use faults::{
     DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
 };
@@ -138,13 +139,8 @@ fn drive_fault(random: &mut Random, at: &Conditions<'_>) -> Injection {
 
 /// Returns the inhibit time of the TPDO with a drive's statusword (1800h:3).
 fn inhibit_time(at: &Conditions<'_>, joint: Joint) -> Duration {
-    let plans = at.config.node_plans();
-    let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos);
-    let mut services = pdos.unwrap_or_default().iter().filter_map(|pdo| pdo.service.as_ref());
-    let is_status = |service: &&layout::Service| {
-        service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD)
-    };
-    let inhibit = services.find(is_status).and_then(|service| service.inhibit_100us);
+    let pdo = pdo_with(at, joint, Object::STATUSWORD);
+    let inhibit = pdo.and_then(|pdo| pdo.service?.inhibit_100us);
     Duration::from_micros(100 * u64::from(inhibit.unwrap_or(0)))
 }
 

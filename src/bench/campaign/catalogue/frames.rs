@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::catalogue::pdo_with;
 use crate::criterion::Criterion;
 use crate::injection::{Conditions, Injection};
 use crate::kind::{Kind, NO_CAUSE, kind};
@@ -9,7 +10,6 @@ use crate::random::{Random, rounded};
 use crate::situation::Situation;
 use crate::timers;
 use canopen::error_codes;
-use canopen::layout::{Direction, Pdo};
 use canopen::object::Object;
 use config::Layout;
 use faults::{DeviceFault, Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
@@ -209,23 +209,12 @@ fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
     Entry::Move(Move::new(begin_s, 0.6, to_m).turning([0.4, 0.4, 0.4]))
 }
 
-/// Returns the RPDO with a drive's controlword, from 1.
-fn controlword_rpdo(at: &Conditions<'_>, joint: Joint) -> Service {
-    let plans = at.config.node_plans();
-    let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos).unwrap_or_default();
-    let is_it = |pdo: &&Pdo| {
-        let mapping = pdo.service.as_ref().map(|service| &*service.mapping).unwrap_or_default();
-        let has_word = mapping.iter().any(|mapped| mapped.object == Object::CONTROLWORD);
-        pdo.direction == Direction::Receive && has_word
-    };
-    Service::Rpdo(pdos.iter().find(is_it).map_or(1, |pdo| pdo.number))
-}
-
 /// Another drive's emergency stops the node while a drive receives no controlword. With one PDO each way it receives no
 /// target either, and ends its torque by its RPDO timer, or is switched off 100 ms after the stop.
 fn controlword_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, other) = (random.joint(), random.joint());
-    let service = controlword_rpdo(at, joint);
+    let rpdo = pdo_with(at, joint, Object::CONTROLWORD);
+    let service = Service::Rpdo(rpdo.map_or(1, |rpdo| rpdo.number));
     let lost = frames(at, joint, FrameFault::of(service, Effect::Drop));
     let after = random.duration(0.001, 0.02);
     let emergency = DeviceFault::Emergency { code: error_codes::OVER_CURRENT, register: 1 };

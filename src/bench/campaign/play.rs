@@ -96,30 +96,17 @@ fn held_limit(injection: &Injection) -> Duration {
 /// Returns the exemption from I5 that a fault of bus or host grants.
 fn exemption(period: Duration, zero: Instant, fault: &Fault) -> Option<Exemption> {
     let at = zero + fault.start;
-    let span = fault.duration.unwrap_or_default();
-    match (fault.kind, fault.target) {
-        (Kind::Bus(Disturbance::ErrorWarning | Disturbance::ErrorPassive), _) => None,
-        (Kind::Bus(_), Target::Bus(channel)) => Some(Exemption::Bus(channel, at)),
-        (Kind::Host(HostFault::ProcessStopped | HostFault::Suspended), _) => {
-            Some(Exemption::Process(at, at + span + period * 2))
-        }
-        // The frame comes within a period.
-        (Kind::Host(HostFault::ProcessStoppedAfter(_)), _) => {
-            Some(Exemption::Process(at, at + span + period * 3))
-        }
-        (
-            Kind::Bus(_)
-            | Kind::Host(HostFault::ClockSet(_))
-            | Kind::Disconnection(_)
-            | Kind::Frames(_)
-            | Kind::Imitation { .. }
-            | Kind::Device(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::ForeignFrame { .. }
-            | Kind::Link(_)
-            | Kind::SensedForce(_),
-            _,
-        ) => None,
+    if let (Kind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
+        let is_error = matches!(disturbance, Disturbance::ErrorWarning | Disturbance::ErrorPassive);
+        return (!is_error).then_some(Exemption::Bus(channel, at));
     }
+    let Kind::Host(host) = fault.kind else { return None };
+    let periods = match host {
+        HostFault::ProcessStopped | HostFault::Suspended => 2,
+        // The frame comes within a period.
+        HostFault::ProcessStoppedAfter(_) => 3,
+        HostFault::ClockSet(_) => return None,
+    };
+    let span = fault.duration.unwrap_or_default();
+    Some(Exemption::Process(at, at + span + period * periods))
 }

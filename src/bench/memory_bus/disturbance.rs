@@ -35,33 +35,21 @@ impl Schedule {
     /// Adds what a fault changes, and when; `zero` is the first SYNC. A fault of a device changes nothing here.
     pub(super) fn add_fault(&mut self, zero: Instant, fault: &Fault) {
         let at = zero + fault.start;
-        let span = fault.duration.unwrap_or_default();
-        match (fault.kind, fault.target) {
-            (Kind::Bus(disturbance), Target::Bus(channel)) => {
-                self.add(at, Change::Bus(channel, Some(disturbance)));
-                if let Some(duration) = fault.duration {
-                    self.add(at + duration, Change::Bus(channel, None));
-                }
+        if let (Kind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
+            self.add(at, Change::Bus(channel, Some(disturbance)));
+            if let Some(duration) = fault.duration {
+                self.add(at + duration, Change::Bus(channel, None));
             }
-            (Kind::Host(HostFault::ProcessStopped), _) => self.add(at, Change::Stop(span)),
-            (Kind::Host(HostFault::ProcessStoppedAfter(cob_id)), _) => {
-                self.add(at, Change::StopAfter(cob_id, span));
-            }
-            (Kind::Host(HostFault::Suspended), _) => self.add(at, Change::Suspend(span)),
-            (Kind::Host(HostFault::ClockSet(wall)), _) => self.add(at, Change::SetClock(wall)),
-            (
-                Kind::Bus(_)
-                | Kind::Disconnection(_)
-                | Kind::Frames(_)
-                | Kind::Imitation { .. }
-                | Kind::Device(_)
-                | Kind::Sensor(_)
-                | Kind::Contact(..)
-                | Kind::ForeignFrame { .. }
-                | Kind::Link(_)
-                | Kind::SensedForce(_),
-                _,
-            ) => {}
+        }
+        if let Kind::Host(host) = fault.kind {
+            let span = fault.duration.unwrap_or_default();
+            let change = match host {
+                HostFault::ProcessStopped => Change::Stop(span),
+                HostFault::ProcessStoppedAfter(cob_id) => Change::StopAfter(cob_id, span),
+                HostFault::Suspended => Change::Suspend(span),
+                HostFault::ClockSet(wall) => Change::SetClock(wall),
+            };
+            self.add(at, change);
         }
     }
 
@@ -171,20 +159,7 @@ impl Adapter {
 
     /// Returns the frame with which another node floods the bus.
     pub(super) const fn flood(&self) -> Option<Frame> {
-        match self.disturbance {
-            Some(Disturbance::Flood(frame)) => Some(frame),
-            Some(
-                Disturbance::QueueFull
-                | Disturbance::AdapterStuck
-                | Disturbance::AdapterStalled
-                | Disturbance::AdapterUnplugged
-                | Disturbance::InterfaceDown
-                | Disturbance::BusOff
-                | Disturbance::ErrorPassive
-                | Disturbance::ErrorWarning,
-            )
-            | None => None,
-        }
+        if let Some(Disturbance::Flood(frame)) = self.disturbance { Some(frame) } else { None }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
+use thiserror::Error;
 
 use controller::calibration::{Calibration, JointCalibration, TorqueCurve};
 use controller::channels::Channels;
@@ -85,21 +86,14 @@ pub struct Question {
 }
 
 /// An invalid key of a question.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{key}: {reason}")]
 pub struct InvalidQuestion {
     /// The key.
     pub key: &'static str,
     /// Problem of its value.
     pub reason: String,
 }
-
-impl std::fmt::Display for InvalidQuestion {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}: {}", self.key, self.reason)
-    }
-}
-
-impl std::error::Error for InvalidQuestion {}
 
 /// A checked question.
 #[derive(Clone, Debug)]

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use remote::delay::DelaySettings;
 use remote::{Remote, Sensed};
+use sim::random::SplitMix;
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -163,7 +164,7 @@ struct Datagram<T> {
 struct Way<T> {
     under_way: Vec<Datagram<T>>,
     length: usize,
-    random: Random,
+    random: SplitMix,
     counts: Counts,
     /// Arrival of the last one that was sent.
     last_arrival: Instant,
@@ -176,7 +177,7 @@ impl<T: Copy> Way<T> {
         Self {
             under_way: Vec::with_capacity(length),
             length,
-            random: Random(seed),
+            random: SplitMix::new(seed),
             counts: Counts::default(),
             last_arrival: Instant::ZERO,
             received: None,
@@ -189,7 +190,8 @@ impl<T: Copy> Way<T> {
         let number = self.counts.sent;
         self.counts.sent += 1;
         // Drawn for every datagram, so that the loss of one changes no other.
-        let (is_unlucky, late) = (self.random.unit() < loss, jitter.mul_f64(self.random.unit()));
+        let is_unlucky = unit(&mut self.random) < loss;
+        let late = jitter.mul_f64(unit(&mut self.random));
         if is_unlucky || settings.is_out(elapsed) {
             self.counts.lost += 1;
             return;
@@ -225,19 +227,10 @@ impl<T: Copy> Way<T> {
     }
 }
 
-/// SplitMix64 (Steele et al. 2014); that of `sim` is not for this room.
-#[derive(Clone, Copy, Debug)]
-struct Random(u64);
-
-impl Random {
-    /// Returns the next number, uniform in 0..1.
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        let [.., a, b, c, d] = (z ^ z >> 31).to_le_bytes();
-        f64::from(u32::from_le_bytes([a, b, c, d])) / (f64::from(u32::MAX) + 1.0)
-    }
+/// Returns the next number of a sequence, uniform in 0..1.
+fn unit(random: &mut SplitMix) -> f64 {
+    let [.., a, b, c, d] = random.bits().to_le_bytes();
+    f64::from(u32::from_le_bytes([a, b, c, d])) / (f64::from(u32::MAX) + 1.0)
 }
 
 #[cfg(test)]

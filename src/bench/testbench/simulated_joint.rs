@@ -1,7 +1,6 @@
 //! A joint of a robot file as the simulation describes it.
 
-use nalgebra::Matrix3;
-
+use crate::world;
 use config::robots::RobotJoint;
 use sim::arm::LinkSettings;
 use sim::manipulator::JointSettings;
@@ -18,7 +17,7 @@ pub(crate) fn settings(joint: &RobotJoint) -> JointSettings {
             theta: link.theta,
             mass,
             centre_of_mass: centre_of_mass.into(),
-            inertia: tensor(joint.inertia),
+            inertia: world::inertia(joint.inertia),
             rotor_inertia,
         },
         start,
@@ -26,8 +25,4 @@ pub(crate) fn settings(joint: &RobotJoint) -> JointSettings {
         viscous: joint.viscous,
         max_torque: joint.max_torque,
     }
-}
-
-fn tensor([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }

@@ -181,7 +181,7 @@ fn tuning(joint: &JointPlant, increments: f64, inertia: f64) -> Tuning {
 }
 
 /// Returns the inertia tensor of xx, yy, zz, xy, xz, yz.
-fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
+pub(crate) fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 

@@ -140,25 +140,25 @@ impl Request {
     pub fn frame(self) -> Frame {
         let bytes = match self {
             Self::SwitchGlobal(mode) => {
-                [SWITCH_GLOBAL, u8::from(mode == Mode::Configuration)].padded()
+                padded([SWITCH_GLOBAL, u8::from(mode == Mode::Configuration)])
             }
             Self::Select(part, number) => numbered(SELECT + part.place(), number),
-            Self::ConfigureNodeId(node) => [CONFIGURE_NODE_ID, node].padded(),
+            Self::ConfigureNodeId(node) => padded([CONFIGURE_NODE_ID, node]),
             Self::ConfigureBitTiming { table, index } => {
-                [CONFIGURE_BIT_TIMING, table, index].padded()
+                padded([CONFIGURE_BIT_TIMING, table, index])
             }
             Self::ActivateBitTiming(delay) => {
                 let [low, high] = delay.to_le_bytes();
-                [ACTIVATE_BIT_TIMING, low, high].padded()
+                padded([ACTIVATE_BIT_TIMING, low, high])
             }
-            Self::Store => [STORE].padded(),
-            Self::Inquire(part) => [INQUIRE + part.place()].padded(),
-            Self::InquireNodeId => [INQUIRE_NODE_ID].padded(),
+            Self::Store => padded([STORE]),
+            Self::Inquire(part) => padded([INQUIRE + part.place()]),
+            Self::InquireNodeId => padded([INQUIRE_NODE_ID]),
             Self::IdentifyRemote(condition, number) => {
                 let before = Condition::ALL.into_iter().take_while(|one| *one != condition);
                 numbered(before.fold(IDENTIFY_REMOTE, |code, _| code + 1), number)
             }
-            Self::IdentifyNonConfigured => [IDENTIFY_NON_CONFIGURED].padded(),
+            Self::IdentifyNonConfigured => padded([IDENTIFY_NON_CONFIGURED]),
             Self::Fastscan(Probe { number, bit, part, next }) => {
                 let [n0, n1, n2, n3] = number.to_le_bytes();
                 [FASTSCAN, n0, n1, n2, n3, bit, part, next]
@@ -209,8 +209,6 @@ impl Answer {
     pub const DONE: Self = Self { error: 0, specific: 0 };
     /// Node-id out of range; bit timing, or storing, not supported.
     pub const REFUSED: Self = Self { error: 1, specific: 0 };
-    /// Storage access failed.
-    pub const NO_ACCESS: Self = Self { error: 2, specific: 0 };
     /// Error code of a manufacturer-specific error.
     pub const SPECIFIC: u8 = 0xFF;
 }
@@ -239,16 +237,16 @@ pub enum Reply {
 impl Reply {
     /// Encodes the reply.
     pub fn frame(self) -> Frame {
-        let answer = |command, Answer { error, specific }| [command, error, specific].padded();
+        let answer = |command, Answer { error, specific }| padded([command, error, specific]);
         let bytes = match self {
-            Self::Selected => [SELECTED].padded(),
+            Self::Selected => padded([SELECTED]),
             Self::NodeIdConfigured(to) => answer(CONFIGURE_NODE_ID, to),
             Self::BitTimingConfigured(to) => answer(CONFIGURE_BIT_TIMING, to),
             Self::Stored(to) => answer(STORE, to),
             Self::Inquired(part, number) => numbered(INQUIRE + part.place(), number),
-            Self::NodeId(node) => [INQUIRE_NODE_ID, node].padded(),
-            Self::Identified => [IDENTIFIED].padded(),
-            Self::NonConfigured => [NON_CONFIGURED].padded(),
+            Self::NodeId(node) => padded([INQUIRE_NODE_ID, node]),
+            Self::Identified => padded([IDENTIFIED]),
+            Self::NonConfigured => padded([NON_CONFIGURED]),
         };
         Frame::new(REPLY_COB_ID, bytes)
     }
@@ -299,15 +297,9 @@ fn numbered(command: u8, number: u32) -> [u8; 8] {
 }
 
 /// Pads a message with zeros for its reserved bytes.
-trait Padded {
-    fn padded(self) -> [u8; 8];
-}
-
-impl<const N: usize> Padded for [u8; N] {
-    fn padded(self) -> [u8; 8] {
-        let mut bytes = self.into_iter();
-        std::array::from_fn(|_| bytes.next().unwrap_or(0))
-    }
+fn padded<const N: usize>(message: [u8; N]) -> [u8; 8] {
+    let mut bytes = message.into_iter();
+    std::array::from_fn(|_| bytes.next().unwrap_or(0))
 }
 
 #[cfg(test)]

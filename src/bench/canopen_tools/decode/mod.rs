@@ -52,7 +52,6 @@ pub struct Decoder {
     /// Networks of the members' buses, and one for unknown buses.
     networks: Vec<Network>,
     buses: Vec<BusState>,
-    remarks: Vec<Remark>,
 }
 
 /// Bus of a decoder.
@@ -143,7 +142,7 @@ impl Decoder {
             .map(|here| Network::new(&members, &frames, |channel| channel == here))
             .collect();
         networks.push(Network::new(&members, &frames, |_| true));
-        Self { members, frames, timing, networks, buses: Vec::new(), remarks: Vec::new() }
+        Self { members, frames, timing, networks, buses: Vec::new() }
     }
 
     /// Adds a bus: one of the members', or an unknown one.
@@ -181,14 +180,11 @@ impl Decoder {
         cob_id: u16,
         data: &[u8],
     ) -> Annotation<'_> {
-        self.remarks.clear();
         let Bus(place) = bus;
         let network = self.buses.get(place).map_or(usize::MAX, |bus| bus.network);
         let use_of = self.networks.get(network).map_or(Use::Unknown, |n| n.use_of(cob_id));
         let decoded = match (Frame::from_slice(cob_id, data), self.buses.get_mut(place)) {
-            (Some(frame), Some(bus)) => {
-                bus.decoded(at, use_of, &frame, &self.frames, &mut self.remarks)
-            }
+            (Some(frame), Some(bus)) => bus.decoded(at, use_of, &frame, &self.frames),
             (None, _) | (_, None) => Decoded::Whole(What::Malformed("at most eight bytes")),
         };
         let node = use_of.node();
@@ -203,7 +199,8 @@ impl Decoder {
             (None, node) => node.map(|node| self.who(network, node)),
         };
         let what = self.what(place, decoded);
-        Annotation { who, what, member, network, remarks: &self.remarks, decoder: self }
+        let remarks = self.buses.get(place).map(|bus| &*bus.watch.remarks).unwrap_or_default();
+        Annotation { who, what, member, network, remarks, decoder: self }
     }
 
     /// Adds the borrowed parts of a decoded frame.
@@ -242,14 +239,14 @@ impl BusState {
         use_of: Use,
         frame: &Frame,
         frames: &[PdoFrame],
-        remarks: &mut Vec<Remark>,
     ) -> Decoded {
+        self.watch.remarks.clear();
         if let Some(now) = at {
-            self.watch.on_time(now, remarks);
+            self.watch.on_time(now);
         }
         let eight = <[u8; 8]>::try_from(frame.data()).ok();
         let whole = match (use_of, eight) {
-            (Use::Pdo(pdo), _) => return self.on_pdo(at, pdo, frame, frames, remarks),
+            (Use::Pdo(pdo), _) => return self.on_pdo(at, pdo, frame, frames),
             (Use::Sdo(side, node), Some(data)) => return self.on_sdo(node, side, data),
             (Use::Lss(side), Some(data)) => {
                 Some(What::Lss(Lss { is_request: side == Side::Client, data }))
@@ -260,7 +257,7 @@ impl BusState {
                 What::Nmt(order)
             }),
             (Use::Sync, _) => Sync::decode(frame).map(|Sync { counter }| {
-                let (period, jitter_us) = self.watch.on_sync(at, remarks).unzip();
+                let (period, jitter_us) = self.watch.on_sync(at).unzip();
                 What::Sync { counter, period, jitter_us: jitter_us.flatten() }
             }),
             (Use::Time, _) => TimeOfDay::decode(frame.data()).ok().map(What::Time),
@@ -282,14 +279,13 @@ impl BusState {
         pdo: usize,
         frame: &Frame,
         frames: &[PdoFrame],
-        remarks: &mut Vec<Remark>,
     ) -> Decoded {
         let Some(layout) = frames.get(pdo) else { return Decoded::Whole(What::Unknown) };
         let length = frame.data().len();
         if length != layout.bytes {
-            remarks.push(Remark::Length(layout.bytes));
+            self.watch.remarks.push(Remark::Length(layout.bytes));
         }
-        self.watch.on_pdo(at, pdo, !layout.senders.is_empty(), remarks);
+        self.watch.on_pdo(at, pdo, !layout.senders.is_empty());
         let mut data = [0; 8];
         for (to, from) in data.iter_mut().zip(frame.data()) {
             *to = *from;

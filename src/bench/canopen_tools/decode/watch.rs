@@ -65,6 +65,8 @@ pub(super) struct Watch {
     nodes: Vec<Node>,
     /// Earliest deadline of a heartbeat.
     due: Option<Instant>,
+    /// Remarks on the newest frame.
+    pub(super) remarks: Vec<Remark>,
 }
 
 /// Synchronous PDO.
@@ -115,15 +117,11 @@ impl Watch {
         };
         let pdos = places.iter().filter_map(awaited).collect();
         let period = timing.map(|timing| timing.period);
-        Self { timing, sync: None, period, pdos, nodes, due: None }
+        Self { timing, sync: None, period, pdos, nodes, due: None, remarks: Vec::new() }
     }
 
     /// Takes a SYNC; returns the time since the last one and remarks missing PDOs.
-    pub(super) fn on_sync(
-        &mut self,
-        now: Option<Instant>,
-        remarks: &mut Vec<Remark>,
-    ) -> Option<Beat> {
+    pub(super) fn on_sync(&mut self, now: Option<Instant>) -> Option<Beat> {
         for pdo in &mut self.pdos {
             let is_stopped =
                 |id: &u8| self.nodes.get(usize::from(*id)).is_some_and(|n| n.is_stopped);
@@ -133,7 +131,7 @@ impl Watch {
                 (false, age) => age.map(|age| age.saturating_add(1)),
             };
             if pdo.age.is_some_and(|age| age >= pdo.syncs) {
-                remarks.push(Remark::Missing(pdo.frame));
+                self.remarks.push(Remark::Missing(pdo.frame));
                 pdo.age = Some(0);
             }
             pdo.has_come = false;
@@ -147,7 +145,7 @@ impl Watch {
         };
         if apart * 2 > period * 3 {
             let periods = apart.as_micros() / period.as_micros().max(1);
-            remarks.push(Remark::SyncGap(u32::try_from(periods).unwrap_or(u32::MAX)));
+            self.remarks.push(Remark::SyncGap(u32::try_from(periods).unwrap_or(u32::MAX)));
         } else if self.timing.is_none() {
             self.period = Some((period * 7 + apart) / 8);
         }
@@ -156,19 +154,13 @@ impl Watch {
     }
 
     /// Takes a PDO of the layout.
-    pub(super) fn on_pdo(
-        &mut self,
-        now: Option<Instant>,
-        frame: usize,
-        is_sent_by_node: bool,
-        remarks: &mut Vec<Remark>,
-    ) {
+    pub(super) fn on_pdo(&mut self, now: Option<Instant>, frame: usize, is_sent_by_node: bool) {
         let Some(pdo) = self.pdos.iter_mut().find(|pdo| pdo.frame == frame) else { return };
         pdo.has_come = true;
         let (Some(timing), Some(now), Some(sync)) = (self.timing, now, self.sync) else { return };
         let after = now.since(sync);
         if is_sent_by_node && after > timing.window {
-            remarks.push(Remark::Late(after));
+            self.remarks.push(Remark::Late(after));
         }
     }
 
@@ -209,7 +201,7 @@ impl Watch {
     }
 
     /// Remarks each overdue heartbeat once.
-    pub(super) fn on_time(&mut self, now: Instant, remarks: &mut Vec<Remark>) {
+    pub(super) fn on_time(&mut self, now: Instant) {
         if self.due.is_none_or(|due| now < due) {
             return;
         }
@@ -224,7 +216,7 @@ impl Watch {
             if now >= due {
                 node.is_lost = true;
                 node.is_stopped = true;
-                remarks.push(Remark::Silent(id, now.since(last)));
+                self.remarks.push(Remark::Silent(id, now.since(last)));
             } else {
                 self.due = Some(self.due.map_or(due, |first| first.min(due)));
             }

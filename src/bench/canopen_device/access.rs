@@ -4,7 +4,7 @@
 
 use crate::dictionary::{Dictionary, Entry, OutOfRange};
 use crate::mapping::number;
-use crate::parameter::{Place, check_cob_id_change};
+use crate::parameter::{Place, check_cob_id_change, consumed};
 use crate::sdo_server::Access;
 use crate::{Application, Misbehaviour, clock, heartbeat, history, store, sync};
 use canopen::abort::AbortCode;
@@ -45,7 +45,7 @@ impl<A: Application> Access for Objects<'_, A> {
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         self.misbehaviour.check_value(object, bytes)?;
         self.check_write(object, bytes)?;
-        if self.misbehaviour.ignores(object) {
+        if self.misbehaviour.ignores.contains(&object) {
             return Ok(());
         }
         if !self.dictionary.set(object, bytes) {
@@ -61,7 +61,7 @@ impl<A: Application> Access for Objects<'_, A> {
     }
 
     fn reason(&self, code: AbortCode) -> AbortCode {
-        self.misbehaviour.abort_code(code)
+        self.misbehaviour.only_abort_code.unwrap_or(code)
     }
 }
 
@@ -95,7 +95,7 @@ fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Resul
     let Ok(value) = u32::try_from(number(bytes)) else { return Ok(()) };
     match object {
         Object::ERROR_HISTORY if value > 0 => Err(AbortCode::VALUE_INVALID),
-        Object::SYNC_COB_ID => sync::check_cob_id(value),
+        Object::SYNC_COB_ID => consumed(value).map(|_| ()),
         Object::SYNC_OVERFLOW => sync::check_overflow(dictionary, value),
         Object::TIME_COB_ID => clock::check_cob_id(dictionary.unsigned(object), value),
         Object::EMCY_COB_ID => check_cob_id_change(dictionary.unsigned(object), value),

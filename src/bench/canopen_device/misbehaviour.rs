@@ -32,11 +32,6 @@ pub struct Misbehaviour {
 }
 
 impl Misbehaviour {
-    /// Returns whether a write to `object` has no effect.
-    pub(super) fn ignores(&self, object: Object) -> bool {
-        self.ignores.contains(&object)
-    }
-
     /// Checks a write to `object`.
     ///
     /// # Errors
@@ -66,11 +61,6 @@ impl Misbehaviour {
             return Err(AbortCode::VALUE_INVALID);
         }
         Ok(())
-    }
-
-    /// Replaces an abort code.
-    pub(super) fn abort_code(&self, code: AbortCode) -> AbortCode {
-        self.only_abort_code.unwrap_or(code)
     }
 }
 

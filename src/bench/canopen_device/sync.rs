@@ -7,7 +7,6 @@
 use std::time::Duration;
 
 use crate::dictionary::Dictionary;
-use crate::parameter::consumed;
 use canopen::abort::AbortCode;
 use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::object::Object;
@@ -59,14 +58,6 @@ impl SyncConsumer {
     pub(super) fn is_open(&self, now: Instant) -> bool {
         self.closes.is_none_or(|closes| now <= closes)
     }
-}
-
-/// Checks a write of 1005h.
-///
-/// # Errors
-/// Returns the abort code of a refused write.
-pub(super) fn check_cob_id(raw: u32) -> Result<(), AbortCode> {
-    consumed(raw).map(|_| ())
 }
 
 /// Checks a write of 1019h: 1 is invalid, and nothing changes while a cycle period is set (CiA 301,

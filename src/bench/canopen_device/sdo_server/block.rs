@@ -88,56 +88,18 @@ impl Upload {
     }
 }
 
-/// Block download in progress.
-#[derive(Clone, Debug)]
-pub(super) struct Download {
-    receiver: Receiver,
-}
-
-impl Download {
-    pub(super) const fn new(receiver: Receiver) -> Self {
-        Self { receiver }
-    }
-
-    /// Returns whether segments are being received; any first byte but that of an abort is then valid.
-    pub(super) const fn is_receiving(&self) -> bool {
-        !self.receiver.is_complete()
-    }
-
-    /// Takes a segment; returns the acknowledgement at the end of a sub-block.
-    ///
-    /// # Errors
-    /// Returns an abort code for an invalid segment.
-    pub(super) fn on_segment(
-        &mut self,
-        segment: &SdoPayload,
-    ) -> Result<Option<SdoPayload>, AbortCode> {
-        Ok(match self.receiver.take(segment)? {
-            Taken::InSequence | Taken::Ignored => None,
-            Taken::EndOfBlock => Some(self.receiver.answer()),
-        })
-    }
-
-    /// Takes the end request and returns the value.
-    ///
-    /// # Errors
-    /// Returns an abort code for a wrong CRC or size.
-    pub(super) fn on_end(
-        &mut self,
-        [command, low, high, ..]: SdoPayload,
-    ) -> Result<Vec<u8>, AbortCode> {
-        self.receiver.finish(command >> 2 & 7, u16::from_le_bytes([low, high]))
-    }
-
-    /// Returns whether a frame repeats the last segment.
-    pub(super) fn is_again(&self, frame: &SdoPayload) -> bool {
-        self.receiver.is_again(frame)
-    }
-
-    /// Returns the acknowledgement to send after a timeout.
-    pub(super) fn retry(&mut self) -> Option<SdoPayload> {
-        self.receiver.retry()
-    }
+/// Takes a segment of a download; returns the acknowledgement at the end of a sub-block.
+///
+/// # Errors
+/// Returns an abort code for an invalid segment.
+pub(super) fn on_segment(
+    download: &mut Receiver,
+    segment: &SdoPayload,
+) -> Result<Option<SdoPayload>, AbortCode> {
+    Ok(match download.take(segment)? {
+        Taken::InSequence | Taken::Ignored => None,
+        Taken::EndOfBlock => Some(download.answer()),
+    })
 }
 
 /// Bit s of block transfers.

@@ -20,6 +20,7 @@ use crate::sdo_server::block::{CONFIRMED, Next, SIZE_INDICATED_IN_BLOCK};
 use canopen::abort::AbortCode;
 use canopen::frame::Frame;
 use canopen::object::Object;
+use canopen::sdo::Receiver;
 use units::time::Instant;
 
 /// Time allowed between two requests of a transfer. A client must receive a sub-block in it, which takes 1.7 s
@@ -81,7 +82,7 @@ enum Way {
     Up(segmented::Upload),
     Down(segmented::Download),
     BlockUp(block::Upload),
-    BlockDown(block::Download),
+    BlockDown(Receiver),
 }
 
 /// Reply, if any, or the object and code of an abort.
@@ -179,11 +180,11 @@ impl SdoServer {
             return None;
         };
         let ([command, ..], object) = (*request, *object);
-        if !download.is_receiving() {
+        if download.is_complete() {
             return download.is_again(request).then_some(Ok(None));
         }
         let is_segment = command != CS_ABORT << 5;
-        is_segment.then(|| download.on_segment(request).map_err(|code| (object, code)))
+        is_segment.then(|| block::on_segment(download, request).map_err(|code| (object, code)))
     }
 
     fn on_command(&mut self, request: SdoPayload, objects: &mut impl Access) -> Reply {
@@ -242,7 +243,8 @@ impl SdoServer {
                 }
             }
             Way::BlockDown(download) if specifier == CCS_BLOCK_DOWNLOAD => {
-                let bytes = download.on_end(request).map_err(refused)?;
+                let sum = u16::from_le_bytes([low, high]);
+                let bytes = download.finish(command >> 2 & 7, sum).map_err(refused)?;
                 objects.write(object, &bytes).map_err(refused)?;
                 (Some(CONFIRMED), true)
             }

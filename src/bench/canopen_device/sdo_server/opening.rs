@@ -119,8 +119,7 @@ impl SdoServer {
         };
         let nothing_yet = encode_sub_response(0, BLOCK_SIZE);
         let receiver = Receiver::new([request, nothing_yet], parameters)?;
-        self.transfer =
-            Some(Transfer { object, way: Way::BlockDown(block::Download::new(receiver)) });
+        self.transfer = Some(Transfer { object, way: Way::BlockDown(receiver) });
         let command = SCS_BLOCK_DOWNLOAD << 5 | command & CRC;
         Ok(Some([command, low, high, sub, BLOCK_SIZE, 0, 0, 0]))
     }

@@ -78,46 +78,28 @@ pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_
 /// Returns reduced values of torque limits: at most 5 % of rated torque, or of the limit in the maker's own unit; `None`
 /// where that is less than one.
 pub(super) fn reduced(limits: &[Written]) -> Option<Vec<Written>> {
-    let one = |(object, content): &Written| {
-        let full = number(content)?;
+    let low = |object: Object, full: i64| {
         let low = if object.is_of_maker() { full / SHARE_OF_MAKERS_LIMIT } else { full.min(MOST) };
-        (low > 0).then(|| Some((*object, with_number(content, low)?)))?
+        (low > 0).then_some(low)
     };
+    let one =
+        |(object, content): &Written| Some((*object, lowered(content, |full| low(*object, full))?));
     limits.iter().map(one).collect()
 }
 
-/// Returns an integer content as a number.
-fn number(content: &Content) -> Option<i64> {
+/// Returns the value that `low` gives for an integer content, in the same type.
+fn lowered(content: &Content, low: impl Fn(i64) -> Option<i64>) -> Option<Content> {
     Some(match *content {
-        Content::Integer8(number) => number.into(),
-        Content::Integer16(number) => number.into(),
-        Content::Integer32(number) => number.into(),
-        Content::Integer64(number) => number,
-        Content::Unsigned8(number) => number.into(),
-        Content::Unsigned16(number) => number.into(),
-        Content::Unsigned32(number) => number.into(),
-        Content::Unsigned64(number) => number.try_into().ok()?,
-        Content::Boolean(_)
-        | Content::Real32(_)
-        | Content::Real64(_)
-        | Content::VisibleString(_)
-        | Content::OctetString(_)
-        | Content::Domain(_)
-        | _ => return None,
-    })
-}
-
-/// Returns `number` in the type of `content`.
-fn with_number(content: &Content, number: i64) -> Option<Content> {
-    Some(match content {
-        Content::Integer8(_) => Content::Integer8(number.try_into().ok()?),
-        Content::Integer16(_) => Content::Integer16(number.try_into().ok()?),
-        Content::Integer32(_) => Content::Integer32(number.try_into().ok()?),
-        Content::Integer64(_) => Content::Integer64(number),
-        Content::Unsigned8(_) => Content::Unsigned8(number.try_into().ok()?),
-        Content::Unsigned16(_) => Content::Unsigned16(number.try_into().ok()?),
-        Content::Unsigned32(_) => Content::Unsigned32(number.try_into().ok()?),
-        Content::Unsigned64(_) => Content::Unsigned64(number.try_into().ok()?),
+        Content::Integer8(full) => Content::Integer8(low(full.into())?.try_into().ok()?),
+        Content::Integer16(full) => Content::Integer16(low(full.into())?.try_into().ok()?),
+        Content::Integer32(full) => Content::Integer32(low(full.into())?.try_into().ok()?),
+        Content::Integer64(full) => Content::Integer64(low(full)?),
+        Content::Unsigned8(full) => Content::Unsigned8(low(full.into())?.try_into().ok()?),
+        Content::Unsigned16(full) => Content::Unsigned16(low(full.into())?.try_into().ok()?),
+        Content::Unsigned32(full) => Content::Unsigned32(low(full.into())?.try_into().ok()?),
+        Content::Unsigned64(full) => {
+            Content::Unsigned64(low(full.try_into().ok()?)?.try_into().ok()?)
+        }
         Content::Boolean(_)
         | Content::Real32(_)
         | Content::Real64(_)

@@ -9,8 +9,9 @@
 
 mod run;
 
-use std::fmt;
 use std::time::Duration;
+
+use thiserror::Error;
 
 use canopen::NodeId;
 use canopen::master::boot_error::BootError;
@@ -29,8 +30,10 @@ const POWER_OFF_TIMEOUT: Duration = Duration::from_millis(500);
 /// Maximum time until all planned limits are written and read back.
 const RAISE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A drive that did not display its mode when enabled, and was disabled.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A drive that did not display its mode when enabled, and was disabled: `joint 3 (elbow), node 3: 6061h is 8 when
+/// enabled, although 6060h = 10 was read back; the drive is disabled again`.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{name}, node {}: {}; the drive is disabled again", node.raw(), seen(*shown, *commanded))]
 pub struct WrongMode {
     /// Joint and drive: `joint 3 (elbow)`.
     pub name: String,
@@ -42,26 +45,15 @@ pub struct WrongMode {
     pub shown: Option<i8>,
 }
 
-/// `joint 3 (elbow), node 3: 6061h is 8 when enabled, although 6060h = 10 was read back; the drive is disabled again`
-impl fmt::Display for WrongMode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, node, commanded, shown } = self;
-        write!(f, "{name}, node {}: ", node.raw())?;
-        match shown {
-            Some(shown) => write!(
-                f,
-                "6061h is {shown} when enabled, although 6060h = {commanded} was read back; the drive is disabled again"
-            ),
-            None => write!(
-                f,
-                "6061h could not be read within {} ms of enabling; the drive is disabled again",
-                LOOK_TIME.as_millis()
-            ),
-        }
-    }
+/// Returns what the drive displayed.
+fn seen(shown: Option<i8>, commanded: i8) -> String {
+    let within = LOOK_TIME.as_millis();
+    let unread = || format!("6061h could not be read within {within} ms of enabling");
+    let wrong = |shown| {
+        format!("6061h is {shown} when enabled, although 6060h = {commanded} was read back")
+    };
+    shown.map_or_else(unread, wrong)
 }
-
-impl std::error::Error for WrongMode {}
 
 /// Drives that are being enabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -11,6 +11,7 @@ use crate::actuator::{ActuatorSettings, TorqueCurve};
 use crate::arm::{Arm, Joints};
 use crate::plant::Resistance;
 use crate::random::SplitMix;
+use crate::rig::whole;
 
 /// Part of the range in the middle of which the joint moves.
 const PART: f64 = 0.8;
@@ -127,16 +128,6 @@ impl FrictionRig {
             q,
         })
     }
-}
-
-/// Rounds to i16; saturates.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    reason = "saturates at the ends of i16"
-)]
-fn whole(value: f64) -> i16 {
-    value.round() as i16
 }
 
 #[cfg(test)]

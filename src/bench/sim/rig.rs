@@ -129,7 +129,7 @@ fn random_curve(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] 
     clippy::cast_possible_truncation,
     reason = "saturates at the ends of i16"
 )]
-fn whole(value: f64) -> i16 {
+pub(super) fn whole(value: f64) -> i16 {
     value.round() as i16
 }
 

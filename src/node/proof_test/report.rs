@@ -1,8 +1,8 @@
 //! Results of the proof test: for each watchdog of each drive, the time until the power stage was off.
 
-use std::fmt;
 use std::time::Duration;
 
+use derive_more::Display;
 use thiserror::Error;
 
 use canopen::NodeId;
@@ -94,10 +94,17 @@ pub struct ProofTestFailure {
     pub fault: NoTrip,
 }
 
-/// Reason why a drive failed the proof test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Reason why a drive failed the proof test: the text behind the drive's name.
+#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum NoTrip {
-    /// The watchdog did not trip.
+    /// The watchdog did not trip: `kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)`.
+    #[display(
+        "kept its power stage on for {} ms without {} ({} is {} ms)",
+        duration.as_millis(),
+        watchdog.awaited,
+        watchdog.object,
+        watchdog.millis
+    )]
     KeptPower {
         /// The tested watchdog.
         watchdog: Watchdog,
@@ -105,24 +112,11 @@ pub enum NoTrip {
         duration: Duration,
     },
     /// It has no watchdog.
+    #[display(
+        "has no RPDO timer (1400h:5), no heartbeat consumer (1016h) and is not guarded (100Ch, 100Dh): \
+         nothing stops it without its master"
+    )]
     NoTimer,
-}
-
-/// Text behind the drive's name, as in "kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)".
-impl fmt::Display for NoTrip {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::KeptPower { watchdog: Watchdog { awaited, object, millis }, duration } => write!(
-                f,
-                "kept its power stage on for {} ms without {awaited} ({object} is {millis} ms)",
-                duration.as_millis()
-            ),
-            Self::NoTimer => f.write_str(
-                "has no RPDO timer (1400h:5), no heartbeat consumer (1016h) and is not guarded (100Ch, 100Dh): \
-                 nothing stops it without its master",
-            ),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Reading and writing one object of one node.
 
-use std::fmt;
+use thiserror::Error;
 
 use crate::live_bus::{Session, SessionError};
 use bus::Bus;
@@ -21,11 +21,13 @@ pub struct Target {
 }
 
 /// Error of reading or writing an object.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ObjectError {
     /// The bus failed, or the session was interrupted.
+    #[error("{0}")]
     Session(SessionError),
-    /// The node aborted the transfer or did not respond.
+    /// The node aborted the transfer or did not respond: `node 3: 6071h refused: 06090030h value is invalid`.
+    #[error("node {}: {object}{} {error}", node.raw(), if *error == SdoError::Timeout { ":" } else { "" })]
     Node {
         /// Node-id.
         node: NodeId,
@@ -35,6 +37,7 @@ pub enum ObjectError {
         error: SdoError,
     },
     /// The value read back differs from the one written.
+    #[error("node {}: {object} is {}, expected {}", node.raw(), Octets(read), Octets(written))]
     Differs {
         /// Node-id.
         node: NodeId,
@@ -46,27 +49,6 @@ pub enum ObjectError {
         read: Vec<u8>,
     },
 }
-
-/// Formats as `node 3: 6071h refused: 06090030h value is invalid`.
-impl fmt::Display for ObjectError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Session(error) => error.fmt(f),
-            Self::Node { node, object, error: error @ SdoError::Timeout } => {
-                write!(f, "node {}: {object}: {error}", node.raw())
-            }
-            Self::Node { node, object, error } => {
-                write!(f, "node {}: {object} {error}", node.raw())
-            }
-            Self::Differs { node, object, written, read } => {
-                let (written, read) = (Octets(written), Octets(read));
-                write!(f, "node {}: {object} is {read}, expected {written}", node.raw())
-            }
-        }
-    }
-}
-
-impl std::error::Error for ObjectError {}
 
 /// Reads the value of an object.
 ///

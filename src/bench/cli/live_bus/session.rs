@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use derive_more::Display;
+use thiserror::Error;
 
 use bus::{Bus, BusEvent, BusFault, SendError};
 use canopen::frame::{Channel, Frame, Telegram};
@@ -22,23 +22,21 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(1);
 const TRANSMIT_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Reasons why a session ended early.
-#[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SessionError {
     /// The stop flag was set.
-    #[display("interrupted")]
+    #[error("interrupted")]
     Interrupted,
     /// The interface went down or was unplugged.
-    #[display("the interface is down")]
+    #[error("the interface is down")]
     Down,
     /// The controller has left the bus.
-    #[display("bus-off: the controller has left the bus")]
+    #[error("bus-off: the controller has left the bus")]
     BusOff,
     /// The controller transmits no frames.
-    #[display("no frame is transmitted: no node acknowledges, or the bit rate differs")]
+    #[error("no frame is transmitted: no node acknowledges, or the bit rate differs")]
     Stuck,
 }
-
-impl std::error::Error for SessionError {}
 
 /// A session on one bus.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use crate::object::Object;
 /// Parsed title of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Title<'t> {
-    /// One of [`NAMES`].
+    /// A named section.
     Named(Named),
     /// `[1A00]`: an object, or the head of an array or record.
     Object(u16),

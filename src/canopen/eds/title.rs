@@ -28,13 +28,21 @@ pub enum Title<'t> {
 /// Named sections, in the order they are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Named {
+    /// `[FileInfo]`.
     FileInfo,
+    /// `[DeviceInfo]`.
     DeviceInfo,
+    /// `[DeviceComissioning]`, of a DCF.
     Commissioning,
+    /// `[DummyUsage]`.
     DummyUsage,
+    /// `[Comments]`.
     Comments,
+    /// `[MandatoryObjects]`.
     Mandatory,
+    /// `[OptionalObjects]`.
     Optional,
+    /// `[ManufacturerObjects]`.
     Manufacturer,
 }
 

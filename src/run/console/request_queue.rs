@@ -28,7 +28,7 @@ pub enum Denied {
     #[display("{_0}")]
     Refused(RequestError),
     /// A reset whose latch cannot be written: no drive may be enabled.
-    #[display("{}", _0)]
+    #[display("{_0}")]
     Latch(String),
     /// The node is booting the network.
     #[display("the node is booting: retry when it is ready")]

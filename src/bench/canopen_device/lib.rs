@@ -195,12 +195,12 @@ impl<A: Application> Device<A> {
             || self.must_compare()
             || self.errors.has_changed(self.application.error_code());
         let now = is_due.then_some(Instant::ZERO);
-        let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
-        let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
+        let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline).min();
+        let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline).min();
         let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
         let answers = [self.sdo.deadline(), self.errors.deadline()];
-        let others = watches.into_iter().chain(answers).flatten().chain(application);
-        rpdos.chain(tpdos).chain(now).chain(others).min()
+        let all = [[now, application], [rpdos, tpdos], watches, answers];
+        all.into_iter().flatten().flatten().min()
     }
 
     fn run_application(&mut self, now: Instant) {

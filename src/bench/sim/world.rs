@@ -295,9 +295,10 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let drives = self.drives.iter().filter_map(Station::deadline);
-        let devices = drives.chain(self.switches.as_ref().and_then(Station::deadline));
-        devices.chain(self.faults.deadline()).chain([self.now + TICK]).min()
+        let drives = self.drives.iter().filter_map(Station::deadline).min();
+        let switches = self.switches.as_ref().and_then(Station::deadline);
+        let tick = Some(self.now + TICK);
+        [drives, switches, self.faults.deadline(), tick].into_iter().flatten().min()
     }
 }
 

@@ -1,19 +1,23 @@
 #!/usr/bin/env bash
-# interop.sh [NAME...]: frhc with third-party programs on real vcan, in virtual time.
+# interop.sh [--bus|--no-bus] [NAME...]: frhc with third-party programs, on real vcan in virtual time.
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
-# robot arms, and MuJoCo the contacts of a peg. Runs all tests, or those whose names contain one of the NAMEs.
+# robot arms, and MuJoCo the contacts of a peg. Runs all tests, or those whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+part=
+case ${1:-} in --bus | --no-bus) part=$1; shift ;; esac
 scripts/setup.sh tools
 python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --release
 export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
-rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
-scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
-"$python" tests/interop/in_the_logs.py "$@"
-"$python" tests/interop/without_a_bus.py "$@"
+if [[ $part != --no-bus ]]; then
+  rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
+  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
+  "$python" tests/interop/in_the_logs.py "$@"
+fi
+[[ $part == --bus ]] || "$python" tests/interop/without_a_bus.py "$@"

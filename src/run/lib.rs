@@ -49,3 +49,4 @@ mod state;
 pub mod stderr;
 pub mod stop_signals;
 pub mod stopping;
+mod unix_socket;

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
+use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 
 use crate::config_arg::TrustedConfigArg;
@@ -61,7 +62,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
-    let socket = runtime.block_on(bind_socket(&config))?;
+    let socket = bind_socket(&config, &runtime)?;
 
     let bus = interfaces::open(&config, &names)?;
     log_time::set_clock(bus.clock());
@@ -115,9 +116,10 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 }
 
 /// Binds the control socket of the configuration, or the default one.
-async fn bind_socket(config: &Config) -> Result<Socket, Failure> {
+fn bind_socket(config: &Config, runtime: &Runtime) -> Result<Socket, Failure> {
     let path = config.socket.clone().unwrap_or_else(default_socket);
-    let socket = Socket::bind(path.clone()).await;
+    let _entered = runtime.enter();
+    let socket = Socket::bind(path.clone());
     socket.with_context(|| format!("control socket {}", path.display())).or_fail(Kind::Bus)
 }
 

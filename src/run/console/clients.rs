@@ -214,8 +214,7 @@ mod tests {
             receiver.end_boot(Instant::ZERO);
             let latest = LatestStatus::default();
             let handler = Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, None));
-            let bench =
-                Bench { socket: Socket::bind(path.clone()).await.unwrap(), folder, handler };
+            let bench = Bench { socket: Socket::bind(path.clone()).unwrap(), folder, handler };
             tokio::select! {
                 () = bench.socket.serve(&bench.handler) => {}
                 () = test(path, receiver, latest) => {}

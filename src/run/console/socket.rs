@@ -1,16 +1,12 @@
-//! Path and permissions of the control socket, and replacement of a stale one.
+//! Path of the control socket.
 
-use std::ffi::{OsStr, OsString};
-use std::fs::{self, DirBuilder, File, Metadata, OpenOptions, Permissions};
+use std::ffi::OsString;
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use nix::libc::O_NOFOLLOW;
-use tokio::net::{UnixListener, UnixStream};
+use tokio::net::UnixListener;
 
-/// Permissions: read and write for this user and group only.
-const PERMISSIONS: u32 = 0o660;
+use crate::unix_socket::{self, SocketFile};
 
 /// Socket of the systemd service.
 const SERVICE_SOCKET: &str = "/run/frhc/node.sock";
@@ -36,144 +32,28 @@ pub(crate) fn default_sockets() -> Vec<PathBuf> {
     places
 }
 
-/// The listening socket; removes its file when dropped, and no other that is at its path by then.
+/// The listening socket; its file goes with it.
 #[derive(Debug)]
 pub(crate) struct Socket {
-    path: PathBuf,
-    identity: Identity,
+    _file: SocketFile,
     pub(super) listener: UnixListener,
 }
 
 impl Socket {
-    /// Listens at `path`. Replaces a stale socket, which refuses connections, and no other file.
+    /// Listens at `path`, in an async runtime. Replaces a stale socket, which refuses connections, and no other file.
     ///
     /// # Errors
     /// When another node listens there, the file is not a socket, or the folder cannot be written.
-    pub(crate) async fn bind(path: PathBuf) -> io::Result<Self> {
-        let folder = path.parent().filter(|folder| *folder != Path::new(""));
-        let folder = folder.unwrap_or(Path::new("."));
-        fs::create_dir_all(folder)?;
-        // Held until the socket exists: of two nodes that start together one is refused.
-        let _lock = StartLock::take(start_lock_of(folder, &path))?;
-        remove_stale(&path).await?;
-        let (listener, identity) = listen_at(folder, &path)?;
-        Ok(Self { path, identity, listener })
+    pub(crate) fn bind(path: PathBuf) -> io::Result<Self> {
+        let (listener, file) = unix_socket::listen(path, |path| UnixListener::bind(path))?;
+        Ok(Self { _file: file, listener })
     }
-}
-
-impl Drop for Socket {
-    fn drop(&mut self) {
-        if !is_at(&self.path, self.identity) {
-            tracing::warn!("{}: not the control socket of this node, kept", self.path.display());
-        } else if let Err(error) = fs::remove_file(&self.path) {
-            tracing::debug!(%error, "control socket not removed");
-        }
-    }
-}
-
-/// Device and inode of a file.
-type Identity = (u64, u64);
-
-fn identity(file: &Metadata) -> Identity {
-    (file.dev(), file.ino())
-}
-
-fn is_at(path: &Path, file: Identity) -> bool {
-    fs::symlink_metadata(path).is_ok_and(|found| identity(&found) == file)
-}
-
-/// Lock of the nodes that start on one socket: a file that its owner alone can open, and so lock. Removed when dropped.
-#[derive(Debug)]
-struct StartLock {
-    path: PathBuf,
-    _file: File,
-}
-
-/// Returns the path of the start lock of a socket.
-fn start_lock_of(folder: &Path, socket: &Path) -> PathBuf {
-    let mut name = OsString::from(".");
-    name.push(socket.file_name().unwrap_or(OsStr::new("node.sock")));
-    name.push(".lock");
-    folder.join(name)
-}
-
-impl StartLock {
-    fn take(path: PathBuf) -> io::Result<Self> {
-        loop {
-            let mut options = OpenOptions::new();
-            options.write(true).create(true).truncate(false).mode(0o600);
-            // A link of another user leads to no file.
-            let opened = options.custom_flags(O_NOFOLLOW).open(&path);
-            let named = |error: io::Error| {
-                io::Error::new(error.kind(), format!("{}: {error}", path.display()))
-            };
-            let file = opened.map_err(named)?;
-            file.try_lock().map_err(|_| in_use("another node is starting on this socket"))?;
-            // A node that ends its start removes the file: another one may have the path since it was opened.
-            if is_at(&path, identity(&file.metadata()?)) {
-                return Ok(Self { path, _file: file });
-            }
-        }
-    }
-}
-
-impl Drop for StartLock {
-    fn drop(&mut self) {
-        fs::remove_file(&self.path).ok();
-    }
-}
-
-fn in_use(reason: &str) -> io::Error {
-    io::Error::new(io::ErrorKind::AddrInUse, reason)
-}
-
-/// Removes a socket that refuses connections.
-async fn remove_stale(path: &Path) -> io::Result<()> {
-    let kind = match fs::symlink_metadata(path) {
-        Ok(found) => found.file_type(),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
-    };
-    if !kind.is_socket() {
-        let reason = "not a socket: remove it, or set [node] socket to another path";
-        return Err(io::Error::new(io::ErrorKind::AlreadyExists, reason));
-    }
-    match UnixStream::connect(path).await {
-        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
-        // The backlog is full, so a process listens.
-        Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-            Err(in_use("another node listens on this socket and is busy"))
-        }
-        Ok(_) => Err(in_use("another node listens on this socket")),
-        Err(error) => Err(error),
-    }
-}
-
-/// Creates the socket in a private folder, sets its permissions, and only then links it to `path`.
-fn listen_at(folder: &Path, path: &Path) -> io::Result<(UnixListener, Identity)> {
-    let private = folder.join(format!(".{}", std::process::id()));
-    // Left by a killed process with the same id.
-    clear(&private);
-    DirBuilder::new().mode(0o700).create(&private)?;
-    let made = private.join(OsStr::new("s"));
-    let listener = UnixListener::bind(&made).and_then(|listener| {
-        fs::set_permissions(&made, Permissions::from_mode(PERMISSIONS))?;
-        // A hard link, unlike a rename, never replaces a file.
-        fs::hard_link(&made, path)?;
-        Ok((listener, identity(&fs::symlink_metadata(&made)?)))
-    });
-    clear(&private);
-    listener
-}
-
-/// Removes the private folder, if it exists.
-fn clear(private: &Path) {
-    fs::remove_file(private.join("s")).ok();
-    fs::remove_dir(private).ok();
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
@@ -188,107 +68,5 @@ mod tests {
         for wrong in [None, Some(""), Some("frhc"), Some("./here")] {
             assert_eq!(place(wrong, wrong), Path::new("/run/frhc/node.sock"), "{wrong:?}");
         }
-    }
-
-    use std::os::unix::fs::symlink;
-    use std::os::unix::net::{UnixListener as Blocking, UnixStream as Stream};
-
-    /// Creates a folder for one test.
-    fn folder(name: &str) -> PathBuf {
-        let folder = crate::scratch::path(name);
-        fs::create_dir(&folder).unwrap();
-        folder
-    }
-
-    fn bind(path: &Path) -> io::Result<Socket> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        runtime.block_on(Socket::bind(path.to_path_buf()))
-    }
-
-    #[test]
-    fn socket_appears_with_its_permissions_and_leaves_no_files() {
-        let folder = folder("rights");
-        let path = folder.join("node.sock");
-        let socket = bind(&path).unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, PERMISSIONS);
-        Stream::connect(&path).unwrap();
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
-        drop(socket);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
-        fs::remove_dir(&folder).unwrap();
-    }
-
-    #[test]
-    fn shared_lock_on_the_folder_stops_no_start() {
-        let folder = folder("locked");
-        let path = folder.join("node.sock");
-        // Any user may read the folder of the service's socket, and so lock it.
-        let others = File::open(&folder).unwrap();
-        others.lock_shared().unwrap();
-        drop(bind(&path).unwrap());
-        let lock = start_lock_of(&folder, &path);
-        let starting = StartLock::take(lock.clone()).unwrap();
-        assert_eq!(fs::metadata(&lock).unwrap().permissions().mode() & 0o777, 0o600);
-        let refused = bind(&path).unwrap_err().to_string();
-        assert_eq!(refused, "another node is starting on this socket");
-        drop(starting);
-        drop(bind(&path).unwrap());
-        fs::remove_dir(&folder).unwrap();
-    }
-
-    #[test]
-    fn ended_node_keeps_a_file_that_is_not_its_socket() {
-        let folder = folder("replaced");
-        let path = folder.join("node.sock");
-        let socket = bind(&path).unwrap();
-        fs::remove_file(&path).unwrap();
-        let others = bind(&path).unwrap();
-        drop(socket);
-        Stream::connect(&path).unwrap();
-        fs::remove_file(&path).unwrap();
-        fs::write(&path, "1,2,3").unwrap();
-        drop(others);
-        assert_eq!(fs::read_to_string(&path).unwrap(), "1,2,3");
-        fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn file_or_link_at_the_socket_path_is_kept() {
-        let folder = folder("kept");
-        let (file, link) = (folder.join("results.csv"), folder.join("link"));
-        fs::write(&file, "1,2,3").unwrap();
-        symlink(&file, &link).unwrap();
-        for path in [&file, &link, &folder] {
-            let refused = bind(path).unwrap_err().to_string();
-            assert!(refused.starts_with("not a socket"), "{refused}");
-        }
-        assert_eq!(fs::read_to_string(&link).unwrap(), "1,2,3");
-        fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn socket_that_refuses_connections_is_replaced() {
-        let folder = folder("stale");
-        let path = folder.join("node.sock");
-        drop(Blocking::bind(&path).unwrap());
-        bind(&path).unwrap();
-        fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn node_with_a_full_backlog_is_not_replaced() {
-        let folder = folder("backlog");
-        let path = folder.join("node.sock");
-        let living = Blocking::bind(&path).unwrap();
-        assert_eq!(bind(&path).unwrap_err().to_string(), "another node listens on this socket");
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let mut waiting = Vec::new();
-        while let Ok(stream) = runtime.block_on(UnixStream::connect(&path)) {
-            waiting.push(stream);
-        }
-        let refused = bind(&path).unwrap_err().to_string();
-        assert_eq!(refused, "another node listens on this socket and is busy");
-        drop((living, waiting));
-        fs::remove_dir_all(&folder).unwrap();
     }
 }

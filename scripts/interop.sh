@@ -3,7 +3,8 @@
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
-# robot arms, and MuJoCo the contacts of a peg. Runs all tests, or those whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus only the others.
+# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link. Runs all tests, or those
+# whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail

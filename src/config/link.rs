@@ -126,6 +126,14 @@ fn refuse_hopeless(
         );
         let key = if raw.delay_ms.is_absent() { &raw.jitter_ms } else { &raw.delay_ms };
         problems.add(key, reason);
+    } else if age > simulated.hold_after {
+        let reason = format_args!(
+            "must be at least {:.1} (both ways with jitter, and a cycle of either side), got {}: the far side would hold \
+             all the time, since no command has a fresher echo",
+            age.as_secs_f64() * 1e3,
+            simulated.hold_after.as_secs_f64() * 1e3
+        );
+        problems.add(&raw.hold_after_ms, reason);
     }
 }
 

@@ -75,6 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
                 self.rest.on_armed();
+                self.remote.remote.begin_epoch();
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
@@ -117,6 +118,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             booted?;
         }
+        self.remote.remote.begin_epoch();
         Ok(())
     }
 }

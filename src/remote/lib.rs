@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod delay;
+pub mod messages;
 pub mod scene;
 pub mod site;
 
@@ -41,6 +42,9 @@ pub trait Remote {
     /// Sends the command of this cycle and returns the newest sample, `None` before the first. Never waits: without a
     /// new sample the last one is returned, and is older.
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed>;
+
+    /// Begins a new epoch: the node was armed, or a stop was reset. A far side that holds goes on only in one.
+    fn begin_epoch(&mut self) {}
 }
 
 /// A sample from the commanded side.

@@ -4,10 +4,11 @@ import contextlib
 import sys
 
 import contact
+import link
 import robots
 import runner
 
-TESTS = [*robots.TESTS, *contact.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

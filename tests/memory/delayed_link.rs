@@ -180,6 +180,10 @@ fn invalid_links_are_refused_with_the_remedy() {
         ("delay_ms = 10.0", "remote.link.delay_ms: samples would be up to 22.0 ms old"),
         ("delay_ms = 60.0\nmax_age_ms = 100.0", "or raise max_age_ms, at most to 100"),
         ("jitter_ms = 30.0", "remote.link.jitter_ms: samples would be up to 62.0 ms old"),
+        (
+            "delay_ms = 20.0\nmax_age_ms = 100.0\nhold_after_ms = 30.0",
+            "remote.link.hold_after_ms: must be at least 42.0",
+        ),
         ("max_age_ms = 101.0", "remote.link.max_age_ms: "),
         ("loss_percent = 95.0", "remote.link.loss_percent: "),
         ("delay_ms = -1.0", "remote.link.delay_ms: "),

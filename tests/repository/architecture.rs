@@ -20,6 +20,7 @@ const PURE: &[&str] = &[
     "canopen_tools",
     "controller",
     "robot",
+    "contract",
     "remote",
     "sealed_link",
     "sim",

@@ -6,6 +6,7 @@ mod citations;
 mod claims;
 mod hazards;
 mod keys;
+mod link_page;
 mod pages;
 mod rack_alone;
 mod ranges;

@@ -1,31 +1,35 @@
 //! A link with delay between node and commanded side, in memory: constant delay, jitter, loss, reordering, outage.
 //!
-//! The far side runs its own cycle, whatever arrives. Of commands and samples only ever newer ones act (ADR 16). A sample
-//! carries the newest stamp of the node that the far side had when it took the sample, so its age includes the way there:
+//! Both ends are those of the [`contract`], and its messages are what the link delays. The far side runs its own cycle,
+//! whatever arrives:
 //!
 //! ```text
-//!  node       command, stamp t0 ─┐                      ┌─► sample, stamp t0: its age is now − t0
-//!  far side                      └─► newest stamp t0 ───┘   taken in the first cycle after the arrival
+//!  node       Command t0 ─┐                      ┌─► Feedback, echo t0: its age is now − t0
+//!  far side               └─► newest echo t0 ────┘   measured in the first cycle after the arrival
 //! ```
 
 use std::time::Duration;
 
+use contract::{Command, FarEnd, Feedback, NodeEnd, Reject};
 use remote::delay::DelaySettings;
-use remote::{Remote, Sensed};
+use remote::{Remote, Sensed, messages};
 use sim::random::SplitMix;
 use units::spatial::Motion;
 use units::time::Instant;
 
-/// Shortest time between two datagrams of one direction, for the length of the queues.
+/// Shortest time between two messages of one direction, for the length of the queues.
 const MIN_PERIOD: Duration = Duration::from_micros(250);
 
-/// Maximum number of datagrams under way in one direction.
+/// Maximum number of messages under way in one direction.
 const MAX_UNDER_WAY: usize = 8_192;
 
 /// Maximum time that the far side catches up with after a pause of the node.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
-/// Datagrams that were sent, and their fate.
+/// Number of the arm.
+const ARM: u16 = 0;
+
+/// Messages that were sent, and their fate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Sent.
@@ -45,18 +49,18 @@ pub struct Delayed<R> {
     link: Option<Link>,
 }
 
-/// Both directions of the link, and the state of its ends.
+/// Both directions of the link, and both ends.
 #[derive(Clone, Debug)]
 struct Link {
     settings: DelaySettings,
-    there: Way<(Instant, Motion)>,
-    back: Way<Sensed>,
+    there: Way<[u8; Command::LENGTH]>,
+    back: Way<[u8; Feedback::LENGTH]>,
+    node: NodeEnd,
+    far: FarEnd,
     /// Time of the first exchange.
     begun: Option<Instant>,
     /// Next cycle of the far side; `None` before the first exchange.
     next: Option<Instant>,
-    /// Stamp and content of the newest command at the far side, and its arrival.
-    command: Option<(Instant, Motion, Instant)>,
     /// Newest sample at the node.
     newest: Option<Sensed>,
 }
@@ -87,9 +91,9 @@ impl<R> Delayed<R> {
         &mut self.far
     }
 
-    /// Returns the fate of the commands and that of the samples; `None` where there is no link between.
+    /// Returns the fate of the commands and that of the feedbacks; `None` where there is no link between.
     pub fn counts(&self) -> Option<[Counts; 2]> {
-        self.link.as_ref().map(|link| [link.there.counts, link.back.counts])
+        self.link.as_ref().map(Link::counts)
     }
 }
 
@@ -97,20 +101,21 @@ impl<R: Remote> Remote for Delayed<R> {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         match &mut self.link {
             None => self.far.exchange(now, command),
-            Some(link) => {
-                let elapsed = now.since(*link.begun.get_or_insert(now));
-                link.there.send(now, elapsed, (now, *command), &link.settings);
-                link.run_far_side(now, &mut self.far);
-                link.newest = link.back.receive(now).map(|(_, sensed)| sensed).or(link.newest);
-                link.newest
-            }
+            Some(link) => link.exchange(now, command, &mut self.far),
+        }
+    }
+
+    fn begin_epoch(&mut self) {
+        match &mut self.link {
+            None => self.far.begin_epoch(),
+            Some(link) => link.node.begin_epoch(),
         }
     }
 }
 
 impl Link {
     fn new(settings: DelaySettings) -> Self {
-        let DelaySettings { delay, jitter, seed, .. } = settings;
+        let DelaySettings { delay, jitter, seed, hold_after, .. } = settings;
         let settings = DelaySettings { period: settings.period.max(MIN_PERIOD), ..settings };
         let length = ((delay + jitter).as_micros() / MIN_PERIOD.as_micros()).saturating_add(4);
         let length = usize::try_from(length).unwrap_or(MAX_UNDER_WAY).min(MAX_UNDER_WAY);
@@ -118,40 +123,64 @@ impl Link {
             settings,
             there: Way::new(length, seed),
             back: Way::new(length, !seed),
+            // Constant, so that a run repeats; no other process has them.
+            node: NodeEnd::new(ARM, 1),
+            far: FarEnd::new(ARM, 2, hold_after),
             begun: None,
             next: None,
-            command: None,
             newest: None,
         }
     }
 
+    fn exchange(
+        &mut self,
+        now: Instant,
+        command: &Motion,
+        far: &mut impl Remote,
+    ) -> Option<Sensed> {
+        let elapsed = now.since(*self.begun.get_or_insert(now));
+        let order = messages::order(command);
+        self.there.send(now, elapsed, self.node.command(now, &order), &self.settings);
+        self.run_far_side(now, far);
+        while let Some(feedback) = self.back.receive(now) {
+            let sample = self.node.on_message(now, &feedback);
+            self.newest = sample.and_then(|sample| messages::sensed(&sample)).or(self.newest);
+        }
+        self.newest
+    }
+
     /// Runs the cycles of the far side that are due until `now`.
     fn run_far_side(&mut self, now: Instant, far: &mut impl Remote) {
-        let DelaySettings { period, hold_after, .. } = self.settings;
         let begun = self.begun.unwrap_or(now);
         let mut next = self.next.unwrap_or(now);
         if now.since(next) > MAX_CATCH_UP {
             next = now;
         }
         while next <= now {
-            if let Some((at, (stamp, motion))) = self.there.receive(next) {
-                self.command = Some((stamp, motion, at));
+            while let Some(command) = self.there.receive(next) {
+                self.far.on_message(next, &command);
             }
-            let fresh = self.command.filter(|(.., at)| next.since(*at) <= hold_after);
-            let motion = fresh.map_or(Motion::Hold, |(_, motion, _)| motion);
+            let motion = messages::motion(&self.far.motion(next));
             let sensed = far.exchange(next, &motion).filter(|sensed| sensed.at == next);
-            // What the far side repeats is not sent again: it would get a newer stamp.
-            if let Some((sensed, (stamp, ..))) = sensed.zip(self.command) {
-                let sensed = Sensed { at: stamp, ..sensed };
-                self.back.send(next, next.since(begun), sensed, &self.settings);
+            // What the far side repeats is not sent again: it would get a newer echo.
+            if let Some(sensed) = sensed {
+                let feedback = self.far.feedback(next, &messages::measured(&sensed));
+                self.back.send(next, next.since(begun), feedback, &self.settings);
             }
-            next = next + period;
+            next = next + self.settings.period;
         }
         self.next = Some(next);
     }
+
+    fn counts(&self) -> [Counts; 2] {
+        [
+            Counts { overtaken: self.far.rejects().of(Reject::Overtaken), ..self.there.counts },
+            Counts { overtaken: self.node.rejects().of(Reject::Overtaken), ..self.back.counts },
+        ]
+    }
 }
 
-/// A datagram on its way.
+/// A message on its way.
 #[derive(Clone, Copy, Debug)]
 struct Datagram<T> {
     number: u64,
@@ -168,8 +197,6 @@ struct Way<T> {
     counts: Counts,
     /// Arrival of the last one that was sent.
     last_arrival: Instant,
-    /// Number of the newest that was received.
-    received: Option<u64>,
 }
 
 impl<T: Copy> Way<T> {
@@ -180,7 +207,6 @@ impl<T: Copy> Way<T> {
             random: SplitMix::new(seed),
             counts: Counts::default(),
             last_arrival: Instant::ZERO,
-            received: None,
         }
     }
 
@@ -206,24 +232,12 @@ impl<T: Copy> Way<T> {
         self.under_way.push(Datagram { number, arrival, content });
     }
 
-    /// Takes what has arrived until `now`; returns the newest with its arrival, if it is newer than all before.
-    fn receive(&mut self, now: Instant) -> Option<(Instant, T)> {
-        let mut newest: Option<Datagram<T>> = None;
-        let mut count = 0;
-        self.under_way.retain(|datagram| {
-            if datagram.arrival > now {
-                return true;
-            }
-            let is_newer = newest.is_none_or(|newest| newest.number < datagram.number);
-            newest = if is_newer { Some(*datagram) } else { newest };
-            count += 1;
-            false
-        });
-        let newest = newest.filter(|one| self.received.is_none_or(|before| before < one.number));
-        self.counts.overtaken += count - u64::from(newest.is_some());
-        let Datagram { number, arrival, content } = newest?;
-        self.received = Some(number);
-        Some((arrival, content))
+    /// Takes the first of those that have arrived until `now`.
+    fn receive(&mut self, now: Instant) -> Option<T> {
+        let arrived = self.under_way.iter().enumerate().filter(|(_, one)| one.arrival <= now);
+        let first = arrived.min_by_key(|(_, one)| (one.arrival, one.number));
+        let (place, _) = first?;
+        Some(self.under_way.swap_remove(place).content)
     }
 }
 

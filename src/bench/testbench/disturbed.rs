@@ -63,6 +63,10 @@ impl<R: Remote> Remote for Disturbed<R> {
         self.known = Some(known);
         self.known
     }
+
+    fn begin_epoch(&mut self) {
+        self.side.begin_epoch();
+    }
 }
 
 #[cfg(test)]

@@ -28,9 +28,9 @@ fn at(millis: u32) -> Instant {
     Instant::ZERO + MS * millis
 }
 
-/// Returns the command of one cycle: a rate whose size is its number.
+/// Returns the command of one cycle: a rate in m/s as large as its time in s.
 fn numbered(millis: u32) -> Motion {
-    Motion::Rate(Twist::from_components([f64::from(millis), 0.0, 0.0, 0.0, 0.0, 0.0]))
+    Motion::Rate(Twist::from_components([f64::from(millis) / 1e3, 0.0, 0.0, 0.0, 0.0, 0.0]))
 }
 
 fn number(motion: &Motion) -> Option<f64> {
@@ -38,6 +38,20 @@ fn number(motion: &Motion) -> Option<f64> {
         Motion::Rate(twist) => Some(twist.linear.x),
         Motion::Pose(_) | Motion::Hold => None,
     }
+}
+
+/// Time until both ends have an echo through any of the links here.
+const WARM_UP: u32 = 300;
+
+/// Returns a link whose node was armed at [`WARM_UP`].
+fn armed(settings: DelaySettings) -> Delayed<Far> {
+    let mut link = Delayed::new(Far::default(), settings);
+    for millis in 0..WARM_UP {
+        link.exchange(at(millis), &Motion::Hold);
+    }
+    link.begin_epoch();
+    link.far_mut().commands.clear();
+    link
 }
 
 /// Exchanges every ms; returns the samples with their times.
@@ -78,11 +92,22 @@ proptest! {
 
     #[test]
     fn stamps_and_commands_never_go_back(settings in settings()) {
-        let mut link = Delayed::new(Far::default(), settings);
-        let samples = exchanged(&mut link, 0..300);
+        let mut link = armed(settings);
+        let samples = exchanged(&mut link, WARM_UP..WARM_UP + 300);
         prop_assert!(samples.is_sorted_by_key(|(_, sensed)| sensed.at));
         let acted = link.far().commands.iter().filter_map(|(_, motion)| number(motion));
         prop_assert!(acted.collect::<Vec<_>>().is_sorted());
+    }
+
+    #[test]
+    fn command_acts_no_longer_than_the_hold_time(settings in settings()) {
+        let mut link = armed(settings);
+        exchanged(&mut link, WARM_UP..WARM_UP + 300);
+        for (now, motion) in &link.far().commands {
+            let Some(number) = number(motion) else { continue };
+            let age = now.since(Instant::ZERO + Duration::from_secs_f64(number));
+            prop_assert!(age <= settings.hold_after, "{age:?}");
+        }
     }
 
     #[test]
@@ -139,27 +164,29 @@ fn lost_share_is_that_of_the_settings() {
 }
 
 #[test]
-fn far_side_holds_in_an_outage_and_goes_on_after_it() {
+fn far_side_holds_from_an_outage_until_a_new_epoch() {
+    let outage = [MS * (WARM_UP + 100), MS * (WARM_UP + 300)];
     let settings = DelaySettings {
         delay: MS * 5,
-        outage: Some([MS * 100, MS * 300]),
+        outage: Some(outage),
         hold_after: MS * 50,
         ..DelaySettings::default()
     };
-    let mut link = Delayed::new(Far::default(), settings);
-    let samples = exchanged(&mut link, 0..400);
+    let mut link = armed(settings);
+    let samples = exchanged(&mut link, WARM_UP..WARM_UP + 400);
+    link.begin_epoch();
+    exchanged(&mut link, WARM_UP + 400..WARM_UP + 500);
     let far = link.far();
-    assert_eq!(far.commands.len(), 400, "its cycle runs whatever arrives");
-    let holds: Vec<Instant> = far
-        .commands
-        .iter()
-        .filter(|(_, motion)| *motion == Motion::Hold)
-        .map(|(now, _)| *now)
-        .collect();
-    // Before the first command, and from 50 ms after the last one until the first one after the outage.
-    let expected: Vec<Instant> = (0..5).chain(155..305).map(at).collect();
-    assert_eq!(holds, expected);
-    let age = |millis| samples.iter().find(|(now, _)| *now == at(millis)).map(|one| ages(one).0);
+    assert_eq!(far.commands.len(), 500, "its cycle runs whatever arrives");
+    let follows = far.commands.iter().filter(|(_, motion)| *motion != Motion::Hold);
+    let follows: Vec<Instant> = follows.map(|(now, _)| *now).collect();
+    // From 5 ms after an arming. The newest echo before the outage was sent 6 ms before the last command.
+    let expected = (5..144).chain(405..500).map(|millis| at(WARM_UP + millis));
+    assert_eq!(follows, expected.collect::<Vec<_>>());
+    let age = |millis| {
+        let sample = samples.iter().find(|(now, _)| *now == at(WARM_UP + millis));
+        sample.map(|one| ages(one).0)
+    };
     assert!(age(299) >= Some(MS * 199), "{:?}", age(299));
     assert_eq!(age(320), Some(MS * 10));
 }

@@ -1,0 +1,147 @@
+//! Figures of the far side: asked when the link comes up, and compared with the configuration before arming.
+//! docs/link.md has the table.
+
+use crate::codec::{ENCAPSULATION_LENGTH, Reader, Writer, are_within};
+use crate::codes::codes;
+use crate::head::{HEAD_LENGTH, Head, Kind};
+use crate::reject::Reject;
+
+const WRENCH: u8 = 1;
+const POSE: u8 = 1 << 1;
+const GRIPPER: u8 = 1 << 2;
+const RATES: u8 = 1;
+const POSES: u8 = 1 << 1;
+
+/// Maximum of every figure; an unlimited one is sent as this.
+const MAX_FIGURE: f64 = 1e9;
+
+codes! {
+    /// Part of the payload's load that the far side removes from its sensor's reading.
+    pub enum PayloadRemoval {
+        /// Nothing.
+        None = 0, "nothing";
+        /// Its weight.
+        Weight = 1, "weight";
+        /// Its weight and inertia.
+        Inertia = 2, "weight and inertia";
+    }
+}
+
+/// Figures of a far side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capability {
+    /// It has a force/torque sensor.
+    pub senses_wrench: bool,
+    /// It measures its pose.
+    pub senses_pose: bool,
+    /// It has a gripper.
+    pub has_gripper: bool,
+    /// It follows rates.
+    pub follows_rates: bool,
+    /// It follows poses.
+    pub follows_poses: bool,
+    /// Removal of the payload from the wrench.
+    pub payload_removal: PayloadRemoval,
+    /// K_FA by axis of {MRF}, in m/(s·N) and rad/(s·N·m).
+    pub accommodation: [f64; 6],
+    /// Wrench by axis that K_FA does not answer, in N and N·m.
+    pub deadband: [f64; 6],
+    /// Lag of its servos, in s.
+    pub servo_lag: f64,
+    /// Period of its cycle, in s.
+    pub sample_period: f64,
+    /// Age of the newest command after which it holds, in s.
+    pub hold_after: f64,
+    /// Range of the sensor: force in N, moment in N·m.
+    pub sensor_range: [f64; 2],
+    /// Stiffness of the stiffest contact that it may make, in N/m.
+    pub stiffest_contact: f64,
+    /// Maximum speed of {MRF}, in m/s and rad/s.
+    pub max_speed: [f64; 2],
+    /// Least and greatest position of {MRF} in {b}, in m.
+    pub workspace: [[f64; 3]; 2],
+}
+
+impl Capability {
+    /// Length, in bytes.
+    pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 232;
+
+    /// Encodes the capability. What is infinite becomes the largest figure that may be sent.
+    pub fn encode(&self, head: &Head) -> [u8; Self::LENGTH] {
+        let flag = |is_set: bool, flag: u8| if is_set { flag } else { 0 };
+        let senses = flag(self.senses_wrench, WRENCH)
+            | flag(self.senses_pose, POSE)
+            | flag(self.has_gripper, GRIPPER);
+        let follows = flag(self.follows_rates, RATES) | flag(self.follows_poses, POSES);
+        let mut bytes = [0; Self::LENGTH];
+        let mut writer = Writer::new(&mut bytes);
+        head.write(Kind::Capability, &mut writer);
+        writer.put([senses, follows, self.payload_removal.code()]);
+        writer.put([0; 5]);
+        let [low, high] = self.workspace;
+        let times = [self.servo_lag, self.sample_period, self.hold_after];
+        for figures in [
+            &self.accommodation[..],
+            &self.deadband,
+            &times,
+            &self.sensor_range,
+            &[self.stiffest_contact],
+            &self.max_speed,
+            &low,
+            &high,
+        ] {
+            figures.iter().for_each(|one| writer.numbers(&[one.clamp(-MAX_FIGURE, MAX_FIGURE)]));
+        }
+        bytes
+    }
+
+    /// Decodes a message.
+    ///
+    /// # Errors
+    /// A message that is not a capability of this version, or has a figure out of range.
+    pub fn decode(bytes: &[u8]) -> Result<(Head, Self), Reject> {
+        let mut reader = Reader::new(bytes)?;
+        let (kind, head) = Head::read(&mut reader)?;
+        match (kind, bytes.len()) {
+            (Kind::Capability, Self::LENGTH) => {}
+            (Kind::Capability, _) => return Err(Reject::Length),
+            (Kind::Command | Kind::Feedback, _) => return Err(Reject::Foreign),
+        }
+        let [senses, follows, removal] = reader.take()?;
+        let _: [u8; 5] = reader.take()?;
+        let (accommodation, deadband) = (reader.numbers()?, reader.numbers()?);
+        let [servo_lag, sample_period, hold_after] = reader.numbers()?;
+        let sensor_range: [f64; 2] = reader.numbers()?;
+        let [stiffest_contact] = reader.numbers()?;
+        let max_speed: [f64; 2] = reader.numbers()?;
+        let workspace: [[f64; 3]; 2] = [reader.numbers()?, reader.numbers()?];
+        let not_negative = [servo_lag, sample_period, hold_after, stiffest_contact];
+        let not_negative = not_negative.iter().chain(&accommodation).chain(&deadband);
+        let not_negative = not_negative.chain(&sensor_range).chain(&max_speed);
+        let is_possible = not_negative.into_iter().all(|one| (0.0..=MAX_FIGURE).contains(one))
+            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE))
+            && senses & !(WRENCH | POSE | GRIPPER) == 0
+            && follows & !(RATES | POSES) == 0;
+        if !is_possible {
+            return Err(Reject::Impossible);
+        }
+        let capability = Self {
+            senses_wrench: senses & WRENCH != 0,
+            senses_pose: senses & POSE != 0,
+            has_gripper: senses & GRIPPER != 0,
+            follows_rates: follows & RATES != 0,
+            follows_poses: follows & POSES != 0,
+            payload_removal: PayloadRemoval::from_code(removal).ok_or(Reject::Impossible)?,
+            accommodation,
+            deadband,
+            servo_lag,
+            sample_period,
+            hold_after,
+            sensor_range,
+            stiffest_contact,
+            max_speed,
+            workspace,
+        };
+        Ok((head, capability))
+    }
+}

@@ -1,0 +1,71 @@
+//! Little-endian CDR of fixed length (OMG DDS-XTypes 1.3, 7.4): an encapsulation header of four bytes, then numbers that
+//! stand at multiples of their size. Reserved fields fill the gaps that would be before them.
+
+use crate::reject::Reject;
+
+/// Encapsulation header: plain CDR, little-endian, no options.
+const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+
+/// Length of the encapsulation header, in bytes.
+pub(crate) const ENCAPSULATION_LENGTH: usize = ENCAPSULATION.len();
+
+/// A message under construction; what is not written is zero.
+#[derive(Debug)]
+pub(crate) struct Writer<'b> {
+    rest: &'b mut [u8],
+}
+
+impl<'b> Writer<'b> {
+    /// Starts a message with its encapsulation header.
+    pub(crate) fn new(bytes: &'b mut [u8]) -> Self {
+        let mut writer = Self { rest: bytes };
+        writer.put(ENCAPSULATION);
+        writer
+    }
+
+    /// Appends bytes. Those beyond the end are dropped: the lengths are constants, which tests compare.
+    pub(crate) fn put<const N: usize>(&mut self, part: [u8; N]) {
+        if let Some((place, rest)) = std::mem::take(&mut self.rest).split_first_chunk_mut() {
+            *place = part;
+            self.rest = rest;
+        }
+    }
+
+    /// Appends numbers.
+    pub(crate) fn numbers(&mut self, numbers: &[f64]) {
+        numbers.iter().for_each(|number| self.put(number.to_le_bytes()));
+    }
+}
+
+/// The rest of a received message.
+#[derive(Debug)]
+pub(crate) struct Reader<'b> {
+    rest: &'b [u8],
+}
+
+impl<'b> Reader<'b> {
+    /// Reads a message after its encapsulation header.
+    pub(crate) fn new(bytes: &'b [u8]) -> Result<Self, Reject> {
+        let rest = bytes.strip_prefix(&ENCAPSULATION).ok_or(Reject::Foreign)?;
+        Ok(Self { rest })
+    }
+
+    pub(crate) fn take<const N: usize>(&mut self) -> Result<[u8; N], Reject> {
+        let (taken, rest) = self.rest.split_first_chunk().ok_or(Reject::Length)?;
+        self.rest = rest;
+        Ok(*taken)
+    }
+
+    pub(crate) fn numbers<const N: usize>(&mut self) -> Result<[f64; N], Reject> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = f64::from_le_bytes(self.take()?);
+        }
+        Ok(numbers)
+    }
+}
+
+/// Returns whether all numbers are within ±`limit`; NaN is not.
+pub(crate) fn are_within(numbers: &[f64], limit: f64) -> bool {
+    numbers.iter().all(|number| number.abs() <= limit)
+}

@@ -1,0 +1,176 @@
+//! The far side's end: which node leads, which command acts, and when to hold.
+//!
+//! ```text
+//!                   fresh echo                          a later epoch
+//!    no leader ───────────────► holding: not armed ───────────────────────► following
+//!                                  ▲    ▲                 a later epoch         │
+//!              another session,    │    └──── holding: why ◄────────────────────┘
+//!              once this is silent └────────────┘              silence, sensor, limit, end, fault
+//! ```
+
+use std::time::Duration;
+
+use crate::capability::Capability;
+use crate::command::{Command, Motion};
+use crate::feedback::{FarState, Feedback, Measured, Reason};
+use crate::head::Head;
+use crate::peers::Peers;
+use crate::reject::{Reject, Rejects};
+use crate::sent::Sent;
+use units::time::Instant;
+
+/// The far side's end of the link.
+#[derive(Clone, Debug)]
+pub struct FarEnd {
+    arm: u16,
+    hold_after: Duration,
+    sent: Sent,
+    peers: Peers,
+    /// Epoch of the session that leads.
+    epoch: u32,
+    command: Option<Newest>,
+    /// Newest command that acted.
+    acted: u64,
+    hold: Reason,
+    asks_capability: bool,
+    rejects: Rejects,
+}
+
+/// The newest command of the session that leads.
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    /// Send time of its echo.
+    at: Instant,
+    sequence: u64,
+    motion: Motion,
+    is_engaged: bool,
+}
+
+impl FarEnd {
+    /// Creates the end of `arm` with a session, which must be random. Holds when the newest command is older than
+    /// `hold_after`. Allocates once.
+    pub fn new(arm: u16, session: u64, hold_after: Duration) -> Self {
+        Self {
+            arm,
+            hold_after,
+            sent: Sent::new(session.max(1)),
+            peers: Peers::new(hold_after),
+            epoch: 0,
+            command: None,
+            acted: 0,
+            hold: Reason::NotArmed,
+            asks_capability: false,
+            rejects: Rejects::default(),
+        }
+    }
+
+    /// Takes a message of a node.
+    pub fn on_message(&mut self, now: Instant, bytes: &[u8]) {
+        if let Err(reject) = self.take(now, bytes) {
+            self.rejects.count(reject);
+        }
+    }
+
+    fn take(&mut self, now: Instant, bytes: &[u8]) -> Result<(), Reject> {
+        let Command { head, motion, is_engaged, asks_capability, .. } = Command::decode(bytes)?;
+        if head.arm != self.arm {
+            return Err(Reject::Arm);
+        }
+        let sent_at = self.sent.time_of(head.echo, now, self.hold_after);
+        let Some(admission) = self.peers.admit(now, head.own, head.echo, sent_at)? else {
+            return Ok(());
+        };
+        if admission.is_new_session {
+            // It may have been armed for another far side: its present epoch moves nothing here.
+            (self.epoch, self.acted, self.hold) = (head.epoch, 0, Reason::NotArmed);
+        } else if head.epoch < self.epoch {
+            return Err(Reject::Left);
+        } else if head.epoch > self.epoch {
+            (self.epoch, self.hold) = (head.epoch, Reason::None);
+        }
+        let sequence = head.own.sequence;
+        self.command = Some(Newest { at: admission.at, sequence, motion, is_engaged });
+        self.asks_capability |= asks_capability;
+        Ok(())
+    }
+
+    /// Returns the motion to perform at `now`. Holds from the first time at which no fresh command is there, until a new
+    /// epoch.
+    pub fn motion(&mut self, now: Instant) -> Motion {
+        let fresh = self.command.filter(|newest| now.since(newest.at) <= self.hold_after);
+        let Some(fresh) = fresh else {
+            self.hold(Reason::Silence);
+            return Motion::Hold;
+        };
+        if self.hold != Reason::None {
+            return Motion::Hold;
+        }
+        self.acted = fresh.sequence;
+        fresh.motion
+    }
+
+    /// Holds for a reason of the robot's, until a new epoch. The first reason stays.
+    pub fn hold(&mut self, reason: Reason) {
+        let is_silent_unarmed = self.hold == Reason::NotArmed && reason == Reason::Silence;
+        if matches!(self.hold, Reason::None | Reason::NotArmed) && !is_silent_unarmed {
+            self.hold = reason;
+        }
+    }
+
+    /// Returns the next message to the node.
+    pub fn feedback(&mut self, now: Instant, measured: &Measured) -> [u8; Feedback::LENGTH] {
+        let feedback = Feedback {
+            head: self.head(now),
+            state: self.state(),
+            reason: self.hold,
+            obeyed_session: self.peers.session(),
+            acted_sequence: self.acted,
+            measured: *measured,
+        };
+        feedback.encode()
+    }
+
+    /// Returns the message with these figures, if the node asked for them.
+    pub fn capability(
+        &mut self,
+        now: Instant,
+        figures: &Capability,
+    ) -> Option<[u8; Capability::LENGTH]> {
+        let is_asked = std::mem::take(&mut self.asks_capability);
+        is_asked.then(|| figures.encode(&self.head(now)))
+    }
+
+    fn head(&mut self, now: Instant) -> Head {
+        Head {
+            arm: self.arm,
+            epoch: self.epoch,
+            own: self.sent.stamp(now),
+            echo: self.peers.echo(),
+        }
+    }
+
+    /// Returns the state.
+    pub fn state(&self) -> FarState {
+        if self.hold == Reason::None { FarState::Following } else { FarState::Holding }
+    }
+
+    /// Returns why it holds; [`Reason::None`] while it follows.
+    pub const fn reason(&self) -> Reason {
+        self.hold
+    }
+
+    /// Returns session and epoch of the node that leads; session zero for none.
+    pub fn leader(&self) -> (u64, u32) {
+        (self.peers.session(), self.epoch)
+    }
+
+    /// Returns whether the motion of the newest command comes from the operator's hand.
+    pub fn is_engaged(&self) -> bool {
+        self.command.is_some_and(|newest| newest.is_engaged)
+    }
+
+    /// Returns the counts of messages that had no effect.
+    pub const fn rejects(&self) -> &Rejects {
+        &self.rejects
+    }
+}

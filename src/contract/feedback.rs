@@ -1,0 +1,141 @@
+//! The feedback of a cycle, from the far side to the node. docs/link.md has the table.
+
+use crate::codec::{ENCAPSULATION_LENGTH, Reader, Writer, are_within};
+use crate::codes::codes;
+use crate::command::Gripper;
+use crate::head::{HEAD_LENGTH, Head, Kind};
+use crate::pose::Pose;
+use crate::reject::Reject;
+
+/// Maximum component of a wrench, in N or N·m.
+const MAX_WRENCH: f64 = 1e5;
+
+const WRENCH: u8 = 1;
+const POSE: u8 = 1 << 1;
+const GRIPPER: u8 = 1 << 2;
+
+codes! {
+    /// State of the far side.
+    pub enum FarState {
+        /// It stays where it is.
+        Holding = 0, "holding";
+        /// It follows the commands of the session that leads.
+        Following = 1, "following";
+    }
+}
+
+codes! {
+    /// Reason to hold. Only a new epoch ends it.
+    pub enum Reason {
+        /// It follows.
+        None = 0, "none";
+        /// No node leads, or its session was never armed.
+        NotArmed = 1, "not armed";
+        /// No fresh command.
+        Silence = 2, "no fresh command";
+        /// The force/torque sensor reports an invalid reading.
+        SensorInvalid = 3, "force sensor invalid";
+        /// The force/torque sensor is beyond its range.
+        SensorSaturated = 4, "force sensor saturated";
+        /// The force/torque sensor reports nothing new.
+        SensorSilent = 5, "force sensor silent";
+        /// The contact wrench is above its limit.
+        WrenchLimit = 6, "contact wrench above its limit";
+        /// The far side ends.
+        Ending = 7, "far side ends";
+        /// A fault of the robot itself.
+        Robot = 8, "fault of the robot";
+    }
+}
+
+/// Measurements of one cycle of the far side.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Wrench of the environment on the object at {S}, payload removed: force in N, then moment in N·m. `None` is invalid.
+    pub wrench: Option<[f64; 6]>,
+    /// Pose of {MRF} in {b}.
+    pub pose: Option<Pose>,
+    /// Gripper.
+    pub gripper: Option<Gripper>,
+}
+
+/// Feedback of the far side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feedback {
+    /// Head.
+    pub head: Head,
+    /// State.
+    pub state: FarState,
+    /// Why it holds.
+    pub reason: Reason,
+    /// Session of the node that leads; zero for none.
+    pub obeyed_session: u64,
+    /// Newest command of it that acted; zero for none.
+    pub acted_sequence: u64,
+    /// Measurements.
+    pub measured: Measured,
+}
+
+impl Feedback {
+    /// Length, in bytes.
+    pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 152;
+
+    /// Encodes the feedback.
+    pub fn encode(&self) -> [u8; Self::LENGTH] {
+        let Measured { wrench, pose, gripper } = self.measured;
+        let flag = |is_valid: bool, flag: u8| if is_valid { flag } else { 0 };
+        let valid = flag(wrench.is_some(), WRENCH)
+            | flag(pose.is_some(), POSE)
+            | flag(gripper.is_some(), GRIPPER);
+        let mut bytes = [0; Self::LENGTH];
+        let mut writer = Writer::new(&mut bytes);
+        self.head.write(Kind::Feedback, &mut writer);
+        writer.put([self.state.code(), self.reason.code(), valid]);
+        writer.put([0; 5]);
+        writer.put(self.obeyed_session.to_le_bytes());
+        writer.put(self.acted_sequence.to_le_bytes());
+        writer.numbers(&wrench.unwrap_or_default());
+        writer.numbers(&pose.unwrap_or_default().numbers());
+        writer.numbers(&Gripper::numbers(gripper));
+        bytes
+    }
+
+    /// Decodes a message.
+    ///
+    /// # Errors
+    /// A message that is not a feedback of this version, or has a value out of range.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Reject> {
+        let mut reader = Reader::new(bytes)?;
+        let (kind, head) = Head::read(&mut reader)?;
+        match (kind, bytes.len()) {
+            (Kind::Feedback, Self::LENGTH) => {}
+            (Kind::Feedback, _) => return Err(Reject::Length),
+            (Kind::Command | Kind::Capability, _) => return Err(Reject::Foreign),
+        }
+        let [state, reason, valid] = reader.take()?;
+        let _: [u8; 5] = reader.take()?;
+        let obeyed_session = u64::from_le_bytes(reader.take()?);
+        let acted_sequence = u64::from_le_bytes(reader.take()?);
+        let (wrench, pose, gripper) = (reader.numbers()?, reader.numbers()?, reader.numbers()?);
+        let is_valid = |flag: u8| valid & flag != 0;
+        let is_possible = valid & !(WRENCH | POSE | GRIPPER) == 0
+            && (!is_valid(WRENCH) || are_within(&wrench, MAX_WRENCH));
+        let pose = Pose::from_numbers(pose);
+        if !is_possible || is_valid(POSE) && pose.is_none() {
+            return Err(Reject::Impossible);
+        }
+        let gripper = if is_valid(GRIPPER) { Some(Gripper::from_numbers(gripper)?) } else { None };
+        Ok(Self {
+            head,
+            state: FarState::from_code(state).ok_or(Reject::Impossible)?,
+            reason: Reason::from_code(reason).ok_or(Reject::Impossible)?,
+            obeyed_session,
+            acted_sequence,
+            measured: Measured {
+                wrench: is_valid(WRENCH).then_some(wrench),
+                pose: pose.filter(|_| is_valid(POSE)),
+                gripper,
+            },
+        })
+    }
+}

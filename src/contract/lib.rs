@@ -1,0 +1,65 @@
+//! The contract between a node and its far side, a robot in another process: messages, and what each end accepts.
+//!
+//! No I/O and no clock: bytes and times are arguments. docs/link.md has the byte tables, the states and test vectors.
+//!
+//! ```text
+//!  node: [`NodeEnd`]                                                              robot: [`FarEnd`]
+//!    Command, from the start on, held until the first arming ─────────────────────►  acts while its echo is fresh
+//!    ◄──────────────────────────── Feedback with the echo of the newest Command ──   every cycle of the robot
+//!    ◄───────────────────────────────────────────────────────────── Capability ──   where a Command asks for it
+//! ```
+//!
+//! Each end draws a random session when it starts, numbers its messages, and repeats the newest session and number that it
+//! got from the other end: the *echo*. An end knows when it sent the echoed message, so it knows a maximum age of what the
+//! other end sends, on its own clock.
+//!
+//! ```
+//! use contract::{FarEnd, FarState, Measured, Motion, NodeEnd, Order};
+//! use std::time::Duration;
+//! use units::time::Instant;
+//!
+//! let at = |ms: u64| Instant::from_micros(1_000 * ms);
+//! let mut node = NodeEnd::new(0, 0x5eed);
+//! let mut far = FarEnd::new(0, 0xface, Duration::from_millis(100));
+//! // Once each end has received from the other, an echo says how old a message is.
+//! let hold = Order { motion: Motion::Hold, is_engaged: false };
+//! for ms in 1..3 {
+//!     far.on_message(at(ms), &node.command(at(ms), &hold));
+//!     node.on_message(at(ms), &far.feedback(at(ms), &Measured::default()));
+//! }
+//! node.begin_epoch();
+//! let rate = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true };
+//! far.on_message(at(3), &node.command(at(3), &rate));
+//! assert_eq!(far.motion(at(3)), Motion::Rate([0.1; 6]));
+//! assert_eq!(far.motion(at(200)), Motion::Hold, "its echo is too old");
+//! ```
+#![forbid(unsafe_code)]
+
+mod capability;
+mod codec;
+mod codes;
+mod command;
+mod far_end;
+mod feedback;
+mod head;
+mod node_end;
+mod peers;
+mod pose;
+mod reject;
+mod round_trips;
+mod sent;
+#[cfg(test)]
+mod tests;
+
+pub use capability::{Capability, PayloadRemoval};
+pub use command::{Command, Gripper, Motion};
+pub use far_end::FarEnd;
+pub use feedback::{FarState, Feedback, Measured, Reason};
+pub use head::{Echo, Head, VERSION};
+pub use node_end::{NodeEnd, Order, Sample};
+pub use pose::Pose;
+pub use reject::{Reject, Rejects};
+pub use round_trips::RoundTrips;
+
+/// Maximum length of a message, in bytes: that of a [`Capability`].
+pub const MAX_LENGTH: usize = Capability::LENGTH;

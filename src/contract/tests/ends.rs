@@ -1,0 +1,306 @@
+//! Both ends: epochs, silence, sessions that come and go, and a network that disturbs.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use super::{ARM, Ends, HOLD_AFTER, OFFSET, at, force, rate};
+use crate::{
+    Capability, FarEnd, FarState, Measured, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject,
+};
+use units::time::Instant;
+
+const FIGURES: Capability = Capability {
+    senses_wrench: true,
+    senses_pose: true,
+    has_gripper: false,
+    follows_rates: true,
+    follows_poses: true,
+    payload_removal: PayloadRemoval::Weight,
+    accommodation: [0.001; 6],
+    deadband: [1.0; 6],
+    servo_lag: 0.02,
+    sample_period: 0.001,
+    hold_after: 0.1,
+    sensor_range: [200.0, 10.0],
+    stiffest_contact: 5_000.0,
+    max_speed: [0.5, 2.0],
+    workspace: [[-1.0; 3], [1.0; 3]],
+};
+
+#[test]
+fn far_side_moves_only_after_an_arming() {
+    let mut ends = Ends::new();
+    for millis in 0..50 {
+        assert_eq!(ends.exchange(at(millis), rate(at(millis))).0, Motion::Hold);
+    }
+    assert_eq!(ends.far.reason(), Reason::NotArmed);
+    ends.node.begin_epoch();
+    assert_eq!(ends.exchange(at(50), rate(at(50))).0, rate(at(50)));
+    assert_eq!((ends.far.state(), ends.far.leader()), (FarState::Following, (11, 1)));
+}
+
+#[test]
+fn sample_is_as_old_as_the_command_that_it_echoes() {
+    let mut ends = Ends::armed();
+    let command = ends.command(at(10), Motion::Hold);
+    ends.far.on_message(at(18) + OFFSET, &command);
+    let feedback = ends.feedback(at(19));
+    let sample = ends.node.on_message(at(27), &feedback).unwrap();
+    assert_eq!(sample.at, at(10));
+    assert_eq!(ends.node.round_trips().percentile(100), Some(Duration::from_millis(17)));
+}
+
+#[test]
+fn hazard_34_silence_holds_until_a_new_epoch() {
+    let mut ends = Ends::armed();
+    assert_eq!(ends.exchange(at(10), rate(at(10))).0, rate(at(10)));
+    // The echo of that command was sent at 3 ms.
+    assert_eq!(ends.far.motion(at(103) + OFFSET), rate(at(10)));
+    assert_eq!(ends.far.motion(at(104) + OFFSET), Motion::Hold);
+    assert_eq!((ends.far.state(), ends.far.reason()), (FarState::Holding, Reason::Silence));
+    for millis in 200..400 {
+        assert_eq!(ends.exchange(at(millis), rate(at(millis))).0, Motion::Hold);
+    }
+    ends.node.begin_epoch();
+    assert_eq!(ends.exchange(at(400), rate(at(400))).0, rate(at(400)));
+}
+
+#[test]
+fn reason_of_the_robot_holds_until_a_new_epoch() {
+    let mut ends = Ends::armed();
+    ends.far.hold(Reason::WrenchLimit);
+    ends.far.hold(Reason::SensorInvalid);
+    let (performed, sample) = ends.exchange(at(5), rate(at(5)));
+    let feedback = sample.unwrap().feedback;
+    assert_eq!((performed, feedback.state), (Motion::Hold, FarState::Holding));
+    assert_eq!(feedback.reason, Reason::WrenchLimit, "the first");
+    ends.node.begin_epoch();
+    assert_eq!(ends.exchange(at(6), rate(at(6))).0, rate(at(6)));
+}
+
+#[test]
+fn hazard_35_stopped_far_side_acts_on_nothing_of_its_backlog() {
+    let mut ends = Ends::armed();
+    assert_eq!(ends.exchange(at(10), rate(at(10))).0, rate(at(10)));
+    let backlog: Vec<_> =
+        (11..3_011).map(|millis| ends.command(at(millis), rate(at(millis)))).collect();
+    for command in &backlog {
+        ends.far.on_message(at(3_011) + OFFSET, command);
+        assert_eq!(ends.far.motion(at(3_011) + OFFSET), Motion::Hold);
+    }
+    assert_eq!(ends.far.rejects().of(Reject::Old), 3_000);
+    assert_eq!(ends.far.reason(), Reason::Silence);
+}
+
+#[test]
+fn hazard_37_second_node_reads_who_leads() {
+    let mut ends = Ends::armed();
+    let mut second = NodeEnd::new(ARM, 33);
+    second.begin_epoch();
+    let order = Order { motion: rate(at(5)), is_engaged: true };
+    for millis in 5..300 {
+        ends.far.on_message(at(millis) + OFFSET, &second.command(at(millis), &order));
+        let (performed, _) = ends.exchange(at(millis), rate(at(millis)));
+        assert_eq!(performed, rate(at(millis)));
+        let feedback = ends.feedback(at(millis));
+        assert_eq!(second.on_message(at(millis), &feedback), None);
+    }
+    assert_eq!(second.rejects().of(Reject::Session), 295, "echoes of the node that leads");
+    assert_eq!(ends.far.rejects().of(Reject::NotLeader), 295);
+}
+
+#[test]
+fn hazard_37_node_that_led_before_never_leads_again() {
+    let mut ends = Ends::armed();
+    let mut second = Ends { node: NodeEnd::new(ARM, 33), far: ends.far.clone() };
+    let led = |ends: &mut Ends, from: u64| {
+        (from..from + 5).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+        ends.node.begin_epoch();
+        ends.exchange(at(from + 5), rate(at(from))).0
+    };
+    assert_eq!(led(&mut second, 200), rate(at(200)));
+    assert_eq!(second.far.leader(), (33, 1));
+    ends.far = second.far;
+    assert_eq!(led(&mut ends, 400), Motion::Hold);
+    assert_eq!(ends.far.leader(), (33, 1));
+    assert!(ends.far.rejects().of(Reject::Left) > 0);
+}
+
+#[test]
+fn hazard_34_restarted_far_side_holds_in_the_epoch_it_finds() {
+    let mut ends = Ends::armed();
+    ends.far = FarEnd::new(ARM, 44, HOLD_AFTER);
+    for millis in 4..300 {
+        let (performed, sample) = ends.exchange(at(millis), rate(at(millis)));
+        assert_eq!(performed, Motion::Hold);
+        // The session before is current while its newest echo is fresh.
+        assert_eq!(sample.is_some(), millis >= 104, "{millis}");
+    }
+    assert_eq!((ends.node.far_session(), ends.far.reason()), (44, Reason::NotArmed));
+    ends.node.begin_epoch();
+    assert_eq!(ends.exchange(at(300), rate(at(300))).0, rate(at(300)));
+}
+
+#[test]
+fn capability_is_asked_until_the_session_has_one() {
+    let mut ends = Ends::new();
+    assert!(ends.far.capability(at(0) + OFFSET, &FIGURES).is_none());
+    (0..3).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+    let capability = ends.far.capability(at(3) + OFFSET, &FIGURES).unwrap();
+    assert!(ends.node.capability().is_none());
+    ends.node.on_message(at(3), &capability);
+    assert_eq!(ends.node.capability(), Some(&FIGURES));
+    (4..6).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+    assert!(ends.far.capability(at(6) + OFFSET, &FIGURES).is_none(), "no longer asked");
+    ends.far = FarEnd::new(ARM, 44, HOLD_AFTER);
+    (200..205).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+    assert!(ends.node.capability().is_none(), "of another session");
+    assert!(ends.far.capability(at(205) + OFFSET, &FIGURES).is_some());
+}
+
+#[test]
+fn unlimited_figures_are_sent_as_the_largest() {
+    let mut ends = Ends::new();
+    (0..3).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+    let unlimited = Capability { stiffest_contact: f64::INFINITY, ..FIGURES };
+    let capability = ends.far.capability(at(3) + OFFSET, &unlimited).unwrap();
+    ends.node.on_message(at(3), &capability);
+    assert_eq!(ends.node.capability().map(|it| it.stiffest_contact), Some(1e9));
+}
+
+#[test]
+fn hazard_37_echoes_that_cannot_be_are_counted_and_do_not_act() {
+    let mut ends = Ends::armed();
+    let mut liar = ends.far.clone();
+    // A far side with echoes of messages that this node has never sent.
+    let mut ahead = NodeEnd::new(ARM, 11);
+    ahead.begin_epoch();
+    for _ in 0..1_000 {
+        let command = ahead.command(at(4), &HOLD);
+        liar.on_message(at(4) + OFFSET, &command);
+    }
+    let feedback = liar.feedback(at(4) + OFFSET, &Measured::default());
+    assert_eq!(ends.node.on_message(at(4), &feedback), None);
+    assert_eq!(ends.node.rejects().of(Reject::NeverSent), 1);
+    let mut other = Ends::armed();
+    other.node = NodeEnd::new(ARM, 12);
+    let feedback = other.feedback(at(4));
+    let mut node = other.node;
+    assert_eq!(node.on_message(at(4), &feedback), None);
+    assert_eq!(node.rejects().of(Reject::Session), 1);
+    let mut elsewhere = NodeEnd::new(ARM + 1, 11);
+    assert_eq!(elsewhere.on_message(at(4), &feedback), None);
+    assert_eq!(elsewhere.rejects().iter().collect::<Vec<_>>(), [(Reject::Arm, 1)]);
+}
+
+const HOLD: Order = Order { motion: Motion::Hold, is_engaged: false };
+
+#[test]
+fn hazard_36_replayed_and_overtaken_messages_do_not_act() {
+    let mut ends = Ends::armed();
+    let early = ends.command(at(5), rate(at(5)));
+    let late = ends.command(at(6), rate(at(6)));
+    for command in [&late, &early, &late, &early] {
+        ends.far.on_message(at(7) + OFFSET, command);
+        assert_eq!(ends.far.motion(at(7) + OFFSET), rate(at(6)));
+    }
+    let rejects = ends.far.rejects();
+    assert_eq!([Reject::Overtaken, Reject::Replayed].map(|one| rejects.of(one)), [1, 2]);
+}
+
+#[test]
+fn losses_are_counted_once_and_late_feedback_is_not_lost() {
+    let mut ends = Ends::armed();
+    let sent: Vec<_> = (5..15).map(|millis| ends.feedback(at(millis))).collect();
+    // 0 to 3, 6, 5 late, 9 twice: 4, 7 and 8 are lost.
+    for place in [0, 1, 2, 3, 6, 5, 9, 9] {
+        ends.node.on_message(at(20), &sent[place]);
+    }
+    assert_eq!(ends.node.round_trips().lost(), 3);
+}
+
+#[test]
+fn last_number_of_a_session_overflows_nothing() {
+    let mut ends = Ends::armed();
+    let mut bytes = ends.feedback(at(5));
+    bytes[20..28].copy_from_slice(&u64::MAX.to_le_bytes());
+    assert!(ends.node.on_message(at(5), &bytes).is_some());
+    let next = ends.feedback(at(6));
+    assert_eq!(ends.node.on_message(at(6), &next), None);
+    assert!(ends.node.round_trips().lost() > 1 << 63);
+}
+
+#[test]
+fn both_ends_find_back_after_an_interruption_of_either_way() {
+    for [there, back] in [[false, true], [true, false], [false, false]] {
+        let mut ends = Ends::armed();
+        for millis in 4..1_000 {
+            let command = ends.command(at(millis), Motion::Hold);
+            if there {
+                ends.far.on_message(at(millis) + OFFSET, &command);
+            }
+            ends.far.motion(at(millis) + OFFSET);
+            let feedback = ends.feedback(at(millis));
+            if back {
+                ends.node.on_message(at(millis), &feedback);
+            }
+        }
+        assert_eq!(ends.far.reason(), Reason::Silence);
+        (1_000..1_004).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+        ends.node.begin_epoch();
+        let (performed, sample) = ends.exchange(at(1_004), rate(at(1_004)));
+        assert_eq!(performed, rate(at(1_004)));
+        assert!(sample.is_some_and(|sample| sample.at >= at(1_003)));
+    }
+}
+
+/// Messages under way to one end, by arrival in ms.
+type UnderWay = BTreeMap<u64, Vec<Vec<u8>>>;
+
+fn send(way: &mut UnderWay, now: u64, message: &[u8], [delay, lost, copies]: [u64; 3]) {
+    for copy in 0..copies.min(2) {
+        if lost % 5 != 0 {
+            way.entry(now + delay + copy * delay).or_default().push(message.to_vec());
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn property_13_nothing_older_than_its_limit_acts(
+        fates in prop::collection::vec(prop::array::uniform3(0..150_u64), 200),
+    ) {
+        let mut ends = Ends::armed();
+        let (mut there, mut back) = (UnderWay::new(), UnderWay::new());
+        let mut fates = fates.into_iter().cycle();
+        for now in 4..600 {
+            let command = ends.command(at(now), rate(at(now)));
+            send(&mut there, now, &command, fates.next().unwrap());
+            for message in there.remove(&now).unwrap_or_default() {
+                ends.far.on_message(at(now) + OFFSET, &message);
+            }
+            if let Motion::Rate([commanded, ..]) = ends.far.motion(at(now) + OFFSET) {
+                let age = seconds(at(now)) - commanded;
+                prop_assert!((0.0..=0.1 + 1e-9).contains(&age), "{}", age);
+            }
+            let feedback = ends.feedback(at(now));
+            send(&mut back, now, &feedback, fates.next().unwrap());
+            for message in back.remove(&now).unwrap_or_default() {
+                let Some(sample) = ends.node.on_message(at(now), &message) else { continue };
+                let [measured, ..] = sample.feedback.measured.wrench.unwrap();
+                let (age, claimed) = (seconds(at(now)) - measured, seconds(at(now)) - seconds(sample.at));
+                prop_assert!(age <= claimed + 1e-9 && claimed <= 0.1 + 1e-9, "{} {}", age, claimed);
+            }
+            if now % 97 == 0 {
+                ends.node.begin_epoch();
+            }
+        }
+    }
+}
+
+fn seconds(now: Instant) -> f64 {
+    let [seconds, ..] = force(now);
+    seconds
+}

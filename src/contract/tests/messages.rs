@@ -1,0 +1,191 @@
+//! Encoding and decoding.
+
+use proptest::prelude::*;
+
+use super::ARM;
+use crate::head::{Echo, Head, Kind};
+use crate::{
+    Capability, Command, FarState, Feedback, Gripper, Measured, Motion, PayloadRemoval, Pose,
+    Reason, Reject,
+};
+
+fn head() -> impl Strategy<Value = Head> {
+    (any::<u32>(), 1..u64::MAX, 1..u64::MAX, any::<u64>(), any::<u64>()).prop_map(
+        |(epoch, session, sequence, echoed_session, echoed_sequence)| Head {
+            arm: ARM,
+            epoch,
+            own: Echo { session, sequence },
+            echo: Echo { session: echoed_session, sequence: echoed_sequence },
+        },
+    )
+}
+
+fn pose() -> impl Strategy<Value = Pose> {
+    (prop::array::uniform3(-1e3..1e3_f64), prop::array::uniform4(0.1..1.0_f64)).prop_map(
+        |(position, parts)| {
+            let norm = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+            Pose { position, orientation: parts.map(|part| part / norm) }
+        },
+    )
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    prop_oneof![
+        Just(Motion::Hold),
+        prop::array::uniform6(-100.0..100.0_f64).prop_map(Motion::Rate),
+        pose().prop_map(Motion::Pose),
+    ]
+}
+
+fn gripper() -> impl Strategy<Value = Option<Gripper>> {
+    prop::option::of((0.0..1.0, 0.0..100.0))
+        .prop_map(|given| given.map(|(position, force)| Gripper { position, force }))
+}
+
+prop_compose! {
+    fn command()(
+        head in head(), motion in motion(), is_engaged: bool, asks_capability: bool, gripper in gripper(),
+    ) -> Command {
+        Command { head, motion, is_engaged, asks_capability, gripper }
+    }
+}
+
+prop_compose! {
+    fn feedback()(
+        head in head(), state in 0..2_u8, reason in 0..9_u8, obeyed_session: u64, acted_sequence: u64,
+        wrench in prop::option::of(prop::array::uniform6(-1e5..1e5_f64)), pose in prop::option::of(pose()),
+        gripper in gripper(),
+    ) -> Feedback {
+        Feedback {
+            head,
+            state: FarState::from_code(state).unwrap(),
+            reason: Reason::from_code(reason).unwrap(),
+            obeyed_session,
+            acted_sequence,
+            measured: Measured { wrench, pose, gripper },
+        }
+    }
+}
+
+prop_compose! {
+    fn capability()(
+        flags in prop::array::uniform5(any::<bool>()), removal in 0..3_u8,
+        six in prop::array::uniform6(0.0..1.0_f64), nine in prop::array::uniform9(0.0..1e9_f64),
+        low in prop::array::uniform3(-1.0..1.0_f64),
+    ) -> Capability {
+        let [senses_wrench, senses_pose, has_gripper, follows_rates, follows_poses] = flags;
+        let [servo_lag, sample_period, hold_after, n, nm, stiffest_contact, v, w, more] = nine;
+        Capability {
+            senses_wrench, senses_pose, has_gripper, follows_rates, follows_poses,
+            payload_removal: PayloadRemoval::from_code(removal).unwrap(),
+            accommodation: six,
+            deadband: six.map(|part| part + more / 1e9),
+            servo_lag, sample_period, hold_after,
+            sensor_range: [n, nm],
+            stiffest_contact,
+            max_speed: [v, w],
+            workspace: [low, low.map(|part| part + 1.0)],
+        }
+    }
+}
+
+/// Asserts that what is decoded has no value out of range.
+fn check_values(bytes: &[u8]) {
+    let command = Command::decode(bytes).map(|command| command.motion);
+    if let Ok(Motion::Rate(rate)) = command {
+        assert!(rate.iter().all(|part| part.abs() <= 100.0));
+    }
+    let wrench = Feedback::decode(bytes).ok().and_then(|feedback| feedback.measured.wrench);
+    assert!(wrench.is_none_or(|wrench| wrench.iter().all(|part| part.abs() <= 1e5)));
+    let lag = Capability::decode(bytes).map(|(_, capability)| capability.servo_lag);
+    assert!(lag.is_err() || lag.is_ok_and(|lag| (0.0..=1e9).contains(&lag)));
+}
+
+proptest! {
+    #[test]
+    fn messages_are_decoded_as_they_were_encoded(
+        command in command(), feedback in feedback(), head in head(), capability in capability(),
+    ) {
+        prop_assert_eq!(Command::decode(&command.encode()), Ok(command));
+        prop_assert_eq!(Feedback::decode(&feedback.encode()), Ok(feedback));
+        prop_assert_eq!(Capability::decode(&capability.encode(&head)), Ok((head, capability)));
+    }
+
+    #[test]
+    fn any_bytes_are_decoded_to_values_in_range_or_rejected(mut bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..5_u8) {
+        check_values(&bytes);
+        // With a valid beginning, random bytes reach the values.
+        let beginning = [0, 1, 0, 0, kind, 1];
+        bytes.iter_mut().zip(beginning).for_each(|(byte, valid)| *byte = valid);
+        for length in [Command::LENGTH, Feedback::LENGTH, Capability::LENGTH] {
+            bytes.resize(length, 7);
+            check_values(&bytes);
+        }
+    }
+
+    #[test]
+    fn truncated_and_extended_messages_are_rejected(command in command(), feedback in feedback(), extra: u8) {
+        let (command, feedback) = (command.encode(), feedback.encode());
+        for length in 0..command.len() {
+            prop_assert!(Command::decode(&command[..length]).is_err());
+        }
+        for length in 0..feedback.len() {
+            prop_assert!(Feedback::decode(&feedback[..length]).is_err());
+        }
+        let longer = [&command[..], &[extra]].concat();
+        prop_assert_eq!(Command::decode(&longer), Err(Reject::Length));
+    }
+
+    #[test]
+    fn hazard_33_values_out_of_range_are_rejected(
+        command in command(), feedback in feedback(), capability in capability(), head in head(), place in 0..13_usize,
+        wild in prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-2e9), Just(2e9)],
+    ) {
+        let with = |bytes: &[u8], offset: usize| {
+            let mut bytes = bytes.to_vec();
+            bytes[offset..offset + 8].copy_from_slice(&wild.to_le_bytes());
+            bytes
+        };
+        // Offsets of the page count from the end of the encapsulation header.
+        let rate = Command { motion: Motion::Rate([0.0; 6]), ..command };
+        let pose = Command { motion: Motion::Pose(Pose::default()), ..command };
+        let bytes = if place < 6 { rate.encode() } else { pose.encode() };
+        prop_assert_eq!(Command::decode(&with(&bytes, 52 + 8 * place)), Err(Reject::Impossible));
+        let measured = Measured { wrench: Some([0.0; 6]), pose: Some(Pose::default()), gripper: None };
+        let bytes = Feedback { measured, ..feedback }.encode();
+        prop_assert_eq!(Feedback::decode(&with(&bytes, 68 + 8 * place)), Err(Reject::Impossible));
+        let bytes = capability.encode(&head);
+        prop_assert_eq!(Capability::decode(&with(&bytes, 52 + 16 * place)), Err(Reject::Impossible));
+    }
+}
+
+#[test]
+fn lengths_are_within_those_of_the_contract() {
+    const { assert!(Command::LENGTH <= 200 && Feedback::LENGTH <= 200 && Capability::LENGTH <= 512) };
+    assert_eq!([Command::LENGTH, Feedback::LENGTH, Capability::LENGTH], [188, 196, 276]);
+}
+
+#[test]
+fn other_versions_kinds_and_encodings_are_named() {
+    let head = Head { arm: ARM, epoch: 0, own: Echo { session: 1, sequence: 1 }, echo: Echo::NONE };
+    let command = Command {
+        head,
+        motion: Motion::Hold,
+        is_engaged: false,
+        asks_capability: false,
+        gripper: None,
+    };
+    let decoded = |place: usize, byte: u8| {
+        let mut bytes = command.encode();
+        bytes[place] = byte;
+        Command::decode(&bytes)
+    };
+    assert_eq!(decoded(1, 0), Err(Reject::Foreign), "big-endian");
+    assert_eq!(decoded(4, Kind::Feedback.code()), Err(Reject::Foreign));
+    assert_eq!(decoded(4, 9), Err(Reject::Foreign));
+    assert_eq!(decoded(5, 2), Err(Reject::Version));
+    assert_eq!(decoded(44, 3), Err(Reject::Impossible), "mode");
+    assert_eq!(decoded(45, 2), Err(Reject::Impossible), "flag");
+    assert_eq!(decoded(48, 1), Ok(command), "reserved bytes are not read");
+    assert_eq!(decoded(12, 0), Err(Reject::Impossible), "session zero");
+}

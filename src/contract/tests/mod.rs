@@ -1,0 +1,71 @@
+//! Messages and both ends together, over a network that delays, loses, doubles and reorders.
+
+mod ends;
+mod messages;
+
+use std::time::Duration;
+
+use crate::{FarEnd, Measured, Motion, NodeEnd, Order, Sample};
+use units::time::Instant;
+
+/// Number of the arm.
+const ARM: u16 = 3;
+
+/// `hold_after` of the far side.
+const HOLD_AFTER: Duration = Duration::from_millis(100);
+
+/// Lead of the far side's clock on the node's.
+const OFFSET: Duration = Duration::from_secs(3_600);
+
+fn at(millis: u64) -> Instant {
+    Instant::from_micros(1_000 * millis)
+}
+
+/// Both ends, with clocks an hour apart.
+struct Ends {
+    node: NodeEnd,
+    far: FarEnd,
+}
+
+impl Ends {
+    fn new() -> Self {
+        Self { node: NodeEnd::new(ARM, 11), far: FarEnd::new(ARM, 22, HOLD_AFTER) }
+    }
+
+    /// Both ends, armed, after an exchange at 0, 1, 2 and 3 ms.
+    fn armed() -> Self {
+        let mut ends = Self::new();
+        (0..2).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+        ends.node.begin_epoch();
+        (2..4).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
+        ends
+    }
+
+    fn command(&mut self, now: Instant, motion: Motion) -> Vec<u8> {
+        self.node.command(now, &Order { motion, is_engaged: true }).to_vec()
+    }
+
+    fn feedback(&mut self, now: Instant) -> Vec<u8> {
+        let measured = Measured { wrench: Some(force(now)), ..Measured::default() };
+        self.far.feedback(now + OFFSET, &measured).to_vec()
+    }
+
+    /// Exchanges a command and a feedback without delay; returns what the far side does, and the sample.
+    fn exchange(&mut self, now: Instant, motion: Motion) -> (Motion, Option<Sample>) {
+        let command = self.command(now, motion);
+        self.far.on_message(now + OFFSET, &command);
+        let performed = self.far.motion(now + OFFSET);
+        let feedback = self.feedback(now);
+        (performed, self.node.on_message(now, &feedback))
+    }
+}
+
+/// A wrench that shows when it was measured.
+fn force(now: Instant) -> [f64; 6] {
+    [Duration::from_micros(now.as_micros()).as_secs_f64(), 0.0, 0.0, 0.0, 0.0, 0.0]
+}
+
+/// A rate that shows when it was commanded.
+fn rate(now: Instant) -> Motion {
+    Motion::Rate(force(now))
+}

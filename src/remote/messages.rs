@@ -1,0 +1,71 @@
+//! Commands and samples of the node, as messages of the [`contract`].
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use crate::Sensed;
+use contract::{Measured, Order, Pose, Sample};
+use units::spatial::{Motion, Twist, Wrench};
+
+/// Returns a command of the node as an order to the far side.
+pub fn order(command: &Motion) -> Order {
+    let motion = match command {
+        Motion::Hold => contract::Motion::Hold,
+        Motion::Rate(v_m) => contract::Motion::Rate(v_m.components()),
+        Motion::Pose(x_b_d) => contract::Motion::Pose(pose(x_b_d)),
+    };
+    Order { motion, is_engaged: *command != Motion::Hold }
+}
+
+/// Returns the motion of a message as a command to an object.
+pub fn motion(motion: &contract::Motion) -> Motion {
+    match motion {
+        contract::Motion::Hold => Motion::Hold,
+        contract::Motion::Rate(v_m) => Motion::Rate(Twist::from_components(*v_m)),
+        contract::Motion::Pose(x_b_d) => Motion::Pose(isometry(x_b_d)),
+    }
+}
+
+/// Returns what an object measured, for a message. A sample out of range is invalid.
+pub fn measured(sensed: &Sensed) -> Measured {
+    let is_possible = sensed.is_possible();
+    Measured {
+        wrench: is_possible.then(|| sensed.f_s.components()),
+        pose: is_possible.then(|| pose(&sensed.x_b_m)),
+        gripper: None,
+    }
+}
+
+/// Returns the sample of a message; `None` without a valid wrench and pose.
+pub fn sensed(sample: &Sample) -> Option<Sensed> {
+    let Measured { wrench, pose, .. } = sample.feedback.measured;
+    let (f_s, x_b_m) = (Wrench::from_components(wrench?), isometry(&pose?));
+    Some(Sensed { at: sample.at, f_s, x_b_m })
+}
+
+fn pose(x: &Isometry3<f64>) -> Pose {
+    Pose { position: x.translation.vector.into(), orientation: x.rotation.coords.into() }
+}
+
+fn isometry(&Pose { position, orientation }: &Pose) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::from(orientation));
+    Isometry3::from_parts(Translation3::from(position), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn commands_come_back_from_messages_as_they_were(
+            six in prop::array::uniform6(-3.0..3.0_f64), [x, y, z, a, b, c] in prop::array::uniform6(-3.0..3.0_f64),
+        ) {
+            let x_b_d = Isometry3::new([x, y, z].into(), [a, b, c].into());
+            for command in [Motion::Hold, Motion::Rate(Twist::from_components(six)), Motion::Pose(x_b_d)] {
+                prop_assert_eq!(motion(&order(&command).motion), command);
+            }
+        }
+    }
+}

@@ -4,11 +4,14 @@
 //!
 //! ```text
 //!  rate   S v_operator + (I - S) v_auto + K_FA f_m          pose   twist that reaches it, over 4 τ
-//!  hold   zero                                              then   speed limits, resolved rate, joint limits
+//!  hold   as a pose: the one at which the hold began        then   speed limits, resolved rate, joint limits
 //! ```
 //!
-//! A pose is approached with the gain 1/(4 τ), at which a servo of lag τ does not overshoot. A wrench above the limit stops
-//! the arm, and so does a measurement that is infinite or NaN; it stays stopped until [`reset`](ArmControl::reset).
+//! A pose is approached with the gain 1/(4 τ), at which a servo of lag τ does not overshoot. The arm holds where it is: a
+//! rate of zero alone would let its servos go on to where the rates before were to lead, which in contact is deeper.
+//!
+//! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN; it holds until
+//! [`reset`](ArmControl::reset).
 
 use nalgebra::Isometry3;
 
@@ -51,6 +54,8 @@ pub struct ArmControl {
     /// Wrench for the operator, at {S}.
     f_s_felt: Wrench,
     is_stopped: bool,
+    /// Pose at which the present hold began.
+    x_b_h: Option<Isometry3<f64>>,
 }
 
 impl ArmControl {
@@ -72,6 +77,7 @@ impl ArmControl {
             f_m: Wrench::ZERO,
             f_s_felt: Wrench::ZERO,
             is_stopped: false,
+            x_b_h: None,
         }
     }
 
@@ -80,13 +86,13 @@ impl ArmControl {
     pub fn step(&mut self, dt: f64, command: &Motion, q: &Joints, reading: &Wrench) -> Joints {
         let is_valid = q.iter().all(|q| q.is_finite()) && reading.is_finite() && dt > 0.0;
         if !is_valid {
-            self.is_stopped = true;
+            (self.is_stopped, self.x_b_h) = (true, None);
             self.qd = Joints::zeros();
             return self.qd;
         }
         self.observe(dt, q, reading);
         self.is_stopped |= !self.limit.allows(&self.f_m);
-        let v_m = if self.is_stopped { Twist::ZERO } else { self.twist(dt, command) };
+        let v_m = self.twist(dt, if self.is_stopped { &Motion::Hold } else { command });
         self.qd = self.law.rates(dt, q, &self.qd, &self.servo.limited(v_m));
         self.qd
     }
@@ -128,16 +134,24 @@ impl ArmControl {
     }
 
     /// Returns the twist of {MRF} that a command asks for. A command that is infinite or NaN holds.
-    fn twist(&self, dt: f64, command: &Motion) -> Twist {
+    fn twist(&mut self, dt: f64, command: &Motion) -> Twist {
         let v_m = match command {
-            Motion::Hold => Twist::ZERO,
-            Motion::Rate(v_m) => self.interaction.rate(v_m, &self.f_m),
-            Motion::Pose(x_b_d) => {
-                let reach_time = (4.0 * self.servo.time_constant()).max(dt);
-                Twist::reaching(&(self.tool.x_b_m.inverse() * x_b_d), reach_time)
-            }
+            Motion::Hold => None,
+            Motion::Rate(v_m) => Some(self.interaction.rate(v_m, &self.f_m)),
+            Motion::Pose(x_b_d) => Some(self.reaching(x_b_d, dt)),
         };
-        if v_m.is_finite() { v_m } else { Twist::ZERO }
+        if let Some(v_m) = v_m.filter(Twist::is_finite) {
+            self.x_b_h = None;
+            return v_m;
+        }
+        let x_b_h = *self.x_b_h.get_or_insert(self.tool.x_b_m);
+        self.reaching(&x_b_h, dt)
+    }
+
+    /// Returns the twist that reaches a pose.
+    fn reaching(&self, x_b_d: &Isometry3<f64>, dt: f64) -> Twist {
+        let reach_time = (4.0 * self.servo.time_constant()).max(dt);
+        Twist::reaching(&(self.tool.x_b_m.inverse() * x_b_d), reach_time)
     }
 }
 
@@ -199,9 +213,12 @@ mod tests {
         let push = Wrench::from_components([0.0, 0.0, -60.0, 0.0, 0.0, 0.0]);
         followed(&mut control, &mut q, &rate, &push, 1);
         assert!(control.is_stopped());
-        followed(&mut control, &mut q, &rate, &Wrench::ZERO, 500);
+        let stopped_at = *control.pose();
+        followed(&mut control, &mut q, &rate, &Wrench::ZERO, 1_000);
         let rest = control.step(DT, &rate, &q, &Wrench::ZERO);
-        assert_eq!(rest, Joints::zeros());
+        assert!(rest.norm() < 1e-6, "{rest}");
+        let off = stopped_at.inverse() * control.pose();
+        assert!(off.translation.vector.norm() < 1e-6 && off.rotation.angle() < 1e-6, "{off}");
         control.reset();
         assert!(control.step(DT, &rate, &q, &Wrench::ZERO).norm() > 0.0);
     }

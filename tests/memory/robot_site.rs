@@ -4,6 +4,8 @@
 use std::path::Path;
 use std::time::Duration;
 
+use nalgebra::Isometry3;
+
 use config::Config;
 use config::robots::RobotArm;
 use controller::stability::finding::Verdict;
@@ -55,6 +57,29 @@ fn simulated_arms_press_with_the_force_of_the_law() {
         let site = driven(&config, &Equipment::of(&config.remote), ahead(0.06), 8_000);
         let (felt, law) = (-site.control().contact().force.z, 0.06 / k_fa);
         assert!((felt / law - 1.0).abs() < 0.01, "{file}: {felt} N, law {law} N");
+    }
+}
+
+#[test]
+fn hold_in_contact_returns_to_its_force() {
+    for (file, step) in ARMS.into_iter().flat_map(|file| [(file, 6e-5), (file, 3e-4)]) {
+        let config = config(file, &[]);
+        let mut site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let start = *site.pose();
+        let force = |site: &RobotSite| -site.arm().f_m_contact().force.z;
+        let mut cycles = (0..).map(|cycle| Instant::ZERO + Duration::from_millis(1) * cycle);
+        // A hand that leads the object into the wall: poses, each a little deeper. At 0.3 m/s the arm is 6 mm behind.
+        let mut depth = 0.0;
+        while force(&site) < 3.0 {
+            depth += step;
+            let x_b_d = start * Isometry3::translation(0.0, 0.0, depth);
+            site.exchange(cycles.next().unwrap(), &Motion::Pose(x_b_d));
+        }
+        for _ in 0..3_000 {
+            site.exchange(cycles.next().unwrap(), &Motion::Hold);
+        }
+        let rest = force(&site);
+        assert!((1.0..4.0).contains(&rest), "{file}, {step} m per ms: {rest} N");
     }
 }
 

@@ -1,16 +1,10 @@
-//! Figures of the far side: asked when the link comes up, and compared with the configuration before arming.
+//! Figures of the far side, which a node asks for when the link comes up.
 //! docs/link.md has the table.
 
-use crate::codec::{ENCAPSULATION_LENGTH, Reader, Writer, are_within};
+use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within, packed, unpacked};
 use crate::codes::codes;
 use crate::head::{HEAD_LENGTH, Head, Kind};
 use crate::reject::Reject;
-
-const WRENCH: u8 = 1;
-const POSE: u8 = 1 << 1;
-const GRIPPER: u8 = 1 << 2;
-const RATES: u8 = 1;
-const POSES: u8 = 1 << 1;
 
 /// Maximum of every figure; an unlimited one is sent as this.
 const MAX_FIGURE: f64 = 1e9;
@@ -68,11 +62,8 @@ impl Capability {
 
     /// Encodes the capability. What is infinite becomes the largest figure that may be sent.
     pub fn encode(&self, head: &Head) -> [u8; Self::LENGTH] {
-        let flag = |is_set: bool, flag: u8| if is_set { flag } else { 0 };
-        let senses = flag(self.senses_wrench, WRENCH)
-            | flag(self.senses_pose, POSE)
-            | flag(self.has_gripper, GRIPPER);
-        let follows = flag(self.follows_rates, RATES) | flag(self.follows_poses, POSES);
+        let senses = packed([self.senses_wrench, self.senses_pose, self.has_gripper]);
+        let follows = packed([self.follows_rates, self.follows_poses]);
         let mut bytes = [0; Self::LENGTH];
         let mut writer = Writer::new(&mut bytes);
         head.write(Kind::Capability, &mut writer);
@@ -100,13 +91,7 @@ impl Capability {
     /// # Errors
     /// A message that is not a capability of this version, or has a figure out of range.
     pub fn decode(bytes: &[u8]) -> Result<(Head, Self), Reject> {
-        let mut reader = Reader::new(bytes)?;
-        let (kind, head) = Head::read(&mut reader)?;
-        match (kind, bytes.len()) {
-            (Kind::Capability, Self::LENGTH) => {}
-            (Kind::Capability, _) => return Err(Reject::Length),
-            (Kind::Command | Kind::Feedback, _) => return Err(Reject::Foreign),
-        }
+        let (head, mut reader) = Head::open(bytes, Kind::Capability, Self::LENGTH)?;
         let [senses, follows, removal] = reader.take()?;
         let _: [u8; 5] = reader.take()?;
         let (accommodation, deadband) = (reader.numbers()?, reader.numbers()?);
@@ -119,18 +104,18 @@ impl Capability {
         let not_negative = not_negative.iter().chain(&accommodation).chain(&deadband);
         let not_negative = not_negative.chain(&sensor_range).chain(&max_speed);
         let is_possible = not_negative.into_iter().all(|one| (0.0..=MAX_FIGURE).contains(one))
-            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE))
-            && senses & !(WRENCH | POSE | GRIPPER) == 0
-            && follows & !(RATES | POSES) == 0;
+            && workspace.iter().all(|corner| are_within(corner, MAX_FIGURE));
         if !is_possible {
             return Err(Reject::Impossible);
         }
+        let [senses_wrench, senses_pose, has_gripper] = unpacked(senses)?;
+        let [follows_rates, follows_poses] = unpacked(follows)?;
         let capability = Self {
-            senses_wrench: senses & WRENCH != 0,
-            senses_pose: senses & POSE != 0,
-            has_gripper: senses & GRIPPER != 0,
-            follows_rates: follows & RATES != 0,
-            follows_poses: follows & POSES != 0,
+            senses_wrench,
+            senses_pose,
+            has_gripper,
+            follows_rates,
+            follows_poses,
             payload_removal: PayloadRemoval::from_code(removal).ok_or(Reject::Impossible)?,
             accommodation,
             deadband,

@@ -65,6 +65,17 @@ impl<'b> Reader<'b> {
     }
 }
 
+/// Packs flags, the first into bit 0.
+pub(crate) fn packed<const N: usize>(flags: [bool; N]) -> u8 {
+    flags.into_iter().rev().fold(0, |bits, is_set| bits << 1 | u8::from(is_set))
+}
+
+/// Unpacks flags; the bits beyond them must be zero.
+pub(crate) fn unpacked<const N: usize>(bits: u8) -> Result<[bool; N], Reject> {
+    let flags = std::array::from_fn(|place| bits >> place & 1 == 1);
+    if packed(flags) == bits { Ok(flags) } else { Err(Reject::Impossible) }
+}
+
 /// Returns whether all numbers are within ±`limit`; NaN is not.
 pub(crate) fn are_within(numbers: &[f64], limit: f64) -> bool {
     numbers.iter().all(|number| number.abs() <= limit)

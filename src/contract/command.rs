@@ -2,7 +2,7 @@
 //!
 //! Values that mode and flags exclude are those of no motion, and are not read; nor are reserved bytes.
 
-use crate::codec::{ENCAPSULATION_LENGTH, Reader, Writer, are_within};
+use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within};
 use crate::head::{HEAD_LENGTH, Head, Kind};
 use crate::pose::Pose;
 use crate::reject::Reject;
@@ -91,13 +91,7 @@ impl Command {
     /// # Errors
     /// A message that is not a command of this version, or has a value out of range.
     pub fn decode(bytes: &[u8]) -> Result<Self, Reject> {
-        let mut reader = Reader::new(bytes)?;
-        let (kind, head) = Head::read(&mut reader)?;
-        match (kind, bytes.len()) {
-            (Kind::Command, Self::LENGTH) => {}
-            (Kind::Command, _) => return Err(Reject::Length),
-            (Kind::Feedback | Kind::Capability, _) => return Err(Reject::Foreign),
-        }
+        let (head, mut reader) = Head::open(bytes, Kind::Command, Self::LENGTH)?;
         let [mode, engaged, asks, has_gripper] = reader.take()?;
         let _: [u8; 4] = reader.take()?;
         let (rate, pose) = (reader.numbers()?, reader.numbers()?);
@@ -114,7 +108,7 @@ impl Command {
             motion,
             is_engaged: flag(engaged)?,
             asks_capability: flag(asks)?,
-            gripper: if has_gripper { Some(gripper?) } else { None },
+            gripper: has_gripper.then_some(gripper).transpose()?,
         })
     }
 }

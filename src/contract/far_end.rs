@@ -12,20 +12,16 @@ use std::time::Duration;
 
 use crate::capability::Capability;
 use crate::command::{Command, Motion};
-use crate::feedback::{FarState, Feedback, Measured, Reason};
-use crate::head::Head;
-use crate::peers::Peers;
+use crate::feedback::{Feedback, Measured, Reason};
+use crate::link_end::LinkEnd;
 use crate::reject::{Reject, Rejects};
-use crate::sent::Sent;
 use units::time::Instant;
 
 /// The far side's end of the link.
 #[derive(Clone, Debug)]
 pub struct FarEnd {
-    arm: u16,
+    end: LinkEnd,
     hold_after: Duration,
-    sent: Sent,
-    peers: Peers,
     /// Epoch of the session that leads.
     epoch: u32,
     command: Option<Newest>,
@@ -33,7 +29,6 @@ pub struct FarEnd {
     acted: u64,
     hold: Reason,
     asks_capability: bool,
-    rejects: Rejects,
 }
 
 /// The newest command of the session that leads.
@@ -51,35 +46,26 @@ impl FarEnd {
     /// `hold_after`. Allocates once.
     pub fn new(arm: u16, session: u64, hold_after: Duration) -> Self {
         Self {
-            arm,
+            end: LinkEnd::new(arm, session, hold_after),
             hold_after,
-            sent: Sent::new(session.max(1)),
-            peers: Peers::new(hold_after),
             epoch: 0,
             command: None,
             acted: 0,
             hold: Reason::NotArmed,
             asks_capability: false,
-            rejects: Rejects::default(),
         }
     }
 
     /// Takes a message of a node.
     pub fn on_message(&mut self, now: Instant, bytes: &[u8]) {
         if let Err(reject) = self.take(now, bytes) {
-            self.rejects.count(reject);
+            self.end.rejects.count(reject);
         }
     }
 
     fn take(&mut self, now: Instant, bytes: &[u8]) -> Result<(), Reject> {
         let Command { head, motion, is_engaged, asks_capability, .. } = Command::decode(bytes)?;
-        if head.arm != self.arm {
-            return Err(Reject::Arm);
-        }
-        let sent_at = self.sent.time_of(head.echo, now, self.hold_after);
-        let Some(admission) = self.peers.admit(now, head.own, head.echo, sent_at)? else {
-            return Ok(());
-        };
+        let Some(admission) = self.end.admit(now, &head)? else { return Ok(()) };
         if admission.is_new_session {
             // It may have been armed for another far side: its present epoch moves nothing here.
             (self.epoch, self.acted, self.hold) = (head.epoch, 0, Reason::NotArmed);
@@ -120,10 +106,9 @@ impl FarEnd {
     /// Returns the next message to the node.
     pub fn feedback(&mut self, now: Instant, measured: &Measured) -> [u8; Feedback::LENGTH] {
         let feedback = Feedback {
-            head: self.head(now),
-            state: self.state(),
+            head: self.end.head(now, self.epoch),
             reason: self.hold,
-            obeyed_session: self.peers.session(),
+            obeyed_session: self.end.peers.session(),
             acted_sequence: self.acted,
             measured: *measured,
         };
@@ -137,21 +122,7 @@ impl FarEnd {
         figures: &Capability,
     ) -> Option<[u8; Capability::LENGTH]> {
         let is_asked = std::mem::take(&mut self.asks_capability);
-        is_asked.then(|| figures.encode(&self.head(now)))
-    }
-
-    fn head(&mut self, now: Instant) -> Head {
-        Head {
-            arm: self.arm,
-            epoch: self.epoch,
-            own: self.sent.stamp(now),
-            echo: self.peers.echo(),
-        }
-    }
-
-    /// Returns the state.
-    pub fn state(&self) -> FarState {
-        if self.hold == Reason::None { FarState::Following } else { FarState::Holding }
+        is_asked.then(|| figures.encode(&self.end.head(now, self.epoch)))
     }
 
     /// Returns why it holds; [`Reason::None`] while it follows.
@@ -161,7 +132,7 @@ impl FarEnd {
 
     /// Returns session and epoch of the node that leads; session zero for none.
     pub fn leader(&self) -> (u64, u32) {
-        (self.peers.session(), self.epoch)
+        (self.end.peers.session(), self.epoch)
     }
 
     /// Returns whether the motion of the newest command comes from the operator's hand.
@@ -171,6 +142,6 @@ impl FarEnd {
 
     /// Returns the counts of messages that had no effect.
     pub const fn rejects(&self) -> &Rejects {
-        &self.rejects
+        &self.end.rejects
     }
 }

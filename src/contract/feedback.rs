@@ -1,6 +1,6 @@
 //! The feedback of a cycle, from the far side to the node. docs/link.md has the table.
 
-use crate::codec::{ENCAPSULATION_LENGTH, Reader, Writer, are_within};
+use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within, packed, unpacked};
 use crate::codes::codes;
 use crate::command::Gripper;
 use crate::head::{HEAD_LENGTH, Head, Kind};
@@ -8,11 +8,7 @@ use crate::pose::Pose;
 use crate::reject::Reject;
 
 /// Maximum component of a wrench, in N or N·m.
-const MAX_WRENCH: f64 = 1e5;
-
-const WRENCH: u8 = 1;
-const POSE: u8 = 1 << 1;
-const GRIPPER: u8 = 1 << 2;
+pub const MAX_WRENCH: f64 = 1e5;
 
 codes! {
     /// State of the far side.
@@ -48,6 +44,13 @@ codes! {
     }
 }
 
+impl Reason {
+    /// Returns the state that the reason stands for.
+    pub fn state(self) -> FarState {
+        if self == Self::None { FarState::Following } else { FarState::Holding }
+    }
+}
+
 /// Measurements of one cycle of the far side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
@@ -64,9 +67,7 @@ pub struct Measured {
 pub struct Feedback {
     /// Head.
     pub head: Head,
-    /// State.
-    pub state: FarState,
-    /// Why it holds.
+    /// Why it holds; [`Reason::None`] while it follows.
     pub reason: Reason,
     /// Session of the node that leads; zero for none.
     pub obeyed_session: u64,
@@ -83,14 +84,11 @@ impl Feedback {
     /// Encodes the feedback.
     pub fn encode(&self) -> [u8; Self::LENGTH] {
         let Measured { wrench, pose, gripper } = self.measured;
-        let flag = |is_valid: bool, flag: u8| if is_valid { flag } else { 0 };
-        let valid = flag(wrench.is_some(), WRENCH)
-            | flag(pose.is_some(), POSE)
-            | flag(gripper.is_some(), GRIPPER);
+        let valid = packed([wrench.is_some(), pose.is_some(), gripper.is_some()]);
         let mut bytes = [0; Self::LENGTH];
         let mut writer = Writer::new(&mut bytes);
         self.head.write(Kind::Feedback, &mut writer);
-        writer.put([self.state.code(), self.reason.code(), valid]);
+        writer.put([self.reason.state().code(), self.reason.code(), valid]);
         writer.put([0; 5]);
         writer.put(self.obeyed_session.to_le_bytes());
         writer.put(self.acted_sequence.to_le_bytes());
@@ -105,36 +103,28 @@ impl Feedback {
     /// # Errors
     /// A message that is not a feedback of this version, or has a value out of range.
     pub fn decode(bytes: &[u8]) -> Result<Self, Reject> {
-        let mut reader = Reader::new(bytes)?;
-        let (kind, head) = Head::read(&mut reader)?;
-        match (kind, bytes.len()) {
-            (Kind::Feedback, Self::LENGTH) => {}
-            (Kind::Feedback, _) => return Err(Reject::Length),
-            (Kind::Command | Kind::Capability, _) => return Err(Reject::Foreign),
-        }
+        let (head, mut reader) = Head::open(bytes, Kind::Feedback, Self::LENGTH)?;
         let [state, reason, valid] = reader.take()?;
         let _: [u8; 5] = reader.take()?;
         let obeyed_session = u64::from_le_bytes(reader.take()?);
         let acted_sequence = u64::from_le_bytes(reader.take()?);
         let (wrench, pose, gripper) = (reader.numbers()?, reader.numbers()?, reader.numbers()?);
-        let is_valid = |flag: u8| valid & flag != 0;
-        let is_possible = valid & !(WRENCH | POSE | GRIPPER) == 0
-            && (!is_valid(WRENCH) || are_within(&wrench, MAX_WRENCH));
-        let pose = Pose::from_numbers(pose);
-        if !is_possible || is_valid(POSE) && pose.is_none() {
+        let [has_wrench, has_pose, has_gripper] = unpacked(valid)?;
+        let reason = Reason::from_code(reason).ok_or(Reject::Impossible)?;
+        if state != reason.state().code() || has_wrench && !are_within(&wrench, MAX_WRENCH) {
             return Err(Reject::Impossible);
         }
-        let gripper = if is_valid(GRIPPER) { Some(Gripper::from_numbers(gripper)?) } else { None };
+        let pose = Pose::from_numbers(pose).ok_or(Reject::Impossible);
+        let gripper = Gripper::from_numbers(gripper);
         Ok(Self {
             head,
-            state: FarState::from_code(state).ok_or(Reject::Impossible)?,
-            reason: Reason::from_code(reason).ok_or(Reject::Impossible)?,
+            reason,
             obeyed_session,
             acted_sequence,
             measured: Measured {
-                wrench: is_valid(WRENCH).then_some(wrench),
-                pose: pose.filter(|_| is_valid(POSE)),
-                gripper,
+                wrench: has_wrench.then_some(wrench),
+                pose: has_pose.then_some(pose).transpose()?,
+                gripper: has_gripper.then_some(gripper).transpose()?,
             },
         })
     }

@@ -22,8 +22,16 @@ codes! {
     }
 }
 
+impl Kind {
+    /// Returns the kind of a message.
+    pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
+        let [code] = Reader::new(bytes).and_then(|mut reader| reader.take()).ok()?;
+        Self::from_code(code)
+    }
+}
+
 /// A message of the other end, by its session and number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Echo {
     /// Session; zero for none.
     pub session: u64,
@@ -61,13 +69,23 @@ impl Head {
         }
     }
 
-    /// Reads the kind and the head of a message.
-    pub(crate) fn read(reader: &mut Reader<'_>) -> Result<(Kind, Self), Reject> {
+    /// Opens a message of this kind and length; returns its head, and the rest to read.
+    pub(crate) fn open(
+        bytes: &[u8],
+        kind: Kind,
+        length: usize,
+    ) -> Result<(Self, Reader<'_>), Reject> {
+        let mut reader = Reader::new(bytes)?;
         let [code, version] = reader.take()?;
         if version != VERSION {
             return Err(Reject::Version);
         }
-        let kind = Kind::from_code(code).ok_or(Reject::Foreign)?;
+        if code != kind.code() {
+            return Err(Reject::Foreign);
+        }
+        if bytes.len() != length {
+            return Err(Reject::Length);
+        }
         let (arm, epoch) = (u16::from_le_bytes(reader.take()?), u32::from_le_bytes(reader.take()?));
         let mut message = || -> Result<Echo, Reject> {
             let session = u64::from_le_bytes(reader.take()?);
@@ -77,6 +95,6 @@ impl Head {
         if own.session == 0 || own.sequence == 0 {
             return Err(Reject::Impossible);
         }
-        Ok((kind, Self { arm, epoch, own, echo }))
+        Ok((Self { arm, epoch, own, echo }, reader))
     }
 }

@@ -14,7 +14,7 @@
 //! other end sends, on its own clock.
 //!
 //! ```
-//! use contract::{FarEnd, FarState, Measured, Motion, NodeEnd, Order};
+//! use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
 //! use std::time::Duration;
 //! use units::time::Instant;
 //!
@@ -42,6 +42,7 @@ mod command;
 mod far_end;
 mod feedback;
 mod head;
+mod link_end;
 mod node_end;
 mod peers;
 mod pose;
@@ -54,12 +55,9 @@ mod tests;
 pub use capability::{Capability, PayloadRemoval};
 pub use command::{Command, Gripper, Motion};
 pub use far_end::FarEnd;
-pub use feedback::{FarState, Feedback, Measured, Reason};
+pub use feedback::{FarState, Feedback, MAX_WRENCH, Measured, Reason};
 pub use head::{Echo, Head, VERSION};
 pub use node_end::{NodeEnd, Order, Sample};
-pub use pose::Pose;
+pub use pose::{MAX_DISTANCE, NORM_TOLERANCE, Pose};
 pub use reject::{Reject, Rejects};
 pub use round_trips::RoundTrips;
-
-/// Maximum length of a message, in bytes: that of a [`Capability`].
-pub const MAX_LENGTH: usize = Capability::LENGTH;

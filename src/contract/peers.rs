@@ -18,6 +18,8 @@ pub(crate) struct Peers {
     /// Newest message of the current session, or of one that may become current.
     echo: Echo,
     left: Vec<u64>,
+    /// Messages of current sessions that were not received.
+    lost: u64,
 }
 
 /// The current session.
@@ -38,18 +40,20 @@ struct Received {
 }
 
 impl Received {
-    /// Takes a number; returns how many were skipped before it.
-    fn take(&mut self, sequence: u64) -> Result<u64, Reject> {
+    /// Takes a number, and adjusts the count of lost messages.
+    fn take(&mut self, sequence: u64, lost: &mut u64) -> Result<(), Reject> {
         if let Some(back) = self.newest.checked_sub(sequence) {
             let bit = u32::try_from(back).ok().and_then(|back| 1_u128.checked_shl(back));
             let bit = bit.filter(|bit| self.bits & bit == 0).ok_or(Reject::Replayed)?;
             self.bits |= bit;
+            *lost = lost.saturating_sub(1);
             return Err(Reject::Overtaken);
         }
         let ahead = sequence - self.newest;
         let kept = u32::try_from(ahead).ok().and_then(|ahead| self.bits.checked_shl(ahead));
         *self = Self { newest: sequence, bits: kept.unwrap_or_default() | 1 };
-        Ok(ahead - 1)
+        *lost = lost.saturating_add(ahead - 1);
+        Ok(())
     }
 }
 
@@ -58,15 +62,13 @@ impl Received {
 pub(crate) struct Admission {
     /// Send time of its echo: it was made after that.
     pub(crate) at: Instant,
-    /// Messages of its session between the newest before and this one.
-    pub(crate) skipped: u64,
     /// Its session has become current.
     pub(crate) is_new_session: bool,
 }
 
 impl Peers {
     pub(crate) const fn new(max_age: Duration) -> Self {
-        Self { max_age, current: None, echo: Echo::NONE, left: Vec::new() }
+        Self { max_age, current: None, echo: Echo::NONE, left: Vec::new(), lost: 0 }
     }
 
     /// Returns the message to echo.
@@ -77,6 +79,11 @@ impl Peers {
     /// Returns the current session; zero for none.
     pub(crate) fn session(&self) -> u64 {
         self.current.map_or(0, |current| current.session)
+    }
+
+    /// Returns the number of messages lost.
+    pub(crate) const fn lost(&self) -> u64 {
+        self.lost
     }
 
     /// Checks a message by its session and number, and by the send time of its echo. `None`: a first message, whose sender
@@ -95,11 +102,11 @@ impl Peers {
         sent_at: Result<Instant, Reject>,
     ) -> Result<Option<Admission>, Reject> {
         if let Some(current) = self.current.as_mut().filter(|one| one.session == message.session) {
-            let skipped = current.received.take(message.sequence)?;
+            current.received.take(message.sequence, &mut self.lost)?;
             self.echo = message;
             let at = sent_at?;
             current.fresh_at = current.fresh_at.max(at);
-            return Ok(Some(Admission { at, skipped, is_new_session: false }));
+            return Ok(Some(Admission { at, is_new_session: false }));
         }
         self.check_other(now, message)?;
         self.echo = message;
@@ -109,9 +116,10 @@ impl Peers {
         let at = sent_at?;
         self.left.extend(self.current.map(|current| current.session));
         let Echo { session, sequence } = message;
-        let received = Received { newest: sequence, bits: 1 };
+        // What comes late of before is not counted as lost.
+        let received = Received { newest: sequence, bits: u128::MAX };
         self.current = Some(Peer { session, received, fresh_at: at });
-        Ok(Some(Admission { at, skipped: 0, is_new_session: true }))
+        Ok(Some(Admission { at, is_new_session: true }))
     }
 
     /// Checks that a session other than the current one may become current.

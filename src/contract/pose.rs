@@ -3,10 +3,10 @@
 use crate::codec::are_within;
 
 /// Maximum distance along any axis, in m.
-const MAX_DISTANCE: f64 = 1e3;
+pub const MAX_DISTANCE: f64 = 1e3;
 
 /// Tolerance of a quaternion's norm.
-const NORM_TOLERANCE: f64 = 1e-6;
+pub const NORM_TOLERANCE: f64 = 1e-6;
 
 /// Pose of {MRF} in {b}.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -25,17 +25,9 @@ pub mod site;
 
 use nalgebra::Isometry3;
 
+use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
-
-/// Maximum magnitude of a force or moment component, in N or N·m.
-const MAX_READING: f64 = 1e5;
-
-/// Maximum distance of the object from its base along any axis, in m.
-const MAX_DISTANCE: f64 = 1e3;
-
-/// Tolerance of a quaternion's norm.
-const NORM_TOLERANCE: f64 = 1e-6;
 
 /// Commanded side.
 pub trait Remote {
@@ -61,7 +53,7 @@ pub struct Sensed {
 impl Sensed {
     /// Returns whether wrench and pose are within their ranges; not whether they are plausible.
     pub fn is_possible(&self) -> bool {
-        let is_wrench = self.f_s.components().iter().all(|part| part.abs() <= MAX_READING);
+        let is_wrench = self.f_s.components().iter().all(|part| part.abs() <= MAX_WRENCH);
         let place = &self.x_b_m.translation.vector;
         let is_place = place.iter().all(|part| part.abs() <= MAX_DISTANCE);
         let is_rotation = (self.x_b_m.rotation.norm() - 1.0).abs() <= NORM_TOLERANCE;

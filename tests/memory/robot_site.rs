@@ -15,6 +15,7 @@ use sim::scenario::Scenario;
 use sim::wrist_sensor::WristSensorSettings;
 use testbench::bench::Bench;
 use testbench::robot_site::{Equipment, RobotSite};
+use testbench::side::Side;
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
 
@@ -81,6 +82,18 @@ fn hold_in_contact_returns_to_its_force() {
         let rest = force(&site);
         assert!((1.0..4.0).contains(&rest), "{file}, {step} m per ms: {rest} N");
     }
+}
+
+#[test]
+fn new_epoch_ends_the_stop_of_an_arm_at_its_wrench_limit() {
+    let config = config(ARMS[0], &[]);
+    let limit = WrenchLimit { force: 2.0, moment: 1.0 };
+    let equipment = Equipment { limit, ..Equipment::of(&config.remote) };
+    let mut site = Side::from(driven(&config, &equipment, ahead(0.06), 4_000));
+    let is_stopped = |site: &Side| site.robot().unwrap().control().is_stopped();
+    assert!(is_stopped(&site));
+    site.begin_epoch();
+    assert!(!is_stopped(&site));
 }
 
 #[test]

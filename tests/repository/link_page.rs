@@ -217,8 +217,9 @@ fn feedback(fields: &Value) -> Feedback {
     let valid = |bit| flag(&fields["valid"], bit);
     Feedback {
         head: head(fields),
-        state: FarState::from_code(code("state")).unwrap(),
-        reason: Reason::from_code(code("reason")).unwrap(),
+        reason: Reason::from_code(code("reason"))
+            .filter(|reason| reason.state().code() == code("state"))
+            .unwrap(),
         obeyed_session: count(&fields["obeyed_session"]),
         acted_sequence: count(&fields["acted_sequence"]),
         measured: Measured {

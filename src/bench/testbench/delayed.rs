@@ -157,8 +157,12 @@ impl Link {
             next = now;
         }
         while next <= now {
+            let before = self.far.leader();
             while let Some(command) = self.there.receive(next) {
                 self.far.on_message(next, &command);
+            }
+            if self.far.leader() != before {
+                far.begin_epoch();
             }
             let motion = messages::motion(&self.far.motion(next));
             let sensed = far.exchange(next, &motion).filter(|sensed| sensed.at == next);

@@ -205,6 +205,11 @@ impl Remote for RobotSite {
         self.before = Some(now);
         Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose() })
     }
+
+    /// Lets an arm that its control has stopped move again.
+    fn begin_epoch(&mut self) {
+        self.control.reset();
+    }
 }
 
 /// Returns a sensor with the sign and bias of the configuration, and further errors.

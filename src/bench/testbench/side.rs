@@ -45,4 +45,11 @@ impl Remote for Side {
             Self::Robot(site) => site.exchange(now, command),
         }
     }
+
+    fn begin_epoch(&mut self) {
+        match self {
+            Self::Virtual(site) => site.begin_epoch(),
+            Self::Robot(site) => site.begin_epoch(),
+        }
+    }
 }

@@ -6,9 +6,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::{ARM, Ends, HOLD_AFTER, OFFSET, at, force, rate};
-use crate::{
-    Capability, FarEnd, FarState, Measured, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject,
-};
+use crate::{Capability, FarEnd, Measured, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject};
 use units::time::Instant;
 
 const FIGURES: Capability = Capability {
@@ -38,7 +36,7 @@ fn far_side_moves_only_after_an_arming() {
     assert_eq!(ends.far.reason(), Reason::NotArmed);
     ends.node.begin_epoch();
     assert_eq!(ends.exchange(at(50), rate(at(50))).0, rate(at(50)));
-    assert_eq!((ends.far.state(), ends.far.leader()), (FarState::Following, (11, 1)));
+    assert_eq!((ends.far.reason(), ends.far.leader()), (Reason::None, (11, 1)));
 }
 
 #[test]
@@ -59,7 +57,7 @@ fn hazard_34_silence_holds_until_a_new_epoch() {
     // The echo of that command was sent at 3 ms.
     assert_eq!(ends.far.motion(at(103) + OFFSET), rate(at(10)));
     assert_eq!(ends.far.motion(at(104) + OFFSET), Motion::Hold);
-    assert_eq!((ends.far.state(), ends.far.reason()), (FarState::Holding, Reason::Silence));
+    assert_eq!(ends.far.reason(), Reason::Silence);
     for millis in 200..400 {
         assert_eq!(ends.exchange(at(millis), rate(at(millis))).0, Motion::Hold);
     }
@@ -74,8 +72,7 @@ fn reason_of_the_robot_holds_until_a_new_epoch() {
     ends.far.hold(Reason::SensorInvalid);
     let (performed, sample) = ends.exchange(at(5), rate(at(5)));
     let feedback = sample.unwrap().feedback;
-    assert_eq!((performed, feedback.state), (Motion::Hold, FarState::Holding));
-    assert_eq!(feedback.reason, Reason::WrenchLimit, "the first");
+    assert_eq!((performed, feedback.reason), (Motion::Hold, Reason::WrenchLimit), "the first");
     ends.node.begin_epoch();
     assert_eq!(ends.exchange(at(6), rate(at(6))).0, rate(at(6)));
 }
@@ -218,7 +215,19 @@ fn losses_are_counted_once_and_late_feedback_is_not_lost() {
     for place in [0, 1, 2, 3, 6, 5, 9, 9] {
         ends.node.on_message(at(20), &sent[place]);
     }
-    assert_eq!(ends.node.round_trips().lost(), 3);
+    assert_eq!(ends.node.lost(), 3);
+}
+
+#[test]
+fn losses_of_an_interruption_are_counted() {
+    let mut ends = Ends::armed();
+    // 500 feedbacks are lost, and the next ones have echoes that are too old.
+    (4..504).for_each(|millis| _ = ends.feedback(at(millis)));
+    for millis in 504..510 {
+        let feedback = ends.feedback(at(millis));
+        assert_eq!(ends.node.on_message(at(millis), &feedback), None);
+    }
+    assert_eq!(ends.node.lost(), 500);
 }
 
 #[test]
@@ -229,7 +238,7 @@ fn last_number_of_a_session_overflows_nothing() {
     assert!(ends.node.on_message(at(5), &bytes).is_some());
     let next = ends.feedback(at(6));
     assert_eq!(ends.node.on_message(at(6), &next), None);
-    assert!(ends.node.round_trips().lost() > 1 << 63);
+    assert!(ends.node.lost() > 1 << 63);
 }
 
 #[test]

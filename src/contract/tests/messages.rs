@@ -5,8 +5,7 @@ use proptest::prelude::*;
 use super::ARM;
 use crate::head::{Echo, Head, Kind};
 use crate::{
-    Capability, Command, FarState, Feedback, Gripper, Measured, Motion, PayloadRemoval, Pose,
-    Reason, Reject,
+    Capability, Command, Feedback, Gripper, Measured, Motion, PayloadRemoval, Pose, Reason, Reject,
 };
 
 fn head() -> impl Strategy<Value = Head> {
@@ -52,13 +51,12 @@ prop_compose! {
 
 prop_compose! {
     fn feedback()(
-        head in head(), state in 0..2_u8, reason in 0..9_u8, obeyed_session: u64, acted_sequence: u64,
+        head in head(), reason in 0..9_u8, obeyed_session: u64, acted_sequence: u64,
         wrench in prop::option::of(prop::array::uniform6(-1e5..1e5_f64)), pose in prop::option::of(pose()),
         gripper in gripper(),
     ) -> Feedback {
         Feedback {
             head,
-            state: FarState::from_code(state).unwrap(),
             reason: Reason::from_code(reason).unwrap(),
             obeyed_session,
             acted_sequence,
@@ -156,6 +154,18 @@ proptest! {
         prop_assert_eq!(Feedback::decode(&with(&bytes, 68 + 8 * place)), Err(Reject::Impossible));
         let bytes = capability.encode(&head);
         prop_assert_eq!(Capability::decode(&with(&bytes, 52 + 16 * place)), Err(Reject::Impossible));
+    }
+}
+
+#[test]
+fn state_that_contradicts_its_reason_is_rejected() {
+    let head = Head { arm: ARM, epoch: 0, own: Echo { session: 1, sequence: 1 }, echo: Echo::NONE };
+    for (reason, other) in [(Reason::None, 0), (Reason::Silence, 1)] {
+        let (obeyed_session, acted_sequence, measured) = (0, 0, Measured::default());
+        let feedback = Feedback { head, reason, obeyed_session, acted_sequence, measured };
+        let mut bytes = feedback.encode();
+        bytes[44] = other;
+        assert_eq!(Feedback::decode(&bytes), Err(Reject::Impossible), "{reason}");
     }
 }
 

@@ -13,6 +13,7 @@ const MS: Duration = Duration::from_millis(1);
 struct Far {
     commands: Vec<(Instant, Motion)>,
     is_frozen: bool,
+    epochs: u32,
 }
 
 impl Remote for Far {
@@ -21,6 +22,10 @@ impl Remote for Far {
         let at = if self.is_frozen { Instant::ZERO } else { now };
         let taken = now.since(Instant::ZERO).as_secs_f64();
         Some(Sensed { at, f_s: Wrench::ZERO, x_b_m: Isometry3::translation(taken, 0.0, 0.0) })
+    }
+
+    fn begin_epoch(&mut self) {
+        self.epochs += 1;
     }
 }
 
@@ -189,6 +194,19 @@ fn far_side_holds_from_an_outage_until_a_new_epoch() {
     };
     assert!(age(299) >= Some(MS * 199), "{:?}", age(299));
     assert_eq!(age(320), Some(MS * 10));
+}
+
+#[test]
+fn epoch_begins_at_the_far_side_when_its_first_command_arrives() {
+    let mut link = armed(DelaySettings { delay: MS * 5, ..DelaySettings::default() });
+    let before = link.far().epochs;
+    for (millis, begun) in [(0..5, 0), (5..10, 1)] {
+        exchanged(&mut link, WARM_UP + millis.start..WARM_UP + millis.end);
+        assert_eq!(link.far().epochs - before, begun);
+    }
+    let mut direct = Delayed::direct(Far::default());
+    direct.begin_epoch();
+    assert_eq!(direct.far().epochs, 1);
 }
 
 #[test]

@@ -265,10 +265,12 @@ fn place(kind: u8, surface: Surface) -> (Contact, Isometry3<f64>) {
 /// step's length. Without it a graze of a few steps, 10⁻⁷ J in all, would be held to 0.2 % of itself.
 const GRAIN_J: f64 = 0.5 * SMOOTH.stiffness / 36.0 * 5e-6 * 5e-6;
 
+/// Steps of a closed path.
+const STEPS: u32 = 40_000;
+
 /// Returns the work of the scene on the tool along a closed path around `middle` that comes from free space, in J, and
 /// its positive part.
-fn work(kind: u8, surface: Surface, reach: &[f64; 6]) -> (f64, f64) {
-    const STEPS: u32 = 40_000;
+fn work(kind: u8, surface: Surface, reach: &[f64; 6], steps: u32) -> (f64, f64) {
     const SECONDS: f64 = 2.0;
     let (mut contact, middle) = place(kind, surface);
     let is_peg = kind > 2;
@@ -284,13 +286,31 @@ fn work(kind: u8, surface: Surface, reach: &[f64; 6]) -> (f64, f64) {
         let at_end = if is_peg { PEGS.x_m_e() } else { Isometry3::identity() };
         middle * x_m * at_end * Isometry3::new(shift, turn) * at_end.inverse()
     };
-    let dt = SECONDS / f64::from(STEPS);
-    let at = |step: f64| path(step / f64::from(STEPS));
-    (0..STEPS).map(f64::from).fold((0.0, 0.0), |(total, given), step| {
+    let dt = SECONDS / f64::from(steps);
+    let at = |step: f64| path(step / f64::from(steps));
+    (0..steps).map(f64::from).fold((0.0, 0.0), |(total, given), step| {
         let v_m = Twist::reaching(&(at(step).inverse() * at(step + 1.0)), dt);
         let power = contact.wrench(&at(step + 0.5), &v_m).power(&v_m) * dt;
         (total + power, given + power.max(0.0))
     })
+}
+
+/// Returns whether a closed path of `steps` takes and gives the same energy within 0.2 %.
+///
+/// The path counts a point that enters or leaves within a step as in or out for all of it. The errors are of either sign
+/// and add up at random, a few paths of 10,000 to over 0.2 %; they fall with the steps, what a contact gains does not.
+/// So a path that fails is walked again in a quarter of the step.
+fn conserves_energy(kind: u8, reach: &[f64; 6]) -> bool {
+    [STEPS, 4 * STEPS].into_iter().any(|steps| {
+        let (total, given) = work(kind, SMOOTH, reach, steps);
+        total.abs() <= 2e-3 * given + GRAIN_J
+    })
+}
+
+#[test]
+fn path_whose_errors_add_up_conserves_energy_in_smaller_steps() {
+    let reach = [0.008_128_7, 0.006_012_4, 0.006_779_6, 0.017_747_9, 0.028_039, 0.020_189_6];
+    assert!(conserves_energy(3, &reach));
 }
 
 fn reach() -> impl Strategy<Value = [f64; 6]> {
@@ -302,14 +322,13 @@ proptest! {
 
     #[test]
     fn contact_takes_energy_on_a_closed_path(kind in 0..6_u8, reach in reach(), friction in 0.0..0.8_f64) {
-        let (total, given) = work(kind, Surface { friction, ..ROUGH }, &reach);
+        let (total, given) = work(kind, Surface { friction, ..ROUGH }, &reach, STEPS);
         prop_assert!(total <= 1e-3 * given + GRAIN_J, "{total} J of {given}");
     }
 
     #[test]
     fn contact_without_friction_and_damping_conserves_energy(kind in 0..6_u8, reach in reach()) {
-        let (total, given) = work(kind, SMOOTH, &reach);
-        prop_assert!(total.abs() <= 2e-3 * given + GRAIN_J, "{total} J of {given}");
+        prop_assert!(conserves_energy(kind, &reach), "kind {kind}");
     }
 
     #[test]

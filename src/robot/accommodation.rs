@@ -49,6 +49,11 @@ impl Accommodation {
         &self.gain
     }
 
+    /// Returns the deadband, in N and N·m.
+    pub const fn deadband(&self) -> &[f64; 6] {
+        &self.deadband
+    }
+
     /// Returns the rate of the object for a commanded rate while `f_m` acts on it.
     pub fn rate(&self, v_m_commanded: &Twist, f_m: &Wrench) -> Twist {
         let mut effective = f_m.components();

@@ -11,7 +11,8 @@
 //! rate of zero alone would let its servos go on to where the rates before were to lead, which in contact is deeper.
 //!
 //! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN; it holds until
-//! [`reset`](ArmControl::reset).
+//! [`reset`](ArmControl::reset). An arm that is reset while its wrench is above the limit may move out: it stops again where
+//! the wrench rises by more than 5 % above its lowest since the reset. Once the wrench is within the limit, the limit acts.
 
 use nalgebra::Isometry3;
 
@@ -20,6 +21,9 @@ use crate::interaction::{Interaction, ToolState};
 use crate::object::Servo;
 use crate::resolved_rate::ResolvedRate;
 use units::spatial::{Motion, Twist, Wrench};
+
+/// Maximum wrench after a reset above the limit, over the lowest one since: noise of the sensor does not stop the arm again.
+const MAX_RISE: f64 = 1.05;
 
 /// Maximum contact wrench.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +42,18 @@ impl WrenchLimit {
     pub fn allows(&self, f: &Wrench) -> bool {
         f.force.norm() <= self.force && f.moment.norm() <= self.moment
     }
+
+    /// Returns the limit for an arm that is reset at a wrench: each part above its limit may rise by 5 %.
+    fn after_reset_at(&self, f: &Wrench) -> Self {
+        let part = |limit: f64, now: f64| if now > limit { MAX_RISE * now } else { limit };
+        let Self { force, moment } = *self;
+        Self { force: part(force, f.force.norm()), moment: part(moment, f.moment.norm()) }
+    }
+
+    /// Returns the lower limit of each part.
+    const fn min(self, other: Self) -> Self {
+        Self { force: self.force.min(other.force), moment: self.moment.min(other.moment) }
+    }
 }
 
 /// The law and its state.
@@ -47,6 +63,8 @@ pub struct ArmControl {
     servo: Servo,
     interaction: Interaction,
     limit: WrenchLimit,
+    /// Limit that acts: above `limit` after a reset above it, until the wrench is within it.
+    limit_now: WrenchLimit,
     tool: ToolState,
     qd: Joints,
     /// Contact wrench at {MRF}.
@@ -73,6 +91,7 @@ impl ArmControl {
             servo,
             interaction,
             limit,
+            limit_now: limit,
             qd: Joints::zeros(),
             f_m: Wrench::ZERO,
             f_s_felt: Wrench::ZERO,
@@ -91,15 +110,17 @@ impl ArmControl {
             return self.qd;
         }
         self.observe(dt, q, reading);
-        self.is_stopped |= !self.limit.allows(&self.f_m);
+        self.is_stopped |= !self.limit_now.allows(&self.f_m);
+        self.limit_now = self.limit_now.min(self.limit.after_reset_at(&self.f_m));
         let v_m = self.twist(dt, if self.is_stopped { &Motion::Hold } else { command });
         self.qd = self.law.rates(dt, q, &self.qd, &self.servo.limited(v_m));
         self.qd
     }
 
-    /// Lets the arm move again.
-    pub const fn reset(&mut self) {
+    /// Lets the arm move again; out of a contact whose wrench is above the limit, too, but not further in.
+    pub fn reset(&mut self) {
         self.is_stopped = false;
+        self.limit_now = self.limit.after_reset_at(&self.f_m);
     }
 
     /// Returns whether the arm has stopped for a wrench above the limit, or a measurement that is infinite or NaN.
@@ -221,6 +242,65 @@ mod tests {
         assert!(off.translation.vector.norm() < 1e-6 && off.rotation.angle() < 1e-6, "{off}");
         control.reset();
         assert!(control.step(DT, &rate, &q, &Wrench::ZERO).norm() > 0.0);
+    }
+
+    /// Returns a push on the tool against its approach, in N.
+    fn push(force: f64) -> Wrench {
+        Wrench::from_components([0.0, 0.0, -force, 0.0, 0.0, 0.0])
+    }
+
+    #[test]
+    fn arm_reset_above_its_limit_moves_out_but_not_in() {
+        let limit = WrenchLimit { force: 50.0, moment: 5.0 };
+        let rate = |speed| Motion::Rate(Twist::from_components([0.0, 0.0, speed, 0.0, 0.0, 0.0]));
+        let stopped = || {
+            let (mut control, mut q) = control(limit);
+            followed(&mut control, &mut q, &rate(0.05), &push(60.0), 10);
+            assert!(control.is_stopped());
+            control.reset();
+            (control, q)
+        };
+        let (mut inwards, mut q) = stopped();
+        for force in [60.0, 61.0, 62.0, 62.9] {
+            followed(&mut inwards, &mut q, &rate(0.05), &push(force), 1);
+            assert!(!inwards.is_stopped(), "within 5 %");
+        }
+        followed(&mut inwards, &mut q, &rate(0.05), &push(63.1), 1);
+        assert!(inwards.is_stopped());
+
+        let (mut outwards, mut q) = stopped();
+        let before = *outwards.pose();
+        for force in (0..=20).map(|step| 60.0 - f64::from(step)) {
+            followed(&mut outwards, &mut q, &rate(-0.05), &push(force), 10);
+            assert!(!outwards.is_stopped(), "{force} N");
+        }
+        assert!((before.inverse() * outwards.pose()).translation.z < -0.005);
+        followed(&mut outwards, &mut q, &rate(0.05), &push(50.1), 1);
+        assert!(outwards.is_stopped(), "the limit is full again");
+    }
+
+    #[test]
+    fn wrench_that_fell_after_a_reset_rises_by_5_percent_only() {
+        let (mut control, mut q) = control(WrenchLimit { force: 50.0, moment: 5.0 });
+        for force in [80.0, 80.0, 60.0] {
+            followed(&mut control, &mut q, &Motion::Hold, &push(force), 1);
+            if force >= 80.0 {
+                control.reset();
+            }
+        }
+        assert!(!control.is_stopped());
+        followed(&mut control, &mut q, &Motion::Hold, &push(64.0), 1);
+        assert!(control.is_stopped());
+    }
+
+    #[test]
+    fn reset_above_the_force_limit_keeps_that_of_the_moment() {
+        let (mut control, mut q) = control(WrenchLimit { force: 50.0, moment: 5.0 });
+        followed(&mut control, &mut q, &Motion::Hold, &push(60.0), 1);
+        control.reset();
+        let turning = Wrench::from_components([0.0, 0.0, -60.0, 5.1, 0.0, 0.0]);
+        followed(&mut control, &mut q, &Motion::Hold, &turning, 1);
+        assert!(control.is_stopped());
     }
 
     #[test]

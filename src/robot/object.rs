@@ -54,6 +54,11 @@ impl Servo {
         self.time_constant
     }
 
+    /// Returns the maximum speeds, in m/s and rad/s.
+    pub const fn max_speeds(&self) -> [f64; 2] {
+        [self.max_speed, self.max_turn]
+    }
+
     /// Returns the fraction of a distance that is covered in `dt` s.
     fn part(&self, dt: f64) -> f64 {
         if self.time_constant > 0.0 { -(-dt / self.time_constant).exp_m1() } else { 1.0 }

@@ -157,7 +157,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let devices = Device::at_grip(&controller.arm, &resistances(config), &start)?;
     let environment = stiffest(config);
-    let later = link_cycles(config) + if config.robot.is_some() { ROBOT_DELAY } else { 0 };
+    let later = link_cycles(config) + if is_robot(config) { ROBOT_DELAY } else { 0 };
     let timing = Timing {
         period: config.period.as_secs_f64(),
         torque_delay: TORQUE_DELAY,
@@ -165,7 +165,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
         rate_delay: RATE_DELAY + later,
         accommodation_delay: ACCOMMODATION_DELAY,
         link_cycles: link_cycles(config),
-        is_robot: config.robot.is_some(),
+        is_robot: is_robot(config),
         servo_lag: config.remote.servo.time_constant(),
         velocity_filter: controller.extensions.velocity_filter.seconds(),
     };
@@ -238,11 +238,18 @@ fn smallest_singular_value(arm: &Arm<6>, q: &JointVector) -> f64 {
     weighted.singular_values().min()
 }
 
-/// Returns the cycles that a simulated link adds to the way from command to wrench: both ways with their jitter, and the
-/// wait for the far side's cycle. The object gives way on its own side of the link, so accommodation has no part of it.
+/// Returns whether an arm with masses holds the object: one of this configuration, or one in another process.
+fn is_robot(config: &Parameters) -> bool {
+    config.robot.is_some() || config.far_side.agreement.is_some()
+}
+
+/// Returns the cycles that a link adds to the way from command to wrench: both ways with their jitter, and the wait for
+/// the far side's cycle. The object gives way on its own side of the link, so accommodation has no part of it.
 fn link_cycles(config: &Parameters) -> u32 {
-    let Some(link) = config.link.simulated else { return 0 };
-    let cycles = link.round_trip().as_micros().div_ceil(config.period.as_micros().max(1));
+    let simulated = config.link.simulated.map(|link| link.round_trip());
+    let agreed = config.far_side.agreement.map(|agreement| agreement.round_trip);
+    let Some(round_trip) = agreed.or(simulated) else { return 0 };
+    let cycles = round_trip.as_micros().div_ceil(config.period.as_micros().max(1));
     u32::try_from(cycles).unwrap_or(u32::MAX)
 }
 
@@ -251,7 +258,7 @@ fn link_cycles(config: &Parameters) -> u32 {
 /// arm with this file has.
 fn yielded_inertia(config: &Parameters, axis: usize) -> f64 {
     let Interaction { sensor, payload, .. } = &config.remote.interaction;
-    if config.robot.is_none() {
+    if !is_robot(config) {
         return 0.0;
     }
     let Some(about) = axis.checked_sub(3) else { return payload.mass() };
@@ -293,8 +300,11 @@ fn resistances(config: &Parameters) -> [JointResistance; 6] {
     })
 }
 
-/// Returns the stiffest surface, or zero without a surface.
+/// Returns the stiffest surface, or zero without a surface; of a far side the stated one, whose damping is unknown.
 fn stiffest(config: &Parameters) -> Impedance {
+    if let Some(agreement) = &config.far_side.agreement {
+        return Impedance { stiffness: agreement.stated.stiffest_contact, damping: 0.0 };
+    }
     let wall = config.remote.wall.map(|(.., contact)| contact);
     let block = config.remote.block.map(|(.., contact)| contact);
     let sphere = config.remote.sphere.map(|(.., contact)| contact);

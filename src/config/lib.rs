@@ -26,6 +26,7 @@ mod devices;
 mod drive_object;
 mod extensions;
 pub mod facts;
+mod far_side;
 pub mod files;
 pub mod force_cap;
 mod gain_check;
@@ -69,6 +70,7 @@ mod value_limits;
 
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
+pub use far_side::{Agreement, FarSide};
 pub use held_torque::{HeldTorque, SeenBy, TAKEN_CYCLES};
 pub use joints::JointParameters;
 pub use link::RemoteLink;
@@ -304,14 +306,12 @@ fn convert(
     let contact_bounds = contact_postures::bounds(&raw.arm, problems);
     let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
     let controller = control::settings(raw, &around, problems);
-    let command_mode = control::mode(raw, problems);
-    let operator = operator::read(&raw.operator, problems);
+    let (mode, operator) = (control::mode(raw, problems), operator::read(&raw.operator, problems));
     let refuses = gain_check::refuses(raw, problems);
     let coupling = controller.as_ref().and_then(|law| law.extensions.virtual_coupling.as_ref());
     let remote = remote::settings(raw, file, coupling, problems);
-
     let link = link::read(raw, period, problems);
-
+    let far_side = far_side::read(raw, link.as_ref(), remote.as_ref(), problems);
     let (remote, robot) = remote?;
     let config = Parameters {
         file: file.to_path_buf(),
@@ -331,11 +331,12 @@ fn convert(
         contact_bounds,
         switches: switches?,
         controller: controller?,
-        command_mode: command_mode?,
+        command_mode: mode?,
         operator: operator?,
         remote,
         robot,
         link: link?,
+        far_side: far_side?,
         safety: safety?,
         plausibility: plausibility?,
     };

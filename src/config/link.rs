@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::Optional;
-use remote::delay::DelaySettings;
+use crate::remote;
+use crate::value::{Optional, Place, Placed};
+use ::remote::delay::DelaySettings;
 use toml_input::List;
 
 /// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).
@@ -19,7 +20,7 @@ const MAX_MISSED_SAMPLES: u32 = 3;
 const MAX_DELAY_MS: f64 = 100.0;
 
 /// Range of the time after which the far side holds, in ms.
-const HOLD_AFTER_MS: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
+pub(super) const HOLD_AFTER_MS: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
 
 /// Latest end of an outage, in s.
 const MAX_OUTAGE_S: f64 = 86_400.0;
@@ -50,12 +51,18 @@ pub(super) fn read(
     period: Option<Duration>,
     problems: &mut Problems<'_>,
 ) -> Option<RemoteLink> {
-    let Some(raw) = &file.remote.link else { return period.map(RemoteLink::direct) };
+    let raw = &file.remote.link;
     let given = match raw.max_age_ms.as_ref() {
         None => None,
         Some(_) => Some(problems.within(&raw.max_age_ms, MAX_AGE_MS).map(millis)?),
     };
-    let simulated = if is_simulated(raw) { Some(simulated(raw, problems)?) } else { None };
+    let is_real = remote::is_link(&file.remote);
+    if is_real && let Some(place) = simulation_key(raw) {
+        let reason = "describes a simulated link, and kind = \"link\" is a real one: remove it, or set remote.kind = \"virtual\"";
+        problems.add(place, reason);
+    }
+    let is_simulated = is_simulated(raw) && !is_real;
+    let simulated = if is_simulated { Some(simulated(raw, problems)?) } else { None };
     let period = period?;
     let max_age = given.unwrap_or(RemoteLink::direct(period).max_age);
     let link = RemoteLink { max_age, simulated };
@@ -65,9 +72,17 @@ pub(super) fn read(
 
 /// Returns whether a key describes a simulated link.
 fn is_simulated(raw: &raw::RemoteLink) -> bool {
-    let times = [&raw.delay_ms, &raw.jitter_ms, &raw.loss_percent, &raw.hold_after_ms];
-    let is_given = times.into_iter().any(|key| !key.is_absent());
-    is_given || !raw.reorder.is_absent() || !raw.outage_s.is_absent() || !raw.seed.is_absent()
+    !raw.hold_after_ms.is_absent() || simulation_key(raw).is_some()
+}
+
+/// Returns the first key that only a simulated link has.
+fn simulation_key(raw: &raw::RemoteLink) -> Option<&Place> {
+    let numbers = [&raw.delay_ms, &raw.jitter_ms, &raw.loss_percent];
+    let number = numbers.into_iter().find(|key| !key.is_absent()).map(Placed::place);
+    let reorder = (!raw.reorder.is_absent()).then(|| raw.reorder.place());
+    let outage = (!raw.outage_s.is_absent()).then(|| raw.outage_s.place());
+    let seed = (!raw.seed.is_absent()).then(|| raw.seed.place());
+    number.or(reorder).or(outage).or(seed)
 }
 
 fn simulated(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<DelaySettings> {
@@ -137,7 +152,7 @@ fn refuse_hopeless(
     }
 }
 
-fn millis(value: f64) -> Duration {
+pub(super) fn millis(value: f64) -> Duration {
     // A value out of its range was noted.
     Duration::try_from_secs_f64(value / 1e3).unwrap_or_default()
 }

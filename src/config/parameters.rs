@@ -7,6 +7,7 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::buses::BusSettings;
+use crate::far_side::FarSide;
 use crate::joints::JointParameters;
 use crate::link::RemoteLink;
 use crate::operator::Operator;
@@ -70,6 +71,8 @@ pub struct Parameters {
     pub robot: Option<RobotArm>,
     /// Link to the commanded side.
     pub link: RemoteLink,
+    /// Far side in another process.
+    pub far_side: FarSide,
     /// Time limits of faults.
     pub safety: Safety,
     /// Bounds of plausible samples.

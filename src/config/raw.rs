@@ -281,7 +281,7 @@ sections! {
         accommodation_deadband_n: Optional<f64>,
         accommodation_deadband_nm: Optional<f64>,
         shared_control: Option<SharedControl>,
-        link: Option<RemoteLink>,
+        link: OrEmpty<RemoteLink>,
         wall: Option<Wall>,
         r#box: Option<Block>,
         sphere: Option<Sphere>,
@@ -296,6 +296,13 @@ sections! {
         outage_s: Optional<List<f64, 2>>,
         hold_after_ms: Optional<f64>,
         seed: Optional<u64>,
+        socket: Optional<String>,
+        arm: Optional<u16>,
+        round_trip_ms: Optional<f64>,
+        sample_period_ms: Optional<f64>,
+        sensor_range_n: Optional<f64>,
+        sensor_range_nm: Optional<f64>,
+        stiffest_contact_n_per_m: Optional<f64>,
     }
 
     SharedControl {

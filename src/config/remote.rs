@@ -1,5 +1,5 @@
-//! `[remote]`: the commanded side. Today a virtual object, free or held by an arm, and what it can touch: a wall, a box,
-//! a sphere.
+//! `[remote]`: the commanded side. A virtual object, free or held by an arm, and what it can touch: a wall, a box, a
+//! sphere. Or the figures of a robot in another process, whose scene is its own.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::files;
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::robots::{self, RobotArm};
-use crate::value::{Optional, Value};
+use crate::value::{Optional, Placed, Value};
 use controller::virtual_coupling::VirtualCoupling;
 use remote::site::{Contact, GRAVITY, Virtual};
 use robot::accommodation::Accommodation;
@@ -40,17 +40,21 @@ pub(super) fn settings(
 ) -> Option<(Virtual, Option<RobotArm>)> {
     let raw = &file.remote;
     refuse_stiff_remote(file, problems);
-    if let Some(other) = raw.kind.as_ref().filter(|kind| *kind != "virtual") {
-        problems.add(&raw.kind, format_args!("unknown value \"{other}\"; expected \"virtual\""));
-    }
-    let body = body(&file.remote, named_in, problems);
+    let kind = kind(raw, problems);
+    let body = match kind {
+        Some(Kind::Link) => {
+            refuse_far_keys(raw, problems);
+            Some((Isometry3::identity(), None))
+        }
+        _ => body(&file.remote, named_in, problems),
+    };
     let interaction = interaction(raw, problems);
     let servo = servo(raw, problems);
     let wall = raw.wall.as_ref().map(|raw| wall(raw, problems));
     let block = raw.r#box.as_ref().map(|raw| block(raw, problems));
     let sphere = raw.sphere.as_ref().map(|raw| sphere(raw, problems));
 
-    raw.kind.as_ref()?;
+    kind?;
     let (x_b_m, robot) = body?;
     let arm = robot.as_ref().map(RobotArm::following);
     let remote = Virtual {
@@ -68,6 +72,44 @@ pub(super) fn settings(
     };
     refuse_contact_at_start(&remote, raw, problems);
     Some((remote, robot))
+}
+
+/// Place of the commanded side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// In this process.
+    Virtual,
+    /// In another one, behind the contract of docs/link.md.
+    Link,
+}
+
+fn kind(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Kind> {
+    problems.one_of(&raw.kind, &[("virtual", Kind::Virtual), ("link", Kind::Link)])
+}
+
+/// Returns whether the commanded side is in another process.
+pub(super) fn is_link(raw: &raw::Remote) -> bool {
+    raw.kind.as_ref().is_some_and(|kind| kind == "link")
+}
+
+/// Notes keys of what a robot in another process has, and this one cannot set: its arm, its scene, its sensor's errors,
+/// its shared control.
+fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
+    let wall = raw.wall.as_ref().map(Placed::place);
+    let block = raw.r#box.as_ref().map(Placed::place);
+    let sphere = raw.sphere.as_ref().map(Placed::place);
+    let shared = raw.shared_control.as_ref().map(Placed::place);
+    let keys = [
+        (!raw.robot.is_absent()).then(|| raw.robot.place()),
+        (!raw.sensor_sign.is_absent()).then(|| raw.sensor_sign.place()),
+        (!raw.sensor_bias_n.is_absent()).then(|| raw.sensor_bias_n.place()),
+        (!raw.sensor_bias_nm.is_absent()).then(|| raw.sensor_bias_nm.place()),
+    ];
+    for place in keys.into_iter().chain([wall, block, sphere, shared]).flatten() {
+        let reason =
+            "with kind = \"link\" the far side has it, in its own configuration: remove it here";
+        problems.add(place, reason);
+    }
 }
 
 /// Notes an arm whose tool would start inside a surface: a robot does not stand there. A free object may.

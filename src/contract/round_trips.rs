@@ -27,6 +27,11 @@ impl RoundTrips {
         self.next = (self.next + 1) % LENGTH;
     }
 
+    /// Returns the number of round trips that are kept, at most 1,000.
+    pub const fn count(&self) -> usize {
+        self.newest.len()
+    }
+
     /// Returns the round trip that `percent` of the newest ones do not exceed; `None` before the first.
     pub fn percentile(&self, percent: usize) -> Option<Duration> {
         let mut sorted = self.newest.clone();

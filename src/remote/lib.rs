@@ -19,13 +19,18 @@
 #![forbid(unsafe_code)]
 
 pub mod delay;
+pub mod link;
 pub mod messages;
 pub mod scene;
 pub mod site;
+pub mod stated;
+
+use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE};
+use crate::stated::Misfit;
+use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE, Reason};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
@@ -37,6 +42,41 @@ pub trait Remote {
 
     /// Begins a new epoch: the node was armed, or a stop was reset. A far side that holds goes on only in one.
     fn begin_epoch(&mut self) {}
+
+    /// Ends the epoch: the node was disarmed or stopped.
+    fn end_epoch(&mut self) {}
+
+    /// Returns each reason why the node must not be armed with this commanded side. Called between two cycles.
+    fn misfits(&mut self, _now: Instant) -> Vec<Misfit> {
+        Vec::new()
+    }
+
+    /// Returns a fault of the commanded side or of the way to it, beside the age of its samples.
+    fn fault(&mut self) -> Option<SideFault> {
+        None
+    }
+}
+
+/// Fault of the commanded side or of the way to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SideFault {
+    /// It holds, although it knows the present epoch.
+    Holds(Reason),
+    /// One round trip in a hundred is longer than stated.
+    Slow {
+        /// 99th percentile, in µs.
+        p99_us: u32,
+        /// Stated maximum, in µs.
+        stated_us: u32,
+    },
+}
+
+impl SideFault {
+    /// Returns the fault of a 99th percentile above the stated maximum.
+    pub(crate) fn slow(p99: Duration, stated: Duration) -> Self {
+        let micros = |duration: Duration| u32::try_from(duration.as_micros()).unwrap_or(u32::MAX);
+        Self::Slow { p99_us: micros(p99), stated_us: micros(stated) }
+    }
 }
 
 /// A sample from the commanded side.

@@ -1,0 +1,125 @@
+//! `[remote.link]` of a robot in another process: where it is reached, and the figures it must have.
+
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::link::{HOLD_AFTER_MS, RemoteLink, millis};
+use crate::problem::Problems;
+use crate::raw;
+use crate::remote::is_link;
+use crate::robots::RobotArm;
+use crate::value::Optional;
+use ::remote::site::Virtual;
+use ::remote::stated::Stated;
+
+/// Number of the arm where none is given.
+const USUAL_ARM: u16 = 1;
+
+/// Range of the round trip, in ms; beyond the maximum age of a sample nothing acts.
+const ROUND_TRIP_MS: RangeInclusive<f64> = 0.1..=100.0;
+
+/// Range of the period of the far side's cycle, in ms.
+const SAMPLE_PERIOD_MS: RangeInclusive<f64> = 0.1..=100.0;
+
+/// Maximum of a force, moment or stiffness, in N, N·m and N/m.
+const MAX_FIGURE: f64 = 1e9;
+
+/// A robot in another process.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FarSide {
+    /// Path of the socket, if configured.
+    pub socket: Option<PathBuf>,
+    /// Number of the arm, equal at both ends.
+    pub arm: u16,
+    /// Range of its force/torque sensor, in N and N·m, if stated.
+    pub sensor_range: [Option<f64>; 2],
+    /// Age of the newest command after which it holds, if stated.
+    pub hold_after: Option<Duration>,
+    /// Figures that it must have; `None` where the commanded side is in this process.
+    pub agreement: Option<Agreement>,
+}
+
+/// Figures of a robot in another process that gains and limits are checked with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// Longest round trip of a message and its echo, the far side's cycle included; the 99th percentile is held to it.
+    pub round_trip: Duration,
+    /// Capability, or better.
+    pub stated: Stated,
+}
+
+/// Reads the keys. Returns `None` after a problem.
+pub(super) fn read(
+    file: &raw::File,
+    link: Option<&RemoteLink>,
+    remote: Option<&(Virtual, Option<RobotArm>)>,
+    problems: &mut Problems<'_>,
+) -> Option<FarSide> {
+    let raw = &file.remote.link;
+    let mut figure = |key: &Optional<f64>, range| optional(key, range, problems);
+    let force = figure(&raw.sensor_range_n, 1e-3..=MAX_FIGURE);
+    let moment = figure(&raw.sensor_range_nm, 1e-3..=MAX_FIGURE);
+    let hold_after = figure(&raw.hold_after_ms, HOLD_AFTER_MS).map(|age| age.map(millis));
+    let sample_period = figure(&raw.sample_period_ms, SAMPLE_PERIOD_MS);
+    let stiffest = figure(&raw.stiffest_contact_n_per_m, 1.0..=MAX_FIGURE);
+    let round_trip = figure(&raw.round_trip_ms, ROUND_TRIP_MS);
+    let mut agreement = None;
+    if is_link(&file.remote) {
+        let round_trip = required(&raw.round_trip_ms, "round_trip_ms", round_trip, problems);
+        let name = "stiffest_contact_n_per_m";
+        let stiffest = required(&raw.stiffest_contact_n_per_m, name, stiffest, problems);
+        let (round_trip, max_age) = (millis(round_trip?), link?.max_age);
+        if round_trip > max_age {
+            let reason = format_args!(
+                "must be at most the maximum age of a sample, {:.1} ms: raise max_age_ms, at most to 100",
+                max_age.as_secs_f64() * 1e3
+            );
+            problems.add(&raw.round_trip_ms, reason);
+        }
+        let (Virtual { interaction, servo, .. }, _) = remote?;
+        let stated = Stated {
+            stiffest_contact: stiffest?,
+            sample_period: sample_period?.map_or(f64::INFINITY, |period| period / 1e3),
+            hold_after: hold_after?.map_or(f64::INFINITY, |age| age.as_secs_f64()),
+            sensor_range: [force?.unwrap_or(0.0), moment?.unwrap_or(0.0)],
+            ..Stated::of(interaction, servo)
+        };
+        agreement = Some(Agreement { round_trip, stated });
+    }
+    Some(FarSide {
+        socket: raw.socket.as_ref().map(PathBuf::from),
+        arm: raw.arm.or(USUAL_ARM).get()?,
+        sensor_range: [force?, moment?],
+        hold_after: hold_after?,
+        agreement,
+    })
+}
+
+/// Reads a figure that may be absent. Outer `None`: a problem.
+fn optional(
+    key: &Optional<f64>,
+    range: RangeInclusive<f64>,
+    problems: &mut Problems<'_>,
+) -> Option<Option<f64>> {
+    if key.is_absent() {
+        return Some(None);
+    }
+    problems.within(key, range).map(Some)
+}
+
+/// Notes an absent figure that stability depends on.
+fn required(
+    key: &Optional<f64>,
+    name: &str,
+    value: Option<Option<f64>>,
+    problems: &mut Problems<'_>,
+) -> Option<f64> {
+    if key.is_absent() {
+        let reason = format_args!(
+            "missing field `{name}`, which kind = \"link\" needs: stability depends on it"
+        );
+        problems.add(key, reason);
+    }
+    value?
+}

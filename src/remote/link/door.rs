@@ -1,0 +1,115 @@
+//! The socket of the link: a listener, and one peer at a time. Nothing here waits but [`Door::wait`].
+
+use std::io;
+use std::os::fd::{AsFd, AsRawFd};
+use std::time::Duration;
+
+use nix::errno::Errno;
+use nix::libc::POLLRDHUP;
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::socket::{
+    MsgFlags, UnixCredentials, getsockopt, recv, send, sockopt::PeerCredentials,
+};
+use nix::sys::time::TimeSpec;
+use socket2::Socket;
+
+/// Requested send buffer, in bytes: the kernel raises it to its minimum, which is a few messages. No backlog of commands.
+const SEND_BUFFER: usize = 1;
+
+/// A connection that was accepted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Arrival {
+    /// It is the peer.
+    Peer(UnixCredentials),
+    /// There is a peer already: it was closed.
+    Second(UnixCredentials),
+}
+
+/// Result of a look at the peer's messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    /// A message of this length.
+    Message(usize),
+    /// Nothing yet.
+    Nothing,
+    /// The peer has closed its end, or its process has ended.
+    Closed,
+}
+
+/// A listener with its peer.
+#[derive(Debug)]
+pub(super) struct Door {
+    listener: Socket,
+    peer: Option<Socket>,
+}
+
+impl Door {
+    /// Takes a listening SEQPACKET socket.
+    pub(super) fn new(listener: Socket) -> io::Result<Self> {
+        listener.set_nonblocking(true)?;
+        Ok(Self { listener, peer: None })
+    }
+
+    pub(super) const fn has_peer(&self) -> bool {
+        self.peer.is_some()
+    }
+
+    /// Waits until a connection or, if `reads`, a message is there, for at most `span`.
+    pub(super) fn wait(&self, span: Duration, reads: bool) {
+        let span = Some(TimeSpec::from_duration(span));
+        let listener = readable(&self.listener);
+        // An interruption is a shorter wait.
+        match self.peer.as_ref().filter(|_| reads) {
+            Some(peer) => ppoll(&mut [listener, readable(peer)], span, None).ok(),
+            None => ppoll(&mut [listener], span, None).ok(),
+        };
+    }
+
+    /// Accepts a connection, if there is one; returns the user and process at its other end.
+    pub(super) fn accept(&mut self) -> Option<Arrival> {
+        let (socket, _) = self.listener.accept().ok()?;
+        let who = getsockopt(&socket, PeerCredentials).ok()?;
+        if self.peer.is_some() {
+            return Some(Arrival::Second(who));
+        }
+        socket.set_nonblocking(true).ok()?;
+        socket.set_send_buffer_size(SEND_BUFFER).ok()?;
+        self.peer = Some(socket);
+        Some(Arrival::Peer(who))
+    }
+
+    /// Sends a message; returns whether the peer's queue had room for it.
+    pub(super) fn send(&self, message: &[u8]) -> bool {
+        let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
+        self.peer.as_ref().is_some_and(|peer| send(peer.as_raw_fd(), message, flags).is_ok())
+    }
+
+    /// Receives a message. One that is longer than the buffer fills it.
+    pub(super) fn receive(&mut self, buffer: &mut [u8]) -> Found {
+        let Some(peer) = &self.peer else { return Found::Nothing };
+        let found = match recv(peer.as_raw_fd(), buffer, MsgFlags::MSG_DONTWAIT) {
+            Ok(0) if is_closed(peer) => Found::Closed,
+            Ok(length) => Found::Message(length),
+            Err(Errno::EAGAIN | Errno::EINTR) => Found::Nothing,
+            Err(_) => Found::Closed,
+        };
+        if found == Found::Closed {
+            self.peer = None;
+        }
+        found
+    }
+}
+
+fn readable(socket: &Socket) -> PollFd<'_> {
+    PollFd::new(socket.as_fd(), PollFlags::POLLIN)
+}
+
+/// Returns whether the peer has closed its end: an empty message reads as the end does.
+fn is_closed(peer: &Socket) -> bool {
+    // nix does not know this flag, and returns no flags where it is set.
+    let asked = PollFlags::from_bits_retain(POLLRDHUP);
+    let mut sockets = [PollFd::new(peer.as_fd(), asked)];
+    let polled = ppoll(&mut sockets, Some(TimeSpec::from_duration(Duration::ZERO)), None);
+    let ended = PollFlags::POLLHUP | PollFlags::POLLERR;
+    polled.is_err() || sockets.iter().any(|one| one.revents().is_none_or(|it| it.intersects(ended)))
+}

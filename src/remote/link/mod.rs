@@ -1,0 +1,133 @@
+//! A commanded side in another process: the node's end of the [`contract`] over a Unix socket.
+//!
+//! ```text
+//!  cycle's thread                    link's thread, below its priority                  far side
+//!   [`LinkSide`] ── newest Lead ──►   [`LinkThread`]  ── Command, once a period ──────►
+//!                ◄── newest FarView ──                ◄── Feedback, Capability ────────
+//! ```
+//!
+//! Two slots are between the threads, in which a new value replaces the one before: neither thread waits, calls the kernel
+//! or allocates for them. The link's thread takes at most 16 messages in a period; a message that the peer's queue has no
+//! room for is dropped, so a far side that hangs meets no backlog. A cycle that stalls commands nothing: the link's thread holds
+//! in its place. What is old, forged or of another session has no effect ([`NodeEnd`]).
+
+mod door;
+mod far_view;
+mod status;
+#[cfg(test)]
+mod tests;
+mod thread;
+
+pub use far_view::FarView;
+pub use status::{LatestLink, LinkStatus};
+pub use thread::LinkThread;
+
+use std::io;
+use std::time::Duration;
+
+use socket2::Socket;
+use triple_buffer::{Input, Output, triple_buffer};
+
+use crate::link::door::Door;
+use crate::stated::{Misfit, Stated};
+use crate::{Remote, Sensed, SideFault, messages};
+use contract::{NodeEnd, Order};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Maximum age of a feedback that answers a request to arm.
+const MAX_ANSWER_AGE: Duration = Duration::from_millis(100);
+
+/// Newest command of the cycle, its time and its epoch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lead {
+    pub(crate) at: Instant,
+    pub(crate) order: Order,
+    pub(crate) epoch: u32,
+}
+
+/// Settings of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkSettings {
+    /// Number of the arm.
+    pub arm: u16,
+    /// Session of this node; must be random.
+    pub session: u64,
+    /// Period of the commands.
+    pub period: Duration,
+    /// Maximum 99th percentile of the round trips.
+    pub round_trip: Duration,
+    /// Figures that the far side must have.
+    pub stated: Stated,
+}
+
+/// The commanded side, for the cycle.
+#[derive(Debug)]
+pub struct LinkSide {
+    leads: Input<Lead>,
+    views: Output<FarView>,
+    settings: LinkSettings,
+    epoch: u32,
+    /// Session of the far side that was compared at the last arming or reset, while armed.
+    compared: Option<u64>,
+}
+
+/// Returns the two parts of a link that listens on a SEQPACKET socket.
+///
+/// # Errors
+/// The socket cannot be set up.
+pub fn link(listener: Socket, settings: &LinkSettings) -> io::Result<(LinkSide, LinkThread)> {
+    let lead = Lead { at: Instant::ZERO, order: messages::order(&Motion::Hold), epoch: 0 };
+    let (leads, newest_lead) = triple_buffer(&lead);
+    let (newest_view, views) = triple_buffer(&FarView::default());
+    let end = NodeEnd::new(settings.arm, settings.session);
+    let settings = LinkSettings { session: end.session(), ..*settings };
+    let side = LinkSide { leads, views, settings, epoch: 0, compared: None };
+    let thread = LinkThread::new(Door::new(listener)?, end, &settings, newest_lead, newest_view);
+    Ok((side, thread))
+}
+
+impl Remote for LinkSide {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        let order = messages::order(command);
+        self.leads.write(Lead { at: now, order, epoch: self.epoch });
+        let compared = self.compared;
+        let view = self.views.read();
+        // The capability of a far side that has started since is not compared.
+        view.sensed.filter(|_| compared.is_none_or(|session| session == view.session()))
+    }
+
+    fn begin_epoch(&mut self) {
+        self.epoch = self.epoch.saturating_add(1);
+        self.compared = Some(self.views.read().session());
+    }
+
+    fn end_epoch(&mut self) {
+        self.compared = None;
+    }
+
+    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+        let LinkSettings { session, stated, .. } = self.settings;
+        let view = self.views.read();
+        let is_new = view.sample_at.is_some_and(|at| now.since(at) <= MAX_ANSWER_AGE);
+        let Some(feedback) = view.feedback.filter(|_| is_new) else { return vec![Misfit::Absent] };
+        if feedback.obeyed_session != session {
+            return vec![Misfit::Led(feedback.obeyed_session)];
+        }
+        let Some(capability) = &view.capability else { return vec![Misfit::Unknown] };
+        let mut misfits = stated.misfits(capability);
+        let is_valid = feedback.measured.wrench.is_some() && feedback.measured.pose.is_some();
+        if !is_valid && misfits.is_empty() {
+            misfits.push(Misfit::Senseless);
+        }
+        misfits
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        let round_trip = self.settings.round_trip;
+        let view = self.views.read();
+        let slow = view.p99.filter(|p99| *p99 > round_trip);
+        let holds = view.hold(self.epoch).map(SideFault::Holds);
+        holds.or(slow.map(|p99| SideFault::slow(p99, round_trip)))
+    }
+}

@@ -1,0 +1,323 @@
+//! The link over a real socket, in virtual time.
+#![allow(clippy::float_cmp, reason = "a force goes through the link as it is")]
+
+use std::io::{Read, Write};
+use std::path::PathBuf;
+
+use nalgebra::{Isometry3, Vector3};
+use socket2::{Domain, SockAddr, Type};
+use tempfile::TempDir;
+
+use super::*;
+use contract::{Capability, FarEnd, PayloadRemoval, Reason, Reject};
+use robot::interaction::Interaction;
+use robot::object::Servo;
+use units::spatial::{Twist, Wrench};
+
+const MS: Duration = Duration::from_millis(1);
+const HOLD_AFTER: Duration = Duration::from_millis(100);
+const RATE: Motion = Motion::Rate(Twist { linear: Vector3::new(0.1, 0.0, 0.0), ..Twist::ZERO });
+
+fn stated() -> Stated {
+    let servo = Servo::new(0.01, 0.5, 2.0).unwrap();
+    Stated { stiffest_contact: 5_000.0, ..Stated::of(&Interaction::default(), &servo) }
+}
+
+/// Returns a capability that is as stated.
+fn capability() -> Capability {
+    let Stated { accommodation, deadband, servo_lag, max_speed, stiffest_contact, .. } = stated();
+    Capability {
+        senses_wrench: true,
+        senses_pose: true,
+        has_gripper: false,
+        follows_rates: true,
+        follows_poses: true,
+        payload_removal: PayloadRemoval::None,
+        accommodation,
+        deadband,
+        servo_lag,
+        sample_period: 1e-3,
+        hold_after: HOLD_AFTER.as_secs_f64(),
+        sensor_range: [200.0, 20.0],
+        stiffest_contact,
+        max_speed,
+        workspace: [[-1.0; 3], [1.0; 3]],
+    }
+}
+
+/// A far side with its connection.
+struct Far {
+    end: FarEnd,
+    capability: Capability,
+    socket: Socket,
+    motion: contract::Motion,
+}
+
+impl Far {
+    fn at(path: &PathBuf, session: u64) -> Self {
+        let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
+        socket.connect(&SockAddr::unix(path).unwrap()).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        let end = FarEnd::new(7, session, HOLD_AFTER);
+        Self { end, capability: capability(), socket, motion: contract::Motion::Hold }
+    }
+
+    /// Runs a cycle that measures `force` along x, in N.
+    fn step(&mut self, now: Instant, force: f64) {
+        self.take(now);
+        self.answer(now, force);
+    }
+
+    fn take(&mut self, now: Instant) {
+        let mut buffer = [0; 512];
+        while let Ok(length @ 1..) = (&self.socket).read(&mut buffer) {
+            self.end.on_message(now, &buffer[..length]);
+        }
+    }
+
+    fn answer(&mut self, now: Instant, force: f64) {
+        self.motion = self.end.motion(now);
+        let f_s = Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO };
+        let sensed = Sensed { at: now, f_s, x_b_m: Isometry3::identity() };
+        let feedback = self.end.feedback(now, &messages::measured(&sensed));
+        (&self.socket).write_all(&feedback).ok();
+        if let Some(figures) = self.end.capability(now, &self.capability) {
+            (&self.socket).write_all(&figures).ok();
+        }
+    }
+}
+
+/// A node's link at a socket of its own.
+struct Rig {
+    path: PathBuf,
+    _folder: TempDir,
+    side: LinkSide,
+    thread: LinkThread,
+    now: Instant,
+}
+
+impl Rig {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("link.sock");
+        let listener = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
+        listener.bind(&SockAddr::unix(&path).unwrap()).unwrap();
+        listener.listen(4).unwrap();
+        let settings = LinkSettings {
+            arm: 7,
+            session: 0x5eed_5eed,
+            period: MS,
+            round_trip: MS * 5,
+            stated: stated(),
+        };
+        let (side, thread) = link(listener, &settings).unwrap();
+        Self { path, _folder: folder, side, thread, now: Instant::ZERO + MS * 1_000 }
+    }
+
+    /// Runs a cycle of the node and of its link; returns the sample.
+    fn cycle(&mut self, command: &Motion) -> Option<Sensed> {
+        self.now = self.now + MS;
+        self.thread.step(self.now);
+        self.side.exchange(self.now, command)
+    }
+
+    /// Runs cycles of both ends.
+    fn cycles(&mut self, count: usize, command: &Motion, far: &mut Far) -> Option<Sensed> {
+        (0..count).fold(None, |_, _| {
+            let sensed = self.cycle(command);
+            far.step(self.now, 2.0);
+            sensed
+        })
+    }
+
+    /// Returns the rig with a far side that has sent its capability.
+    fn connected() -> (Self, Far) {
+        let mut rig = Self::new();
+        let mut far = Far::at(&rig.path, 0xface_face);
+        rig.cycles(10, &Motion::Hold, &mut far);
+        assert_eq!(rig.side.misfits(rig.now), []);
+        (rig, far)
+    }
+
+    fn status(&mut self) -> LinkStatus {
+        self.now = self.now + MS * 100;
+        self.thread.step(self.now);
+        self.thread.latest().get()
+    }
+}
+
+#[test]
+fn command_acts_from_the_first_epoch_on() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.cycles(5, &RATE, &mut far);
+    assert_eq!((far.motion, far.end.reason()), (contract::Motion::Hold, Reason::NotArmed));
+    rig.side.begin_epoch();
+    let sensed = rig.cycles(3, &RATE, &mut far).unwrap();
+    assert_eq!(far.motion, messages::order(&RATE).motion);
+    assert_eq!((sensed.f_s.force.x, rig.side.fault()), (2.0, None));
+    // Command k is answered in cycle k, and read with the next one.
+    assert!(rig.now.since(sensed.at) <= MS * 3, "{:?}", rig.now.since(sensed.at));
+}
+
+#[test]
+fn far_side_is_compared_before_arming() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.side.misfits(rig.now), [Misfit::Absent]);
+    let mut far = Far::at(&rig.path, 0xface_face);
+    far.capability.servo_lag = 0.5;
+    far.capability.senses_wrench = false;
+    rig.cycles(10, &Motion::Hold, &mut far);
+    let key = "remote.servo_time_constant_s";
+    let worse = Misfit::Worse { key, stated: 0.01, found: 0.5 };
+    assert_eq!(rig.side.misfits(rig.now), [Misfit::Lacks("has no force/torque sensor"), worse]);
+    rig.now = rig.now + MS * 200;
+    assert_eq!(rig.side.misfits(rig.now), [Misfit::Absent], "silent");
+}
+
+#[test]
+fn hazard_47_hold_of_the_far_side_is_seen_in_its_epoch_alone() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    rig.cycles(5, &RATE, &mut far);
+    far.end.hold(Reason::SensorSaturated);
+    rig.cycles(3, &RATE, &mut far);
+    assert_eq!(rig.side.fault(), Some(SideFault::Holds(Reason::SensorSaturated)));
+    rig.side.begin_epoch();
+    assert_eq!(rig.side.fault(), None, "of the epoch before");
+    rig.cycles(5, &RATE, &mut far);
+    assert_eq!((rig.side.fault(), far.end.reason()), (None, Reason::None));
+}
+
+#[test]
+fn hazard_34_killed_far_side_ages_and_another_one_is_not_felt() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    let last = rig.cycles(5, &RATE, &mut far).unwrap();
+    drop(far);
+    rig.cycle(&RATE);
+    assert_eq!(rig.cycle(&RATE), None);
+    let mut other = Far::at(&rig.path, 0xf00d_f00d);
+    assert_eq!(rig.cycles(150, &RATE, &mut other), None, "not compared; the last was {last:?}");
+    assert_eq!((other.motion, other.end.reason()), (contract::Motion::Hold, Reason::NotArmed));
+    // The stop ends the epoch; the reset compares, and begins one.
+    rig.side.end_epoch();
+    assert!(rig.cycle(&Motion::Hold).is_some());
+    assert_eq!(rig.side.misfits(rig.now), []);
+    rig.side.begin_epoch();
+    rig.cycles(3, &RATE, &mut other);
+    assert_eq!(other.motion, messages::order(&RATE).motion);
+}
+
+#[test]
+fn stalled_cycle_holds_the_far_side() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    rig.cycles(5, &RATE, &mut far);
+    let stalled_at = rig.now;
+    while far.motion != contract::Motion::Hold {
+        rig.now = rig.now + MS;
+        rig.thread.step(rig.now);
+        far.step(rig.now, 2.0);
+        assert!(rig.now.since(stalled_at) <= MS * 12, "it moves on");
+    }
+    assert_eq!(far.end.reason(), Reason::None, "held by the node, not by itself");
+    rig.cycles(2, &RATE, &mut far);
+    assert_eq!(far.motion, messages::order(&RATE).motion);
+}
+
+#[test]
+fn second_far_side_is_refused_and_the_first_goes_on() {
+    let (mut rig, mut far) = Rig::connected();
+    let mut second = Far::at(&rig.path, 0xf00d_f00d);
+    rig.side.begin_epoch();
+    rig.cycles(3, &RATE, &mut far);
+    let mut buffer = [0; 512];
+    assert_eq!((&second.socket).read(&mut buffer).unwrap(), 0, "closed");
+    second.step(rig.now, 9.0);
+    assert_eq!(rig.cycles(1, &RATE, &mut far).unwrap().f_s.force.x, 2.0);
+}
+
+#[test]
+fn hazard_37_wrong_messages_have_no_effect_and_are_counted() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    rig.cycles(5, &RATE, &mut far);
+    let now = rig.now;
+    let mut stranger = FarEnd::new(7, 0xbad_face, HOLD_AFTER);
+    let mut other_arm = FarEnd::new(8, 0xface_face, HOLD_AFTER);
+    let huge = contract::Measured { wrench: Some([9.0; 6]), ..contract::Measured::default() };
+    let nan = contract::Measured { wrench: Some([f64::NAN; 6]), ..huge };
+    let own = far.end.feedback(now, &nan);
+    let long = [0; 600];
+    let wrong: [&[u8]; 6] = [
+        &[],
+        &[0; 7],
+        &long,
+        &stranger.feedback(now, &huge),
+        &other_arm.feedback(now, &huge),
+        &own,
+    ];
+    for message in wrong {
+        // Twice: a repetition has no effect either.
+        (0..2).for_each(|_| _ = far.socket.send(message).unwrap());
+        let sensed = rig.cycles(1, &RATE, &mut far).unwrap();
+        assert_eq!(sensed.f_s.force.x, 2.0);
+    }
+    let rejects = rig.status().rejects;
+    let of = |reject| rejects.iter().find(|(one, _)| *one == reject).map_or(0, |(_, count)| *count);
+    assert_eq!((of(Reject::NotLeader), of(Reject::Arm)), (2, 2), "{rejects:?}");
+    assert_eq!(of(Reject::Length) + of(Reject::Foreign), 6, "{rejects:?}");
+    assert_eq!(of(Reject::Impossible), 2, "{rejects:?}");
+}
+
+#[test]
+fn flood_delays_no_cycle_and_drops_no_link() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    let mut sent = 0_u32;
+    for _ in 0..200 {
+        // 50 messages a period; the queue takes what it can.
+        sent += (0..50).map(|_| u32::from((&far.socket).write(&[7; 100]).is_ok())).sum::<u32>();
+        rig.cycles(1, &RATE, &mut far);
+    }
+    let sensed = rig.cycle(&RATE).unwrap();
+    assert!(sent > 3_000, "{sent}");
+    // What waits in the socket's queue is taken 16 at a time.
+    assert!(rig.now.since(sensed.at) < MS * 50, "{:?}", rig.now.since(sensed.at));
+}
+
+#[test]
+fn far_side_that_reads_nothing_meets_no_backlog() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    rig.cycles(5, &RATE, &mut far);
+    // It is stopped for 3 s.
+    (0..3_000).for_each(|_| _ = rig.cycle(&RATE));
+    let dropped = rig.status().dropped;
+    assert!(dropped > 2_900, "{dropped}");
+    far.step(rig.now, 2.0);
+    assert_eq!((far.motion, far.end.reason()), (contract::Motion::Hold, Reason::Silence));
+    rig.cycles(50, &RATE, &mut far);
+    assert_eq!(far.motion, contract::Motion::Hold, "until a new epoch");
+}
+
+#[test]
+fn hazard_48_slow_round_trips_are_a_fault() {
+    let (mut rig, mut far) = Rig::connected();
+    rig.side.begin_epoch();
+    rig.cycles(300, &RATE, &mut far);
+    assert_eq!(rig.side.fault(), None);
+    // The far side answers 6 ms later.
+    for _ in 0..200 {
+        far.take(rig.now);
+        (0..6).for_each(|_| _ = rig.cycle(&RATE));
+        far.answer(rig.now, 2.0);
+    }
+    let fault = rig.side.fault();
+    assert!(
+        matches!(fault, Some(SideFault::Slow { p99_us: 5_001.., stated_us: 5_000 })),
+        "{fault:?}"
+    );
+    let [p50, p99] = rig.status().round_trips.unwrap();
+    assert!(p50 <= p99 && p99 > MS * 5, "{p50:?} {p99:?}");
+}

@@ -1,0 +1,206 @@
+//! The thread of the link: sends the newest command once a period, and takes what the far side sends.
+
+use std::time::Duration;
+
+use triple_buffer::{Input, Output};
+
+use super::door::{Arrival, Door, Found};
+use super::{FarView, LatestLink, Lead, LinkSettings, LinkStatus};
+use crate::messages;
+use contract::{Capability, NodeEnd, Sample};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Maximum number of messages taken in one period.
+const MAX_MESSAGES: u32 = 16;
+
+/// Periods without a command of the cycle after which the thread holds in its place, and their minimum.
+const MAX_SILENT_PERIODS: u32 = 3;
+const MIN_SILENCE: Duration = Duration::from_millis(10);
+
+/// Time between two looks at the round trips, which are sorted for them.
+const STATUS_EVERY: Duration = Duration::from_millis(100);
+
+/// Round trips below which their 99th percentile is the longest one.
+const MIN_ROUND_TRIPS: usize = 100;
+
+/// The link's thread.
+#[derive(Debug)]
+pub struct LinkThread {
+    door: Door,
+    end: NodeEnd,
+    leads: Output<Lead>,
+    views: Input<FarView>,
+    period: Duration,
+    round_trip: Duration,
+    view: FarView,
+    status: LinkStatus,
+    latest: LatestLink,
+    status_at: Instant,
+    is_slow: bool,
+    /// Refused connections since the last log line.
+    refused: u64,
+}
+
+impl LinkThread {
+    pub(super) fn new(
+        door: Door,
+        end: NodeEnd,
+        settings: &LinkSettings,
+        leads: Output<Lead>,
+        views: Input<FarView>,
+    ) -> Self {
+        let LinkSettings { period, round_trip, .. } = *settings;
+        Self {
+            door,
+            status: LinkStatus { session: end.session(), ..LinkStatus::default() },
+            end,
+            leads,
+            views,
+            period,
+            round_trip,
+            view: FarView::default(),
+            latest: LatestLink::default(),
+            status_at: Instant::ZERO,
+            is_slow: false,
+            refused: 0,
+        }
+    }
+
+    /// Returns the status that the thread keeps up to date.
+    pub fn latest(&self) -> LatestLink {
+        self.latest.clone()
+    }
+
+    /// Runs until `stopping` returns true. `clock` must be that of the cycle.
+    pub fn run(mut self, clock: impl Fn() -> Instant, stopping: impl Fn() -> bool) {
+        let (mut next, mut left) = (clock(), MAX_MESSAGES);
+        while !stopping() {
+            let now = clock();
+            if next <= now {
+                self.begin_period(now);
+                // A thread that was stopped sends no command twice.
+                next = (next + self.period).max(now);
+                left = MAX_MESSAGES;
+            }
+            self.door.wait(next.since(clock()), left > 0);
+            left = self.take(clock(), left);
+        }
+    }
+
+    /// Runs one period without waiting, as a simulation in virtual time does.
+    pub fn step(&mut self, now: Instant) {
+        self.begin_period(now);
+        self.receive(now);
+    }
+
+    /// Takes up to 16 messages that have come since.
+    pub fn receive(&mut self, now: Instant) {
+        self.take(now, MAX_MESSAGES);
+    }
+
+    fn begin_period(&mut self, now: Instant) {
+        self.send(now);
+        self.report(now);
+    }
+
+    /// Sends the newest command, or a hold if the cycle has stalled or ended.
+    fn send(&mut self, now: Instant) {
+        let Lead { at, order, epoch } = *self.leads.read();
+        let silence = (self.period * MAX_SILENT_PERIODS).max(MIN_SILENCE);
+        let order = if now.since(at) > silence { messages::order(&Motion::Hold) } else { order };
+        while self.end.epoch() < epoch {
+            self.end.begin_epoch();
+        }
+        let command = self.end.command(now, &order);
+        if self.door.has_peer() && !self.door.send(&command) {
+            self.status.dropped += 1;
+        }
+    }
+
+    fn accept(&mut self) {
+        match self.door.accept() {
+            Some(Arrival::Peer(who)) => {
+                tracing::info!(uid = who.uid(), pid = who.pid(), "far side connected");
+            }
+            Some(Arrival::Second(who)) => {
+                // The first of many at once, and again when the status is next looked at.
+                if self.refused == 0 {
+                    let (uid, pid) = (who.uid(), who.pid());
+                    tracing::warn!(uid, pid, "second far side refused: one is connected");
+                }
+                self.refused += 1;
+            }
+            None => {}
+        }
+        self.status.is_connected = self.door.has_peer();
+    }
+
+    /// Takes up to `left` messages, then a connection; returns how many more messages may be taken in this period.
+    fn take(&mut self, now: Instant, mut left: u32) -> u32 {
+        // A byte more than the longest message, so that a longer one is seen to be.
+        let mut buffer = [0; Capability::LENGTH + 1];
+        while left > 0 {
+            match self.door.receive(&mut buffer) {
+                Found::Message(length) => {
+                    self.on_message(now, buffer.get(..length).unwrap_or(&buffer));
+                }
+                Found::Nothing => break,
+                Found::Closed => {
+                    tracing::warn!("far side disconnected");
+                    self.view = FarView { p99: self.view.p99, ..FarView::default() };
+                }
+            }
+            left -= 1;
+        }
+        self.views.write(self.view);
+        // Behind the end of the peer: a far side that has started again is not a second one.
+        self.accept();
+        left
+    }
+
+    fn on_message(&mut self, now: Instant, message: &[u8]) {
+        if let Some(sample) = self.end.on_message(now, message) {
+            let Sample { at, feedback } = sample;
+            self.view.sensed = messages::sensed(&sample).or(self.view.sensed);
+            (self.view.feedback, self.view.sample_at) = (Some(feedback), Some(at));
+        }
+        self.view.capability = self.end.capability().copied();
+    }
+
+    /// Brings the status up to date.
+    fn report(&mut self, now: Instant) {
+        if now.since(self.status_at) >= STATUS_EVERY {
+            self.status_at = now;
+            self.judge_round_trips();
+            self.refused = 0;
+        }
+        let Self { status, view, end, .. } = self;
+        let feedback = view.feedback.as_ref();
+        status.far_session = end.far_session();
+        status.leader = feedback.map_or(0, |feedback| feedback.obeyed_session);
+        status.reason = feedback.map(|feedback| feedback.reason);
+        status.lost = end.lost();
+        status.rejects.clear();
+        status.rejects.extend(end.rejects().iter());
+        self.latest.offer(&self.status);
+    }
+
+    /// Computes the percentiles of the round trips, and logs one that is longer than stated.
+    fn judge_round_trips(&mut self) {
+        let round_trips = self.end.round_trips();
+        let is_known = round_trips.count() >= MIN_ROUND_TRIPS;
+        let [p50, p99] = [50, 99].map(|percent| round_trips.percentile(percent));
+        self.status.round_trips = p50.zip(p99).filter(|_| is_known).map(|(p50, p99)| [p50, p99]);
+        self.view.p99 = p99.filter(|_| is_known);
+        let slow = self.view.p99.filter(|p99| *p99 > self.round_trip);
+        if let Some(p99) = slow.filter(|_| !self.is_slow) {
+            tracing::warn!(
+                "1 % of the round trips to the far side take {:.1} ms or more, remote.link.round_trip_ms is {:.1}",
+                p99.as_secs_f64() * 1e3,
+                self.round_trip.as_secs_f64() * 1e3
+            );
+        }
+        self.is_slow = slow.is_some();
+    }
+}

@@ -151,7 +151,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.now();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Motion::Hold);
+        self.remote.exchange(now, &Motion::Hold, Mode::Boot);
         self.safety.boot(now);
         self.drives.power.reset_faults();
         for joint in Joint::ALL.into_iter().filter(|joint| !self.mode_check.is_enabling(*joint)) {

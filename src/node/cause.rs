@@ -11,6 +11,7 @@ use crate::joint_reading::JointReading;
 use crate::reaction::{Initiator, Reaction, Row, always, armed};
 use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
+use contract::Reason;
 use controller::Fault;
 use units::numbering::{Joint, NodeIndex};
 
@@ -197,6 +198,17 @@ causes! {
         description "newest wrench from the commanded side too old",
         message ("no new wrench from the commanded side"),
         reaction armed(ReflectionOff, &[34, 35]);
+    FarSideHolds { reason: Reason }
+        description "robot at the commanded side holds for a reason of its own",
+        message ("the far side holds: {reason}"),
+        reaction armed(ReflectionOff, &[47]);
+    LinkSlow { p99_us: u32, stated_us: u32 }
+        description "round trips to the commanded side longer than stated",
+        message (
+            "1 % of the round trips to the far side take {:.1} ms or more, remote.link.round_trip_ms is {:.1}",
+            f64::from(p99_us) / 1e3, f64::from(stated_us) / 1e3
+        ),
+        reaction armed(ReflectionOff, &[48]);
     DriveLeft { joint: Joint, statusword: u16 }
         description "drive leaves operation enabled by itself",
         message ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),

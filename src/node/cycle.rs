@@ -46,7 +46,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let targets = self.command_drives(sync_at, &permit, &output);
         self.send_services(now, sync_at);
-        self.remote.exchange(now, &output.command);
+        self.remote.exchange(now, &output.command, self.safety.mode());
 
         self.timing.end_cycle();
         self.record(now, sync_at, &input, output, targets)
@@ -74,7 +74,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let missing = self.samples.end_window(now);
         let deadman = self.operator.update(now, self.samples.inputs(now));
         let link = self.remote.link.lost(now);
-        self.raise(now, [missing, deadman, link]);
+        let far_side = self.remote.fault(self.safety.mode());
+        self.raise(now, [missing, deadman, link, far_side]);
     }
 
     /// Watches that every drive is enabled. Reads the error history (1003h) of a drive whose statusword stopped the node.

@@ -1,8 +1,10 @@
 //! The commanded side: the robot or virtual object, and its newest valid sample.
 
+use crate::cause::Cause;
 use crate::link::Link;
+use crate::record::Mode;
 use config::Config;
-use remote::Remote;
+use remote::{Remote, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -11,19 +13,43 @@ use units::time::Instant;
 pub(super) struct RemoteSide<R> {
     pub(super) remote: R,
     pub(super) link: Link,
+    was_armed: bool,
 }
 
 impl<R: Remote> RemoteSide<R> {
     /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
-        let mut side = Self { remote, link: Link::new(config.link.max_age) };
-        side.exchange(now, &Motion::Hold);
+        let link = Link::new(config.link.max_age);
+        let mut side = Self { remote, link, was_armed: false };
+        side.exchange(now, &Motion::Hold, Mode::Boot);
         side
     }
 
-    /// Sends a command and takes the sample received with it, if any.
-    pub(super) fn exchange(&mut self, now: Instant, command: &Motion) {
+    /// Returns a fault of the commanded side that matters in this mode. A stop ends the watch: only the reset makes the
+    /// epoch in which the commanded side goes on.
+    pub(super) fn fault(&mut self, mode: Mode) -> Option<Cause> {
+        if !is_armed(mode) {
+            return None;
+        }
+        match self.remote.fault()? {
+            SideFault::Holds(reason) => Some(Cause::FarSideHolds { reason }),
+            SideFault::Slow { p99_us, stated_us } => {
+                (mode == Mode::Engaged).then_some(Cause::LinkSlow { p99_us, stated_us })
+            }
+        }
+    }
+
+    /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that
+    /// is no longer armed.
+    pub(super) fn exchange(&mut self, now: Instant, command: &Motion, mode: Mode) {
+        if std::mem::replace(&mut self.was_armed, is_armed(mode)) && !self.was_armed {
+            self.remote.end_epoch();
+        }
         let sensed = self.remote.exchange(now, command);
         self.link.update(now, sensed);
     }
+}
+
+const fn is_armed(mode: Mode) -> bool {
+    matches!(mode, Mode::Armed | Mode::Engaged)
 }

@@ -11,6 +11,7 @@ use config::facts::FactsRefused;
 use config::force_cap::ForceAboveCap;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
+use remote::stated::Misfit;
 use units::time::Instant;
 use units::wording::in_one_line;
 
@@ -53,6 +54,9 @@ pub enum Unfit {
     /// The arm is not in its rest posture.
     #[error(transparent)]
     NotAtRest(#[from] NotAtRest),
+    /// The commanded side does not fit the configuration.
+    #[error(transparent)]
+    FarSide(#[from] Misfit),
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -71,7 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Arm => {
                 // A latched stop is refused by its cause, not by a proof test that its boot has not run.
                 if !self.mode().is_latched() {
-                    self.check_fitness()?;
+                    self.check_fitness(now)?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
                 self.rest.on_armed();
@@ -84,15 +88,20 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Ok(self.mode())
     }
 
-    /// Checks facts, force and posture.
-    fn check_fitness(&self) -> Result<(), RequestError> {
+    /// Checks facts, force, posture and the commanded side.
+    fn check_fitness(&mut self, now: Instant) -> Result<(), RequestError> {
         let facts = self.proof_test.check_facts().err().into_iter().flatten().map(Unfit::from);
         let force = self.proof_test.check_force().err().map(Unfit::from);
         // Before the boot there is no sample of any joint.
         let rest = self.rest.check(&self.control.positions(&self.samples)).err();
         let rest = rest.filter(|_| self.mode() != Mode::Boot).map(Unfit::from);
         let all: Vec<_> = facts.chain(force).chain(rest).collect();
-        if all.is_empty() { Ok(()) } else { Err(RequestError::Unfit(all)) }
+        refuse(all.into_iter().chain(self.misfits(now)).collect())
+    }
+
+    /// Returns each reason against arming with this commanded side.
+    fn misfits(&mut self, now: Instant) -> impl Iterator<Item = Unfit> {
+        self.remote.remote.misfits(now).into_iter().map(Unfit::from)
     }
 
     /// Ends a stop, with a boot if any of its causes requires one. If the boot fails the stop remains.
@@ -101,6 +110,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         now: Instant,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), RequestError> {
+        if self.mode() == Mode::ReflectionOff {
+            // The node stays armed, with a far side that may be another one by now.
+            refuse(self.misfits(now).collect())?;
+        }
         let stop = self.safety.reset(now)?;
         self.drives.power.reset_faults();
         let was_silent = self.network.is_silent();
@@ -121,6 +134,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.remote.remote.begin_epoch();
         Ok(())
     }
+}
+
+fn refuse(reasons: Vec<Unfit>) -> Result<(), RequestError> {
+    if reasons.is_empty() { Ok(()) } else { Err(RequestError::Unfit(reasons)) }
 }
 
 #[cfg(test)]

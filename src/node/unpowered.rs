@@ -21,7 +21,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.now();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Motion::Hold);
+        self.remote.exchange(now, &Motion::Hold, self.safety.mode());
         // The caller's cause: no watch raises it.
         self.raise(now, [Some(cause)]);
         Ok(())

@@ -205,6 +205,7 @@ fn arming_is_refused_by_all_its_reasons_at_once() {
         Unfit::Facts(_) => "facts",
         Unfit::Force(_) => "force",
         Unfit::NotAtRest(_) => "rest",
+        Unfit::FarSide(_) => "far side",
     });
     assert_eq!(kinds.collect::<Vec<_>>(), ["facts", "force", "rest"], "{refused}");
     for part in [sign, "half of 0.5 m/s", "; joint 3 (elbow): reads "] {

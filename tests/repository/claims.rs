@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 46] = [
+pub(crate) const HAZARDS: [Claim; 48] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -170,6 +170,16 @@ pub(crate) const HAZARDS: [Claim; 46] = [
         "A drive stays on after disable voltage",
         "disabled by SDO after 2 cycles (25 ms where controlwords take turns), stopped by NMT 10 ms later, named; 30 ms \
          after that heartbeat and guarding end for all drives",
+    ),
+    (
+        47,
+        "The robot at the commanded side holds: its sensor, its wrench limit, its end, a fault",
+        "no reflection after 70 ms, the reason named; it goes on in the epoch of a reset alone",
+    ),
+    (
+        48,
+        "Messages of the far side take longer than the gains were checked with",
+        "a warning before arming; no reflection after 70 ms while engaged",
     ),
 ];
 

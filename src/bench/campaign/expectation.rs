@@ -105,6 +105,8 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(44, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
     row(45, Millis(400), &[(Cause::Unstable, ReflectionOff)]),
     row(46, Unstated, &[(Cause::NotOff, DrivesOff)]),
+    row(47, Millis(70), &[(Cause::FarSideHolds, ReflectionOff)]),
+    row(48, Millis(70), &[(Cause::LinkSlow, ReflectionOff)]),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {

@@ -61,6 +61,12 @@ pub enum LinkFault {
     /// Wrenches are repeated, with their old time stamps.
     #[display("frozen")]
     Frozen,
+    /// Messages take longer than the configuration states.
+    #[display("slow")]
+    Slow,
+    /// The commanded side holds for a reason of its own.
+    #[display("held")]
+    Held,
     /// No message passes in either direction.
     #[display("lost")]
     Lost,

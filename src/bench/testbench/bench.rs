@@ -189,6 +189,8 @@ impl<T: Tap> Bench<T> {
             None => Link::Up,
             Some(LinkFault::Frozen) => Link::Frozen,
             Some(LinkFault::Lost) => Link::Lost,
+            Some(LinkFault::Slow) => Link::Slow,
+            Some(LinkFault::Held) => Link::Held,
         };
         self.node.remote_mut().set_link(link);
         if !self.host_faults.forces.is_empty() {

@@ -10,9 +10,9 @@
 
 use std::time::Duration;
 
-use contract::{Command, FarEnd, Feedback, NodeEnd, Reject};
+use contract::{Command, FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
 use remote::delay::DelaySettings;
-use remote::{Remote, Sensed, messages};
+use remote::{Remote, Sensed, SideFault, messages};
 use sim::random::SplitMix;
 use units::spatial::Motion;
 use units::time::Instant;
@@ -63,6 +63,8 @@ struct Link {
     next: Option<Instant>,
     /// Newest sample at the node.
     newest: Option<Sensed>,
+    /// Why the far side holds in the present epoch.
+    holds: Option<Reason>,
 }
 
 impl<R> Delayed<R> {
@@ -108,7 +110,23 @@ impl<R: Remote> Remote for Delayed<R> {
     fn begin_epoch(&mut self) {
         match &mut self.link {
             None => self.far.begin_epoch(),
-            Some(link) => link.node.begin_epoch(),
+            Some(link) => {
+                link.holds = None;
+                link.node.begin_epoch();
+            }
+        }
+    }
+
+    fn end_epoch(&mut self) {
+        if self.link.is_none() {
+            self.far.end_epoch();
+        }
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        match &self.link {
+            None => self.far.fault(),
+            Some(link) => link.holds.map(SideFault::Holds),
         }
     }
 }
@@ -129,6 +147,7 @@ impl Link {
             begun: None,
             next: None,
             newest: None,
+            holds: None,
         }
     }
 
@@ -143,8 +162,11 @@ impl Link {
         self.there.send(now, elapsed, self.node.command(now, &order), &self.settings);
         self.run_far_side(now, far);
         while let Some(feedback) = self.back.receive(now) {
-            let sample = self.node.on_message(now, &feedback);
-            self.newest = sample.and_then(|sample| messages::sensed(&sample)).or(self.newest);
+            let Some(sample) = self.node.on_message(now, &feedback) else { continue };
+            self.newest = messages::sensed(&sample).or(self.newest);
+            let Feedback { head, reason, .. } = sample.feedback;
+            let holds = head.epoch == self.node.epoch() && reason.state() == FarState::Holding;
+            self.holds = holds.then_some(reason);
         }
         self.newest
     }

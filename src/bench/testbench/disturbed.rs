@@ -1,6 +1,7 @@
 //! Faults of a commanded side in this process: a link that freezes or is lost, and a sensor that reports what is not.
 
-use remote::{Remote, Sensed};
+use contract::Reason;
+use remote::{Remote, Sensed, SideFault};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
@@ -14,6 +15,10 @@ pub enum Link {
     Frozen,
     /// Transmits nothing in either direction.
     Lost,
+    /// Takes longer than stated.
+    Slow,
+    /// Works, to a commanded side that holds for a reason of its own until a new epoch.
+    Held,
 }
 
 /// A commanded side with faults.
@@ -23,6 +28,8 @@ pub struct Disturbed<R> {
     link: Link,
     /// Last sample over the link.
     known: Option<Sensed>,
+    /// The side holds until a new epoch.
+    holds: bool,
     /// Value of a broken sensor.
     sensor_fault: Option<Wrench>,
 }
@@ -30,7 +37,7 @@ pub struct Disturbed<R> {
 impl<R> Disturbed<R> {
     /// Creates a side without faults.
     pub const fn new(side: R) -> Self {
-        Self { side, link: Link::Up, known: None, sensor_fault: None }
+        Self { side, link: Link::Up, known: None, holds: false, sensor_fault: None }
     }
 
     /// Returns the side itself.
@@ -56,16 +63,33 @@ impl<R> Disturbed<R> {
 
 impl<R: Remote> Remote for Disturbed<R> {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
-        let command = if self.link == Link::Lost { &Motion::Hold } else { command };
-        let sensed = self.side.exchange(now, command)?;
+        self.holds |= self.link == Link::Held;
+        let passes = !self.holds && self.link != Link::Lost;
+        let sensed = self.side.exchange(now, if passes { command } else { &Motion::Hold })?;
         let sensed = Sensed { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
-        let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
+        let is_stale = matches!(self.link, Link::Frozen | Link::Lost);
+        let known = self.known.filter(|_| is_stale).unwrap_or(sensed);
         self.known = Some(known);
         self.known
     }
 
     fn begin_epoch(&mut self) {
+        self.holds = false;
         self.side.begin_epoch();
+    }
+
+    fn end_epoch(&mut self) {
+        self.side.end_epoch();
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        let slow = SideFault::Slow { p99_us: 9_000, stated_us: 5_000 };
+        let own = match (self.holds, self.link) {
+            (true, _) => Some(SideFault::Holds(Reason::SensorSilent)),
+            (false, Link::Slow) => Some(slow),
+            (false, _) => None,
+        };
+        own.or_else(|| self.side.fault())
     }
 }
 

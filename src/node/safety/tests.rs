@@ -6,6 +6,7 @@ use crate::joint_reading::JointReading;
 use canopen::object::Object;
 use canopen::{NmtState, error_codes};
 use config::NoSwitchBox;
+use contract::Reason;
 use controller::Fault;
 use controller::arm::JointKind;
 use units::numbering::NodeIndex;
@@ -84,6 +85,8 @@ fn sample(kind: Kind) -> Cause {
         Kind::UncommandedMotion => Cause::UncommandedMotion,
         Kind::Unstable => Cause::Unstable,
         Kind::LinkLost => Cause::LinkLost,
+        Kind::FarSideHolds => Cause::FarSideHolds { reason: Reason::WrenchLimit },
+        Kind::LinkSlow => Cause::LinkSlow { p99_us: 9_000, stated_us: 5_000 },
         Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
         Kind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
         Kind::HeartbeatLost => Cause::HeartbeatLost { node },

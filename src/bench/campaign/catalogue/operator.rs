@@ -22,6 +22,8 @@ pub(super) const KINDS: &[Kind] = &[
     engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
     engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
     engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),
+    engaged(47, "far side holds", &[Cause::FarSideHolds], |_, at| link(at, LinkFault::Held)),
+    engaged(48, "link slow", &[Cause::LinkSlow], |_, at| link(at, LinkFault::Slow)),
     engaged(38, "deadman released", NO_CAUSE, deadman_released),
     kind(
         38,

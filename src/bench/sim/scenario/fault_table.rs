@@ -93,6 +93,8 @@ fault_table! {
     "switch_stuck" on Target::SwitchBox, input: SWITCH, level: LEVEL => (Kind::Contact(input, level));
     "foreign_frame" by BUS, frame: FRAME, period: PERIOD => (Kind::ForeignFrame { frame, period });
     "link_loss" on Target::Link => (Kind::Link(LinkFault::Lost));
+    "link_slow" on Target::Link => (Kind::Link(LinkFault::Slow));
+    "far_side_holds" on Target::Link => (Kind::Link(LinkFault::Held));
     "link_frozen" on Target::Link => (Kind::Link(LinkFault::Frozen));
     "sensed_force" on Target::Link, force: FORCE => (Kind::SensedForce(force));
     "queue_full" by BUS => (Kind::Bus(Disturbance::QueueFull));

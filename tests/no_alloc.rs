@@ -1,4 +1,4 @@
-//! No allocation in ten thousand cycles of node, controller, bus and simulation, with a delayed link too, nor of a slave arm in contact.
+//! No allocation in ten thousand cycles of node, controller, bus and simulation, with a delayed link too, nor of the cycle with a robot in another process, nor of a slave arm in contact.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -11,6 +11,7 @@ mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::io::Read;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -18,14 +19,21 @@ use std::time::Duration;
 use common::bench::scenario;
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+use socket2::{Domain, SockAddr, Socket, Type};
 
 use config::{Config, RemoteLink};
+use contract::FarEnd;
 use remote::delay::DelaySettings;
+use remote::link::{self, link};
+use remote::stated::Stated;
+use remote::{Remote, Sensed, messages};
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
 use sim::wrist_sensor::WristSensorSettings;
 use testbench::bench::Bench;
+use units::spatial::{Motion, Wrench};
+use units::time::Instant;
 
 /// Counts allocations of the threads that set [`IS_COUNTED`]. The test harness has a thread of its own, which allocates
 /// when a test takes longer than a minute.
@@ -93,6 +101,49 @@ fn node_behind_a_link_with_delay_never_allocates() {
     IS_COUNTED.set(true);
     bench.run(5_000);
     IS_COUNTED.set(false);
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn cycle_with_a_robot_in_another_process_never_allocates() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = SockAddr::unix(folder.path().join("link.sock")).unwrap();
+    let listener = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
+    listener.bind(&path).unwrap();
+    listener.listen(1).unwrap();
+    let robot = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
+    robot.connect(&path).unwrap();
+    robot.set_nonblocking(true).unwrap();
+    let mut far = FarEnd::new(1, 2, Duration::from_millis(100));
+    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let settings = link::LinkSettings {
+        arm: 1,
+        session: 1,
+        period: config.period,
+        round_trip: Duration::from_millis(5),
+        stated: Stated::of(&config.remote.interaction, &config.remote.servo),
+    };
+    let (mut side, mut thread) = link(listener, &settings).unwrap();
+    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m: Isometry3::identity() };
+    let mut received = 0;
+    for millis in 1..2_000 {
+        let now = Instant::from_micros(1_000 * millis);
+        thread.step(now);
+        let mut message = [0; 512];
+        while let Ok(length) = (&robot).read(&mut message) {
+            far.on_message(now, &message[..length]);
+        }
+        far.motion(now);
+        robot.send(&far.feedback(now, &messages::measured(&sensed))).unwrap();
+        if millis == 10 {
+            side.begin_epoch();
+        }
+        IS_COUNTED.set(millis > 10);
+        received += u32::from(side.exchange(now, &Motion::Hold).is_some());
+        side.fault();
+        IS_COUNTED.set(false);
+    }
+    assert!(received > 1_900, "{received}");
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
 }
 

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 
 use crate::exit::{Failure, Kind, OrFail};
-use crate::{gains, print, stopping};
+use crate::{commanded_side, gains, print, stopping};
 use config::robots::RobotArm;
-use config::{BusSettings, Config, JointParameters};
+use config::{Agreement, BusSettings, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
 
@@ -74,6 +74,17 @@ fn robot(arm: &RobotArm) -> String {
     )
 }
 
+/// Describes what a robot in another process must have.
+fn far_side(config: &Config, Agreement { round_trip, stated }: &Agreement) -> String {
+    format!(
+        "far side   arm {} at {}, round trips of up to {:.1} ms, contacts of up to {:.0} N/m",
+        config.far_side.arm,
+        commanded_side::socket_of(config).display(),
+        round_trip.as_secs_f64() * 1e3,
+        stated.stiffest_contact
+    )
+}
+
 /// Logs a warning if there is no switch box, so that nothing can be armed.
 pub(super) fn warn_no_switch_box(config: &Config) {
     if let Err(reason) = config.switch_box() {
@@ -89,6 +100,22 @@ pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<()
     let reason = format!(
         "{}: [remote.link] describes a simulated link, which demo, campaign and experiment have; \
          for {command}, keep max_age_ms alone",
+        config.file.display()
+    );
+    Err(Failure::new(Kind::Configuration, reason))
+}
+
+/// Refuses a commanded side in another process, for a `command` that simulates it.
+///
+/// # Errors
+/// `remote.kind` is `link` (exit 3).
+pub fn refuse_far_side(config: &Config, command: &str) -> Result<(), Failure> {
+    if config.far_side.agreement.is_none() {
+        return Ok(());
+    }
+    let reason = format!(
+        "{}: remote.kind: \"link\" is a robot in another process, for frhc run; {command} simulates the commanded side: \
+         set \"virtual\"",
         config.file.display()
     );
     Err(Failure::new(Kind::Configuration, reason))
@@ -147,6 +174,7 @@ fn lines(file: &Path, config: &Config) -> Vec<String> {
     }));
     lines.push(gravity(config));
     lines.extend(config.robot.iter().map(robot));
+    lines.extend(config.far_side.agreement.as_ref().map(|agreement| far_side(config, agreement)));
     lines.extend(config.joints.iter().map(joint));
     lines.extend(stopping::lines(config));
     lines.extend(eds::lines(config));

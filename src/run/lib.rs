@@ -19,6 +19,7 @@
 
 pub mod check;
 pub mod command;
+pub mod commanded_side;
 pub mod commission;
 pub mod config_arg;
 pub mod console;

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, Builder, Scope, ScopedJoinHandle};
 use std::time::Duration;
 
@@ -21,11 +22,13 @@ use crate::provenance::Provenance;
 use crate::recorder_thread::{self, LatestStatus, Recorder};
 use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
-use crate::{check, commission, cycle_thread, gains, log_time, print, rings, session};
+use crate::{
+    check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session,
+};
 use bus::Traced;
 use config::Config;
 use node::Node;
-use remote::site::VirtualSite;
+use remote::link::LinkThread;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
 use units::time::Instant;
@@ -62,6 +65,9 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    // Before the control socket, so that a node that answers has its link.
+    let (side, link) = commanded_side::open(&config)?;
+    let (link, _link_file) = link.unzip();
     let socket = bind_socket(&config, &runtime)?;
 
     let bus = interfaces::open(&config, &names)?;
@@ -73,20 +79,19 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 
     let (producer, entries, lost) = rings::rings();
     let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
-    let node = Node::new(
-        &config,
-        Traced::new(bus, producer),
-        VirtualSite::new(&config.remote, config.period),
-    );
+    let node = Node::new(&config, Traced::new(bus, producer), side);
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
     let latest = LatestStatus::default();
     let latch = Latch::set(&names);
     let remark = latch.remark().map(str::to_owned);
     remark.iter().for_each(|remark| tracing::warn!("{remark}"));
-    let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark));
+    let status = link.as_ref().map(LinkThread::latest);
+    let handler = RequestHandler::new(sender, latest.clone(), clock, remark).with_link(status);
+    let handler = Arc::new(handler);
     signals.enable_orderly_stop();
 
+    let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let recorder = Recorder::new(&config, &mut writers);
         let small = Builder::new().stack_size(disk_writers::STACK);
@@ -94,16 +99,16 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             recorder_thread::run(entries, recorder, &latest, &lost)
         })?;
         let signals = &signals;
+        link.map(|link| spawn_link(threads, link, clock, has_ended)).transpose()?;
         spawn(threads, Builder::new(), "cycle", move || {
             let outcome = cycle_thread::run(node, requests, signals, latch);
+            has_ended.store(true, Ordering::Relaxed);
             // The main thread may have ended first.
             ended.send(outcome).ok();
         })?;
         let outcome = runtime.block_on(serve(&socket, &handler, end));
-        let summary = recording
-            .join()
-            .map_err(|_| Failure::new(Kind::Bus, "the recorder thread panicked"))?;
-        Ok((outcome, summary))
+        let panicked = |_| Failure::new(Kind::Bus, "the recorder thread panicked");
+        Ok((outcome, recording.join().map_err(panicked)?))
     })?;
     summary.origin = origin;
     let stopped = signals.stop_requested_at().unwrap_or_else(clock);
@@ -132,6 +137,17 @@ fn spawn<'scope, T: Send + 'scope>(
 ) -> Result<ScopedJoinHandle<'scope, T>, Failure> {
     let thread = builder.name(format!("frhc-{name}")).spawn_scoped(threads, task);
     thread.with_context(|| format!("cannot start the {name} thread")).or_fail(Kind::Bus)
+}
+
+/// Starts the link's thread, which ends with the cycle.
+fn spawn_link<'scope>(
+    threads: &'scope Scope<'scope, '_>,
+    link: LinkThread,
+    clock: impl Fn() -> Instant + Send + 'scope,
+    has_ended: &'scope AtomicBool,
+) -> Result<ScopedJoinHandle<'scope, ()>, Failure> {
+    let small = Builder::new().stack_size(disk_writers::STACK);
+    spawn(threads, small, "link", move || link.run(clock, || has_ended.load(Ordering::Relaxed)))
 }
 
 /// Ends the recordings of a run that was stopped then, and prints its summary and the fault records' folder.

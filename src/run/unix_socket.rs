@@ -3,10 +3,13 @@
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, DirBuilder, File, Metadata, OpenOptions, Permissions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{
+    DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt, chown,
+};
 use std::path::{Path, PathBuf};
 
 use nix::libc::{EPROTOTYPE, O_NOFOLLOW};
+use nix::unistd::Group;
 use socket2::{Domain, SockAddr, Socket, Type};
 
 /// Permissions: read and write for this user and group only.
@@ -19,13 +22,15 @@ pub(crate) struct SocketFile {
     identity: Identity,
 }
 
-/// Listens at `path` with a socket that `bind` binds to the path it gets. Replaces a stale socket, which refuses connections,
-/// and no other file.
+/// Listens at `path` with a socket that `bind` binds to the path it gets. Its file belongs to `group`, if the system has that
+/// group. Replaces a stale socket, which refuses connections, and no other file.
 ///
 /// # Errors
-/// When another process listens there, the file is not a socket, or the folder cannot be written.
+/// When another process listens there, the file is not a socket, the folder cannot be written, or this process is not a
+/// member of the group.
 pub(crate) fn listen<L>(
     path: PathBuf,
+    group: Option<&str>,
     bind: impl FnOnce(&Path) -> io::Result<L>,
 ) -> io::Result<(L, SocketFile)> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
@@ -34,7 +39,7 @@ pub(crate) fn listen<L>(
     // Held until the socket exists: of two nodes that start together one is refused.
     let _lock = StartLock::take(start_lock_of(folder, &path))?;
     remove_stale(&path)?;
-    let (listener, identity) = listen_at(folder, &path, bind)?;
+    let (listener, identity) = listen_at(folder, &path, group, bind)?;
     Ok((listener, SocketFile { path, identity }))
 }
 
@@ -137,6 +142,7 @@ fn listened() -> io::Error {
 fn listen_at<L>(
     folder: &Path,
     path: &Path,
+    group: Option<&str>,
     bind: impl FnOnce(&Path) -> io::Result<L>,
 ) -> io::Result<(L, Identity)> {
     let private = folder.join(format!(".{}", std::process::id()));
@@ -145,6 +151,7 @@ fn listen_at<L>(
     DirBuilder::new().mode(0o700).create(&private)?;
     let made = private.join(OsStr::new("s"));
     let listener = bind(&made).and_then(|listener| {
+        group.map_or(Ok(()), |group| give(&made, group))?;
         fs::set_permissions(&made, Permissions::from_mode(PERMISSIONS))?;
         // A hard link, unlike a rename, never replaces a file.
         fs::hard_link(&made, path)?;
@@ -152,6 +159,15 @@ fn listen_at<L>(
     });
     clear(&private);
     listener
+}
+
+/// Gives a file to a group, if the system has it.
+fn give(file: &Path, name: &str) -> io::Result<()> {
+    let Some(group) = Group::from_name(name)? else { return Ok(()) };
+    chown(file, None, Some(group.gid.as_raw())).map_err(|error| {
+        let reason = format!("group {name}: {error}: add the node's user to it");
+        io::Error::new(error.kind(), reason)
+    })
 }
 
 /// Removes the private folder, if it exists.
@@ -175,7 +191,7 @@ mod tests {
     }
 
     fn bind(path: &Path) -> io::Result<(UnixListener, SocketFile)> {
-        listen(path.to_path_buf(), |path| UnixListener::bind(path))
+        listen(path.to_path_buf(), None, |path| UnixListener::bind(path))
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod contact_posture;
 pub mod digits;
 pub mod fault_record;
 pub mod fidelity;
+pub mod link_report;
 pub mod losses;
 pub mod origin;
 pub mod session;

@@ -134,6 +134,7 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),
     row("docs/robots.md", "frhc demo", Lane::AnyMachine),
+    row("docs/robots.md", "export", Lane::Vcan(EMPTY_BUS)),
 ];
 
 impl Row {

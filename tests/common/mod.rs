@@ -19,6 +19,7 @@ pub(crate) mod documented;
 pub(crate) mod drive;
 pub(crate) mod felt;
 pub(crate) mod golden;
+pub(crate) mod linked;
 pub(crate) mod log;
 pub(crate) mod oracle;
 pub(crate) mod process;

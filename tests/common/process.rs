@@ -65,6 +65,16 @@ impl Process {
         Self::of("sh", &["-c", &limit]).wait().succeeds();
     }
 
+    /// Returns the inodes of its sockets (proc_pid_fd(5)).
+    pub(crate) fn sockets(&self) -> Vec<String> {
+        let links = fs::read_dir(format!("/proc/{}/fd", self.0.id())).unwrap();
+        let targets = links.map(|link| fs::read_link(link.unwrap().path()).unwrap());
+        let names: Vec<String> = targets.map(|to| to.to_str().unwrap().to_owned()).collect();
+        let inode =
+            |name: &String| Some(name.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned());
+        names.iter().filter_map(inode).collect()
+    }
+
     /// Returns the state of its main thread, as `Z` once that has ended (proc_pid_stat(5)).
     pub(crate) fn state_of_main_thread(&self) -> char {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap();

@@ -19,6 +19,7 @@ mod drive_hazards;
 mod dual_peg;
 mod energy;
 mod experiments;
+mod far_side;
 mod faults;
 mod fidelity;
 mod friction_sweep;

@@ -24,6 +24,7 @@ use config::Config;
 use config::shipped::HAND_CONTROLLERS;
 use experiments::command::require_switch_box;
 use node::record::Record;
+use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
@@ -79,6 +80,7 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     };
     let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();
     let configs = configs.or_fail(Kind::Configuration)?;
+    configs.iter().try_for_each(|config| refuse_far_side(config, "campaign"))?;
     configs.iter().try_for_each(require_switch_box)?;
     match (args.soak, args.replay) {
         (Some(cycles), _) => soak(args, quiet, &configs, cycles.get()),

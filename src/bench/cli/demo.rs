@@ -20,7 +20,7 @@ use experiments::command::require_switch_box;
 use experiments::comparison::{self, Comparison};
 use node::cause::Cause;
 use node::record::Record;
-use run::check::contact;
+use run::check::{contact, refuse_far_side};
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
 use run::run_recorder::RunRecorder;
@@ -42,6 +42,7 @@ const BAR_EVERY: u64 = 500;
 /// Runs the scenario and prints its summary.
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    refuse_far_side(&config, "demo")?;
     let config = match &args.robot {
         Some(file) => config.with_robot(RobotArm::load(file).or_fail(Kind::Configuration)?),
         None => config,

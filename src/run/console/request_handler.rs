@@ -16,6 +16,9 @@ use controller::switches::Mode as CommandMode;
 use node::record::Mode;
 use node::safety::Refusal;
 use node::{Request, RequestError};
+use remote::link::LatestLink;
+use telemetry::link_report::LinkReport;
+use telemetry::status::Status;
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
 
@@ -45,6 +48,7 @@ pub(crate) struct RequestHandler {
     sender: RequestSender,
     latest: LatestStatus,
     clock: Box<dyn Fn() -> Instant + Send + Sync>,
+    link: Option<LatestLink>,
     journal: Mutex<Journal>,
 }
 
@@ -94,7 +98,13 @@ impl RequestHandler {
     ) -> Self {
         let bucket = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
         let journal = Mutex::new(Journal { bucket, suppressed: 0, remark, failed_reset: None });
-        Self { sender, latest, clock: Box::new(clock), journal }
+        Self { sender, latest, clock: Box::new(clock), link: None, journal }
+    }
+
+    /// Adds the link to a robot in another process to the status.
+    #[must_use]
+    pub(crate) fn with_link(self, link: Option<LatestLink>) -> Self {
+        Self { link, ..self }
     }
 
     /// Returns the time on the bus.
@@ -268,6 +278,8 @@ impl RequestHandler {
             Phase::Running | Phase::Ending => self.latest.get(),
         };
         let mode = latest.as_ref().map_or(Mode::Boot.name(), |status| status.mode);
+        let link = self.link.as_ref().map(|link| LinkReport::of(&link.get()));
+        let latest = latest.map(|status| Status { link, ..status });
         Response { ok: true, error: None, mode: Some(mode), status: latest, note }
     }
 
@@ -312,7 +324,6 @@ mod tests {
     use crate::scratch::any_record;
     use node::BringUpError;
     use telemetry::losses::Losses;
-    use telemetry::status::Status;
 
     const NOW: Instant = Instant::from_micros(1_000_000);
 

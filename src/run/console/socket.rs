@@ -45,7 +45,7 @@ impl Socket {
     /// # Errors
     /// When another node listens there, the file is not a socket, or the folder cannot be written.
     pub(crate) fn bind(path: PathBuf) -> io::Result<Self> {
-        let (listener, file) = unix_socket::listen(path, |path| UnixListener::bind(path))?;
+        let (listener, file) = unix_socket::listen(path, None, |path| UnixListener::bind(path))?;
         Ok(Self { _file: file, listener })
     }
 }

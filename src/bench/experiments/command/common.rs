@@ -8,6 +8,7 @@ use clap::Args;
 
 use config::Config;
 use config::robots::RobotArm;
+use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::results::Force;
 
@@ -103,6 +104,7 @@ impl Common {
         };
         let named = |file: &PathBuf| {
             let config = Config::load(file).or_fail(Kind::Configuration)?;
+            refuse_far_side(&config, "experiment")?;
             require_switch_box(&config)?;
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             Ok(Named { name, config })

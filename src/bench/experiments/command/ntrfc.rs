@@ -15,6 +15,7 @@ use crate::no_trial::NoTrial;
 use crate::ntrfc::{Press, Row};
 use crate::picture::{Ink, Panel, Series};
 use config::Config;
+use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
@@ -105,6 +106,7 @@ struct Figure {
 /// Plays everything, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    refuse_far_side(&config, "experiment")?;
     if config.remote.wall.is_none() {
         return Err(refused(&args.config, NoTrial::NoWall));
     }

@@ -16,6 +16,7 @@ use crate::delay::trial::{self, Led, Row, Trial};
 use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
+use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 
 /// Files of the results.
@@ -79,6 +80,7 @@ struct Figure {
 /// Plays everything, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    refuse_far_side(&config, "experiment")?;
     common::require_switch_box(&config)?;
     let extensions = &config.controller.extensions;
     if extensions.passivity.is_none() && extensions.tank.is_none() {

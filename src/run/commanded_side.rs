@@ -1,0 +1,117 @@
+//! The commanded side of `frhc run`: a virtual object in this process, or a robot in another one.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use socket2::{Domain, SockAddr, Socket, Type};
+
+use crate::console::default_socket;
+use crate::exit::{Failure, Kind, OrFail};
+use crate::unix_socket::{self, SocketFile};
+use config::{Agreement, Config};
+use remote::link::{self, LinkSettings, LinkSide, LinkThread};
+use remote::site::VirtualSite;
+use remote::stated::Misfit;
+use remote::{Remote, Sensed, SideFault};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Group whose members may be the far side, where the system has it.
+const GROUP: &str = "frhc-link";
+
+/// Connections that may wait to be refused.
+const BACKLOG: i32 = 4;
+
+/// Receiver of the commands.
+#[derive(Debug)]
+pub(crate) enum CommandedSide {
+    /// Object in a scene of this process.
+    Virtual(Box<VirtualSite>),
+    /// Robot in another process.
+    Link(Box<LinkSide>),
+}
+
+/// Returns the path of the link's socket: that of the configuration, or `link.sock` beside the control socket.
+pub fn socket_of(config: &Config) -> PathBuf {
+    let console = || config.socket.clone().unwrap_or_else(default_socket);
+    let given = config.far_side.socket.clone();
+    given.unwrap_or_else(|| console().with_file_name("link.sock"))
+}
+
+/// Opens the commanded side of a configuration; of a link also its thread, not started yet, and the file of its socket.
+///
+/// # Errors
+/// The link's socket cannot be created.
+pub(crate) fn open(
+    config: &Config,
+) -> Result<(CommandedSide, Option<(LinkThread, SocketFile)>), Failure> {
+    let Some(agreement) = &config.far_side.agreement else {
+        let site = VirtualSite::new(&config.remote, config.period);
+        return Ok((CommandedSide::Virtual(Box::new(site)), None));
+    };
+    let path = socket_of(config);
+    let (side, thread, file) = listen(config, agreement, path.clone())
+        .with_context(|| format!("link socket {}", path.display()))
+        .or_fail(Kind::Bus)?;
+    tracing::info!("far side of arm {} expected at {}", config.far_side.arm, path.display());
+    Ok((CommandedSide::Link(Box::new(side)), Some((thread, file))))
+}
+
+fn listen(
+    config: &Config,
+    agreement: &Agreement,
+    path: PathBuf,
+) -> anyhow::Result<(LinkSide, LinkThread, SocketFile)> {
+    let (socket, file) = unix_socket::listen(path, Some(GROUP), |path| {
+        let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None)?;
+        socket.bind(&SockAddr::unix(path)?)?;
+        socket.listen(BACKLOG)?;
+        Ok(socket)
+    })?;
+    let settings = LinkSettings {
+        arm: config.far_side.arm,
+        session: getrandom::u64().context("no random session")?,
+        period: config.period,
+        round_trip: agreement.round_trip,
+        stated: agreement.stated,
+    };
+    let (side, thread) = link::link(socket, &settings)?;
+    Ok((side, thread, file))
+}
+
+impl Remote for CommandedSide {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        match self {
+            Self::Virtual(site) => site.exchange(now, command),
+            Self::Link(side) => side.exchange(now, command),
+        }
+    }
+
+    fn begin_epoch(&mut self) {
+        match self {
+            Self::Virtual(site) => site.begin_epoch(),
+            Self::Link(side) => side.begin_epoch(),
+        }
+    }
+
+    fn end_epoch(&mut self) {
+        match self {
+            Self::Virtual(site) => site.end_epoch(),
+            Self::Link(side) => side.end_epoch(),
+        }
+    }
+
+    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+        match self {
+            Self::Virtual(site) => site.misfits(now),
+            Self::Link(side) => side.misfits(now),
+        }
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        match self {
+            Self::Virtual(site) => site.fault(),
+            Self::Link(side) => side.fault(),
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! Clocks of the host. No other file reads them.
+//! Clocks of the host. No other file of the rack reads them.
 
 use std::time::Duration;
 

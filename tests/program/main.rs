@@ -18,6 +18,7 @@ mod no_switch_box;
 mod plan;
 mod readme;
 mod refused;
+mod robot_process;
 mod robots;
 mod stability;
 mod stated;

@@ -1,4 +1,4 @@
-//! Arguments of `demo` and `sim`.
+//! Arguments of `demo`, `sim` and `robot`.
 
 use std::path::PathBuf;
 
@@ -63,4 +63,26 @@ pub struct Sim {
     pub(super) quirks: QuirkArgs,
     #[command(flatten)]
     pub(super) rig: CalibrationRig,
+}
+
+/// `frhc robot`.
+#[derive(Debug, Args)]
+pub struct Robot {
+    #[command(flatten)]
+    pub(super) config: ConfigArg,
+    /// Robot instead of that of remote.robot: a file such as config/robots/puma560.toml.
+    #[arg(long, value_name = "FILE")]
+    pub(super) robot: Option<PathBuf>,
+    /// Socket on which the node listens, instead of that of remote.link.socket.
+    #[arg(long, value_name = "PATH")]
+    pub(super) socket: Option<PathBuf>,
+    /// Number of the arm, equal at both ends, instead of that of remote.link.arm.
+    #[arg(long, value_name = "N")]
+    pub(super) arm: Option<u16>,
+    /// Seed of the sensor's noise.
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    pub(super) seed: u64,
+    /// Print each status as one JSON object per line.
+    #[arg(long)]
+    pub(super) json: bool,
 }

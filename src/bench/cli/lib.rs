@@ -17,6 +17,7 @@ pub mod nmt;
 pub mod plan;
 mod quirks;
 mod rig;
+mod robot;
 pub mod scan;
 mod scenario;
 pub mod sdo;
@@ -25,7 +26,7 @@ mod sim;
 
 use clap::Subcommand;
 
-use crate::args::{Demo, Sim};
+use crate::args::{Demo, Robot, Sim};
 use crate::calib::Calib;
 use crate::campaign::Campaign;
 use crate::decode::Decode;
@@ -65,6 +66,13 @@ pub enum Command {
             frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
     )]
     Sim(Sim),
+    /// Simulates the robot that a node commands over a Unix socket: the far side of docs/link.md.
+    #[command(
+        after_help = "Connects to the socket of `frhc run`, and again after each end of the connection. Prints its status at the \
+            end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExample:\n  \
+            frhc robot --config config/kraft_like.toml --robot config/robots/puma560.toml --socket /run/frhc/far.sock"
+    )]
+    Robot(Robot),
     /// Plans the buses of a configuration: frames and worst-case response times, cycle timeline, load, maximum rate, loop
     /// delay; proposes changes if it does not fit.
     #[command(
@@ -121,6 +129,7 @@ impl Command {
             Self::Campaign(args) => campaign::run(args, is_quiet),
             Self::Experiment(experiment) => experiment::run(experiment, is_quiet),
             Self::Sim(args) => sim::run(args),
+            Self::Robot(args) => robot::run(args),
             Self::Plan(args) => plan::run(args),
             Self::Explain(args) => explain::run(args),
             Self::Calib(args) => calib::run(args),

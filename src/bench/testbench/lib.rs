@@ -19,6 +19,7 @@ pub mod delayed;
 mod delivery;
 pub mod disturbed;
 pub mod explanation;
+pub mod far_robot;
 pub mod question;
 pub mod robot_explanation;
 pub mod robot_site;

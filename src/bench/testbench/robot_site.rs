@@ -103,6 +103,17 @@ impl Equipment {
     }
 }
 
+/// Measurements for the control of an arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Joint positions, in rad.
+    pub q: Joints,
+    /// Reading of the wrist sensor, with payload and bias, in N and N·m.
+    pub reading: Wrench,
+    /// Number of the reading; that of the start is 0.
+    pub reading_number: u64,
+}
+
 /// A simulated arm under control.
 #[derive(Clone, Debug)]
 pub struct RobotSite {
@@ -112,7 +123,10 @@ pub struct RobotSite {
     reading: ReadingTime,
     /// Readings under way to the control.
     under_way: VecDeque<Wrench>,
+    measurement: Measurement,
     before: Option<Instant>,
+    /// Time that the newest measurement was taken after the one before, in s.
+    dt: f64,
     max_step: f64,
 }
 
@@ -139,8 +153,18 @@ impl RobotSite {
         let start = robot.start();
         let control = ArmControl::new(*robot.law(), servo, interaction, equipment.limit, &start);
         let max_step = 10.0 * config.period.as_secs_f64();
-        let (reading, under_way) = (equipment.reading, VecDeque::new());
-        Ok(Self { arm, control, qd: Joints::zeros(), reading, under_way, before: None, max_step })
+        let measurement = Measurement { q: start, reading: *arm.f_s_sensed(), reading_number: 0 };
+        Ok(Self {
+            arm,
+            control,
+            qd: Joints::zeros(),
+            reading: equipment.reading,
+            under_way: VecDeque::new(),
+            measurement,
+            before: None,
+            dt: 0.0,
+            max_step,
+        })
     }
 
     /// Returns the robot of `config` as [`new`](Self::new) does, unless it starts in contact.
@@ -175,14 +199,37 @@ impl RobotSite {
         self.arm.x_b_m()
     }
 
-    /// Advances the arm by `dt` s, then takes a command.
-    fn advance(&mut self, dt: f64, command: &Motion) {
-        let unread = (dt - self.reading.span).max(0.0);
-        self.arm.step(unread, &self.qd.into());
-        self.arm.step(dt - unread, &self.qd.into());
-        let reading = self.read();
-        let q = Joints::from(self.arm.q());
-        self.qd = self.control.step(dt, command, &q, &reading);
+    /// Returns the newest measurements; before the first [`measure`](Self::measure), those of the start.
+    pub const fn measurement(&self) -> Measurement {
+        self.measurement
+    }
+
+    /// Moves the arm with its joint rates until `now`; returns the measurements there. After a pause it moves for ten
+    /// periods only, and without time since the last call not at all.
+    pub fn measure(&mut self, now: Instant) -> Measurement {
+        let elapsed = self.before.map_or(Duration::ZERO, |before| now.since(before));
+        self.before = Some(now);
+        self.dt = elapsed.as_secs_f64().min(self.max_step);
+        if self.dt > 0.0 {
+            let unread = (self.dt - self.reading.span).max(0.0);
+            self.arm.step(unread, &self.qd.into());
+            self.arm.step(self.dt - unread, &self.qd.into());
+            self.measurement = Measurement {
+                q: Joints::from(self.arm.q()),
+                reading: self.read(),
+                reading_number: self.measurement.reading_number + 1,
+            };
+        }
+        self.measurement
+    }
+
+    /// Has the control take a command and the measurements of the last [`measure`](Self::measure), or what a test or a fault
+    /// makes of them.
+    pub fn command(&mut self, command: &Motion, measurement: &Measurement) {
+        if self.dt > 0.0 {
+            let Measurement { q, reading, .. } = measurement;
+            self.qd = self.control.step(self.dt, command, q, reading);
+        }
     }
 
     /// Returns the reading that reaches the control; the first is there from the start.
@@ -198,11 +245,8 @@ impl RobotSite {
 
 impl Remote for RobotSite {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
-        let dt = self.before.map_or(Duration::ZERO, |before| now.since(before)).as_secs_f64();
-        if dt > 0.0 {
-            self.advance(dt.min(self.max_step), command);
-        }
-        self.before = Some(now);
+        let measurement = self.measure(now);
+        self.command(command, &measurement);
         Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose() })
     }
 

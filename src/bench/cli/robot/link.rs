@@ -1,0 +1,243 @@
+//! Connection to the node over a Unix socket of type SEQPACKET: a datagram is a message. Nothing here waits.
+
+use std::fs;
+use std::io::{self, ErrorKind, Read};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use nix::libc::{ENOBUFS, EPROTOTYPE, MSG_DONTWAIT, MSG_NOSIGNAL};
+use socket2::{Domain, SockAddr, Socket, Type};
+
+use run::exit::{Failure, Kind, OrFail};
+use units::time::Instant;
+
+/// Maximum number of messages taken in one period.
+const MAX_MESSAGES: usize = 16;
+
+/// Length of the receive buffer, in bytes. Messages of the contract are shorter; what is cut off is rejected.
+const MAX_LENGTH: usize = 512;
+
+/// Time until a connection is tried again.
+const RETRY_AFTER: Duration = Duration::from_millis(100);
+
+/// Time until a connection is tried again that the node closed at once, or that failed.
+const REFUSED_RETRY_AFTER: Duration = Duration::from_secs(2);
+
+/// Maximum length of a socket's path, in bytes (unix(7)).
+const MAX_PATH: usize = 107;
+
+/// Change of the connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum LinkEvent {
+    /// No node listens.
+    Absent(PathBuf),
+    /// The node's first message was received.
+    Connected(PathBuf),
+    /// The node closed the connection before it sent a message.
+    Refused(PathBuf),
+    /// The node closed the connection.
+    Closed,
+    /// The connection failed.
+    Failed(PathBuf, String),
+}
+
+impl LinkEvent {
+    /// Writes the line.
+    pub(super) fn log(&self) {
+        match self {
+            Self::Absent(path) => tracing::info!("{}: waits for a node", path.display()),
+            Self::Connected(path) => tracing::info!("{}: connected to a node", path.display()),
+            Self::Refused(path) => tracing::warn!(
+                "{}: the node closed the connection at once; is another far side connected? Tries again every {} s",
+                path.display(),
+                REFUSED_RETRY_AFTER.as_secs()
+            ),
+            Self::Closed => tracing::warn!("the node closed the connection"),
+            Self::Failed(path, error) => tracing::warn!("{}: {error}", path.display()),
+        }
+    }
+}
+
+/// Connection to the node, which is made again when it ends.
+#[derive(Debug)]
+pub(super) struct Link {
+    path: PathBuf,
+    address: SockAddr,
+    connection: Option<Connection>,
+    /// Earliest time of the next attempt.
+    retry_at: Instant,
+    events: Vec<LinkEvent>,
+    /// Newest event: the same one is reported once.
+    newest: Option<LinkEvent>,
+}
+
+/// A socket that is connected.
+#[derive(Debug)]
+struct Connection {
+    socket: Socket,
+    /// The node has sent a message.
+    is_confirmed: bool,
+}
+
+impl Link {
+    /// Checks the path, and connects if a node listens.
+    ///
+    /// # Errors
+    /// A path that is too long, is of another file than such a socket, or is of a socket that this user may not use.
+    pub(super) fn open(path: &Path) -> Result<Self, Failure> {
+        let address = address(path).or_fail(Kind::Bus)?;
+        check_file(path).or_fail(Kind::Bus)?;
+        let mut link = Self {
+            path: path.to_path_buf(),
+            address,
+            connection: None,
+            retry_at: Instant::ZERO,
+            events: Vec::new(),
+            newest: None,
+        };
+        match link.connect() {
+            Ok(()) => Ok(link),
+            Err(error) if is_absent(&error) => Ok(link),
+            Err(error) => Err(Failure::new(Kind::Bus, refusal(path, &error))),
+        }
+    }
+
+    /// Takes the messages that are there, at most [`MAX_MESSAGES`]. Connects again where that is due.
+    pub(super) fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
+        if self.connection.is_none() && now >= self.retry_at {
+            self.retry(now);
+        }
+        let mut buffer = [0; MAX_LENGTH];
+        for _ in 0..MAX_MESSAGES {
+            let Some(connection) = &mut self.connection else { return };
+            match connection.socket.read(&mut buffer) {
+                Ok(0) => return self.lose(now, None),
+                Ok(length) => {
+                    if !std::mem::replace(&mut connection.is_confirmed, true) {
+                        self.report(LinkEvent::Connected(self.path.clone()));
+                    }
+                    take(buffer.get(..length).unwrap_or_default());
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) => return self.lose(now, Some(&error)),
+            }
+        }
+    }
+
+    /// Sends a message; drops it where the node does not read, or is not there.
+    pub(super) fn send(&mut self, now: Instant, message: &[u8]) {
+        let Some(connection) = &self.connection else { return };
+        let sent = connection.socket.send_with_flags(message, MSG_DONTWAIT | MSG_NOSIGNAL);
+        let is_full = |error: &io::Error| {
+            matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+                || error.raw_os_error() == Some(ENOBUFS)
+        };
+        if let Err(error) = sent
+            && !is_full(&error)
+        {
+            self.lose(now, Some(&error));
+        }
+    }
+
+    /// Returns whether the node has sent a message over the present connection.
+    pub(super) fn is_connected(&self) -> bool {
+        self.connection.as_ref().is_some_and(|connection| connection.is_confirmed)
+    }
+
+    /// Returns the changes since the last call.
+    pub(super) fn events(&mut self) -> impl Iterator<Item = LinkEvent> {
+        self.events.drain(..)
+    }
+
+    fn connect(&mut self) -> io::Result<()> {
+        let socket = Socket::new(Domain::UNIX, Type::SEQPACKET.nonblocking(), None)?;
+        socket.connect(&self.address)?;
+        self.connection = Some(Connection { socket, is_confirmed: false });
+        Ok(())
+    }
+
+    fn retry(&mut self, now: Instant) {
+        match self.connect() {
+            Ok(()) => {}
+            Err(error) if is_absent(&error) => {
+                self.retry_at = now + RETRY_AFTER;
+                self.report(LinkEvent::Absent(self.path.clone()));
+            }
+            Err(error) => {
+                self.retry_at = now + REFUSED_RETRY_AFTER;
+                self.report(LinkEvent::Failed(self.path.clone(), error.to_string()));
+            }
+        }
+    }
+
+    /// Ends the connection; `error` is that of the socket, `None` at its end of file.
+    fn lose(&mut self, now: Instant, error: Option<&io::Error>) {
+        let Some(Connection { is_confirmed, .. }) = self.connection.take() else { return };
+        let is_closed = error.is_none_or(|error| {
+            matches!(error.kind(), ErrorKind::BrokenPipe | ErrorKind::ConnectionReset)
+        });
+        self.retry_at = now + if is_confirmed { RETRY_AFTER } else { REFUSED_RETRY_AFTER };
+        self.report(match (is_confirmed, error) {
+            (_, Some(error)) if !is_closed => {
+                LinkEvent::Failed(self.path.clone(), error.to_string())
+            }
+            (false, _) => LinkEvent::Refused(self.path.clone()),
+            (true, _) => LinkEvent::Closed,
+        });
+    }
+
+    fn report(&mut self, event: LinkEvent) {
+        if self.newest.as_ref() != Some(&event) {
+            self.newest = Some(event.clone());
+            self.events.push(event);
+        }
+    }
+}
+
+/// Returns the address of a socket at `path`.
+fn address(path: &Path) -> anyhow::Result<SockAddr> {
+    let length = path.as_os_str().as_bytes().len();
+    let shown = path.display();
+    anyhow::ensure!(
+        length <= MAX_PATH,
+        "{shown}: too long for a socket: at most {MAX_PATH} bytes, got {length}; give --socket a shorter path"
+    );
+    SockAddr::unix(path).map_err(|error| anyhow::anyhow!("{shown}: {error}"))
+}
+
+/// Checks that the file at `path`, if there is one, is a socket.
+fn check_file(path: &Path) -> anyhow::Result<()> {
+    match fs::metadata(path) {
+        Ok(found) if !found.file_type().is_socket() => {
+            anyhow::bail!("{}: not a socket; give --socket the node's", path.display())
+        }
+        // Other errors are those of connecting.
+        Ok(_) | Err(_) => Ok(()),
+    }
+}
+
+/// Returns whether an error of connecting says that no node listens yet, or that it is busy.
+fn is_absent(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::NotFound | ErrorKind::ConnectionRefused | ErrorKind::WouldBlock
+    )
+}
+
+/// Returns an error of connecting in words, with its remedy.
+fn refusal(path: &Path, error: &io::Error) -> String {
+    let reason = if error.kind() == ErrorKind::PermissionDenied {
+        "permission denied; this user must be in the group of the socket, frhc-link".to_owned()
+    } else if error.raw_os_error() == Some(EPROTOTYPE) {
+        "not a socket for a far side, but of another type; is it that of `frhc ctl`?".to_owned()
+    } else {
+        error.to_string()
+    };
+    format!("{}: {reason}", path.display())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,147 @@
+//! `frhc robot`: the simulated robot of `demo --robot` as a process of its own, the far side of docs/link.md.
+//!
+//! One thread owns the robot and its connection to the node; the main thread waits for signals, logs and prints. They share
+//! two flags and a queue, so that slow output never delays the robot.
+
+mod clock;
+mod cycle;
+mod link;
+mod narrator;
+mod outlet;
+mod report;
+
+use std::path::Path;
+use std::thread;
+
+use anyhow::Context;
+use tokio::sync::mpsc;
+
+use crate::args::Robot;
+use crate::robot::clock::Clock;
+use crate::robot::cycle::Requests;
+use crate::robot::link::Link;
+use crate::robot::outlet::{Message, Outlet};
+use crate::robot::report::Report;
+use crate::signals::{self, StatusSignals};
+use config::robots::RobotArm;
+use config::{Config, FarSide};
+use run::check::refuse_far_side;
+use run::exit::{Failure, Kind, OrFail};
+use run::{commanded_side, log_time, print};
+use testbench::far_robot::{FarRobot, RobotLimits, SensorRange};
+use testbench::robot_site::NoRobot;
+
+/// Runs the robot until a stop signal; prints its status at the end and on request.
+pub(super) fn run(args: &Robot) -> Result<(), Failure> {
+    let config = configuration(args)?;
+    let mut robot = simulated(args, &config)?;
+    let clock = Clock::start();
+    let socket = args.socket.clone().unwrap_or_else(|| commanded_side::socket_of(&config));
+    let mut link = Link::open(&socket)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    // Before this a status signal would end the process.
+    let status_signals = runtime.block_on(async { StatusSignals::install() });
+    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
+    log_time::set_clock(move || clock.now());
+    let name = config.robot.as_ref().map_or("", |robot| robot.name.as_str());
+    tracing::info!(arm = arm(args, &config), socket = %socket.display(), "{name}: holds until a node leads");
+
+    let requests = Requests::default();
+    let (outlet, messages) = Outlet::new();
+    let ended = thread::scope(|threads| {
+        let (robot, link) = (&mut robot, &mut link);
+        let (requests, period) = (&requests, config.period);
+        // The outlet goes with the thread: its end is that of the messages.
+        let cycles =
+            threads.spawn(move || cycle::run(robot, link, clock, period, requests, &outlet));
+        runtime.block_on(serve(status_signals, messages, requests, args));
+        cycles.join()
+    });
+    print_report(args, &Report { status: robot.status(), is_connected: link.is_connected() });
+    ended.map_err(|_| Failure::new(Kind::Bus, "the robot's thread panicked"))
+}
+
+/// Returns the configuration, with the robot of the command line.
+fn configuration(args: &Robot) -> Result<Config, Failure> {
+    let file = &args.config.config;
+    let config = Config::load(file).or_fail(Kind::Configuration)?;
+    refuse_far_side(&config, "robot")?;
+    let config = match &args.robot {
+        Some(robot) => config.with_robot(RobotArm::load(robot).or_fail(Kind::Configuration)?),
+        None => config,
+    };
+    if config.robot.is_none() {
+        let reason = "remote.robot: absent; add the key, or give --robot FILE";
+        return Err(Failure::new(Kind::Configuration, format!("{}: {reason}", file.display())));
+    }
+    Ok(config)
+}
+
+/// Returns the number of the arm.
+fn arm(args: &Robot, config: &Config) -> u16 {
+    args.arm.unwrap_or(config.far_side.arm)
+}
+
+/// Returns the limits of a configuration.
+fn limits(far_side: &FarSide) -> RobotLimits {
+    let usual = RobotLimits::default();
+    let [force, moment] = far_side.sensor_range;
+    let sensor_range = SensorRange {
+        force: force.unwrap_or(usual.sensor_range.force),
+        moment: moment.unwrap_or(usual.sensor_range.moment),
+    };
+    let hold_after = far_side.hold_after.unwrap_or(usual.hold_after);
+    RobotLimits { sensor_range, hold_after, ..usual }
+}
+
+/// Returns the robot of a configuration, with a random session.
+fn simulated(args: &Robot, config: &Config) -> Result<FarRobot, Failure> {
+    let limits = limits(&config.far_side);
+    let robot = FarRobot::new(config, limits, arm(args, config), random_session()?, args.seed);
+    robot.map_err(|refused| {
+        let file = config.robot.as_ref().map_or(Path::new(""), |robot| &robot.file);
+        let reason = match &refused {
+            NoRobot::Invalid(invalid) => format!("{}: {invalid}", file.display()),
+            NoRobot::NoArm
+            | NoRobot::StartsInContact { .. }
+            | NoRobot::Scenario(_)
+            | NoRobot::BringUp(_) => refused.to_string(),
+        };
+        Failure::new(Kind::Configuration, reason)
+    })
+}
+
+/// Returns a random number from the kernel, for the session of this process.
+fn random_session() -> Result<u64, Failure> {
+    getrandom::u64().context("no random session").or_fail(Kind::File)
+}
+
+/// Forwards signals, logs and prints, until the robot's thread has ended.
+async fn serve(
+    mut status_signals: StatusSignals,
+    mut messages: mpsc::Receiver<Message>,
+    requests: &Requests,
+    args: &Robot,
+) {
+    let ended = signals::wait_for_stop();
+    tokio::pin!(ended);
+    loop {
+        tokio::select! {
+            message = messages.recv() => match message {
+                Some(Message::Event(event)) => event.log(),
+                Some(Message::Report(report)) => print_report(args, &report),
+                None => return,
+            },
+            () = status_signals.next() => requests.report(),
+            signal = &mut ended, if !requests.is_stop() => {
+                tracing::info!(signal, "ends");
+                requests.stop();
+            }
+        }
+    }
+}
+
+fn print_report(args: &Robot, report: &Report) {
+    print::line(&if args.json { report.json().to_string() } else { report.text() });
+}

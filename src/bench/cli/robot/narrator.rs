@@ -1,0 +1,98 @@
+//! Lines of the log: who leads, what the robot follows, and why it holds.
+
+use crate::robot::link::LinkEvent;
+use contract::{FarState, Reason};
+
+/// Change worth a line.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Event {
+    /// A change of the connection.
+    Link(LinkEvent),
+    /// A node leads.
+    Leads {
+        /// Its session.
+        session: u64,
+        /// Its epoch.
+        epoch: u32,
+    },
+    /// The robot follows.
+    Follows {
+        /// Epoch of the node that leads.
+        epoch: u32,
+    },
+    /// The robot holds.
+    Holds(Reason),
+}
+
+impl Event {
+    /// Writes the line.
+    pub(super) fn log(&self) {
+        match self {
+            Self::Link(event) => event.log(),
+            Self::Leads { session, epoch } => {
+                tracing::info!(session = format_args!("{session:016x}"), epoch, "a node leads");
+            }
+            Self::Follows { epoch } => tracing::info!(epoch, "follows"),
+            Self::Holds(reason @ (Reason::None | Reason::NotArmed | Reason::Ending)) => {
+                tracing::info!("holds: {reason}");
+            }
+            Self::Holds(reason) => tracing::warn!("holds: {reason}"),
+        }
+    }
+}
+
+/// Leader and reason of the cycle before.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Narrator {
+    leader: (u64, u32),
+    reason: Reason,
+}
+
+impl Default for Narrator {
+    /// The robot holds, and no node leads.
+    fn default() -> Self {
+        Self { leader: (0, 0), reason: Reason::NotArmed }
+    }
+}
+
+impl Narrator {
+    /// Takes session and epoch of the node that leads, and the reason to hold; returns what changed since the cycle before.
+    pub(super) fn observe(
+        &mut self,
+        leader: (u64, u32),
+        reason: Reason,
+    ) -> impl Iterator<Item = Event> {
+        let before = std::mem::replace(self, Self { leader, reason });
+        let (session, epoch) = leader;
+        let is_new_leader = session != before.leader.0;
+        let leads = is_new_leader.then_some(Event::Leads { session, epoch });
+        let is_new_reason = reason != before.reason;
+        let is_new_epoch = epoch != before.leader.1;
+        let state = match reason.state() {
+            FarState::Following => {
+                (is_new_reason || is_new_epoch).then_some(Event::Follows { epoch })
+            }
+            FarState::Holding => (is_new_reason || is_new_leader).then_some(Event::Holds(reason)),
+        };
+        leads.into_iter().chain(state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_change_of_leader_and_reason_is_one_line() {
+        let mut narrator = Narrator::default();
+        let mut observe = |leader, reason| narrator.observe(leader, reason).collect::<Vec<_>>();
+        assert_eq!(observe((0, 0), Reason::NotArmed), []);
+        let leads = Event::Leads { session: 7, epoch: 2 };
+        assert_eq!(observe((7, 2), Reason::NotArmed), [leads, Event::Holds(Reason::NotArmed)]);
+        assert_eq!(observe((7, 3), Reason::None), [Event::Follows { epoch: 3 }]);
+        assert_eq!(observe((7, 3), Reason::None), []);
+        assert_eq!(observe((7, 4), Reason::None), [Event::Follows { epoch: 4 }]);
+        assert_eq!(observe((7, 4), Reason::Silence), [Event::Holds(Reason::Silence)]);
+        assert_eq!(observe((7, 4), Reason::Silence), []);
+    }
+}

@@ -1,0 +1,330 @@
+//! A far side: the simulated robot behind the contract, without I/O and without a clock.
+//!
+//! ```text
+//!  Command ──► contract::FarEnd ── motion ──► robot_site ── joints, wrist sensor ──► reasons to hold
+//!                    ▲                                                                     │
+//!  Feedback ◄────────┴──────────────────────────── hold: why ◄─────────────────────────────┘
+//! ```
+//!
+//! One [`step`](FarRobot::step) per period. Measurements come first, so that a cycle with a reason to hold already holds.
+//! docs/link.md has the rules.
+
+use std::time::Duration;
+
+use crate::robot_site::{Equipment, Measurement, NoRobot, RobotSite};
+use config::Config;
+use config::robots::RobotArm;
+use contract::{Capability, FarEnd, Feedback, Measured, PayloadRemoval, Reason, Rejects};
+use remote::site::Virtual;
+use remote::{Remote, Sensed, messages};
+use robot::arm_control::WrenchLimit;
+use sim::wrist_sensor::WristSensorSettings;
+use units::spatial::Wrench;
+use units::time::Instant;
+
+/// Bounds of a far side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RobotLimits {
+    /// Age of the newest command after which it holds.
+    pub hold_after: Duration,
+    /// Range of the sensor: a component at it or beyond is saturated.
+    pub sensor_range: SensorRange,
+    /// Periods without a new reading after which the sensor is silent.
+    pub max_missed_readings: u32,
+    /// Maximum contact wrench, at {MRF}.
+    pub wrench: WrenchLimit,
+}
+
+/// Range of a force/torque sensor, the same along each axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorRange {
+    /// Force, in N.
+    pub force: f64,
+    /// Moment, in N·m.
+    pub moment: f64,
+}
+
+impl Default for RobotLimits {
+    fn default() -> Self {
+        Self {
+            hold_after: Duration::from_millis(100),
+            sensor_range: SensorRange { force: 200.0, moment: 20.0 },
+            max_missed_readings: 3,
+            wrench: WrenchLimit { force: 100.0, moment: 10.0 },
+        }
+    }
+}
+
+impl SensorRange {
+    /// Returns the range of each component.
+    const fn components(self) -> [f64; 6] {
+        let Self { force, moment } = self;
+        [force, force, force, moment, moment, moment]
+    }
+
+    /// Returns whether a component is at the range or beyond.
+    fn is_reached_by(self, reading: &Wrench) -> bool {
+        let components = reading.components();
+        components.iter().zip(self.components()).any(|(part, range)| part.abs() >= range)
+    }
+}
+
+/// Messages of one cycle to the node.
+#[derive(Clone, Copy, Debug)]
+pub struct Outgoing {
+    /// Feedback.
+    pub feedback: [u8; Feedback::LENGTH],
+    /// Capability, where the node asked for it.
+    pub capability: Option<[u8; Capability::LENGTH]>,
+}
+
+/// State of a far side.
+#[derive(Clone, Debug)]
+pub struct Status {
+    /// Time of the newest cycle.
+    pub at: Instant,
+    /// Why it holds; [`Reason::None`] while it follows.
+    pub reason: Reason,
+    /// Session and epoch of the node that leads; session 0 for none.
+    pub leader: (u64, u32),
+    /// Measurements of the newest cycle.
+    pub measured: Measured,
+    /// Joint positions of the newest cycle, in rad.
+    pub q: Vec<f64>,
+    /// Counts of messages that had no effect.
+    pub rejects: Rejects,
+}
+
+/// The simulated robot of a configuration as a far side.
+#[derive(Clone, Debug)]
+pub struct FarRobot {
+    end: FarEnd,
+    site: RobotSite,
+    figures: Capability,
+    limits: RobotLimits,
+    joint_count: usize,
+    /// Session and epoch in which the control was reset last.
+    leader: (u64, u32),
+    sensor: SensorWatch,
+    is_ending: bool,
+    at: Instant,
+    measurement: Measurement,
+    measured: Measured,
+}
+
+impl FarRobot {
+    /// Creates the robot of `config` at rest at its start, as the far side of `arm` with a session, which must be random.
+    /// `seed` is that of the sensor's noise.
+    ///
+    /// # Errors
+    /// A configuration without a robot, one that cannot be simulated, or one that starts in contact.
+    pub fn new(
+        config: &Config,
+        limits: RobotLimits,
+        arm: u16,
+        session: u64,
+        seed: u64,
+    ) -> Result<Self, NoRobot> {
+        let robot = config.robot.as_ref().ok_or(NoRobot::NoArm)?;
+        let range = limits.sensor_range.components();
+        let equipment = Equipment {
+            sensor: WristSensorSettings { range, ..WristSensorSettings::default() },
+            limit: limits.wrench,
+            ..Equipment::of(&config.remote)
+        };
+        let site = RobotSite::in_free_space(config, &equipment, seed)?;
+        Ok(Self {
+            end: FarEnd::new(arm, session, limits.hold_after),
+            figures: figures(config, robot, &limits),
+            limits,
+            joint_count: robot.joints.len(),
+            leader: (0, 0),
+            sensor: SensorWatch::default(),
+            is_ending: false,
+            at: Instant::ZERO,
+            measurement: site.measurement(),
+            measured: Measured::default(),
+            site,
+        })
+    }
+
+    /// Takes a message of a node, received at `now`.
+    pub fn on_message(&mut self, now: Instant, bytes: &[u8]) {
+        self.end.on_message(now, bytes);
+    }
+
+    /// Performs a cycle; returns the messages to send.
+    pub fn step(&mut self, now: Instant) -> Outgoing {
+        self.step_with(now, |measurement| measurement)
+    }
+
+    /// Performs a cycle with what `supply` makes of the measurements: a sensor that is silent, or an encoder that fails.
+    pub fn step_with(
+        &mut self,
+        now: Instant,
+        supply: impl FnOnce(Measurement) -> Measurement,
+    ) -> Outgoing {
+        let leader = self.end.leader();
+        if leader != self.leader {
+            self.leader = leader;
+            self.site.begin_epoch();
+        }
+        let measurement = supply(self.site.measure(now));
+        let are_joints_valid = measurement.q.iter().all(|q| q.is_finite());
+        let sensor = self.sensor.judge(&measurement, &self.limits);
+        if self.is_ending {
+            self.end.hold(Reason::Ending);
+        }
+        if !are_joints_valid {
+            self.end.hold(Reason::Robot);
+        }
+        if let Some(reason) = sensor.reason {
+            self.end.hold(reason);
+        }
+        let motion = messages::motion(&self.end.motion(now));
+        // The control needs a valid reading to hold where the arm is; a hold does not depend on it otherwise.
+        self.site.command(&motion, &Measurement { reading: self.sensor.valid, ..measurement });
+        let control = self.site.control();
+        if are_joints_valid && control.is_stopped() {
+            self.end.hold(Reason::WrenchLimit);
+        }
+        let sensed = Sensed { at: now, f_s: *control.felt(), x_b_m: *control.pose() };
+        let Measured { wrench, pose, gripper } = messages::measured(&sensed);
+        // A reading that is sent again would get a newer echo, and so would look new.
+        let wrench = wrench.filter(|_| are_joints_valid && sensor.is_new_and_valid);
+        let pose = pose.filter(|_| are_joints_valid);
+        self.measured = Measured { wrench, pose, gripper };
+        (self.at, self.measurement) = (now, measurement);
+        Outgoing {
+            feedback: self.end.feedback(now, &self.measured),
+            capability: self.end.capability(now, &self.figures),
+        }
+    }
+
+    /// Ends the robot: it holds from the next cycle on, whatever is commanded.
+    pub const fn end(&mut self) {
+        self.is_ending = true;
+    }
+
+    /// Returns why it holds; [`Reason::None`] while it follows.
+    pub const fn reason(&self) -> Reason {
+        self.end.reason()
+    }
+
+    /// Returns session and epoch of the node that leads; session 0 for none.
+    pub fn leader(&self) -> (u64, u32) {
+        self.end.leader()
+    }
+
+    /// Returns the figures that a node gets when it asks.
+    pub const fn figures(&self) -> &Capability {
+        &self.figures
+    }
+
+    /// Returns the robot.
+    pub const fn site(&self) -> &RobotSite {
+        &self.site
+    }
+
+    /// Returns the state after the newest cycle.
+    pub fn status(&self) -> Status {
+        Status {
+            at: self.at,
+            reason: self.reason(),
+            leader: self.leader(),
+            measured: self.measured,
+            q: self.measurement.q.iter().take(self.joint_count).copied().collect(),
+            rejects: *self.end.rejects(),
+        }
+    }
+}
+
+/// Watch on the readings of the force/torque sensor.
+#[derive(Clone, Copy, Debug)]
+struct SensorWatch {
+    /// Number of the newest reading; `None` before the first.
+    newest: Option<u64>,
+    missed: u32,
+    /// Newest valid reading.
+    valid: Wrench,
+}
+
+impl Default for SensorWatch {
+    fn default() -> Self {
+        Self { newest: None, missed: 0, valid: Wrench::ZERO }
+    }
+}
+
+/// Judgement of one reading.
+#[derive(Clone, Copy, Debug)]
+struct Judgement {
+    reason: Option<Reason>,
+    is_new_and_valid: bool,
+}
+
+impl SensorWatch {
+    /// Takes the reading of a cycle; returns the reason to hold, if it has one.
+    fn judge(&mut self, measurement: &Measurement, limits: &RobotLimits) -> Judgement {
+        let Measurement { reading, reading_number, .. } = measurement;
+        let is_new = self.newest != Some(*reading_number);
+        self.missed = if is_new { 0 } else { self.missed.saturating_add(1) };
+        self.newest = Some(*reading_number);
+        let is_finite = reading.is_finite();
+        if is_finite {
+            self.valid = *reading;
+        }
+        let reason = if !is_finite {
+            Some(Reason::SensorInvalid)
+        } else if limits.sensor_range.is_reached_by(reading) {
+            Some(Reason::SensorSaturated)
+        } else if self.missed >= limits.max_missed_readings {
+            Some(Reason::SensorSilent)
+        } else {
+            None
+        };
+        Judgement { reason, is_new_and_valid: is_new && reason.is_none() }
+    }
+}
+
+/// Returns the figures of the robot of a configuration.
+fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capability {
+    let Virtual { interaction, servo, wall, block, sphere, .. } = &config.remote;
+    let walls = wall.iter().map(|(.., contact)| contact);
+    let blocks = block.iter().map(|(.., contact)| contact);
+    let spheres = sphere.iter().map(|(.., contact)| contact);
+    let contacts = walls.chain(blocks).chain(spheres);
+    let payload_removal = match (interaction.feels_payload, interaction.removes_inertia) {
+        (true, _) => PayloadRemoval::None,
+        (false, false) => PayloadRemoval::Weight,
+        (false, true) => PayloadRemoval::Inertia,
+    };
+    Capability {
+        senses_wrench: true,
+        senses_pose: true,
+        has_gripper: false,
+        follows_rates: true,
+        follows_poses: true,
+        payload_removal,
+        accommodation: *interaction.accommodation.gain(),
+        deadband: *interaction.accommodation.deadband(),
+        servo_lag: servo.time_constant(),
+        sample_period: config.period.as_secs_f64(),
+        hold_after: limits.hold_after.as_secs_f64(),
+        sensor_range: [limits.sensor_range.force, limits.sensor_range.moment],
+        stiffest_contact: contacts.map(|contact| contact.stiffness).fold(0.0, f64::max),
+        max_speed: servo.max_speeds(),
+        workspace: workspace(robot),
+    }
+}
+
+/// Returns a box in {b} that {MRF} never leaves, its least and its greatest corner in m: around its base,
+/// as far as all links together reach. Not every position in it is reached.
+fn workspace(robot: &RobotArm) -> [[f64; 3]; 2] {
+    let lengths = robot.joints.iter().map(|joint| joint.link.a.hypot(joint.link.d));
+    let reach = lengths.sum::<f64>() + robot.x_n_m.translation.vector.norm();
+    let base = robot.x_b_0.translation.vector;
+    [base.map(|part| part - reach).into(), base.map(|part| part + reach).into()]
+}
+
+#[cfg(test)]
+mod tests;

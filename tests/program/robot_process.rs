@@ -1,0 +1,316 @@
+//! `frhc robot` as a process: a node of this test leads it over a socket.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs::{self, OpenOptions};
+use std::io::{BufRead, ErrorKind, Read};
+use std::os::unix::net::UnixListener;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use socket2::{Domain, SockAddr, Socket, Type};
+
+use crate::common::cli::frhc;
+use crate::common::process::Scratch;
+use bus::clock;
+use contract::{Feedback, Motion, NodeEnd, Order, Reason};
+use units::time::Instant;
+
+const KRAFT: &str = "config/kraft_like.toml";
+const PUMA: &str = "config/robots/puma560.toml";
+const MS: Duration = Duration::from_millis(1);
+
+/// Maximum time for what a test waits for, on a busy machine.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// Waits.
+fn pause(duration: Duration) {
+    clock::wait(clock::monotonic() + duration);
+}
+
+/// A node without a hand controller.
+struct Node {
+    listener: Socket,
+    robot: Option<Socket>,
+    end: NodeEnd,
+    /// Start, on the clock of the host.
+    started: Duration,
+    feedback: Option<Feedback>,
+}
+
+impl Node {
+    /// Listens at a path.
+    fn at(path: &str, session: u64) -> Self {
+        let listener = Socket::new(Domain::UNIX, Type::SEQPACKET.nonblocking(), None).unwrap();
+        listener.bind(&SockAddr::unix(path).unwrap()).unwrap();
+        listener.listen(1).unwrap();
+        let started = clock::monotonic();
+        Self { listener, robot: None, end: NodeEnd::new(1, session), started, feedback: None }
+    }
+
+    fn now(&self) -> Instant {
+        Instant::ZERO + (clock::monotonic() - self.started)
+    }
+
+    /// Takes what the robot has sent, and accepts its connection.
+    fn receive(&mut self) {
+        if self.robot.is_none()
+            && let Ok((robot, _)) = self.listener.accept()
+        {
+            robot.set_nonblocking(true).unwrap();
+            self.robot = Some(robot);
+        }
+        let mut buffer = [0; 512];
+        while let Some(robot) = &mut self.robot {
+            match robot.read(&mut buffer) {
+                Ok(0) => self.robot = None,
+                Ok(length) => {
+                    let sample = self.end.on_message(self.now(), &buffer[..length]);
+                    self.feedback = sample.map(|sample| sample.feedback).or(self.feedback);
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+
+    /// Sends a command, unless the robot does not read.
+    fn send(&mut self, motion: Motion) {
+        let command = self.end.command(self.now(), &Order { motion, is_engaged: true });
+        if let Some(robot) = &self.robot {
+            robot.send(&command).ok();
+        }
+    }
+
+    /// Runs cycles of 1 ms with this command until a condition holds.
+    #[track_caller]
+    fn until(&mut self, motion: Option<Motion>, is_met: impl Fn(&Self) -> bool) {
+        let begun = clock::monotonic();
+        while !is_met(self) {
+            assert!(clock::monotonic() < begun + LIMIT, "{:?}", self.feedback);
+            self.receive();
+            motion.iter().for_each(|motion| self.send(*motion));
+            pause(MS);
+        }
+    }
+
+    fn reason(&self) -> Option<Reason> {
+        self.feedback.map(|feedback| feedback.reason)
+    }
+
+    /// Position of the robot, in m.
+    fn position(&self) -> [f64; 3] {
+        self.feedback.unwrap().measured.pose.unwrap().position
+    }
+
+    /// Distance from a position, in m.
+    fn distance(&self, from: [f64; 3]) -> f64 {
+        let squares = self.position().into_iter().zip(from).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+}
+
+/// Rate out of reach of the wall, in m/s.
+const BACK: Motion = Motion::Rate([0.0, 0.0, -0.02, 0.0, 0.0, 0.0]);
+
+/// Time without a fresh command that a busy machine never causes.
+const HOLD_AFTER: Duration = Duration::from_secs(1);
+
+/// Returns a configuration whose robot holds after [`HOLD_AFTER`].
+fn patient(scratch: &Scratch) -> String {
+    let link = "[remote.link]\nhold_after_ms = 1000.0\n\n[safety]";
+    scratch.variant(KRAFT, &[("[safety]", link)])
+}
+
+fn command<'a>(config: &'a str, socket: &'a str) -> Vec<&'a str> {
+    vec!["robot", "--config", config, "--robot", PUMA, "--socket", socket]
+}
+
+#[test]
+fn robot_process_is_led_holds_and_ends_in_order() {
+    let scratch = Scratch::new("robot-led");
+    let (config, socket) = (patient(&scratch), scratch.path("far.sock"));
+    let robot = scratch.frhc(&command(&config, &socket));
+    let mut node = Node::at(&socket, 0x5eed);
+    node.until(Some(Motion::Hold), |node| node.end.capability().is_some());
+    assert_eq!(node.end.capability().unwrap().sensor_range, [200.0, 20.0]);
+    node.until(Some(BACK), |node| node.feedback.is_some());
+    assert_eq!(node.reason(), Some(Reason::NotArmed));
+
+    let start = node.position();
+    node.end.begin_epoch();
+    node.until(Some(BACK), |node| node.distance(start) > 0.005);
+    assert_eq!(
+        (node.reason(), node.feedback.unwrap().obeyed_session),
+        (Some(Reason::None), 0x5eed)
+    );
+
+    let until = node.now() + HOLD_AFTER + 300 * MS;
+    node.until(None, |node| node.now() > until);
+    node.until(Some(BACK), |node| node.reason() == Some(Reason::Silence));
+    let held = node.position();
+    let until = node.now() + 200 * MS;
+    node.until(Some(BACK), |node| node.now() > until);
+    assert!(node.distance(held) < 1e-4, "{} m", node.distance(held));
+
+    node.end.begin_epoch();
+    node.until(Some(BACK), |node| node.distance(held) > 0.002);
+    robot.signal(Signal::SIGTERM);
+    node.until(Some(BACK), |node| node.reason() == Some(Reason::Ending));
+    let outcome = robot.wait();
+    outcome.succeeds();
+    for line in [
+        "connected to a node",
+        "a node leads session=0000000000005eed epoch=0",
+        "follows epoch=1",
+        "holds: no fresh command",
+        "follows epoch=2",
+        "holds: far side ends",
+    ] {
+        assert_eq!(outcome.stderr.matches(line).count(), 1, "{line}: {}", outcome.stderr);
+    }
+}
+
+#[test]
+fn hazard_35_continued_robot_process_acts_on_no_backlog() {
+    let scratch = Scratch::new("robot-stopped");
+    let (config, socket) = (patient(&scratch), scratch.path("far.sock"));
+    let mut node = Node::at(&socket, 7);
+    let robot = scratch.frhc(&command(&config, &socket));
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    node.end.begin_epoch();
+    node.until(Some(BACK), |node| node.reason() == Some(Reason::None));
+    robot.signal(Signal::SIGSTOP);
+    let fast = Motion::Rate([0.0, 0.0, -0.4, 0.0, 0.0, 0.0]);
+    let until = node.now() + HOLD_AFTER + 300 * MS;
+    node.until(Some(fast), |node| node.now() > until);
+    let before = node.position();
+    robot.signal(Signal::SIGCONT);
+    let until = node.now() + 300 * MS;
+    node.until(Some(fast), |node| node.now() > until);
+    assert_eq!(node.reason(), Some(Reason::Silence));
+    assert!(node.distance(before) < 2e-3, "{} m", node.distance(before));
+    robot.terminate().succeeds();
+}
+
+#[test]
+fn robot_process_finds_a_node_that_starts_again() {
+    let scratch = Scratch::new("robot-again");
+    let (config, socket) = (patient(&scratch), scratch.path("far.sock"));
+    let mut node = Node::at(&socket, 7);
+    let robot = scratch.frhc(&command(&config, &socket));
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    drop(node);
+    fs::remove_file(&socket).unwrap();
+    let mut node = Node::at(&socket, 8);
+    node.until(Some(BACK), |node| node.reason() == Some(Reason::NotArmed));
+    let start = node.position();
+    node.end.begin_epoch();
+    node.until(Some(BACK), |node| node.distance(start) > 0.002);
+    // Refused: the connection is closed before any message.
+    node.robot = None;
+    let begun = clock::monotonic();
+    while node.listener.accept().is_err() {
+        assert!(clock::monotonic() < begun + LIMIT, "not connected again");
+        pause(MS);
+    }
+    pause(300 * MS);
+    let outcome = robot.terminate();
+    outcome.succeeds();
+    for line in
+        ["the node closed the connection\n", "closed the connection at once; is another far"]
+    {
+        assert!(outcome.stderr.contains(line), "{line}: {}", outcome.stderr);
+    }
+}
+
+#[test]
+fn robot_process_prints_its_status_on_request() {
+    let scratch = Scratch::new("robot-status");
+    let (config, socket) = (patient(&scratch), scratch.path("far.sock"));
+    let mut node = Node::at(&socket, 0x5eed);
+    let (robot, mut stdout) =
+        scratch.frhc_and_stdout(&[&command(&config, &socket)[..], &["--json"]].concat());
+    node.until(Some(Motion::Hold), |node| node.end.capability().is_some());
+    robot.signal(Signal::SIGUSR1);
+    let mut line = String::new();
+    stdout.read_line(&mut line).unwrap();
+    let status: serde_json::Value = serde_json::from_str(&line).unwrap();
+    assert_eq!(status["state"], "holding", "{line}");
+    assert_eq!(status["connected"], true, "{line}");
+    assert_eq!(status["leader"]["session"], "0000000000005eed", "{line}");
+    assert_eq!(status["joints_rad"].as_array().unwrap().len(), 6, "{line}");
+    robot.terminate().succeeds();
+    let rest = stdout.lines().map(Result::unwrap).collect::<Vec<_>>();
+    assert_eq!(rest.len(), 1, "and at its end: {rest:?}");
+    assert!(rest[0].contains("\"reason\":\"far side ends\""), "{rest:?}");
+}
+
+#[test]
+fn status_that_cannot_be_written_fails_the_robot_process() {
+    let scratch = Scratch::new("robot-full");
+    let (config, socket) = (patient(&scratch), scratch.path("far.sock"));
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut robot = Command::new(crate::common::program());
+    let robot = robot.args(command(&config, &socket)).stdout(full).stderr(Stdio::piped());
+    let mut robot = robot.spawn().unwrap();
+    let mut node = Node::at(&socket, 7);
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    kill(Pid::from_raw(robot.id().try_into().unwrap()), Signal::SIGINT).unwrap();
+    let ended = robot.wait().unwrap();
+    let mut stderr = String::new();
+    robot.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    assert_eq!(ended.code(), Some(4), "{stderr}");
+    assert!(stderr.contains("frhc: stdout: No space left on device"), "{stderr}");
+}
+
+/// Asserts that the command ends with this exit code and one line with these words.
+#[track_caller]
+fn is_refused(args: &[&str], code: i32, words: &[&str]) {
+    let ended = frhc(args);
+    assert_eq!(ended.code, code, "{args:?}: {}", ended.stderr);
+    assert_eq!(ended.stderr.lines().count(), 1, "{}", ended.stderr);
+    for word in words {
+        assert!(ended.stderr.contains(word), "{word}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn robots_that_cannot_be_simulated_are_refused() {
+    let scratch = Scratch::new("robot-refused");
+    let socket = scratch.path("far.sock");
+    let robot =
+        |config: &str| ["robot", "--socket", &socket, "--config", config].map(str::to_owned);
+    let refused = |config: &str, more: &[&str], words: &[&str]| {
+        let args = robot(config);
+        let args: Vec<&str> = args.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        is_refused(&args, 3, words);
+    };
+    refused(KRAFT, &[], &["config/kraft_like.toml: remote.robot: absent", "--robot FILE"]);
+    refused(KRAFT, &["--robot", "nowhere.toml"], &["nowhere.toml"]);
+    refused("nowhere.toml", &[], &["nowhere.toml"]);
+    let puma = fs::read_to_string(PUMA).unwrap();
+    let puma = puma.replacen("base_m = [-0.31630315,", "base_m = [-0.18,", 1);
+    let wall = scratch.write("in_the_wall.toml", &puma);
+    refused(KRAFT, &["--robot", &wall], &[&wall, "would start in a surface", "change start_deg"]);
+    let other = scratch.variant(KRAFT, &[("kind = \"virtual\"", "kind = \"magic\"")]);
+    refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
+}
+
+#[test]
+fn paths_without_a_socket_for_a_far_side_are_refused() {
+    let scratch = Scratch::new("robot-paths");
+    let (file, stream) = (scratch.write("file", "1,2,3"), scratch.path("stream.sock"));
+    let long = scratch.path(&"x".repeat(200));
+    let _listener = UnixListener::bind(&stream).unwrap();
+    is_refused(&command(KRAFT, &file), 4, &[&file, "not a socket"]);
+    is_refused(&command(KRAFT, &stream), 4, &[&stream, "is it that of `frhc ctl`?"]);
+    is_refused(&command(KRAFT, &long), 4, &["too long for a socket", "--socket"]);
+}

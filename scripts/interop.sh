@@ -3,7 +3,8 @@
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
-# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link. Runs all tests, or those
+# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges the
+# far side of examples/. Runs all tests, or those
 # whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
@@ -19,6 +20,8 @@ export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$PWD/target/interop/logs PYTHO
 if [[ $part != --no-bus ]]; then
   rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
+  # In virtual time a busy machine is not late.
+  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/far_side.py "$@"
   "$python" tests/interop/in_the_logs.py "$@"
 fi
 [[ $part == --bus ]] || "$python" tests/interop/without_a_bus.py "$@"

@@ -11,6 +11,8 @@
 )]
 
 mod common;
+#[path = "vcan/far_side.rs"]
+mod far_side;
 
 use std::fs;
 use std::io::{BufRead, Read, Write};

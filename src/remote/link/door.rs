@@ -27,7 +27,7 @@ pub(super) enum Arrival {
 
 /// Result of a look at the peer's messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Found {
+pub(super) enum Reception {
     /// A message of this length.
     Message(usize),
     /// Nothing yet.
@@ -85,15 +85,15 @@ impl Door {
     }
 
     /// Receives a message. One that is longer than the buffer fills it.
-    pub(super) fn receive(&mut self, buffer: &mut [u8]) -> Found {
-        let Some(peer) = &self.peer else { return Found::Nothing };
+    pub(super) fn receive(&mut self, buffer: &mut [u8]) -> Reception {
+        let Some(peer) = &self.peer else { return Reception::Nothing };
         let found = match recv(peer.as_raw_fd(), buffer, MsgFlags::MSG_DONTWAIT) {
-            Ok(0) if is_closed(peer) => Found::Closed,
-            Ok(length) => Found::Message(length),
-            Err(Errno::EAGAIN | Errno::EINTR) => Found::Nothing,
-            Err(_) => Found::Closed,
+            Ok(0) if is_closed(peer) => Reception::Closed,
+            Ok(length) => Reception::Message(length),
+            Err(Errno::EAGAIN | Errno::EINTR) => Reception::Nothing,
+            Err(_) => Reception::Closed,
         };
-        if found == Found::Closed {
+        if found == Reception::Closed {
             self.peer = None;
         }
         found

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use triple_buffer::{Input, Output};
 
-use super::door::{Arrival, Door, Found};
+use super::door::{Arrival, Door, Reception};
 use super::{FarView, LatestLink, Lead, LinkSettings, LinkStatus};
 use crate::messages;
 use contract::{Capability, NodeEnd, Sample};
@@ -142,11 +142,11 @@ impl LinkThread {
         let mut buffer = [0; Capability::LENGTH + 1];
         while left > 0 {
             match self.door.receive(&mut buffer) {
-                Found::Message(length) => {
+                Reception::Message(length) => {
                     self.on_message(now, buffer.get(..length).unwrap_or(&buffer));
                 }
-                Found::Nothing => break,
-                Found::Closed => {
+                Reception::Nothing => break,
+                Reception::Closed => {
                     tracing::warn!("far side disconnected");
                     self.view = FarView { p99: self.view.p99, ..FarView::default() };
                 }

@@ -9,7 +9,7 @@ use units::time::Instant;
 /// The far side, as it was last seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FarView {
-    /// Newest sample that may act; `None` while none is valid.
+    /// Newest valid sample; `None` before the first of a connection.
     pub sensed: Option<Sensed>,
     /// Newest feedback that may act.
     pub feedback: Option<Feedback>,

@@ -84,7 +84,7 @@ impl LinkThread {
                 left = MAX_MESSAGES;
             }
             self.door.wait(next.since(clock()), left > 0);
-            left = self.take(clock(), left);
+            left = self.take(&clock, left);
         }
     }
 
@@ -96,7 +96,7 @@ impl LinkThread {
 
     /// Takes up to 16 messages that have come since.
     pub fn receive(&mut self, now: Instant) {
-        self.take(now, MAX_MESSAGES);
+        self.take(&|| now, MAX_MESSAGES);
     }
 
     fn begin_period(&mut self, now: Instant) {
@@ -137,13 +137,14 @@ impl LinkThread {
     }
 
     /// Takes up to `left` messages, then a connection; returns how many more messages may be taken in this period.
-    fn take(&mut self, now: Instant, mut left: u32) -> u32 {
+    fn take(&mut self, clock: &impl Fn() -> Instant, mut left: u32) -> u32 {
         // A byte more than the longest message, so that a longer one is seen to be.
         let mut buffer = [0; Capability::LENGTH + 1];
         while left > 0 {
             match self.door.receive(&mut buffer) {
                 Reception::Message(length) => {
-                    self.on_message(now, buffer.get(..length).unwrap_or(&buffer));
+                    // Read behind the reception: this process may be stopped in between.
+                    self.on_message(clock(), buffer.get(..length).unwrap_or(&buffer));
                 }
                 Reception::Nothing => break,
                 Reception::Closed => {

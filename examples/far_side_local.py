@@ -140,8 +140,9 @@ class FarSide:
             self.command = command
 
     def hold(self, reason):
-        """Holds until a later epoch. The first reason stays."""
-        self.reason = self.reason or reason
+        """Holds until a later epoch. The first reason stays, but for "not armed", which only silence leaves."""
+        if self.reason == NO_REASON or self.reason == NOT_ARMED and reason != SILENCE:
+            self.reason = reason
 
     def current_command(self, now):
         """Returns the command to follow, None to hold where the robot is."""

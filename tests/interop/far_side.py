@@ -313,10 +313,19 @@ def test_later_epoch_after_sigterm_has_no_effect():
 
 def test_first_reason_stays_at_sigterm():
     with Bench() as bench:
+        bench.follow(Node())
+        time.sleep(0.25)
+        assert_equal(bench.end()[0], 0)
+        bench.receive()
+        assert_equal(bench.feedbacks[-1].reason, SILENCE)
+
+
+def test_not_armed_gives_way_to_the_end_of_the_process():
+    with Bench() as bench:
         bench.lead(Node())
         assert_equal(bench.end()[0], 0)
         bench.receive()
-        assert_equal(bench.feedbacks[-1].reason, NOT_ARMED)
+        assert_equal(bench.feedbacks[-1].reason, END_OF_PROCESS)
 
 
 def test_end_of_file_holds_and_reconnection_keeps_the_session():

@@ -69,6 +69,23 @@ pub(crate) fn config(name: &str) -> Config {
     Config::load(Path::new(name)).unwrap()
 }
 
+/// Returns a script whose hand presses the deadman `at` s, switches reflection on, sets the reference and moves 45 mm along
+/// x: into the wall before which the object starts.
+pub(crate) fn press_script(at: f64) -> String {
+    let switch =
+        |after: f64, switch: &str| format!("[[switch]]\nat_s = {:.2}\n{switch}\n", at + after);
+    let switches = [
+        switch(0.0, "deadman = true"),
+        switch(0.05, "reflection = true"),
+        switch(0.1, "reflection = false"),
+        switch(0.15, "reference = true"),
+        switch(0.2, "reference = false"),
+    ];
+    let moves =
+        format!("[[move]]\nat_s = {:.2}\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n", at + 0.25);
+    format!("seconds = 10\n{}{moves}", switches.concat())
+}
+
 pub(crate) fn scenario(name: &str) -> Scenario {
     let path = format!("config/scenarios/{name}.toml");
     let text = String::from_utf8(files::read(path.as_ref()).unwrap()).unwrap();

@@ -8,6 +8,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use crate::common::bench::press_script;
 use config::{Config, RemoteLink};
 use node::Request;
 use node::cause::Cause;
@@ -21,15 +22,8 @@ use units::time::Instant;
 const KRAFT: &str = "config/kraft_like.toml";
 const TEXT: &str = include_str!("../../config/kraft_like.toml");
 
-/// The hand drives the object into the wall it stands at.
-const PRESSING: &str = "seconds = 10\n\
-    [[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
-    [[switch]]\nat_s = 0.2\ndeadman = true\n\
-    [[switch]]\nat_s = 0.25\nreflection = true\n\
-    [[switch]]\nat_s = 0.3\nreflection = false\n\
-    [[switch]]\nat_s = 0.35\nreference = true\n\
-    [[switch]]\nat_s = 0.4\nreference = false\n\
-    [[move]]\nat_s = 0.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
+/// The node is armed by the script.
+const ARM: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -38,7 +32,7 @@ fn pressing(settings: DelaySettings) -> Bench<()> {
     let text = TEXT.replace("start_m = [0.4,", "start_m = [0.4499,");
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
     let link = RemoteLink { simulated: Some(settings), ..config.link };
-    let scenario = Scenario::parse(PRESSING).unwrap();
+    let scenario = Scenario::parse(&(press_script(0.2) + ARM)).unwrap();
     let mut bench = Bench::new(&config.with_link(link), scenario, 1, false, ());
     bench.bring_up().unwrap();
     bench

@@ -20,6 +20,7 @@ use nalgebra::Vector3;
 use socket2::{Domain, SockAddr, Socket, Type};
 use tempfile::TempDir;
 
+use crate::common::bench::press_script;
 use crate::common::linked::{LINK, linked};
 use bus::Bus;
 use config::Config;
@@ -34,18 +35,13 @@ use remote::{Remote, Sensed, SideFault, messages};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
 use sim::world::World;
+use testbench::far_robot::as_stated;
 use testbench::world;
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
-/// The hand drives the object into the wall it stands at, from the time on at which every link is up.
-const PRESSING: &str = "seconds = 10\n\
-    [[switch]]\nat_s = 1.2\ndeadman = true\n\
-    [[switch]]\nat_s = 1.25\nreflection = true\n\
-    [[switch]]\nat_s = 1.3\nreflection = false\n\
-    [[switch]]\nat_s = 1.35\nreference = true\n\
-    [[switch]]\nat_s = 1.4\nreference = false\n\
-    [[move]]\nat_s = 1.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
+/// Workspace of the far side, in m.
+const WORKSPACE: [[f64; 3]; 2] = [[-1.0; 3], [1.0; 3]];
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -193,7 +189,10 @@ impl Linked {
             there: way(1),
             back: way(2),
             far: FarEnd::new(near.far_side.arm, 0xface, MS * 100),
-            capability: capability(&agreement.stated),
+            capability: as_stated(
+                &Stated { sample_period: 1e-3, hold_after: 0.1, ..agreement.stated },
+                WORKSPACE,
+            ),
             site: VirtualSite::new(&far.remote, far.period),
             handle,
             sessions: 0xface,
@@ -251,27 +250,6 @@ fn connected(path: &Path) -> Socket {
     socket
 }
 
-/// Returns a capability that is as stated.
-fn capability(stated: &Stated) -> Capability {
-    Capability {
-        senses_wrench: true,
-        senses_pose: true,
-        has_gripper: false,
-        follows_rates: true,
-        follows_poses: true,
-        payload_removal: stated.payload_removal,
-        accommodation: stated.accommodation,
-        deadband: stated.deadband,
-        servo_lag: stated.servo_lag,
-        sample_period: 1e-3,
-        hold_after: 0.1,
-        sensor_range: [200.0, 20.0],
-        stiffest_contact: stated.stiffest_contact,
-        max_speed: stated.max_speed,
-        workspace: [[-1.0; 3], [1.0; 3]],
-    }
-}
-
 impl Remote for Linked {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         self.thread.step(now);
@@ -305,7 +283,7 @@ fn booted(hand: &str, keys: &str, network: Network) -> (Wired, Rc<Handle>) {
     let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
     let far = parse(&text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
-    let world = world::build(&near, Scenario::parse(PRESSING).unwrap(), 1);
+    let world = world::build(&near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
     let handle = Rc::new(Handle::default());
     let remote = Linked::new(&near, &far, network, Rc::clone(&handle));
     let mut node = Node::new(&near, Memory::new(&bitrates, world, ()), remote);

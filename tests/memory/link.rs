@@ -10,7 +10,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::bench::{config, scenario};
+use crate::common::bench::{config, press_script, scenario};
 use config::Config;
 use faults::LinkFault;
 use memory_bus::Memory;
@@ -27,15 +27,6 @@ use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";
-
-/// The hand drives the object into the wall it stands at.
-const PRESSING: &str = "seconds = 10\n\
-    [[switch]]\nat_s = 0.2\ndeadman = true\n\
-    [[switch]]\nat_s = 0.25\nreflection = true\n\
-    [[switch]]\nat_s = 0.3\nreflection = false\n\
-    [[switch]]\nat_s = 0.35\nreference = true\n\
-    [[switch]]\nat_s = 0.4\nreference = false\n\
-    [[move]]\nat_s = 0.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
 
 /// Number of cycles of a run; the hand presses into the wall in most of them.
 const CYCLES: usize = 1_200;
@@ -63,7 +54,7 @@ fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
     let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
-    let world = world::build(&config, Scenario::parse(PRESSING).unwrap(), 1);
+    let world = world::build(&config, Scenario::parse(&press_script(0.2)).unwrap(), 1);
     let remote = Via { site: VirtualSite::new(&config.remote, config.period), law, count: 0 };
     let mut node = Node::new(&config, Memory::new(&bitrates, world, ()), remote);
     node.bring_up(&mut || false).unwrap();

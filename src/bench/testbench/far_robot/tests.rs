@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use contract::{Motion, NodeEnd, Order, Reject, Sample};
+use contract::{Motion, NodeEnd, Order, PayloadRemoval, Reject, Sample};
 
 const ARM: u16 = 1;
 const MS: Duration = Duration::from_millis(1);

@@ -28,6 +28,7 @@ mod golden;
 mod held_torque;
 mod late_torques;
 mod link;
+mod linked_node;
 mod lossy;
 mod lss;
 mod mode_check;

@@ -3,14 +3,21 @@
 /// Keys that a link needs, and every test bears.
 pub(crate) const LINK: &str = "round_trip_ms = 5.0\nstiffest_contact_n_per_m = 2000.0";
 
-/// Returns the text of a shipped file with `kind = "link"`, without its scene, and with these keys of `[remote.link]`.
+/// Tables of `[remote]` that a robot in another process has itself.
+const OF_THE_FAR_SIDE: [&str; 3] = ["[remote.shared_control]", "[remote.wall]", "[remote.box]"];
+
+/// Returns the text of a shipped file as [`linked_text`] has it.
 pub(crate) fn linked(hand: &str, keys: &str) -> String {
-    let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
+    linked_text(&std::fs::read_to_string(format!("config/{hand}.toml")).unwrap(), keys)
+}
+
+/// Returns a configuration with `kind = "link"`, without its scene, and with these keys of `[remote.link]`.
+pub(crate) fn linked_text(text: &str, keys: &str) -> String {
     let without = |text: String, table: &str| match text.split_once(table) {
         Some((before, after)) => format!("{before}[{}", after.split_once("\n[").unwrap().1),
         None => text,
     };
-    let text = ["[remote.wall]", "[remote.box]"].into_iter().fold(text, without);
+    let text = OF_THE_FAR_SIDE.into_iter().fold(text.to_owned(), without);
     let text = text.replacen("kind = \"virtual\"", "kind = \"link\"", 1);
     text.replacen("[safety]", &format!("[remote.link]\n{keys}\n\n[safety]"), 1)
 }

@@ -7,6 +7,7 @@ mod arm_course;
 mod arms;
 mod boot;
 mod boot_variants;
+mod both_kinds;
 mod bus_hazards;
 mod campaign;
 mod compensated_push;

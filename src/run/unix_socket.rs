@@ -15,6 +15,10 @@ use socket2::{Domain, SockAddr, Socket, Type};
 /// Permissions: read and write for this user and group only.
 const PERMISSIONS: u32 = 0o660;
 
+/// Permission bits of a folder: every user may write it; a file in it can be replaced by its owner alone.
+const WRITABLE_BY_OTHERS: u32 = 0o002;
+const STICKY: u32 = 0o1000;
+
 /// The file of a listening socket; removes it when dropped, and no other that is at its path by then.
 #[derive(Debug)]
 pub(crate) struct SocketFile {
@@ -26,8 +30,8 @@ pub(crate) struct SocketFile {
 /// group. Replaces a stale socket, which refuses connections, and no other file.
 ///
 /// # Errors
-/// When another process listens there, the file is not a socket, the folder cannot be written, or this process is not a
-/// member of the group.
+/// When another process listens there, the file is not a socket, the folder cannot be written by this user or can be by
+/// any, or this process is not a member of the group.
 pub(crate) fn listen<L>(
     path: PathBuf,
     group: Option<&str>,
@@ -36,11 +40,25 @@ pub(crate) fn listen<L>(
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     let folder = folder.unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
+    refuse_open_folder(folder)?;
     // Held until the socket exists: of two nodes that start together one is refused.
     let _lock = StartLock::take(start_lock_of(folder, &path))?;
     remove_stale(&path)?;
     let (listener, identity) = listen_at(folder, &path, group, bind)?;
     Ok((listener, SocketFile { path, identity }))
+}
+
+/// Refuses a folder in which any user can put another socket in place of this one, and so pass for the node.
+fn refuse_open_folder(folder: &Path) -> io::Result<()> {
+    let mode = fs::metadata(folder)?.permissions().mode();
+    if mode & WRITABLE_BY_OTHERS == 0 || mode & STICKY != 0 {
+        return Ok(());
+    }
+    let reason = format!(
+        "folder {}: every user may write it, and replace the socket: chmod o-w it, or set another path",
+        folder.display()
+    );
+    Err(io::Error::new(io::ErrorKind::PermissionDenied, reason))
 }
 
 impl Drop for SocketFile {
@@ -239,6 +257,19 @@ mod tests {
         drop(others);
         assert_eq!(fs::read_to_string(&path).unwrap(), "1,2,3");
         fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn folder_in_which_every_user_may_write_is_refused() {
+        let folder = folder("open");
+        fs::set_permissions(&folder, Permissions::from_mode(0o777)).unwrap();
+        let refused = bind(&folder.join("node.sock")).unwrap_err().to_string();
+        assert!(refused.contains("every user may write it"), "{refused}");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        // As /tmp.
+        fs::set_permissions(&folder, Permissions::from_mode(0o1777)).unwrap();
+        drop(bind(&folder.join("node.sock")).unwrap());
+        fs::remove_dir(&folder).unwrap();
     }
 
     #[test]

@@ -2,15 +2,16 @@
 
 pub mod contact;
 mod eds;
+mod far_side;
 
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
 use crate::exit::{Failure, Kind, OrFail};
-use crate::{commanded_side, gains, print, stopping};
+use crate::{gains, print, stopping};
 use config::robots::RobotArm;
-use config::{Agreement, BusSettings, Config, JointParameters};
+use config::{BusSettings, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
 
@@ -71,17 +72,6 @@ fn robot(arm: &RobotArm) -> String {
         arm.joints.len(),
         following.sigma_min(),
         arm.law().inverse().threshold()
-    )
-}
-
-/// Describes what a robot in another process must have.
-fn far_side(config: &Config, Agreement { round_trip, stated }: &Agreement) -> String {
-    format!(
-        "far side   arm {} at {}, round trips of up to {:.1} ms, contacts of up to {:.0} N/m",
-        config.far_side.arm,
-        commanded_side::socket_of(config).display(),
-        round_trip.as_secs_f64() * 1e3,
-        stated.stiffest_contact
     )
 }
 
@@ -156,6 +146,7 @@ fn report(config: &Config) -> serde_json::Value {
         "cautions": stopping::cautions_json(config),
         "switches": config.switches.is_some(),
         "robot": config.robot.as_ref().map(robot_json),
+        "far_side": far_side::json(config),
     })
 }
 
@@ -174,7 +165,7 @@ fn lines(file: &Path, config: &Config) -> Vec<String> {
     }));
     lines.push(gravity(config));
     lines.extend(config.robot.iter().map(robot));
-    lines.extend(config.far_side.agreement.as_ref().map(|agreement| far_side(config, agreement)));
+    lines.extend(far_side::line(config));
     lines.extend(config.joints.iter().map(joint));
     lines.extend(stopping::lines(config));
     lines.extend(eds::lines(config));

@@ -215,6 +215,11 @@ fn hazard_35_frozen_sample_ends_reflection_within_70_ms() {
 }
 
 #[test]
+fn hazard_37_answers_to_another_node_end_reflection() {
+    link_fails_and_returns("link_foreign", LinkFault::Foreign);
+}
+
+#[test]
 fn promise_07_lost_link_ends_reflection_in_70_ms_at_any_time() {
     let config = config(KRAFT);
     for cut in [600, 1_003, 1_517] {

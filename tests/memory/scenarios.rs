@@ -103,6 +103,7 @@ const FOREIGN: &[(&str, Node)] = &[
     ("foreign_frame", Stops("another master is on the bus", within(2, 3))),
     ("link_loss", EndsReflection("no new wrench from the commanded side", [1, 70])),
     ("link_frozen", EndsReflection("no new wrench from the commanded side", [1, 70])),
+    ("link_foreign", EndsReflection("no new wrench from the commanded side", [1, 70])),
     ("link_slow", EndsReflection("take 9.0 ms or more, remote.link.round_trip_ms is 5.0", [0, 70])),
     ("far_side_holds", EndsReflection("the far side holds: force sensor silent", [0, 70])),
 ];

@@ -67,6 +67,9 @@ pub enum LinkFault {
     /// The commanded side holds for a reason of its own.
     #[display("held")]
     Held,
+    /// Messages of the commanded side answer another node, which leads it.
+    #[display("answers another node")]
+    Foreign,
     /// No message passes in either direction.
     #[display("lost")]
     Lost,

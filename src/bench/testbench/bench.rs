@@ -191,6 +191,7 @@ impl<T: Tap> Bench<T> {
             Some(LinkFault::Lost) => Link::Lost,
             Some(LinkFault::Slow) => Link::Slow,
             Some(LinkFault::Held) => Link::Held,
+            Some(LinkFault::Foreign) => Link::Foreign,
         };
         self.node.remote_mut().set_link(link);
         if !self.host_faults.forces.is_empty() {

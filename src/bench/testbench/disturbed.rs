@@ -1,7 +1,9 @@
 //! Faults of a commanded side in this process: a link that freezes or is lost, and a sensor that reports what is not.
 
-use contract::Reason;
-use remote::{Remote, Sensed, SideFault};
+use std::time::Duration;
+
+use contract::{FarEnd, NodeEnd, Reason};
+use remote::{Remote, Sensed, SideFault, messages};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
@@ -19,6 +21,35 @@ pub enum Link {
     Slow,
     /// Works, to a commanded side that holds for a reason of its own until a new epoch.
     Held,
+    /// Works, to a commanded side that another node leads, and whose messages answer that node.
+    Foreign,
+}
+
+/// A commanded side that another node leads, and what the contract lets through of its messages.
+#[derive(Clone, Debug)]
+struct Usurped {
+    node: NodeEnd,
+    other: NodeEnd,
+    far: FarEnd,
+}
+
+impl Usurped {
+    fn new() -> Self {
+        Self {
+            node: NodeEnd::new(0, 1),
+            other: NodeEnd::new(0, 2),
+            far: FarEnd::new(0, 3, Duration::from_millis(100)),
+        }
+    }
+
+    /// Returns what a message with this sample is at the node that does not lead.
+    fn received(&mut self, now: Instant, sensed: &Sensed) -> Option<Sensed> {
+        let order = messages::order(&Motion::Hold);
+        self.node.command(now, &order);
+        self.far.on_message(now, &self.other.command(now, &order));
+        let feedback = self.far.feedback(now, &messages::measured(sensed));
+        self.node.on_message(now, &feedback).and_then(|sample| messages::sensed(&sample))
+    }
 }
 
 /// A commanded side with faults.
@@ -30,6 +61,8 @@ pub struct Disturbed<R> {
     known: Option<Sensed>,
     /// The side holds until a new epoch.
     holds: bool,
+    /// The other node that leads, since the first time that one did.
+    usurped: Option<Box<Usurped>>,
     /// Value of a broken sensor.
     sensor_fault: Option<Wrench>,
 }
@@ -37,7 +70,7 @@ pub struct Disturbed<R> {
 impl<R> Disturbed<R> {
     /// Creates a side without faults.
     pub const fn new(side: R) -> Self {
-        Self { side, link: Link::Up, known: None, holds: false, sensor_fault: None }
+        Self { side, link: Link::Up, known: None, holds: false, usurped: None, sensor_fault: None }
     }
 
     /// Returns the side itself.
@@ -64,12 +97,18 @@ impl<R> Disturbed<R> {
 impl<R: Remote> Remote for Disturbed<R> {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         self.holds |= self.link == Link::Held;
-        let passes = !self.holds && self.link != Link::Lost;
+        let passes = !self.holds && !matches!(self.link, Link::Lost | Link::Foreign);
         let sensed = self.side.exchange(now, if passes { command } else { &Motion::Hold })?;
         let sensed = Sensed { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
-        let is_stale = matches!(self.link, Link::Frozen | Link::Lost);
-        let known = self.known.filter(|_| is_stale).unwrap_or(sensed);
-        self.known = Some(known);
+        let newest = match self.link {
+            Link::Up | Link::Slow | Link::Held => Some(sensed),
+            Link::Frozen | Link::Lost => None,
+            Link::Foreign => {
+                let usurped = self.usurped.get_or_insert_with(|| Box::new(Usurped::new()));
+                usurped.received(now, &sensed)
+            }
+        };
+        self.known = newest.or(self.known);
         self.known
     }
 
@@ -126,6 +165,21 @@ mod tests {
         assert_eq!((time_of(&mut side, 3), side.side().0), (at(1), 2));
         side.set_link(Link::Up);
         assert_eq!((time_of(&mut side, 4), side.side().0), (at(4), 3));
+    }
+
+    #[test]
+    fn far_side_of_another_node_neither_follows_nor_is_felt() {
+        let mut side = Disturbed::new(Counting::default());
+        let command = Motion::Pose(Isometry3::identity());
+        let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
+        side.exchange(at(1), &command);
+        side.set_link(Link::Foreign);
+        for ms in 2..20 {
+            let sensed = side.exchange(at(ms), &command).unwrap();
+            assert_eq!((sensed.at, side.side().0), (at(1), 1));
+        }
+        let rejects = *side.usurped.unwrap().node.rejects();
+        assert_eq!(rejects.iter().collect::<Vec<_>>(), [(contract::Reject::Session, 18)]);
     }
 
     #[test]

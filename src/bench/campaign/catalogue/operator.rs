@@ -21,6 +21,9 @@ pub(super) const KINDS: &[Kind] = &[
     engaged(33, "wrench large, but valid", NO_CAUSE, large),
     engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
     engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
+    engaged(37, "link answers another node", &[Cause::LinkLost], |_, at| {
+        link(at, LinkFault::Foreign)
+    }),
     engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),
     engaged(47, "far side holds", &[Cause::FarSideHolds], |_, at| link(at, LinkFault::Held)),
     engaged(48, "link slow", &[Cause::LinkSlow], |_, at| link(at, LinkFault::Slow)),

@@ -36,6 +36,7 @@ scenarios! {
     "faults/freeze",
     "faults/heartbeat_stop",
     "faults/impersonate",
+    "faults/link_foreign",
     "faults/link_frozen",
     "faults/link_loss",
     "faults/link_slow",

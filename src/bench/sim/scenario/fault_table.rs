@@ -94,6 +94,7 @@ fault_table! {
     "foreign_frame" by BUS, frame: FRAME, period: PERIOD => (Kind::ForeignFrame { frame, period });
     "link_loss" on Target::Link => (Kind::Link(LinkFault::Lost));
     "link_slow" on Target::Link => (Kind::Link(LinkFault::Slow));
+    "link_foreign" on Target::Link => (Kind::Link(LinkFault::Foreign));
     "far_side_holds" on Target::Link => (Kind::Link(LinkFault::Held));
     "link_frozen" on Target::Link => (Kind::Link(LinkFault::Frozen));
     "sensed_force" on Target::Link, force: FORCE => (Kind::SensedForce(force));

@@ -3,9 +3,9 @@
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
-# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges the
-# far side of examples/. Runs all tests, or those
-# whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus only the others.
+# robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
+# far sides, that of examples/ and `frhc robot`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
+# only those on the bus and in its logs, with --no-bus only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
@@ -21,7 +21,9 @@ if [[ $part != --no-bus ]]; then
   rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
   # In virtual time a busy machine is not late.
-  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/far_side.py "$@"
+  for judged in "" "--frhc=$FRHC"; do
+    scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/far_side.py ${judged:+"$judged"} "$@"
+  done
   "$python" tests/interop/in_the_logs.py "$@"
 fi
 [[ $part == --bus ]] || "$python" tests/interop/without_a_bus.py "$@"

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Judge of examples/far_side_local.py: a node by the rules of docs/link.md that listens on a SEQPACKET socket.
+"""Judge of a far side: a node by the rules of docs/link.md that listens on a SEQPACKET socket.
 
-    far_side.py [--far-side FILE] [--page FILE] [NAME ...]
+    far_side.py [--frhc FILE] [--far-side FILE] [--page FILE] [NAME ...]
 
+Judges examples/far_side_local.py, whose codec is that of the judge's messages, or `FILE robot` with --frhc.
 Runs the tests whose name contains a NAME (all without one). Exit code 0 if they pass, 1 if not.
 Each test starts its own far side. Python 3.9 or later on Linux, standard library only.
 """
@@ -27,16 +28,69 @@ from pathlib import Path
 HOLD, RATE, POSE = 0, 1, 2
 NOT_ARMED, SILENCE, END_OF_PROCESS = 1, 2, 7
 HOLDING, FOLLOWING = 0, 1
-PERIOD_S, LIMIT_S = 0.002, 0.1
-STEP_M = 0.25 * PERIOD_S  # longest step of the robot in one cycle
-X_RATE = (0.1, 0, 0, 0, 0, 0)  # slower than the speed limit
+PERIOD_S, LIMIT_S = 0.002, 0.1  # the period is that of both ends
+X_RATE = (0.1, 0, 0, 0, 0, 0)  # slower than the speed limits
+ROOT = Path(__file__).resolve().parent.parent.parent
 
-far = None  # module under test, set in main()
-far_side_path = page_path = None
+far = None  # module with the codec, set in main()
+judged = None  # program under test, set in main()
+page_path = None
 
 
 def now():
     return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+class PythonExample:
+    """examples/far_side_local.py: an object without mass, which moves at once."""
+
+    MAX_SPEED = 0.25  # in m/s
+    SPEED_SHARES = 0.99, 1 + 1e-9  # least and greatest share of it on a longer way
+    STOPPING_M = 0.0  # way from X_RATE to rest
+    # After a pause: the signal may stop the process between its check and its motion.
+    CONTINUED_M = MAX_SPEED * PERIOD_S
+    EXACT_M = 1e-9
+    CAPABILITY = dict(senses=3, follows=3, payload_removal=0, accommodation=(0.0,) * 6, sample_period=0.002,
+                      hold_after=0.1)
+
+    LEFT_OUT = {}  # tests by how their names begin, each with the reason
+
+    def __init__(self, path):
+        self.path = path
+
+    def command(self, socket_path, arm, options):
+        return [sys.executable, self.path, socket_path, "--arm", str(arm), *options]
+
+
+class FrhcRobot:
+    """`frhc robot`: an arm with masses and servos of a lag of 10 ms. Its cycle is that of its configuration, 2 ms."""
+
+    CONFIG, ROBOT = ROOT / "config/kraft_like_500hz.toml", ROOT / "config/robots/puma560.toml"
+    MAX_SPEED = 0.5
+    SPEED_SHARES = 0.95, 1.01  # the rates of its joints are those of the posture one lag before
+    STOPPING_M = 0.0012  # 0.1 m/s times the lag, and a fifth for its limits of acceleration
+    # The simulation moves on for ten periods at most, with the rates from before the pause.
+    CONTINUED_M = 10 * 0.1 * PERIOD_S + STOPPING_M
+    EXACT_M = 1e-4
+    CAPABILITY = dict(senses=3, follows=3, payload_removal=1, accommodation=(0.01,) * 3 + (0.5,) * 3,
+                      sample_period=0.002, hold_after=0.1)
+
+    OF_THE_CODEC = "a test of the judge's codec, which is that of the Python program"
+    OF_OPTIONS = "a test of options of the Python program; tests/program/robot_process.rs has those of frhc robot"
+    LEFT_OUT = {
+        "vectors_decode_and_encode": OF_THE_CODEC,
+        "lengths_and_offsets": OF_THE_CODEC,
+        "wrong_arguments": OF_OPTIONS,
+        "start_is_the_first_position": OF_OPTIONS,
+        "wall_pushes_the_object_back": OF_OPTIONS,
+    }
+
+    def __init__(self, path):
+        self.path = path
+
+    def command(self, socket_path, arm, options):
+        return [self.path, "robot", "--config", str(self.CONFIG), "--robot", str(self.ROBOT), "--socket", socket_path,
+                "--arm", str(arm), *options]
 
 
 class Node:
@@ -63,7 +117,7 @@ class Node:
 class Bench:
     """The far side's process and the node's end of the socket."""
 
-    def __init__(self, *options, listen=True):
+    def __init__(self, *options, arm=1, listen=True):
         self.directory = tempfile.TemporaryDirectory()
         self.path = os.path.join(self.directory.name, "far_side")
         self.connection = self.listener = None
@@ -72,7 +126,7 @@ class Bench:
         self.sent_after, self.arrivals, self.emptied = [], [], now()
         if listen:
             self.listen()
-        self.process = subprocess.Popen([sys.executable, far_side_path, self.path, *options],
+        self.process = subprocess.Popen(judged.command(self.path, arm, options), stdout=subprocess.DEVNULL,
                                         stderr=subprocess.PIPE, text=True)
         if listen:
             self.accept()
@@ -201,9 +255,28 @@ def assert_equal(got, expected):
     assert got == expected, f"expected {expected}, got {got}"
 
 
-def assert_still(before, after, tolerance=0.0):
+def assert_still(before, after, tolerance=None):
+    """The far side holds: it moves by the way that it needs to stop, at most."""
+    tolerance = judged.STOPPING_M if tolerance is None else tolerance
     distance = math.dist(before.pose[:3], after.pose[:3])
     assert distance <= tolerance, f"moved by {distance * 1e3:.3f} mm from {before.pose[:3]} to {after.pose[:3]}"
+
+
+def assert_orderly(code, text):
+    """The program ended by its own will."""
+    assert_equal(code, 0)
+    assert "Traceback" not in text and "panicked" not in text, text
+
+
+def moved_in_tool(before, after):
+    """Way from one pose to the next in m, written in {MRF} of the first."""
+    x, y, z, w = before.pose[3:]
+    way = [b - a for a, b in zip(before.pose[:3], after.pose[:3])]
+    # Columns of the rotation matrix: the axes of {MRF} in {b}.
+    axes = ((1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+            (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+            (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)))
+    return [sum(a * w for a, w in zip(axis, way)) for axis in axes]
 
 
 # The page
@@ -256,7 +329,7 @@ def test_wrong_arguments_give_one_error_line_and_exit_2():
     for arguments in ([], ["p", "q"], ["p", "--arm", "x"], ["p", "--arm", "70000"], ["p", "--wall", "x", "nan"],
                       ["p", "--start", "0", "0"], ["p", "--start", "0", "nan", "0"], ["p", "--start", "9", "0", "0"],
                       ["p", "--what"], ["p" * 200], [""]):
-        done = subprocess.run([sys.executable, far_side_path, *arguments], capture_output=True, text=True, timeout=5)
+        done = subprocess.run([sys.executable, judged.path, *arguments], capture_output=True, text=True, timeout=5)
         assert_equal((done.returncode, done.stdout, done.stderr.count("\n")), (2, "", 1))
 
 
@@ -272,18 +345,14 @@ def test_far_side_waits_until_a_node_listens():
 def test_signal_without_a_node_exits_0():
     with Bench(listen=False) as bench:
         time.sleep(0.3)
-        code, text = bench.end()
-        assert_equal(code, 0)
-        assert "Traceback" not in text
+        assert_orderly(*bench.end())
 
 
 def test_sigterm_and_sigint_send_end_of_process_and_exit_0():
     for number in (signal.SIGTERM, signal.SIGINT):
         with Bench() as bench:
             bench.follow(Node())
-            code, text = bench.end(number)
-            assert_equal(code, 0)
-            assert "Traceback" not in text, text
+            assert_orderly(*bench.end(number))
             bench.feedbacks.clear()
             bench.receive()
             ends = [f for f in bench.feedbacks if f.reason == END_OF_PROCESS]
@@ -389,7 +458,7 @@ def test_sessions_differ_between_processes():
 
 
 def test_capability_answers_only_a_command_that_asks():
-    with Bench("--arm", "3") as bench:
+    with Bench(arm=3) as bench:
         node = Node(arm=3)
         bench.lead(node)
         bench.run(node)
@@ -405,9 +474,8 @@ def test_capability_answers_only_a_command_that_asks():
 
         c = bench.capabilities[0]
         assert_equal((c.arm, c.session), (3, bench.feedbacks[0].session))
-        assert_equal((c.senses, c.follows, c.payload_removal), (3, 3, 0))
         assert c.echoed_session == node.session and 0 < c.echoed_sequence <= node.sequence
-        assert_equal((c.accommodation, c.sample_period, c.hold_after), ((0.0,) * 6, 0.002, 0.1))
+        assert_equal({name: getattr(c, name) for name in judged.CAPABILITY}, judged.CAPABILITY)
         assert all(low < high for low, high in zip(c.workspace_low, c.workspace_high))
 
 
@@ -452,8 +520,10 @@ def test_later_epoch_follows_at_the_commanded_rate():
         assert_equal((last.state, last.reason, last.epoch), (FOLLOWING, 0, 1))
         assert node.sequence - last.acted_sequence < 20
         seconds = (last.sequence - first.sequence) * PERIOD_S
-        speed = (last.pose[0] - first.pose[0]) / seconds
-        assert abs(speed - 0.1) < 0.005 and last.pose[1:3] == first.pose[1:3], f"{speed} m/s"
+        x, y, z = moved_in_tool(first, last)
+        # A servo comes behind by the way that it needs to stop.
+        assert abs(x - 0.1 * seconds) < 0.05 * 0.1 * seconds + judged.STOPPING_M, f"{x / seconds} m/s"
+        assert math.hypot(y, z) < judged.EXACT_M, f"{y} m and {z} m across"
 
 
 def test_mode_hold_in_a_later_epoch_follows_and_stands_still():
@@ -469,24 +539,31 @@ def test_mode_hold_in_a_later_epoch_follows_and_stands_still():
 def test_speed_is_limited_in_rate_and_pose():
     with Bench() as bench:
         node = Node()
-        bench.follow(node, rate=(-3.0, 4.0, 0, 0, 0, 0))
+        first = bench.follow(node, rate=(-3.0, 4.0, 0, 0, 0, 0))
         bench.run(node, seconds=0.2)
-        node.mode, node.pose = POSE, (-0.2, 0.2, 0.4, 0, 0, 1, 0)
+        node.mode, node.pose = POSE, (first.pose[0] - 0.3, *first.pose[1:])
         bench.run(node, seconds=0.2)
-        steps = [math.dist(a.pose[:3], b.pose[:3]) / (b.sequence - a.sequence)
-                 for a, b in zip(bench.feedbacks, bench.feedbacks[1:])]
-        assert max(steps) <= STEP_M + 1e-12, f"{max(steps)} m in a cycle"
-        assert statistics.median(steps[-100:]) > 0.99 * STEP_M
+        speeds = [math.dist(a.pose[:3], b.pose[:3]) / (b.sequence - a.sequence) / PERIOD_S
+                  for a, b in zip(bench.feedbacks, bench.feedbacks[1:])]
+        least, greatest = (share * judged.MAX_SPEED for share in judged.SPEED_SHARES)
+        assert max(speeds) <= greatest, f"{max(speeds)} m/s"
+        speed = statistics.median(speeds[-50:])
+        assert speed > least, f"{speed} m/s"
 
 
 def test_pose_is_reached():
-    with Bench("--start", "0.1", "-0.1", "0.2") as bench:
+    with Bench() as bench:
         node = Node()
-        first = bench.follow(node, rate=(0.0,) * 6)
-        assert_equal(first.pose, (0.1, -0.1, 0.2, 0.0, 0.0, 0.0, 1.0))
-        node.mode, node.pose = POSE, (0.13, -0.1, 0.16, 0, 0, 0, 1)
-        last = bench.run(node, seconds=0.4)
-        assert math.dist(last.pose[:3], node.pose[:3]) < 1e-9
+        x, y, z, *turn = bench.follow(node, rate=(0.0,) * 6).pose
+        node.mode, node.pose = POSE, (x + 0.03, y, z - 0.04, *turn)
+        last = bench.run(node, seconds=0.6)
+        off = math.dist(last.pose[:3], node.pose[:3])
+        assert off < judged.EXACT_M, f"{off} m"
+
+
+def test_start_is_the_first_position():
+    with Bench("--start", "0.1", "-0.1", "0.2") as bench:
+        assert_equal(bench.run().pose, (0.1, -0.1, 0.2, 0.0, 0.0, 0.0, 1.0))
 
 
 def test_wall_pushes_the_object_back():
@@ -552,8 +629,7 @@ def test_queue_of_old_commands_moves_nothing():
         time.sleep(0.3)
         bench.feedbacks.clear()
         after = bench.receive()
-        # One step is allowed: the signal may stop the process between its check and its motion.
-        assert_still(before, after, tolerance=STEP_M)
+        assert_still(before, after, tolerance=judged.CONTINUED_M)
         assert_still(bench.feedbacks[0], after)
         assert_equal(after.reason, SILENCE)
         assert after.echoed_sequence > before.echoed_sequence + 50, "the queue was not read"
@@ -717,33 +793,46 @@ def test_values_that_mode_and_flags_exclude_are_not_read():
         assert_equal(bench.run(node).epoch, 3)
 
 
-def main():
-    global far, far_side_path, page_path
-    parser = argparse.ArgumentParser(description="Test bench of far_side_local.py.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="runs the tests whose name contains it")
-    root = Path(__file__).resolve().parent.parent.parent
-    parser.add_argument("--far-side", default=str(root / "examples/far_side_local.py"))
-    parser.add_argument("--page", default=str(root / "docs/link.md"))
-    args = parser.parse_args()
-    far_side_path, page_path = args.far_side, args.page
-    spec = importlib.util.spec_from_file_location("far_side_local", far_side_path)
-    far = importlib.util.module_from_spec(spec)
+def load(path):
+    """Returns a Python file as a module."""
+    spec = importlib.util.spec_from_file_location("far_side_local", path)
+    module = importlib.util.module_from_spec(spec)
     sys.dont_write_bytecode = True
-    spec.loader.exec_module(far)
+    spec.loader.exec_module(module)
+    return module
 
-    tests = {name: test for name, test in globals().items() if name.startswith("test_")}
-    failed = 0
-    for name, test in tests.items():
-        if args.names and not any(part in name for part in args.names):
+
+def main():
+    global far, judged, page_path
+    parser = argparse.ArgumentParser(description="Judge of a far side.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="runs the tests whose name contains it")
+    parser.add_argument("--frhc", metavar="FILE", help="program whose command `robot` is judged")
+    parser.add_argument("--far-side", default=str(ROOT / "examples/far_side_local.py"), metavar="FILE",
+                        help="Python far side: judged without --frhc, and the judge's codec")
+    parser.add_argument("--page", default=str(ROOT / "docs/link.md"))
+    args = parser.parse_args()
+    page_path, far = args.page, load(args.far_side)
+    judged = FrhcRobot(args.frhc) if args.frhc else PythonExample(args.far_side)
+
+    passed = failed = left_out = 0
+    for name, test in list(globals().items()):
+        name = name[5:] if name.startswith("test_") else None
+        if not name or args.names and not any(part in name for part in args.names):
+            continue
+        reason = next((reason for part, reason in judged.LEFT_OUT.items() if name.startswith(part)), None)
+        if reason:
+            left_out += 1
+            print(f"left out  {name}: {reason}", flush=True)
             continue
         try:
             test()
-            print(f"pass  {name[5:]}", flush=True)
+            passed += 1
+            print(f"pass  {name}", flush=True)
         except Exception as error:  # each test reports for itself
             failed += 1
             place = traceback.extract_tb(error.__traceback__)[-1].lineno
-            print(f"FAIL  {name[5:]}: line {place}: {type(error).__name__}: {error}", flush=True)
-    print("passed" if not failed else f"{failed} failed")
+            print(f"FAIL  {name}: line {place}: {type(error).__name__}: {error}", flush=True)
+    print(f"{type(judged).__name__}: {passed} passed, {failed} failed, {left_out} left out")
     return 1 if failed else 0
 
 

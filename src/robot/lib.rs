@@ -28,4 +28,5 @@ pub mod resolved_rate;
 pub mod shared_control;
 #[cfg(test)]
 mod testing;
+pub mod wrench_limit;
 pub mod wrist_sensor;

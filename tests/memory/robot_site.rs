@@ -10,7 +10,7 @@ use config::Config;
 use config::robots::RobotArm;
 use controller::stability::finding::Verdict;
 use remote::Remote;
-use robot::arm_control::WrenchLimit;
+use robot::wrench_limit::WrenchLimit;
 use sim::scenario::Scenario;
 use sim::wrist_sensor::WristSensorSettings;
 use testbench::bench::Bench;

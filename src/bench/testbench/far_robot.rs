@@ -18,7 +18,7 @@ use contract::{Capability, FarEnd, Feedback, Measured, Reason, Rejects};
 use remote::site::Virtual;
 use remote::stated::Stated;
 use remote::{Remote, Sensed, messages};
-use robot::arm_control::WrenchLimit;
+use robot::wrench_limit::WrenchLimit;
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Wrench;
 use units::time::Instant;

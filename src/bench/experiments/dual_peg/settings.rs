@@ -19,7 +19,7 @@ use controller::gains::Gains;
 use controller::stability::bounds;
 use remote::site::Virtual;
 use robot::accommodation::Accommodation;
-use robot::arm_control::WrenchLimit;
+use robot::wrench_limit::WrenchLimit;
 use sim::contact::{Holes, Pegs, Plate, Surface};
 use sim::peg_operator::PegOperatorSettings;
 use sim::wrist_sensor::WristSensorSettings;

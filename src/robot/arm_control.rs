@@ -11,8 +11,10 @@
 //! rate of zero alone would let its servos go on to where the rates before were to lead, which in contact is deeper.
 //!
 //! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN; it holds until
-//! [`reset`](ArmControl::reset). An arm that is reset while its wrench is above the limit may move out: it stops again where
-//! the wrench rises by more than 5 % above its lowest since the reset. Once the wrench is within the limit, the limit acts.
+//! [`reset`](ArmControl::reset). An arm that is reset while its wrench is above the limit may move out and sideways, and
+//! yields as before; its command loses what works against the wrench ([`WrenchLimit::without_advance`]), however often it is
+//! reset. It stops again where the wrench rises all the same, by more than 5 % above its lowest since the reset: a moving
+//! environment, or a servo that lags. Once the wrench is within the limit, the limit acts.
 
 use nalgebra::Isometry3;
 
@@ -84,7 +86,7 @@ impl ArmControl {
         self.qd
     }
 
-    /// Lets the arm move again; out of a contact whose wrench is above the limit, too, but not further in.
+    /// Lets the arm move again; in a contact whose wrench is above the limit out and sideways, but not further in.
     pub fn reset(&mut self) {
         self.is_stopped = false;
         self.limit_now = self.limit.after_reset_at(&self.f_m);
@@ -125,8 +127,14 @@ impl ArmControl {
     fn twist(&mut self, dt: f64, command: &Motion) -> Twist {
         let v_m = match command {
             Motion::Hold => None,
-            Motion::Rate(v_m) => Some(self.interaction.rate(v_m, &self.f_m)),
-            Motion::Pose(x_b_d) => Some(self.reaching(x_b_d, dt)),
+            Motion::Rate(v_m) => {
+                let Interaction { shared, accommodation, .. } = &self.interaction;
+                let v_m = self.limit.without_advance(&shared.rate(v_m), &self.f_m);
+                Some(accommodation.rate(&v_m, &self.f_m))
+            }
+            Motion::Pose(x_b_d) => {
+                Some(self.limit.without_advance(&self.reaching(x_b_d, dt), &self.f_m))
+            }
         };
         if let Some(v_m) = v_m.filter(Twist::is_finite) {
             self.x_b_h = None;

@@ -1,5 +1,7 @@
 //! The law with ideal joints.
 
+use nalgebra::{Point3, Vector3};
+
 use super::*;
 use crate::accommodation::Accommodation;
 use crate::testing::{self, puma};
@@ -7,9 +9,14 @@ use crate::testing::{self, puma};
 const DT: f64 = 1e-3;
 
 fn control(limit: WrenchLimit) -> (ArmControl, Joints) {
+    yielding(limit, 0.001)
+}
+
+/// Returns an arm with this accommodation on all axes, in m/(s·N) and rad/(s·N·m).
+fn yielding(limit: WrenchLimit, gain: f64) -> (ArmControl, Joints) {
     let q = testing::posture(6);
     let servo = Servo::new(0.01, 0.5, 2.0).unwrap();
-    let accommodation = Accommodation::new([0.001; 6], [0.0; 6]).unwrap();
+    let accommodation = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
     let interaction = Interaction { accommodation, ..Interaction::default() };
     (ArmControl::new(testing::law(puma(), 50.0), servo, interaction, limit, &q), q)
 }
@@ -135,4 +142,124 @@ fn invalid_measurements_stop_the_arm() {
         assert_eq!(control.step(DT, &rate, &q, &reading), Joints::zeros());
         assert!(control.is_stopped());
     }
+}
+
+/// An environment of 4 kN/m, which a point of the tool touches at the start; it pushes against the approach at the start.
+struct Plane {
+    x_b_m: Isometry3<f64>,
+    /// Point in {MRF}, in m.
+    point: Point3<f64>,
+}
+
+/// Stiffness, in N/m.
+const STIFFNESS: f64 = 4_000.0;
+
+impl Plane {
+    /// Returns the wrench on the tool, at {MRF} in {MRF}.
+    fn wrench(&self, x_b_m: &Isometry3<f64>) -> Wrench {
+        let moved = self.x_b_m.inverse() * x_b_m;
+        let depth = ((moved * self.point).z - self.point.z).max(0.0);
+        let force = moved.rotation.inverse() * Vector3::new(0.0, 0.0, -STIFFNESS * depth);
+        Wrench { force, moment: self.point.coords.cross(&force) }
+    }
+}
+
+/// An arm in contact, in closed loop.
+struct Pressed {
+    control: ArmControl,
+    q: Joints,
+    plane: Plane,
+}
+
+impl Pressed {
+    /// Presses until the arm is stopped by its limit of 50 N or 5 N·m.
+    fn new(gain: f64, point: [f64; 3]) -> Self {
+        let (control, q) = yielding(WrenchLimit { force: 50.0, moment: 5.0 }, gain);
+        let plane = Plane { x_b_m: *control.pose(), point: point.into() };
+        let mut pressed = Self { control, q, plane };
+        while !pressed.control.is_stopped() {
+            pressed.run(&INWARDS, 1);
+        }
+        pressed.run(&INWARDS, 200);
+        pressed
+    }
+
+    /// Follows a command for `cycles`; returns the greatest force, in N.
+    fn run(&mut self, command: &Motion, cycles: u32) -> f64 {
+        let forces = (0..cycles).map(|_| {
+            let reading = self.plane.wrench(self.control.pose());
+            followed(&mut self.control, &mut self.q, command, &reading, 1);
+            reading.force.norm()
+        });
+        forces.fold(0.0, f64::max)
+    }
+
+    /// Follows a command between resets; returns the force before them and the greatest one, in N.
+    fn reset_often(&mut self, command: &Motion) -> [f64; 2] {
+        let before = self.run(&Motion::Hold, 1);
+        let resets = (0..25).map(|_| {
+            self.control.reset();
+            self.run(command, 100)
+        });
+        [before, resets.fold(0.0, f64::max)]
+    }
+}
+
+/// Rate into the environment at 0.3 m/s: accommodation of 0.001 m/(s·N) cancels it at 300 N.
+const INWARDS: Motion = rate([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
+
+const fn rate(components: [f64; 6]) -> Motion {
+    Motion::Rate(Twist::from_components(components))
+}
+
+#[test]
+fn repeated_resets_do_not_raise_the_wrench() {
+    let (tip, beside) = ([0.0; 3], [0.04, 0.0, 0.0]);
+    // About y of {MRF}: the point beside the tool goes in, its moment stays within the limit.
+    let turning = rate([0.0, 0.0, 0.0, 0.0, -1.0, 0.0]);
+    let oblique = rate([0.1, -0.05, 0.3, 0.2, -0.5, 0.3]);
+    let straight = [(tip, INWARDS), (beside, INWARDS)];
+    let turned = [(beside, turning), (beside, oblique)];
+    for gain in [0.0, 0.001] {
+        for (point, command) in straight.into_iter().chain(turned) {
+            let mut pressed = Pressed::new(gain, point);
+            let [before, greatest] = pressed.reset_often(&command);
+            assert!(before > 50.0, "stopped at {before} N");
+            // An arm that has left may come back once, and stops at its speed anew.
+            assert!(greatest < 1.05 * before, "{gain}, {command:?}: {before} N, then {greatest} N");
+        }
+    }
+}
+
+#[test]
+fn repeated_resets_do_not_raise_the_wrench_at_a_pose() {
+    let mut pressed = Pressed::new(0.0, [0.0; 3]);
+    let deeper = Motion::Pose(pressed.control.pose() * Isometry3::translation(0.01, 0.0, 0.1));
+    let [before, greatest] = pressed.reset_often(&deeper);
+    assert!(greatest < before + 0.5, "{before} N, then {greatest} N");
+}
+
+#[test]
+fn arm_reset_above_its_limit_moves_sideways_at_full_rate() {
+    let mut pressed = Pressed::new(0.0, [0.0; 3]);
+    pressed.control.reset();
+    let before = *pressed.control.pose();
+    pressed.run(&rate([0.05, 0.0, 0.3, 0.0, 0.0, 0.5]), 100);
+    let moved = before.inverse() * pressed.control.pose();
+    assert!(!pressed.control.is_stopped());
+    // Less what the limits of acceleration take.
+    let (way, turn) = (moved.translation.x, moved.rotation.angle());
+    assert!((0.0044..0.0051).contains(&way), "{way} m");
+    assert!((0.044..0.051).contains(&turn), "{turn} rad");
+}
+
+#[test]
+fn arm_reset_above_its_limit_yields_against_an_inward_command() {
+    let mut pressed = Pressed::new(0.001, [0.0; 3]);
+    pressed.control.reset();
+    // It leaves at 0.05 m/s until the limit acts again, with the inward command.
+    let before = pressed.run(&Motion::Hold, 1);
+    pressed.run(&INWARDS, 10);
+    let after = pressed.plane.wrench(pressed.control.pose()).force.norm();
+    assert!(after < before - 1.0, "{before} N, then {after} N");
 }

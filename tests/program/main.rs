@@ -19,6 +19,7 @@ mod plan;
 mod readme;
 mod refused;
 mod robot_process;
+mod robot_refused;
 mod robots;
 mod stability;
 mod stated;

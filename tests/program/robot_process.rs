@@ -9,7 +9,6 @@
 
 use std::fs::{self, OpenOptions};
 use std::io::{BufRead, ErrorKind, Read};
-use std::os::unix::net::UnixListener;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -17,7 +16,6 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use socket2::{Domain, SockAddr, Socket, Type};
 
-use crate::common::cli::frhc;
 use crate::common::process::Scratch;
 use bus::clock;
 use contract::{Feedback, Motion, NodeEnd, Order, Reason};
@@ -269,48 +267,4 @@ fn status_that_cannot_be_written_fails_the_robot_process() {
     robot.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
     assert_eq!(ended.code(), Some(4), "{stderr}");
     assert!(stderr.contains("frhc: stdout: No space left on device"), "{stderr}");
-}
-
-/// Asserts that the command ends with this exit code and one line with these words.
-#[track_caller]
-fn is_refused(args: &[&str], code: i32, words: &[&str]) {
-    let ended = frhc(args);
-    assert_eq!(ended.code, code, "{args:?}: {}", ended.stderr);
-    assert_eq!(ended.stderr.lines().count(), 1, "{}", ended.stderr);
-    for word in words {
-        assert!(ended.stderr.contains(word), "{word}: {}", ended.stderr);
-    }
-}
-
-#[test]
-fn robots_that_cannot_be_simulated_are_refused() {
-    let scratch = Scratch::new("robot-refused");
-    let socket = scratch.path("far.sock");
-    let robot =
-        |config: &str| ["robot", "--socket", &socket, "--config", config].map(str::to_owned);
-    let refused = |config: &str, more: &[&str], words: &[&str]| {
-        let args = robot(config);
-        let args: Vec<&str> = args.iter().map(String::as_str).chain(more.iter().copied()).collect();
-        is_refused(&args, 3, words);
-    };
-    refused(KRAFT, &[], &["config/kraft_like.toml: remote.robot: absent", "--robot FILE"]);
-    refused(KRAFT, &["--robot", "nowhere.toml"], &["nowhere.toml"]);
-    refused("nowhere.toml", &[], &["nowhere.toml"]);
-    let puma = fs::read_to_string(PUMA).unwrap();
-    let puma = puma.replacen("base_m = [-0.31630315,", "base_m = [-0.18,", 1);
-    let wall = scratch.write("in_the_wall.toml", &puma);
-    refused(KRAFT, &["--robot", &wall], &[&wall, "would start in a surface", "change start_deg"]);
-    let other = scratch.variant(KRAFT, &[("kind = \"virtual\"", "kind = \"magic\"")]);
-    refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
-}
-
-#[test]
-fn paths_without_a_socket_for_a_far_side_are_refused() {
-    let scratch = Scratch::new("robot-paths");
-    let (file, stream) = (scratch.write("file", "1,2,3"), scratch.path("stream.sock"));
-    let long = scratch.path(&"x".repeat(200));
-    let _listener = UnixListener::bind(&stream).unwrap();
-    is_refused(&command(KRAFT, &file), 4, &[&file, "not a socket"]);
-    is_refused(&command(KRAFT, &stream), 4, &[&stream, "is it that of `frhc ctl`?"]);
-    is_refused(&command(KRAFT, &long), 4, &["too long for a socket", "--socket"]);
 }

@@ -1,0 +1,59 @@
+//! `frhc robot` with files, keys, paths and options that it refuses: one line, and the exit code of docs/commands.md.
+#![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
+
+use std::fs;
+use std::os::unix::net::UnixListener;
+
+use crate::common::cli::frhc;
+use crate::common::process::Scratch;
+
+const KRAFT: &str = "config/kraft_like.toml";
+const PUMA: &str = "config/robots/puma560.toml";
+
+fn command<'a>(config: &'a str, socket: &'a str) -> Vec<&'a str> {
+    vec!["robot", "--config", config, "--robot", PUMA, "--socket", socket]
+}
+
+/// Asserts that the command ends with this exit code and one line with these words.
+#[track_caller]
+fn is_refused(args: &[&str], code: i32, words: &[&str]) {
+    let ended = frhc(args);
+    assert_eq!(ended.code, code, "{args:?}: {}", ended.stderr);
+    assert_eq!(ended.stderr.lines().count(), 1, "{}", ended.stderr);
+    for word in words {
+        assert!(ended.stderr.contains(word), "{word}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn robots_that_cannot_be_simulated_are_refused() {
+    let scratch = Scratch::new("robot-refused");
+    let socket = scratch.path("far.sock");
+    let robot =
+        |config: &str| ["robot", "--socket", &socket, "--config", config].map(str::to_owned);
+    let refused = |config: &str, more: &[&str], words: &[&str]| {
+        let args = robot(config);
+        let args: Vec<&str> = args.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        is_refused(&args, 3, words);
+    };
+    refused(KRAFT, &[], &["config/kraft_like.toml: remote.robot: absent", "--robot FILE"]);
+    refused(KRAFT, &["--robot", "nowhere.toml"], &["nowhere.toml"]);
+    refused("nowhere.toml", &[], &["nowhere.toml"]);
+    let puma = fs::read_to_string(PUMA).unwrap();
+    let puma = puma.replacen("base_m = [-0.31630315,", "base_m = [-0.18,", 1);
+    let wall = scratch.write("in_the_wall.toml", &puma);
+    refused(KRAFT, &["--robot", &wall], &[&wall, "would start in a surface", "change start_deg"]);
+    let other = scratch.variant(KRAFT, &[("kind = \"virtual\"", "kind = \"magic\"")]);
+    refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
+}
+
+#[test]
+fn paths_without_a_socket_for_a_far_side_are_refused() {
+    let scratch = Scratch::new("robot-paths");
+    let (file, stream) = (scratch.write("file", "1,2,3"), scratch.path("stream.sock"));
+    let long = scratch.path(&"x".repeat(200));
+    let _listener = UnixListener::bind(&stream).unwrap();
+    is_refused(&command(KRAFT, &file), 4, &[&file, "not a socket"]);
+    is_refused(&command(KRAFT, &stream), 4, &[&stream, "is it that of `frhc ctl`?"]);
+    is_refused(&command(KRAFT, &long), 4, &["too long for a socket", "--socket"]);
+}

@@ -34,6 +34,8 @@ pub struct FarSide {
     pub arm: u16,
     /// Range of its force/torque sensor, in N and N·m, if stated.
     pub sensor_range: [Option<f64>; 2],
+    /// Maximum contact force and moment at {MRF}, in N and N·m, if configured: for the robot itself, never for the node.
+    pub wrench_limit: [Option<f64>; 2],
     /// Age of the newest command after which it holds, if stated.
     pub hold_after: Option<Duration>,
     /// Figures that it must have; `None` where the commanded side is in this process.
@@ -60,12 +62,15 @@ pub(super) fn read(
     let mut figure = |key: &Optional<f64>, range| optional(key, range, problems);
     let force = figure(&raw.sensor_range_n, 1e-3..=MAX_FIGURE);
     let moment = figure(&raw.sensor_range_nm, 1e-3..=MAX_FIGURE);
+    let limit_force = figure(&raw.wrench_limit_n, 1e-3..=MAX_FIGURE);
+    let limit_moment = figure(&raw.wrench_limit_nm, 1e-3..=MAX_FIGURE);
     let hold_after = figure(&raw.hold_after_ms, HOLD_AFTER_MS).map(|age| age.map(millis));
     let sample_period = figure(&raw.sample_period_ms, SAMPLE_PERIOD_MS);
     let stiffest = figure(&raw.stiffest_contact_n_per_m, 1.0..=MAX_FIGURE);
     let round_trip = figure(&raw.round_trip_ms, ROUND_TRIP_MS);
     let mut agreement = None;
     if is_link(&file.remote) {
+        refuse_wrench_limit(raw, problems);
         let round_trip = required(&raw.round_trip_ms, "round_trip_ms", round_trip, problems);
         let name = "stiffest_contact_n_per_m";
         let stiffest = required(&raw.stiffest_contact_n_per_m, name, stiffest, problems);
@@ -91,9 +96,20 @@ pub(super) fn read(
         socket: raw.socket.as_ref().map(PathBuf::from),
         arm: raw.arm.or(USUAL_ARM).get()?,
         sensor_range: [force?, moment?],
+        wrench_limit: [limit_force?, limit_moment?],
         hold_after: hold_after?,
         agreement,
     })
+}
+
+/// Notes a wrench limit in the file of a node: the contract does not carry it, so it would have no effect.
+fn refuse_wrench_limit(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
+    for key in [&raw.wrench_limit_n, &raw.wrench_limit_nm] {
+        if !key.is_absent() {
+            let reason = "limits the robot itself, and kind = \"link\" is the node: move it to the file of frhc robot";
+            problems.add(key, reason);
+        }
+    }
 }
 
 /// Reads a figure that may be absent. Outer `None`: a problem.

@@ -302,6 +302,8 @@ sections! {
         sample_period_ms: Optional<f64>,
         sensor_range_n: Optional<f64>,
         sensor_range_nm: Optional<f64>,
+        wrench_limit_n: Optional<f64>,
+        wrench_limit_nm: Optional<f64>,
         stiffest_contact_n_per_m: Optional<f64>,
     }
 

@@ -26,7 +26,7 @@ import traceback
 from pathlib import Path
 
 HOLD, RATE, POSE = 0, 1, 2
-NOT_ARMED, SILENCE, END_OF_PROCESS = 1, 2, 7
+NOT_ARMED, SILENCE, WRENCH_LIMIT, END_OF_PROCESS = 1, 2, 6, 7
 HOLDING, FOLLOWING = 0, 1
 PERIOD_S, LIMIT_S = 0.002, 0.1  # the period is that of both ends
 X_RATE = (0.1, 0, 0, 0, 0, 0)  # slower than the speed limits
@@ -53,7 +53,9 @@ class PythonExample:
     CAPABILITY = dict(senses=3, follows=3, payload_removal=0, accommodation=(0.0,) * 6, sample_period=0.002,
                       hold_after=0.1)
 
-    LEFT_OUT = {}  # tests by how their names begin, each with the reason
+    LEFT_OUT = {  # tests by how their names begin, each with the reason
+        "wrench_above_the_limit": "the Python program has no limit of its own",
+    }
 
     def __init__(self, path):
         self.path = path
@@ -76,7 +78,7 @@ class FrhcRobot:
                       sample_period=0.002, hold_after=0.1)
 
     OF_THE_CODEC = "a test of the judge's codec, which is that of the Python program"
-    OF_OPTIONS = "a test of options of the Python program; tests/program/robot_process.rs has those of frhc robot"
+    OF_OPTIONS = "a test of options of the Python program; tests/program/robot_refused.rs has those of frhc robot"
     LEFT_OUT = {
         "vectors_decode_and_encode": OF_THE_CODEC,
         "lengths_and_offsets": OF_THE_CODEC,
@@ -88,9 +90,15 @@ class FrhcRobot:
     def __init__(self, path):
         self.path = path
 
-    def command(self, socket_path, arm, options):
-        return [self.path, "robot", "--config", str(self.CONFIG), "--robot", str(self.ROBOT), "--socket", socket_path,
-                "--arm", str(arm), *options]
+    def command(self, socket_path, arm, keys):
+        """`keys` are lines of [remote.link]."""
+        config = self.CONFIG
+        if keys:
+            text = config.read_text().replace('"../eds/', f'"{ROOT}/eds/')
+            config = Path(socket_path).parent / "config.toml"
+            config.write_text("\n".join([text, "[remote.link]", *keys, ""]))
+        return [self.path, "robot", "--config", str(config), "--robot", str(self.ROBOT), "--socket", socket_path,
+                "--arm", str(arm)]
 
 
 class Node:
@@ -115,7 +123,7 @@ class Node:
 
 
 class Bench:
-    """The far side's process and the node's end of the socket."""
+    """The far side's process, with options that only this program has, and the node's end of the socket."""
 
     def __init__(self, *options, arm=1, listen=True):
         self.directory = tempfile.TemporaryDirectory()
@@ -575,6 +583,25 @@ def test_wall_pushes_the_object_back():
         expected = 2000 * (0.46 - last.pose[0])
         assert expected < -10 and abs(last.wrench[0] - expected) < 1e-6, f"{last.wrench[0]} N"
         assert_equal(last.wrench[1:], (0.0,) * 5)
+
+
+def test_wrench_above_the_limit_holds_and_a_later_epoch_lets_it_fall():
+    force = lambda f: math.hypot(*f.wrench[:3])
+    with Bench("wrench_limit_n = 30.0") as bench:
+        node = Node()
+        bench.follow(node, rate=(0, 0, 0.4, 0, 0, 0))
+        held = bench.run(node, seconds=3, until=lambda f: f.reason == WRENCH_LIMIT)
+        assert_equal((held.state, held.reason), (HOLDING, WRENCH_LIMIT))
+        bench.feedbacks.clear()
+        for _ in range(25):  # and on in the same direction
+            node.epoch += 1
+            bench.run(node, seconds=0.1)
+        forces = [force(f) for f in bench.feedbacks if f.valid & 1]
+        assert 30 < max(forces) < 45, f"{max(forces)} N"
+        node.epoch, node.rate = node.epoch + 1, (0, 0, -0.1, 0, 0, 0)
+        out = bench.run(node, seconds=0.6)
+        assert_equal(out.state, FOLLOWING)
+        assert force(out) < 1, f"{force(out)} N"
 
 
 def test_silence_after_100_ms_without_fresh_echo():

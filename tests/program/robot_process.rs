@@ -127,6 +127,27 @@ fn patient(scratch: &Scratch) -> String {
     scratch.variant(KRAFT, &[("[safety]", link)])
 }
 
+/// Rate into the wall, in m/s.
+const AHEAD: Motion = Motion::Rate([0.0, 0.0, 0.2, 0.0, 0.0, 0.0]);
+
+#[test]
+fn configured_wrench_limit_holds_the_robot_process() {
+    let scratch = Scratch::new("robot-limit");
+    let link = "[remote.link]\nhold_after_ms = 1000.0\nwrench_limit_n = 8.0\n\n[safety]";
+    let config = scratch.variant(KRAFT, &[("[safety]", link)]);
+    let socket = scratch.path("far.sock");
+    let mut node = Node::at(&socket, 7);
+    let robot = scratch.frhc(&command(&config, &socket));
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    node.end.begin_epoch();
+    // Accommodation would let it press with 20 N.
+    node.until(Some(AHEAD), |node| node.reason() == Some(Reason::WrenchLimit));
+    let [x, y, z, ..] = node.feedback.unwrap().measured.wrench.unwrap();
+    let force = x.hypot(y).hypot(z);
+    assert!((8.0..16.0).contains(&force), "{force} N");
+    robot.terminate().succeeds();
+}
+
 fn command<'a>(config: &'a str, socket: &'a str) -> Vec<&'a str> {
     vec!["robot", "--config", config, "--robot", PUMA, "--socket", socket]
 }

@@ -5,10 +5,14 @@ use std::fs;
 use std::os::unix::net::UnixListener;
 
 use crate::common::cli::frhc;
+use crate::common::linked::{LINK, linked};
 use crate::common::process::Scratch;
 
 const KRAFT: &str = "config/kraft_like.toml";
 const PUMA: &str = "config/robots/puma560.toml";
+
+/// Folder of the repository.
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn command<'a>(config: &'a str, socket: &'a str) -> Vec<&'a str> {
     vec!["robot", "--config", config, "--robot", PUMA, "--socket", socket]
@@ -45,6 +49,37 @@ fn robots_that_cannot_be_simulated_are_refused() {
     refused(KRAFT, &["--robot", &wall], &[&wall, "would start in a surface", "change start_deg"]);
     let other = scratch.variant(KRAFT, &[("kind = \"virtual\"", "kind = \"magic\"")]);
     refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
+}
+
+#[test]
+fn robot_without_a_wrench_limit_in_range_is_refused() {
+    let scratch = Scratch::new("robot-limits");
+    let socket = scratch.path("far.sock");
+    for key in ["wrench_limit_n", "wrench_limit_nm"] {
+        let key_named = format!("remote.link.{key}: ");
+        for (value, reason) in [
+            ("nan", "must be within"),
+            ("inf", "must be within"),
+            ("-40.0", "must be within"),
+            ("0.0", "must be within"),
+            ("1e10", "must be within"),
+            ("\"40 N\"", "expected"),
+        ] {
+            let section = format!("[remote.link]\n{key} = {value}\n\n[safety]");
+            let config = scratch.variant(KRAFT, &[("[safety]", &section)]);
+            is_refused(&command(&config, &socket), 3, &[&config, &key_named, reason]);
+        }
+    }
+}
+
+#[test]
+fn wrench_limit_in_the_file_of_a_node_is_refused() {
+    let scratch = Scratch::new("robot-node-limit");
+    let keys = format!("wrench_limit_n = 40.0\n{LINK}");
+    let text = linked("kraft_like", &keys).replace("\"../eds/", &format!("\"{ROOT}/eds/"));
+    let node = scratch.write("node.toml", &text);
+    let words = [&node, "remote.link.wrench_limit_n: limits the robot itself", "frhc robot"];
+    is_refused(&["check", "--config", &node], 3, &words);
 }
 
 #[test]

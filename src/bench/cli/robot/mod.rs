@@ -91,8 +91,12 @@ fn limits(far_side: &FarSide) -> RobotLimits {
         force: force.unwrap_or(usual.sensor_range.force),
         moment: moment.unwrap_or(usual.sensor_range.moment),
     };
+    let [force, moment] = far_side.wrench_limit;
+    let mut wrench = usual.wrench;
+    wrench.force = force.unwrap_or(wrench.force);
+    wrench.moment = moment.unwrap_or(wrench.moment);
     let hold_after = far_side.hold_after.unwrap_or(usual.hold_after);
-    RobotLimits { sensor_range, hold_after, ..usual }
+    RobotLimits { sensor_range, wrench, hold_after, ..usual }
 }
 
 /// Returns the robot of a configuration, with a random session.

@@ -7,7 +7,7 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, ErrorKind, Read};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -16,7 +16,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use socket2::{Domain, SockAddr, Socket, Type};
 
-use crate::common::process::Scratch;
+use crate::common::process::{Process, Scratch};
 use bus::clock;
 use contract::{Feedback, Motion, NodeEnd, Order, Reason};
 use units::time::Instant;
@@ -288,4 +288,76 @@ fn status_that_cannot_be_written_fails_the_robot_process() {
     robot.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
     assert_eq!(ended.code(), Some(4), "{stderr}");
     assert!(stderr.contains("frhc: stdout: No space left on device"), "{stderr}");
+}
+
+/// Starts the robot at a socket, and waits until its log has a line with these words. Returns the robot and its log.
+fn waiting(scratch: &Scratch, socket: &str, words: &str) -> (Process, String) {
+    let log = scratch.path("robot.log");
+    let robot = scratch.frhc_onto(&command(KRAFT, socket), File::create(&log).unwrap());
+    let begun = clock::monotonic();
+    while !fs::read_to_string(&log).unwrap().contains(words) {
+        assert!(clock::monotonic() < begun + LIMIT, "{}", fs::read_to_string(&log).unwrap());
+        pause(MS);
+    }
+    (robot, log)
+}
+
+#[test]
+fn robot_process_waits_at_a_socket_without_a_listener() {
+    let scratch = Scratch::new("robot-orphan");
+    let socket = scratch.path("far.sock");
+    drop(Node::at(&socket, 7));
+    let line = format!("{socket}: waits for a node");
+    let (robot, log) = waiting(&scratch, &socket, &line);
+    pause(300 * MS);
+    fs::remove_file(&socket).unwrap();
+    let mut node = Node::at(&socket, 8);
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    robot.terminate().succeeds();
+    let log = fs::read_to_string(&log).unwrap();
+    assert_eq!(log.matches(&line).count(), 1, "{log}");
+}
+
+#[test]
+fn robot_process_names_the_missing_folder_of_its_socket() {
+    let scratch = Scratch::new("robot-folder");
+    let socket = scratch.path("nowhere/far.sock");
+    let line = format!("{socket}: waits for a node; the folder does not exist");
+    let (robot, log) = waiting(&scratch, &socket, &line);
+    pause(300 * MS);
+    fs::create_dir(scratch.path("nowhere")).unwrap();
+    let mut node = Node::at(&socket, 8);
+    node.until(Some(Motion::Hold), |node| node.feedback.is_some());
+    robot.terminate().succeeds();
+    let log = fs::read_to_string(&log).unwrap();
+    assert_eq!(log.matches(&line).count(), 1, "{log}");
+}
+
+/// Place of the version in a message, after its encapsulation header and its kind.
+const VERSION_PLACE: usize = 5;
+
+#[test]
+fn messages_of_another_arm_or_version_count_in_the_status() {
+    let scratch = Scratch::new("robot-other");
+    let socket = scratch.path("far.sock");
+    let mut node = Node::at(&socket, 7);
+    let (robot, mut stdout) = scratch.frhc_and_stdout(&command(KRAFT, &socket));
+    node.until(None, |node| node.robot.is_some());
+    let order = Order { motion: BACK, is_engaged: true };
+    let mut other_version = node.end.command(node.now(), &order);
+    other_version[VERSION_PLACE] += 1;
+    let other_arm = NodeEnd::new(2, 7).command(node.now(), &order);
+    for message in [other_version, other_version, other_arm] {
+        node.robot.as_ref().unwrap().send(&message).unwrap();
+    }
+    let begun = clock::monotonic();
+    let mut line = String::new();
+    while !line.contains("rejected 2 version, 1 arm") {
+        assert!(clock::monotonic() < begun + LIMIT, "{line}");
+        robot.signal(Signal::SIGUSR1);
+        line.clear();
+        stdout.read_line(&mut line).unwrap();
+    }
+    assert!(line.contains("connected, no leader"), "{line}");
+    robot.terminate().succeeds();
 }

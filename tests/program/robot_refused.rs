@@ -49,6 +49,9 @@ fn robots_that_cannot_be_simulated_are_refused() {
     refused(KRAFT, &["--robot", &wall], &[&wall, "would start in a surface", "change start_deg"]);
     let other = scratch.variant(KRAFT, &[("kind = \"virtual\"", "kind = \"magic\"")]);
     refused(&other, &["--robot", PUMA], &[&other, "remote.kind", "\"magic\""]);
+    let text = linked("kraft_like", LINK).replace("\"../eds/", &format!("\"{ROOT}/eds/"));
+    let node = scratch.write("node.toml", &text);
+    refused(&node, &["--robot", PUMA], &[&node, "remote.kind: \"link\"", "set \"virtual\""]);
 }
 
 #[test]
@@ -80,6 +83,19 @@ fn wrench_limit_in_the_file_of_a_node_is_refused() {
     let node = scratch.write("node.toml", &text);
     let words = [&node, "remote.link.wrench_limit_n: limits the robot itself", "frhc robot"];
     is_refused(&["check", "--config", &node], 3, &words);
+}
+
+#[test]
+fn number_of_the_arm_out_of_range_is_a_wrong_command_line() {
+    let scratch = Scratch::new("robot-arm");
+    let socket = scratch.path("far.sock");
+    for arm in ["70000", "-1"] {
+        let ended = frhc(&[&command(KRAFT, &socket)[..], &["--arm", arm]].concat());
+        assert_eq!(ended.code, 2, "{}", ended.stderr);
+        let first = ended.stderr.lines().next().unwrap();
+        assert!(first.contains("--arm <N>"), "{first}");
+        assert!(first.contains(&format!("{arm} is not in 0..=65535")), "{first}");
+    }
 }
 
 #[test]

@@ -77,7 +77,7 @@ pub struct Robot {
     #[arg(long, value_name = "PATH")]
     pub(super) socket: Option<PathBuf>,
     /// Number of the arm, equal at both ends, instead of that of remote.link.arm.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) arm: Option<u16>,
     /// Seed of the sensor's noise.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]

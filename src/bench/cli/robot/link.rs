@@ -33,6 +33,8 @@ const MAX_PATH: usize = 107;
 pub(super) enum LinkEvent {
     /// No node listens.
     Absent(PathBuf),
+    /// The folder of the socket does not exist: before the first start of a node, or for a path that is wrong.
+    NoFolder(PathBuf),
     /// The node's first message was received.
     Connected(PathBuf),
     /// The node closed the connection before it sent a message.
@@ -48,6 +50,10 @@ impl LinkEvent {
     pub(super) fn log(&self) {
         match self {
             Self::Absent(path) => tracing::info!("{}: waits for a node", path.display()),
+            Self::NoFolder(path) => tracing::warn!(
+                "{}: waits for a node; the folder does not exist, is --socket the node's?",
+                path.display()
+            ),
             Self::Connected(path) => tracing::info!("{}: connected to a node", path.display()),
             Self::Refused(path) => tracing::warn!(
                 "{}: the node closed the connection at once; is another far side connected? Tries again every {} s",
@@ -164,7 +170,13 @@ impl Link {
             Ok(()) => {}
             Err(error) if is_absent(&error) => {
                 self.retry_at = now + RETRY_AFTER;
-                self.report(LinkEvent::Absent(self.path.clone()));
+                let path = self.path.clone();
+                let is_missing = error.kind() == ErrorKind::NotFound && !has_folder(&path);
+                self.report(if is_missing {
+                    LinkEvent::NoFolder(path)
+                } else {
+                    LinkEvent::Absent(path)
+                });
             }
             Err(error) => {
                 self.retry_at = now + REFUSED_RETRY_AFTER;
@@ -217,6 +229,11 @@ fn check_file(path: &Path) -> anyhow::Result<()> {
         // Other errors are those of connecting.
         Ok(_) | Err(_) => Ok(()),
     }
+}
+
+/// Returns whether the folder of a path exists; that of a bare name is the present one.
+fn has_folder(path: &Path) -> bool {
+    path.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder.exists())
 }
 
 /// Returns whether an error of connecting says that no node listens yet, or that it is busy.

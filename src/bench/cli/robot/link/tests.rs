@@ -51,6 +51,21 @@ fn absent_node_is_reported_once_and_found_later() {
 }
 
 #[test]
+fn missing_folder_is_named_until_it_exists() {
+    let (folder, _) = folder();
+    let runtime = folder.path().join("frhc");
+    let path = runtime.join("far.sock");
+    let mut link = Link::open(&path).unwrap();
+    assert_eq!(received(&mut link, 0).1, [LinkEvent::NoFolder(path.clone())]);
+    assert_eq!(received(&mut link, 100).1, []);
+    fs::create_dir(&runtime).unwrap();
+    assert_eq!(received(&mut link, 200).1, [LinkEvent::Absent(path.clone())]);
+    let listener = listener(&path);
+    received(&mut link, 300);
+    listener.accept().unwrap();
+}
+
+#[test]
 fn sixteen_messages_are_taken_at_once() {
     let (_folder, path) = folder();
     let listener = listener(&path);

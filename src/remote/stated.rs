@@ -44,6 +44,9 @@ pub enum Misfit {
     /// It follows another node.
     #[error("the far side follows another node, of session {0:016x}: stop that one first")]
     Led(u64),
+    /// It has received no fresh command of any node.
+    #[error("the far side follows no node: this node's commands reach it too late, or not at all")]
+    Unled,
     /// Its newest sample has no wrench or no pose.
     #[error("the far side's newest sample has no valid wrench and pose: see its log")]
     Senseless,

@@ -111,8 +111,10 @@ impl Remote for LinkSide {
         let view = self.views.read();
         let is_new = view.sample_at.is_some_and(|at| now.since(at) <= MAX_ANSWER_AGE);
         let Some(feedback) = view.feedback.filter(|_| is_new) else { return vec![Misfit::Absent] };
-        if feedback.obeyed_session != session {
-            return vec![Misfit::Led(feedback.obeyed_session)];
+        match feedback.obeyed_session {
+            0 => return vec![Misfit::Unled],
+            leader if leader != session => return vec![Misfit::Led(leader)],
+            _ => {}
         }
         let Some(capability) = &view.capability else { return vec![Misfit::Unknown] };
         let mut misfits = stated.misfits(capability);

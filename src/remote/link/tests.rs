@@ -175,6 +175,19 @@ fn far_side_is_compared_before_arming() {
 }
 
 #[test]
+fn far_side_reached_too_late_follows_no_node() {
+    let mut rig = Rig::new();
+    let mut far = Far::at(&rig.path, 0xface_face);
+    far.end = FarEnd::new(7, 0xface_face, MS * 5);
+    for _ in 0..10 {
+        far.answer(rig.now, 2.0);
+        (0..6).for_each(|_| _ = rig.cycle(&Motion::Hold));
+        far.take(rig.now);
+    }
+    assert_eq!(rig.side.misfits(rig.now), [Misfit::Unled]);
+}
+
+#[test]
 fn hazard_47_hold_of_the_far_side_is_seen_in_its_epoch_alone() {
     let (mut rig, mut far) = Rig::connected();
     rig.side.begin_epoch();

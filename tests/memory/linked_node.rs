@@ -6,9 +6,9 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
@@ -85,6 +85,10 @@ impl Way {
     }
 }
 
+/// Sender in the place of the far side: returns what is written to the node's socket in a cycle, from the messages of the
+/// far side that have arrived.
+pub(crate) type Peer = Box<dyn FnMut(Instant, &mut FarEnd, Vec<Vec<u8>>) -> Vec<Vec<u8>>>;
+
 /// Faults of the far side that a test sets while the node runs.
 #[derive(Default)]
 pub(crate) struct Handle {
@@ -94,6 +98,11 @@ pub(crate) struct Handle {
     pub(crate) restarts: Cell<bool>,
     /// Force along x that the sensor reports in place of the contact's, by the time of the sample.
     pub(crate) writes_its_time: Cell<bool>,
+    pub(crate) peer: RefCell<Option<Peer>>,
+    /// Messages for which the node's queue had no room.
+    pub(crate) unsent: Cell<u64>,
+    /// The link takes 16 messages in a cycle, as its thread does, and reads what is sent in it with the next one.
+    pub(crate) reads_once: Cell<bool>,
 }
 
 /// The commanded side of a node: its link, and beyond the socket the network and the far side.
@@ -184,8 +193,13 @@ impl Linked {
             self.back.send(now, &feedback);
             figures.iter().for_each(|figures| self.back.send(now, figures));
         }
-        for message in self.back.arrived(now) {
-            (&self.socket).write_all(&message).ok();
+        let mut messages = self.back.arrived(now);
+        if let Some(peer) = self.handle.peer.borrow_mut().as_mut() {
+            messages = peer(now, &mut self.far, messages);
+        }
+        for message in messages {
+            let is_sent = self.socket.send(&message).is_ok();
+            self.handle.unsent.update(|unsent| unsent + u64::from(!is_sent));
         }
     }
 }
@@ -201,7 +215,9 @@ impl Remote for Linked {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         self.thread.step(now);
         self.run_far_side(now);
-        self.thread.receive(now);
+        if !self.handle.reads_once.get() {
+            self.thread.receive(now);
+        }
         self.side.exchange(now, command)
     }
 

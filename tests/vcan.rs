@@ -13,6 +13,8 @@
 mod common;
 #[path = "vcan/far_side.rs"]
 mod far_side;
+#[path = "vcan/link_peer.rs"]
+mod link_peer;
 
 use std::fs;
 use std::io::{BufRead, Read, Write};

@@ -6,25 +6,31 @@ use std::io::BufRead;
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
+use canopen_tools::candump::Line;
+
 use crate::common::linked::{LINK, linked};
 use crate::common::process::{Candump, Process, Scratch};
 
-const KRAFT: &str = "config/kraft_like.toml";
-const PUMA: &str = "config/robots/puma560.toml";
+pub(crate) const KRAFT: &str = "config/kraft_like.toml";
+pub(crate) const PUMA: &str = "config/robots/puma560.toml";
 
 /// A node with its drives, its robot and what passes on its bus.
-struct Rig {
-    scratch: Scratch,
+pub(crate) struct Rig {
+    pub(crate) scratch: Scratch,
     candump: Candump,
-    sim: Process,
-    run: Process,
-    robot: Process,
+    pub(crate) sim: Process,
+    pub(crate) run: Process,
+    pub(crate) robot: Process,
     first_sync: u64,
 }
 
 impl Rig {
     /// Starts all three; `robot` gets the path of the link's socket. Plays contact_10s.
-    fn started(name: &str, config: &str, robot: impl FnOnce(&Scratch, &str) -> Process) -> Self {
+    pub(crate) fn started(
+        name: &str,
+        config: &str,
+        robot: impl FnOnce(&Scratch, &str) -> Process,
+    ) -> Self {
         let scratch = Scratch::new(name);
         let config = scratch.write("config/linked.toml", config);
         let mut candump = Candump::of("vcan0");
@@ -32,9 +38,6 @@ impl Rig {
         let robot = robot(&scratch, &scratch.path("frhc/link.sock"));
         let recording = scratch.path("session");
         let run = scratch.frhc(&["run", "--config", &config, "--record", &recording]);
-        let is_sync = |line: &canopen_tools::candump::Line<'_>| {
-            line.canopen().is_some_and(|(id, _)| id == 0x80)
-        };
         let first_sync = candump.until(is_sync).nanos;
         let mut rig = Self { scratch, candump, sim, run, robot, first_sync };
         rig.until(0.6);
@@ -42,12 +45,17 @@ impl Rig {
     }
 
     /// Lets the bus run until that time after the first SYNC, in s.
-    fn until(&mut self, seconds: f64) {
+    pub(crate) fn until(&mut self, seconds: f64) {
         let end = self.first_sync + crate::seconds(seconds);
         self.candump.until(|line| line.nanos > end);
     }
 
-    fn status(&self) -> Value {
+    /// Lets the bus run for a number of SYNCs, whatever its time stamps.
+    pub(crate) fn syncs(&mut self, count: usize) {
+        (0..count).for_each(|_| _ = self.candump.until(is_sync));
+    }
+
+    pub(crate) fn status(&self) -> Value {
         let (process, mut stdout) = self.scratch.frhc_and_stdout(&["ctl", "status", "--json"]);
         let mut line = String::new();
         stdout.read_line(&mut line).unwrap();
@@ -57,7 +65,7 @@ impl Rig {
     }
 
     /// Returns the status once the hand presses into the wall of the robot's scene.
-    fn pressing(&mut self) -> Value {
+    pub(crate) fn pressing(&mut self) -> Value {
         self.scratch.ctl("--wait arm").succeeds();
         // The object meets the wall a second after the hand has moved, at 3.5 s.
         self.until(5.0);
@@ -80,22 +88,22 @@ impl Rig {
     }
 
     /// Asserts that reflection is off with this cause 70 ms after `onset`, in s after the first SYNC.
-    fn is_off(&mut self, onset: f64, cause: &str) {
+    pub(crate) fn is_off(&mut self, onset: f64, cause: &str) {
         self.until(onset + 0.17);
         let status = self.status();
         assert_eq!(status["mode"], "reflection-off", "{status:#}");
-        assert_eq!(status["stopped_by"], cause, "{status:#}");
+        assert!(status["stopped_by"].as_str().unwrap().contains(cause), "{status:#}");
         let task = status["budget"]["task"].as_array().unwrap();
         assert!(task.iter().all(|torque| torque.as_f64().unwrap().abs() < 1e-9), "{status:#}");
     }
 
     /// Returns the time on the bus after the first SYNC, in s.
-    fn now(&mut self) -> f64 {
+    pub(crate) fn now(&mut self) -> f64 {
         let stamp = self.candump.mark().nanos;
         std::time::Duration::from_nanos(stamp - self.first_sync).as_secs_f64()
     }
 
-    fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         let deadline = self.now() + 2.0;
         while self.scratch.ctl("reset").code != Some(0) {
             assert!(self.now() < deadline, "{:#}", self.status());
@@ -103,8 +111,15 @@ impl Rig {
     }
 }
 
+fn is_sync(line: &Line<'_>) -> bool {
+    line.canopen().is_some_and(|(id, _)| id == 0x80)
+}
+
 /// The simulated robot with the scene of a hand controller's file.
-fn simulated<'a>(file: &'a str, arm: &'a str) -> impl FnOnce(&Scratch, &str) -> Process + 'a {
+pub(crate) fn simulated<'a>(
+    file: &'a str,
+    arm: &'a str,
+) -> impl FnOnce(&Scratch, &str) -> Process + 'a {
     move |scratch, socket| {
         scratch.frhc(&["robot", "--config", file, "--robot", arm, "--socket", socket])
     }

@@ -96,6 +96,27 @@ impl Stated {
         }
     }
 
+    /// Returns the capability of a robot without a gripper that has exactly these figures, and this workspace in {b}, in m.
+    pub const fn capability(&self, workspace: [[f64; 3]; 2]) -> Capability {
+        Capability {
+            senses_wrench: true,
+            senses_pose: true,
+            has_gripper: false,
+            follows_rates: true,
+            follows_poses: true,
+            payload_removal: self.payload_removal,
+            accommodation: self.accommodation,
+            deadband: self.deadband,
+            servo_lag: self.servo_lag,
+            sample_period: self.sample_period,
+            hold_after: self.hold_after,
+            sensor_range: self.sensor_range,
+            stiffest_contact: self.stiffest_contact,
+            max_speed: self.max_speed,
+            workspace,
+        }
+    }
+
     /// Returns each figure of a capability that is worse than stated.
     pub fn misfits(&self, has: &Capability) -> Vec<Misfit> {
         let lacks = [

@@ -88,7 +88,7 @@ impl Rig {
             self.last = self.node.cycle();
             assert_eq!(self.last.cause, None, "{}", self.kind);
         }
-        self.last.clone()
+        self.last
     }
 
     fn zero(&self) -> Instant {
@@ -160,11 +160,8 @@ fn script(entries: &str) -> String {
     let pressed = |at: f64, switch: &str| {
         format!("{}{}", switch_at(at, switch, true), switch_at(at + 0.05, switch, false))
     };
-    let switches = [
-        switch_at(1.2, "deadman", true),
-        pressed(1.3, "reflection"),
-        pressed(1.5, "reference"),
-    ];
+    let switches =
+        [switch_at(1.2, "deadman", true), pressed(1.3, "reflection"), pressed(1.5, "reference")];
     format!("seconds = 20.0\n[hand]\ntremor_mm = 0.0\n{}{entries}", switches.concat())
 }
 

@@ -32,7 +32,6 @@ use remote::{Remote, Sensed, SideFault, messages};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
 use sim::world::World;
-use testbench::far_robot::as_stated;
 use testbench::world;
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
@@ -136,6 +135,7 @@ impl Linked {
             stated: agreement.stated,
         };
         let (side, thread) = link(listener, &settings).unwrap();
+        let stated = Stated { sample_period: 1e-3, hold_after: 0.1, ..agreement.stated };
         let way = |seed| Way { network, random: SplitMix::new(seed), under_way: VecDeque::new() };
         Self {
             side,
@@ -145,10 +145,7 @@ impl Linked {
             there: way(1),
             back: way(2),
             far: FarEnd::new(near.far_side.arm, 0xface, MS * 100),
-            capability: as_stated(
-                &Stated { sample_period: 1e-3, hold_after: 0.1, ..agreement.stated },
-                WORKSPACE,
-            ),
+            capability: stated.capability(WORKSPACE),
             site: VirtualSite::new(&far.remote, far.period),
             handle,
             sessions: 0xface,

@@ -16,7 +16,6 @@ use crate::far_side::{KRAFT, PUMA, Rig, simulated};
 use bus::clock::monotonic;
 use config::Config;
 use remote::stated::Stated;
-use testbench::far_robot::as_stated;
 use units::time::Instant;
 
 /// Messages in a period of 1 ms: 50,000 in a second.
@@ -86,8 +85,7 @@ impl<'s> Far<'s> {
         let range = [200.0, 20.0];
         let stated = Stated { sample_period: 1e-3, hold_after: 0.1, sensor_range: range, ..stated };
         let end = FarEnd::new(config.far_side.arm, 0xface, Duration::from_millis(100));
-        let figures = as_stated(&stated, [[-1.0; 3], [1.0; 3]]);
-        Self { socket, end, figures, flooded: 0 }
+        Self { socket, end, figures: stated.capability([[-1.0; 3], [1.0; 3]]), flooded: 0 }
     }
 
     /// Answers a command.

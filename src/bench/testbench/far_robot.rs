@@ -294,37 +294,14 @@ fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capabilit
     let blocks = block.iter().map(|(.., contact)| contact);
     let spheres = sphere.iter().map(|(.., contact)| contact);
     let contacts = walls.chain(blocks).chain(spheres);
-    as_stated(
-        &Stated {
-            stiffest_contact: contacts.map(|contact| contact.stiffness).fold(0.0, f64::max),
-            sample_period: config.period.as_secs_f64(),
-            hold_after: limits.hold_after.as_secs_f64(),
-            sensor_range: [limits.sensor_range.force, limits.sensor_range.moment],
-            ..Stated::of(interaction, servo)
-        },
-        workspace(robot),
-    )
-}
-
-/// Returns the capability of a robot without a gripper that has exactly these figures, and this workspace in {b}, in m.
-pub const fn as_stated(stated: &Stated, workspace: [[f64; 3]; 2]) -> Capability {
-    Capability {
-        senses_wrench: true,
-        senses_pose: true,
-        has_gripper: false,
-        follows_rates: true,
-        follows_poses: true,
-        payload_removal: stated.payload_removal,
-        accommodation: stated.accommodation,
-        deadband: stated.deadband,
-        servo_lag: stated.servo_lag,
-        sample_period: stated.sample_period,
-        hold_after: stated.hold_after,
-        sensor_range: stated.sensor_range,
-        stiffest_contact: stated.stiffest_contact,
-        max_speed: stated.max_speed,
-        workspace,
-    }
+    let stated = Stated {
+        stiffest_contact: contacts.map(|contact| contact.stiffness).fold(0.0, f64::max),
+        sample_period: config.period.as_secs_f64(),
+        hold_after: limits.hold_after.as_secs_f64(),
+        sensor_range: [limits.sensor_range.force, limits.sensor_range.moment],
+        ..Stated::of(interaction, servo)
+    };
+    stated.capability(workspace(robot))
 }
 
 /// Returns a box in {b} that {MRF} never leaves, its least and its greatest corner in m: around its base,

@@ -9,7 +9,7 @@ use socket2::{Domain, SockAddr, Type};
 use tempfile::TempDir;
 
 use super::*;
-use contract::{Capability, FarEnd, PayloadRemoval, Reason, Reject};
+use contract::{Capability, FarEnd, Reason, Reject};
 use robot::interaction::Interaction;
 use robot::object::Servo;
 use units::spatial::{Twist, Wrench};
@@ -23,26 +23,15 @@ fn stated() -> Stated {
     Stated { stiffest_contact: 5_000.0, ..Stated::of(&Interaction::default(), &servo) }
 }
 
-/// Returns a capability that is as stated.
+/// Returns a capability that is as stated, and better where nothing is.
 fn capability() -> Capability {
-    let Stated { accommodation, deadband, servo_lag, max_speed, stiffest_contact, .. } = stated();
-    Capability {
-        senses_wrench: true,
-        senses_pose: true,
-        has_gripper: false,
-        follows_rates: true,
-        follows_poses: true,
-        payload_removal: PayloadRemoval::None,
-        accommodation,
-        deadband,
-        servo_lag,
+    let stated = Stated {
         sample_period: 1e-3,
         hold_after: HOLD_AFTER.as_secs_f64(),
         sensor_range: [200.0, 20.0],
-        stiffest_contact,
-        max_speed,
-        workspace: [[-1.0; 3], [1.0; 3]],
-    }
+        ..stated()
+    };
+    stated.capability([[-1.0; 3], [1.0; 3]])
 }
 
 /// A far side with its connection.

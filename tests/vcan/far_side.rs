@@ -108,6 +108,8 @@ impl Rig {
         while self.scratch.ctl("reset").code != Some(0) {
             assert!(self.now() < deadline, "{:#}", self.status());
         }
+        // The far side reports the new epoch a round trip later.
+        self.syncs(10);
     }
 }
 

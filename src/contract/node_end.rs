@@ -39,6 +39,8 @@ pub struct NodeEnd {
     epoch: u32,
     /// Capability, and the far side's session that it is of.
     capability: Option<(u64, Capability)>,
+    /// Why the newest message had no effect.
+    rejected: Option<Reject>,
     round_trips: RoundTrips,
 }
 
@@ -49,6 +51,7 @@ impl NodeEnd {
             end: LinkEnd::new(arm, session, MAX_AGE),
             epoch: 0,
             capability: None,
+            rejected: None,
             round_trips: RoundTrips::new(),
         }
     }
@@ -82,10 +85,16 @@ impl NodeEnd {
             Some(Kind::Capability) => self.on_capability(now, bytes).map(|()| None),
             _ => self.on_feedback(now, bytes),
         };
-        taken.unwrap_or_else(|reject| {
+        self.rejected = taken.err();
+        if let Some(reject) = self.rejected {
             self.end.rejects.count(reject);
-            None
-        })
+        }
+        taken.ok().flatten()
+    }
+
+    /// Returns why the newest message had no effect; `None` if it had one.
+    pub const fn rejected(&self) -> Option<Reject> {
+        self.rejected
     }
 
     fn on_capability(&mut self, now: Instant, bytes: &[u8]) -> Result<(), Reject> {

@@ -32,6 +32,13 @@ codes! {
     }
 }
 
+impl Reject {
+    /// Returns whether the message is none of this contract and arm, whatever its sender.
+    pub const fn is_foreign(self) -> bool {
+        matches!(self, Self::Length | Self::Foreign | Self::Version | Self::Arm)
+    }
+}
+
 /// Counts of messages that had no effect, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejects([u64; Reject::ALL.len()]);

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use contract::{Capability, PayloadRemoval};
+use contract::{Capability, PayloadRemoval, Reject, VERSION};
 use robot::interaction::Interaction;
 use robot::object::Servo;
 
@@ -38,6 +38,9 @@ pub enum Misfit {
     /// No process is connected, or it does not answer.
     #[error("the far side does not answer: connect it to the link's socket")]
     Absent,
+    /// Its messages are none of this contract and arm.
+    #[error("messages of the far side have no effect: {}", foreign(*.0))]
+    Foreign(Reject),
     /// Its capability has not been received.
     #[error("the far side has not said yet what it can do: try again")]
     Unknown,
@@ -71,6 +74,19 @@ pub enum Misfit {
         /// Removal of the far side.
         found: PayloadRemoval,
     },
+}
+
+/// Returns the remedy for messages that are none of this contract and arm.
+fn foreign(reject: Reject) -> String {
+    match reject {
+        Reject::Arm => {
+            "another arm than remote.link.arm: correct the key, or the far side".to_owned()
+        }
+        Reject::Version => {
+            format!("another version of the contract than {VERSION}: update the older end")
+        }
+        reject => format!("{reject}, none of docs/link.md"),
+    }
 }
 
 impl Stated {

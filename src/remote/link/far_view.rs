@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::Sensed;
-use contract::{Capability, FarState, Feedback, Reason};
+use contract::{Capability, FarState, Feedback, Reason, Reject};
 use units::time::Instant;
 
 /// The far side, as it was last seen.
@@ -19,6 +19,8 @@ pub struct FarView {
     pub capability: Option<Capability>,
     /// 99th percentile of the newest round trips; `None` while too few are known.
     pub p99: Option<Duration>,
+    /// Why the newest message is none of this contract and arm, while there is no feedback.
+    pub foreign: Option<Reject>,
 }
 
 impl FarView {

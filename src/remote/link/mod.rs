@@ -110,7 +110,9 @@ impl Remote for LinkSide {
         let LinkSettings { session, stated, .. } = self.settings;
         let view = self.views.read();
         let is_new = view.sample_at.is_some_and(|at| now.since(at) <= MAX_ANSWER_AGE);
-        let Some(feedback) = view.feedback.filter(|_| is_new) else { return vec![Misfit::Absent] };
+        let Some(feedback) = view.feedback.filter(|_| is_new) else {
+            return vec![view.foreign.map_or(Misfit::Absent, Misfit::Foreign)];
+        };
         match feedback.obeyed_session {
             0 => return vec![Misfit::Unled],
             leader if leader != session => return vec![Misfit::Led(leader)],

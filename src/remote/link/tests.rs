@@ -164,6 +164,31 @@ fn far_side_is_compared_before_arming() {
 }
 
 #[test]
+fn far_side_of_another_arm_version_or_contract_is_named() {
+    let named = |change: fn(&mut Vec<u8>)| {
+        let mut rig = Rig::new();
+        let mut far = Far::at(&rig.path, 0xface_face);
+        for _ in 0..5 {
+            rig.cycle(&Motion::Hold);
+            far.take(rig.now);
+            let mut message = far.end.feedback(rig.now, &contract::Measured::default()).to_vec();
+            change(&mut message);
+            (&far.socket).write_all(&message).unwrap();
+        }
+        rig.cycle(&Motion::Hold);
+        let misfits = rig.side.misfits(rig.now);
+        let text: Vec<_> = misfits.iter().map(Misfit::to_string).collect();
+        text.join("; ").split_once(": ").unwrap().1.to_owned()
+    };
+    let arm = named(|message| message[4 + 2] = 9);
+    assert_eq!(arm, "another arm than remote.link.arm: correct the key, or the far side");
+    let version = named(|message| message[4 + 1] = 2);
+    assert_eq!(version, "another version of the contract than 1: update the older end");
+    assert_eq!(named(|message| message.truncate(60)), "length, none of docs/link.md");
+    assert_eq!(named(|message| message[0] = 1), "foreign, none of docs/link.md");
+}
+
+#[test]
 fn far_side_reached_too_late_follows_no_node() {
     let mut rig = Rig::new();
     let mut far = Far::at(&rig.path, 0xface_face);

@@ -7,6 +7,7 @@ use triple_buffer::{Input, Output};
 use super::door::{Arrival, Door, Reception};
 use super::{FarView, LatestLink, Lead, LinkSettings, LinkStatus};
 use crate::messages;
+use crate::stated::Misfit;
 use contract::{Capability, NodeEnd, Sample};
 use units::spatial::Motion;
 use units::time::Instant;
@@ -38,6 +39,8 @@ pub struct LinkThread {
     latest: LatestLink,
     status_at: Instant,
     is_slow: bool,
+    /// The log says that the messages of this connection are foreign.
+    is_foreign: bool,
     /// Refused connections since the last log line.
     refused: u64,
 }
@@ -63,6 +66,7 @@ impl LinkThread {
             latest: LatestLink::default(),
             status_at: Instant::ZERO,
             is_slow: false,
+            is_foreign: false,
             refused: 0,
         }
     }
@@ -121,6 +125,7 @@ impl LinkThread {
     fn accept(&mut self) {
         match self.door.accept() {
             Some(Arrival::Peer(who)) => {
+                self.is_foreign = false;
                 tracing::info!(uid = who.uid(), pid = who.pid(), "far side connected");
             }
             Some(Arrival::Second(who)) => {
@@ -167,6 +172,12 @@ impl LinkThread {
             (self.view.feedback, self.view.sample_at) = (Some(feedback), Some(at));
         }
         self.view.capability = self.end.capability().copied();
+        let foreign = self.end.rejected().filter(|reject| reject.is_foreign());
+        self.view.foreign = foreign.filter(|_| self.view.feedback.is_none());
+        if let Some(reject) = self.view.foreign.filter(|_| !self.is_foreign) {
+            tracing::warn!("{}", Misfit::Foreign(reject));
+            self.is_foreign = true;
+        }
     }
 
     /// Brings the status up to date.

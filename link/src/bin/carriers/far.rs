@@ -1,0 +1,48 @@
+//! The far side's process: answers until the node asks for the figures.
+
+use std::io::{BufRead, Write};
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+use contract::FarEnd;
+
+use crate::Outcome;
+use crate::carrier::Carrier;
+use crate::end::{End, now};
+use crate::figures::Direction;
+use crate::options::Options;
+use crate::role::Role;
+use crate::seal::{self, Seal};
+
+/// The far side of docs/link.md holds after this age.
+const HOLD_AFTER: Duration = Duration::from_millis(100);
+
+/// Runs until a line "from to" (µs) arrives on standard input, and prints the figures of messages sent in that time.
+pub(crate) fn run(options: &Options) -> Outcome<()> {
+    let seal = match options.carrier {
+        Carrier::UdpSealed => Seal::far(seal::decode(&options.keys)?),
+        Carrier::QuicMixed | Carrier::QuicDatagram | Carrier::Tls => Seal::Carrier,
+    };
+    let far = FarEnd::new(0, now().as_micros(), HOLD_AFTER);
+    let mut end = End::open(options, Role::Far(Box::new(far)), seal)?;
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            // The loop below may have ended first.
+            drop(sender.send(line));
+        }
+    });
+    writeln!(std::io::stdout(), "ready")?;
+    let line = loop {
+        end.cycle(true)?;
+        match lines.try_recv() {
+            Ok(line) => break line,
+            Err(std::sync::mpsc::TryRecvError::Empty) => {}
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => return Ok(()),
+        }
+    };
+    let (from, to) = line.split_once(' ').ok_or("expected: from to")?;
+    let figures = Direction::of(&end.record, (from.parse()?, to.parse()?))?;
+    writeln!(std::io::stdout(), "{}", figures.line())?;
+    Ok(())
+}

@@ -1,0 +1,99 @@
+//! Record of one end, and its quantiles. All times are in µs.
+
+use crate::Outcome;
+
+/// Record of one end.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Record {
+    /// Send times; the first is of message 1.
+    pub(crate) sent: Vec<u64>,
+    /// Messages received: send time, and age at reception.
+    pub(crate) received: Vec<(u64, u64)>,
+    /// Messages received: time, and time since the message was sent that they echo.
+    pub(crate) round_trips: Vec<(u64, u64)>,
+    /// Cycles: time, and age by echo of the newest sample.
+    pub(crate) cycles: Vec<(u64, u64)>,
+    /// Time from which the far side holds for want of a fresh command.
+    pub(crate) held_at: Option<u64>,
+    /// Longest time in which the engine took a message.
+    pub(crate) longest_put: u64,
+    /// Times that the subscriber was declared again.
+    pub(crate) declared_again: u32,
+}
+
+/// Figures of one direction.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Direction {
+    /// Messages sent by this end.
+    pub(crate) sent: u64,
+    /// Ages at reception of the messages that this end received.
+    pub(crate) ages: Vec<u64>,
+    /// Longest time in which the engine took a message.
+    pub(crate) longest_put: u64,
+    /// Times that the subscriber was declared again.
+    pub(crate) declared_again: u32,
+    /// The far side held for want of a fresh command.
+    pub(crate) is_held: bool,
+}
+
+impl Direction {
+    /// Figures of messages sent in `from..to`.
+    pub(crate) fn of(record: &Record, (from, to): (u64, u64)) -> Outcome<Self> {
+        let sent = record.sent.iter().filter(|at| (from..to).contains(*at)).count();
+        let is_held = record.held_at.is_some_and(|at| (from..to).contains(&at));
+        let Record { longest_put, declared_again, .. } = *record;
+        let ages = within(&record.received, from, to);
+        Ok(Self { sent: u64::try_from(sent)?, ages, longest_put, declared_again, is_held })
+    }
+
+    /// One line, for the other process.
+    pub(crate) fn line(&self) -> String {
+        let Self { sent, longest_put, declared_again, is_held, ages } = self;
+        let first = format!("{sent} {longest_put} {declared_again} {}", u8::from(*is_held));
+        let ages = ages.iter().map(u64::to_string);
+        std::iter::once(first).chain(ages).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Reads such a line.
+    pub(crate) fn from_line(line: &str) -> Outcome<Self> {
+        let numbers: Result<Vec<u64>, _> = line.split_whitespace().map(str::parse).collect();
+        let numbers = numbers.map_err(|error| format!("far side: {error}: {line}"))?;
+        let [sent, longest_put, declared_again, is_held, ages @ ..] = numbers.as_slice() else {
+            return Err("the far side sent no figures".into());
+        };
+        Ok(Self {
+            sent: *sent,
+            longest_put: *longest_put,
+            declared_again: u32::try_from(*declared_again)?,
+            is_held: *is_held != 0,
+            ages: ages.to_vec(),
+        })
+    }
+}
+
+/// Second numbers of the pairs whose first is in `from..to`.
+pub(crate) fn within(pairs: &[(u64, u64)], from: u64, to: u64) -> Vec<u64> {
+    pairs.iter().filter(|(at, _)| (from..to).contains(at)).map(|(_, value)| *value).collect()
+}
+
+/// Cell of a row: `p50 / p99 / max` in ms.
+pub(crate) fn quantiles(mut values: Vec<u64>) -> String {
+    values.sort_unstable();
+    let at = |percent: usize| {
+        let place = (values.len() * percent).div_ceil(100).saturating_sub(1);
+        values.get(place).map_or_else(|| "–".to_owned(), |value| millis(*value))
+    };
+    format!("{} / {} / {}", at(50), at(99), at(100))
+}
+
+/// A time in ms, with one decimal place.
+pub(crate) fn millis(micros: u64) -> String {
+    let tenths = (micros + 50) / 100;
+    format!("{}.{}", tenths / 10, tenths % 10)
+}
+
+/// A share in per cent, with one decimal place.
+pub(crate) fn share(part: u64, whole: u64) -> String {
+    let tenths = (part * 1_000 + whole / 2).checked_div(whole).unwrap_or_default();
+    format!("{}.{}", tenths / 10, tenths % 10)
+}

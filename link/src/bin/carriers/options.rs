@@ -1,0 +1,81 @@
+//! Arguments, each `key=value`.
+
+use std::time::Duration;
+
+use crate::Outcome;
+use crate::carrier::Carrier;
+
+/// One measurement.
+#[derive(Clone, Debug)]
+pub(crate) struct Options {
+    /// Carrier.
+    pub(crate) carrier: Carrier,
+    /// Messages of each end per second.
+    pub(crate) rate: u32,
+    /// Length of the measurement.
+    pub(crate) seconds: u32,
+    /// Maximum messages that are not echoed yet; zero for any number.
+    pub(crate) window: u64,
+    /// Age of the newest sample from which the node would end reflection.
+    pub(crate) limit: Duration,
+    /// First columns of the row.
+    pub(crate) label: String,
+    /// This process is the far side; set by the node.
+    pub(crate) is_far: bool,
+    /// An end that receives nothing declares its subscriber again.
+    pub(crate) redeclares: bool,
+    /// Folder of the certificates; set for the far side.
+    pub(crate) folder: String,
+    /// Port of the far side.
+    pub(crate) port: u16,
+    /// Keys of the seal, in hexadecimal: own secret, then the peer's public key; set for the far side.
+    pub(crate) keys: String,
+}
+
+impl Options {
+    /// Reads the arguments.
+    pub(crate) fn from_args(args: impl Iterator<Item = String>) -> Outcome<Self> {
+        let mut options = Self {
+            carrier: Carrier::Tls,
+            rate: 1_000,
+            seconds: 5,
+            window: 0,
+            limit: Duration::from_millis(100),
+            label: String::new(),
+            is_far: false,
+            redeclares: false,
+            folder: String::new(),
+            port: 20_000 + u16::try_from(std::process::id() % 20_000)?,
+            keys: String::new(),
+        };
+        for arg in args {
+            let (key, value) =
+                arg.split_once('=').ok_or(format!("expected key=value, got {arg}"))?;
+            options.set(key, value)?;
+        }
+        Ok(options)
+    }
+
+    fn set(&mut self, key: &str, value: &str) -> Outcome<()> {
+        match key {
+            "carrier" => self.carrier = Carrier::from_name(value)?,
+            "rate" => self.rate = value.parse()?,
+            "seconds" => self.seconds = value.parse()?,
+            "window" => self.window = value.parse()?,
+            "limit" => self.limit = Duration::from_millis(value.parse()?),
+            "label" => value.clone_into(&mut self.label),
+            "far" => self.is_far = value.parse()?,
+            "redeclare" => self.redeclares = value.parse()?,
+            "folder" => value.clone_into(&mut self.folder),
+            "port" => self.port = value.parse()?,
+            "keys" => value.clone_into(&mut self.keys),
+            _ => return Err(format!("unknown key {key}").into()),
+        }
+        Ok(())
+    }
+
+    /// Time from one message of an end to its next.
+    pub(crate) fn period(&self) -> Duration {
+        Duration::from_secs(1) / self.rate.max(1)
+    }
+}

@@ -2,18 +2,21 @@
 # carriers.sh [--quick]: measures the carriers of the link, and prints the tables of docs/carriers.md.
 #
 # Each row is two processes over loopback in a User-Mode Linux kernel in virtual time (with_vcan.sh -v), with netem as
-# the network: it delays, shuffles and drops each packet once on its way. CARRIERS_SECONDS is the length of a
-# measurement (default 5), CARRIERS_WINDOW the flow rule's number of messages (default 32). --quick measures a row per carrier.
+# the network: it delays, shuffles and drops each packet once on its way. --quick measures a row per carrier.
+#
+#   CARRIERS_SECONDS   length of a measurement (default 2)
+#   CARRIERS_WINDOW    maximum number of messages that are not echoed (default 32)
+#   CARRIERS_JOBS      kernels at a time (default: one per CPU); virtual time does not see the difference
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-seconds=${CARRIERS_SECONDS:-5} window=${CARRIERS_WINDOW:-32}
+seconds=${CARRIERS_SECONDS:-2} window=${CARRIERS_WINDOW:-32}
 carriers=(quic-mixed quic-datagram tls udp-sealed)
 program=link/target/release/carriers
 
-# row DELAY JITTER LOSS CARRIER RATE WINDOW [OPTION...]: delay and jitter one way in ms, loss in per cent.
+# row DELAY JITTER LOSS CARRIER RATE [OPTION...]: delay and jitter one way in ms, loss in per cent.
 row() {
-  local delay=$1 jitter=$2 loss=$3 carrier=$4 rate=$5 window=$6 limit=100 network
-  shift 6
+  local delay=$1 jitter=$2 loss=$3 carrier=$4 rate=$5 limit=100 network
+  shift 5
   case $delay in 0 | 0.2 | 2 | 5 | 8) limit=20 ;; *) ;; esac
   network="delay ${delay}ms"
   [[ $jitter == 0 ]] || network+=" ${jitter}ms"
@@ -21,62 +24,82 @@ row() {
   # shellcheck disable=SC2086 # words
   tc qdisc replace dev lo root netem $network limit 100000
   timeout 100 "$program" carrier="$carrier" rate="$rate" seconds="$seconds" window="$window" limit="$limit" \
-    label="$delay | $jitter | $loss | " "$@" || echo "| $delay | $jitter | $loss | $carrier | $rate | failed | – | – | – | – | – |"
+    redeclare=true label="${column:-}$delay | $jitter | $loss | " "$@" \
+    || echo "| ${column:-}$delay | $jitter | $loss | $carrier | $rate | failed | – | – | – | – | – | – |"
   tc qdisc del dev lo root
 }
 
-head() {
-  echo "| delay | jitter | loss | carrier | Hz | first ms | sent Hz | received % | age ms p50 / p99 / max | round trip ms p50 / p99 / max | trips |"
-  echo "|---|---|---|---|---|---|---|---|---|---|---|"
+head() { # head TITLE [COLUMN]: of a table, with a first column of its own
+  printf '\n### %s\n\n' "$1"
+  echo "|${2:+ $2 |} delay ms | jitter ms | loss % | carrier | Hz | first ms | sent Hz | received % | age ms | round trip ms | put ms | trips |"
+  echo "|${2:+---|}---|---|---|---|---|---|---|---|---|---|---|---|"
 }
 
-tenth() { awk -v delay="$1" 'BEGIN { print delay / 10 }'; }
-
-# The rows of issue 31: which carriers never trip.
-figure() {
+figure() { # rows in which no trip is allowed; the others of them are in the grid
   local delay carrier
-  printf '\n## No trip\n\n' && head
-  for delay in 0 2 5 8 20 40; do
-    for carrier in "${carriers[@]}"; do row "$delay" 0 0 "$carrier" 1000 "$window"; done
+  head "Rows beside the grid"
+  for delay in 0 5; do
+    for carrier in "${carriers[@]}"; do row "$delay" 0 0 "$carrier" 1000; done
   done
-  for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000 "$window"; done
+  for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000; done
 }
 
-grid() {
-  local rate delay loss jitter carrier
-  for rate in 1000 500; do
-    printf '\n## Grid at %s Hz\n\n' "$rate" && head
-    for delay in 0.2 2 8 20 40; do
-      for jitter in 0 "$(tenth "$delay")"; do
-        for loss in 0 0.1 1 5; do
-          for carrier in "${carriers[@]}"; do row "$delay" "$jitter" "$loss" "$carrier" "$rate" "$window"; done
-        done
-      done
+grid() { # grid RATE
+  local delay loss carrier tenth
+  head "Grid at $1 Hz"
+  for delay in 0.2 2 8 20 40; do
+    for loss in 0 0.1 1 5; do
+      for carrier in "${carriers[@]}"; do row "$delay" 0 "$loss" "$carrier" "$1"; done
     done
+    tenth=$(awk -v delay="$delay" 'BEGIN { print delay / 10 }')
+    for carrier in "${carriers[@]}"; do row "$delay" "$tenth" 0 "$carrier" "$1"; done
   done
 }
 
-# Without the flow rule, and with other numbers of messages.
-rule() {
-  local carrier count
-  printf '\n## The flow rule\n\nLast column of the label: maximum number of messages; 0 is without the rule.\n\n' && head
+rule() { # the flow rule with other numbers of messages, beside those of the grid; 0 is without the rule
+  local carrier window column
+  head "Flow rule" N
   for carrier in "${carriers[@]}"; do
-    for count in 0 16 32 64 128; do
-      row 8 0 5 "$carrier" 1000 "$count" && row 40 0 5 "$carrier" 1000 "$count" && row 40 4 1 "$carrier" 1000 "$count"
+    for window in 0 16 32 64; do
+      column="$window | "
+      [[ $window == 32 ]] || row 8 0 5 "$carrier" 1000
+      [[ $window == 32 ]] || row 40 0 5 "$carrier" 1000
+      [[ $window == 16 ]] || row 40 4 1 "$carrier" 1000
     done
   done
 }
 
+start() { # ten starts without a second declaration
+  local seconds=1 carrier try column
+  head "Starts without a second declaration" start
+  for carrier in quic-datagram udp-sealed; do
+    for try in {1..10}; do
+      column="$try | "
+      row 8 0 5 "$carrier" 500 redeclare=false
+    done
+  done
+}
+
+quick() {
+  head "One row of each carrier"
+  for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000; done
+}
+
+parts=("figure" "grid 1000" "grid 500" "rule" "start")
 case ${1:-} in
-  --inside)
-    case $2 in
-      quick) head && for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000 "$window"; done ;;
-      *) "$2" ;;
-    esac
+  --inside) # a folder of its own: processes of two kernels have equal numbers
+    TMPDIR=$(mktemp -d) && export TMPDIR
+    read -ra words <<<"$2"
+    "${words[@]}"
+    rm -rf "$TMPDIR"
+    exit
     ;;
-  --quick) exec scripts/with_vcan.sh -v -- "$0" --inside quick ;;
-  *)
-    cargo build --quiet --release --manifest-path link/Cargo.toml
-    for part in figure grid rule; do scripts/with_vcan.sh -v -- "$0" --inside "$part"; done
-    ;;
+  --quick) parts=("quick") ;;
+  "") cargo build --quiet --release --manifest-path link/Cargo.toml ;;
+  *) echo "usage: carriers.sh [--quick]" >&2; exit 64 ;;
 esac
+folder=${CARRIERS_FOLDER:-$(mktemp -d)}
+printf '%s\n' "${parts[@]}" | nl -w 1 -s ' ' | xargs --process-slot-var=SLOT -P "${CARRIERS_JOBS:-$(nproc)}" -I{} bash -c '
+  number=${1%% *} part=${1#* }
+  VCAN_UML_CPU=$((SLOT % $(nproc))) scripts/with_vcan.sh -v -- "$2" --inside "$part" >"$3/$number"' _ {} "$0" "$folder"
+cat "$folder"/[0-9]

@@ -1,4 +1,8 @@
 //! One end of the link: a session of zenoh, a seal, a role of the contract, and the record of all that travels.
+#![expect(
+    clippy::disallowed_methods,
+    reason = "clock and sleep of a measuring program: there is no bus here"
+)]
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::sleep;
@@ -86,7 +90,7 @@ impl End {
     fn subscribe(&mut self) -> Outcome<()> {
         if let Some(subscriber) = self.subscriber.take() {
             subscriber.undeclare().wait()?;
-            self.record.declared_again += 1;
+            self.record.declared_again.push(now().as_micros());
         }
         let sender = self.sender.clone();
         let key = if self.options.is_far { COMMAND_KEY } else { FEEDBACK_KEY };

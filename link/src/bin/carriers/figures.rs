@@ -17,8 +17,8 @@ pub(crate) struct Record {
     pub(crate) held_at: Option<u64>,
     /// Longest time in which the engine took a message.
     pub(crate) longest_put: u64,
-    /// Times that the subscriber was declared again.
-    pub(crate) declared_again: u32,
+    /// Times at which the subscriber was declared again.
+    pub(crate) declared_again: Vec<u64>,
 }
 
 /// Figures of one direction.
@@ -41,7 +41,9 @@ impl Direction {
     pub(crate) fn of(record: &Record, (from, to): (u64, u64)) -> Outcome<Self> {
         let sent = record.sent.iter().filter(|at| (from..to).contains(*at)).count();
         let is_held = record.held_at.is_some_and(|at| (from..to).contains(&at));
-        let Record { longest_put, declared_again, .. } = *record;
+        let declared_again = record.declared_again.iter().filter(|at| **at < to).count();
+        let declared_again = u32::try_from(declared_again)?;
+        let longest_put = record.longest_put;
         let ages = within(&record.received, from, to);
         Ok(Self { sent: u64::try_from(sent)?, ages, longest_put, declared_again, is_held })
     }

@@ -24,7 +24,7 @@ const START_LIMIT: Duration = Duration::from_secs(20);
 const SETTLING: Duration = Duration::from_millis(500);
 
 /// Time for messages that are still under way.
-const DRAIN: Duration = Duration::from_millis(1_500);
+const DRAIN: Duration = Duration::from_millis(600);
 
 /// The far side's process.
 struct FarSide {
@@ -133,7 +133,7 @@ fn run_for(end: &mut End, span: Duration, sends: bool) -> Outcome<()> {
 fn nothing(near: &Record, far: &Direction) -> String {
     let (to_near, to_far) = (near.received.len(), far.ages.len());
     format!(
-        "no sample in 20 s ({to_near} feedbacks, {to_far} commands received) | – | – | – | – | –"
+        "no sample in 20 s ({to_near} feedbacks, {to_far} commands received) | – | – | – | – | – | –"
     )
 }
 
@@ -150,14 +150,15 @@ fn row(
     let rate = sent / 2 / u64::from(options.seconds.max(1));
     let trips = trips(&within(&near.cycles, span.0, span.1), options.limit);
     let held = if far.is_held { ", held" } else { "" };
-    let again = near.declared_again + far.declared_again;
+    let again = own.declared_again + far.declared_again;
     let again = if again > 0 { format!(" ({again} again)") } else { String::new() };
     Ok(format!(
-        "{}{again} | {rate} | {} | {} | {} | {trips}{held}",
+        "{}{again} | {rate} | {} | {} | {} | {} | {trips}{held}",
         millis(u64::try_from(first.as_micros())?),
         share(received, sent),
         quantiles(ages),
         quantiles(within(&near.round_trips, span.0, span.1)),
+        millis(own.longest_put.max(far.longest_put)),
     ))
 }
 

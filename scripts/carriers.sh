@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# carriers.sh [--quick]: measures the carriers of the link, and prints the tables of docs/carriers.md.
+# carriers.sh [--quick | PART...]: measures the carriers of the link, and prints the tables of docs/carriers.md.
 #
 # Each row is two processes over loopback in a User-Mode Linux kernel in virtual time (with_vcan.sh -v), with netem as
-# the network: it delays, shuffles and drops each packet once on its way. --quick measures a row per carrier.
+# the network: it delays, shuffles and drops each packet once on its way. --quick measures a row per carrier;
+# a PART is one of figure, start, fast, slow, wide, rule.
 #
 #   CARRIERS_SECONDS   length of a measurement (default 2)
 #   CARRIERS_WINDOW    maximum number of messages that are not echoed (default 32)
@@ -35,26 +36,30 @@ head() { # head TITLE [COLUMN]: of a table, with a first column of its own
   echo "|${2:+---|}---|---|---|---|---|---|---|---|---|---|---|---|"
 }
 
-figure() { # rows in which no trip is allowed; the others of them are in the grid
-  local delay carrier
-  head "Rows beside the grid"
-  for delay in 0 5; do
+figure() { # rows in which no trip is allowed; at 40 ms 83 messages are under way
+  local delay carrier window=128
+  head "Rows without a trip"
+  for delay in 0 2 5 8 20 40; do
     for carrier in "${carriers[@]}"; do row "$delay" 0 0 "$carrier" 1000; done
   done
-  for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000; done
+  for carrier in "${carriers[@]}"; do seconds=20 row 2 0.2 1 "$carrier" 1000; done
 }
 
-grid() { # grid RATE
-  local delay loss carrier tenth
-  head "Grid at $1 Hz"
-  for delay in 0.2 2 8 20 40; do
+grid() { # grid RATE TITLE DELAY...
+  local rate=$1 delay loss carrier tenth
+  head "$2"
+  for delay in "${@:3}"; do
     for loss in 0 0.1 1 5; do
-      for carrier in "${carriers[@]}"; do row "$delay" 0 "$loss" "$carrier" "$1"; done
+      for carrier in "${carriers[@]}"; do row "$delay" 0 "$loss" "$carrier" "$rate"; done
     done
     tenth=$(awk -v delay="$delay" 'BEGIN { print delay / 10 }')
-    for carrier in "${carriers[@]}"; do row "$delay" "$tenth" 0 "$carrier" "$1"; done
+    for carrier in "${carriers[@]}"; do row "$delay" "$tenth" 0 "$carrier" "$rate"; done
   done
 }
+
+fast() { grid 1000 "Grid at 1000 Hz" 0.2 2 8 20 40; }
+slow() { grid 500 "Grid at 500 Hz" 0.2 2 8 20 40; }
+wide() { local window=128; grid 1000 "Long ways with N of 128" 20 40; }
 
 rule() { # the flow rule with other numbers of messages, beside those of the grid; 0 is without the rule
   local carrier window column
@@ -69,13 +74,15 @@ rule() { # the flow rule with other numbers of messages, beside those of the gri
   done
 }
 
-start() { # ten starts without a second declaration
-  local seconds=1 carrier try column
-  head "Starts without a second declaration" start
-  for carrier in quic-datagram udp-sealed; do
-    for try in {1..10}; do
-      column="$try | "
-      row 8 0 5 "$carrier" 500 redeclare=false
+start() { # starts with a jitter that lets packets overtake each other
+  local seconds=1 carrier try column timeout
+  head "Starts" "timeout ms"
+  for carrier in "${carriers[@]}"; do
+    for timeout in 0 1000; do
+      column="$timeout | "
+      for try in {1..5}; do
+        row 8 0.8 1 "$carrier" 500 open_timeout="$timeout"
+      done
     done
   done
 }
@@ -85,19 +92,20 @@ quick() {
   for carrier in "${carriers[@]}"; do row 2 0.2 1 "$carrier" 1000; done
 }
 
-parts=("figure" "grid 1000" "grid 500" "rule" "start")
+parts=(figure start fast slow wide rule)
 case ${1:-} in
   --inside) # a folder of its own: processes of two kernels have equal numbers
     TMPDIR=$(mktemp -d) && export TMPDIR
-    read -ra words <<<"$2"
-    "${words[@]}"
+    "$2"
     rm -rf "$TMPDIR"
     exit
     ;;
-  --quick) parts=("quick") ;;
-  "") cargo build --quiet --release --manifest-path link/Cargo.toml ;;
-  *) echo "usage: carriers.sh [--quick]" >&2; exit 64 ;;
+  --quick) parts=(quick) ;;
+  -*) echo "usage: carriers.sh [--quick | PART...]" >&2; exit 64 ;;
+  "") ;;
+  *) parts=("$@") ;;
 esac
+cargo build --quiet --release --manifest-path link/Cargo.toml
 folder=${CARRIERS_FOLDER:-$(mktemp -d)}
 printf '%s\n' "${parts[@]}" | nl -w 1 -s ' ' | xargs --process-slot-var=SLOT -P "${CARRIERS_JOBS:-$(nproc)}" -I{} bash -c '
   number=${1%% *} part=${1#* }

@@ -86,6 +86,13 @@ pub(crate) fn open(options: &Options) -> Outcome<Session> {
         &format!("[\"{}\"]", options.carrier.endpoint(options.port)),
     )?;
     set("transport/unicast/max_links", "1")?;
+    if options.open_timeout > 0 {
+        let timeout = options.open_timeout.to_string();
+        set("transport/unicast/open_timeout", &timeout)?;
+        set("transport/unicast/accept_timeout", &timeout)?;
+        set("transport/link/tx/lease", &timeout)?;
+        set("connect/retry", "{ period_init_ms: 100, period_max_ms: 500 }")?;
+    }
     if options.carrier != Carrier::UdpSealed {
         set("transport/link/tls/enable_mtls", "true")?;
         set("transport/link/tls/root_ca_certificate", &format!("\"{folder}/authority.pem\""))?;

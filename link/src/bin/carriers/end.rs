@@ -23,8 +23,11 @@ use crate::seal::{Opened, Seal};
 /// Longest silence of an end whose messages are not echoed.
 const KEEP_SENDING: Duration = Duration::from_millis(20);
 
-/// Silence of the other end after which the subscriber is declared again.
-const DECLARE_AGAIN: Duration = Duration::from_millis(500);
+/// Silence of the other end after which the subscriber is undeclared, to be declared again.
+const UNDECLARE: Duration = Duration::from_millis(500);
+
+/// Silence after which it is declared again. Sent together, one of the two may overtake the other and is lost.
+const DECLARE_AGAIN: Duration = Duration::from_millis(600);
 
 /// Bytes of the send time before each message.
 const STAMP: usize = size_of::<u64>();
@@ -88,10 +91,6 @@ impl End {
     }
 
     fn subscribe(&mut self) -> Outcome<()> {
-        if let Some(subscriber) = self.subscriber.take() {
-            subscriber.undeclare().wait()?;
-            self.record.declared_again.push(now().as_micros());
-        }
         let sender = self.sender.clone();
         let key = if self.options.is_far { COMMAND_KEY } else { FEEDBACK_KEY };
         let subscriber = self.session.declare_subscriber(key).callback(move |sample| {
@@ -99,6 +98,22 @@ impl End {
             drop(sender.send((now(), sample.payload().to_bytes().into_owned())));
         });
         self.subscriber = Some(subscriber.wait()?);
+        Ok(())
+    }
+
+    /// Repeats a declaration that may have been lost.
+    fn declare_again(&mut self, at: Instant) -> Outcome<()> {
+        let silence = at.since(self.received_at);
+        if silence > UNDECLARE
+            && let Some(subscriber) = self.subscriber.take()
+        {
+            subscriber.undeclare().wait()?;
+        }
+        if silence > DECLARE_AGAIN {
+            self.subscribe()?;
+            self.received_at = at;
+            self.record.declared_again.push(at.as_micros());
+        }
         Ok(())
     }
 
@@ -114,9 +129,8 @@ impl End {
         if self.role.is_held() {
             self.record.held_at.get_or_insert(at.as_micros());
         }
-        if self.options.redeclares && at.since(self.received_at) > DECLARE_AGAIN {
-            self.subscribe()?;
-            self.received_at = at;
+        if self.options.redeclares {
+            self.declare_again(at)?;
         }
         if let Some(handshake) = self.seal.on_time(at) {
             self.put(&handshake)?;

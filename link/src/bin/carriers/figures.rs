@@ -99,3 +99,36 @@ pub(crate) fn share(part: u64, whole: u64) -> String {
     let tenths = (part * 1_000 + whole / 2).checked_div(whole).unwrap_or_default();
     format!("{}.{}", tenths / 10, tenths % 10)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_of_a_hundred_values_are_its_places() {
+        assert_eq!(quantiles((1..=100).map(|ms| ms * 1_000).collect()), "50.0 / 99.0 / 100.0");
+        assert_eq!(quantiles(Vec::new()), "– / – / –");
+    }
+
+    #[test]
+    fn figures_survive_the_way_to_the_other_process() {
+        let record = Record {
+            sent: vec![5, 10, 20],
+            received: vec![(9, 1), (10, 2), (19, 3)],
+            held_at: Some(12),
+            declared_again: vec![1, 25],
+            ..Record::default()
+        };
+        let direction = Direction::of(&record, (10, 20)).unwrap_or_default();
+        assert_eq!((direction.sent, direction.ages.as_slice()), (1, [2, 3].as_slice()));
+        assert!(direction.is_held && direction.declared_again == 1);
+        let read = Direction::from_line(&direction.line()).unwrap_or_default();
+        assert_eq!(read.line(), direction.line());
+    }
+
+    #[test]
+    fn shares_and_times_are_rounded() {
+        assert_eq!((share(2, 3), share(0, 0)), ("66.7".to_owned(), "0.0".to_owned()));
+        assert_eq!(millis(1_950), "2.0");
+    }
+}

@@ -44,6 +44,7 @@ impl FarSide {
                 format!("keys={}", seal::encode(keys)),
                 format!("redeclare={}", options.redeclares),
             ])
+            .arg(format!("open_timeout={}", options.open_timeout))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()?;
@@ -167,4 +168,16 @@ fn trips(ages: &[u64], limit: Duration) -> usize {
     let is_over = |age: &u64| Duration::from_micros(*age) > limit;
     let first = usize::from(ages.first().is_some_and(is_over));
     first + ages.iter().zip(ages.iter().skip(1)).filter(|(a, b)| !is_over(a) && is_over(b)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trips_count_each_rise_above_the_limit() {
+        let limit = Duration::from_micros(10);
+        assert_eq!(trips(&[11, 12, 9, 10, 11, 3, 20], limit), 3);
+        assert_eq!(trips(&[], limit), 0);
+    }
 }

@@ -24,6 +24,8 @@ pub(crate) struct Options {
     pub(crate) is_far: bool,
     /// An end that receives nothing declares its subscriber again.
     pub(crate) redeclares: bool,
+    /// Time in ms for a session of zenoh to open, and its lease; zero for zenoh's own settings.
+    pub(crate) open_timeout: u64,
     /// Folder of the certificates; set for the far side.
     pub(crate) folder: String,
     /// Port of the far side.
@@ -44,6 +46,7 @@ impl Options {
             label: String::new(),
             is_far: false,
             redeclares: false,
+            open_timeout: 0,
             folder: String::new(),
             port: 20_000 + u16::try_from(std::process::id() % 20_000)?,
             keys: String::new(),
@@ -66,6 +69,7 @@ impl Options {
             "label" => value.clone_into(&mut self.label),
             "far" => self.is_far = value.parse()?,
             "redeclare" => self.redeclares = value.parse()?,
+            "open_timeout" => self.open_timeout = value.parse()?,
             "folder" => value.clone_into(&mut self.folder),
             "port" => self.port = value.parse()?,
             "keys" => value.clone_into(&mut self.keys),

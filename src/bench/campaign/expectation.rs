@@ -96,7 +96,7 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(33, Unstated, &[]),
     row(34, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
     row(35, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
-    row(37, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
+    row(37, Unstated, &[]),
     row(38, Millis(20), &[]),
     row(39, Millis(50), &[(Cause::DeadmanDisagrees, ZeroTorque), (Cause::TieDown, ReflectionOff)]),
     row(40, Unstated, &[]),

@@ -21,9 +21,7 @@ pub(super) const KINDS: &[Kind] = &[
     engaged(33, "wrench large, but valid", NO_CAUSE, large),
     engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
     engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
-    engaged(37, "link answers another node", &[Cause::LinkLost], |_, at| {
-        link(at, LinkFault::Foreign)
-    }),
+    engaged(37, "link answers another node", &[Cause::LinkLost], answers_another),
     engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),
     engaged(47, "far side holds", &[Cause::FarSideHolds], |_, at| link(at, LinkFault::Held)),
     engaged(48, "link slow", &[Cause::LinkSlow], |_, at| link(at, LinkFault::Slow)),
@@ -74,6 +72,12 @@ fn large(random: &mut Random, at: &Conditions<'_>) -> Injection {
 fn link(at: &Conditions<'_>, fault: LinkFault) -> Injection {
     let fault = at.fault(Target::Link, FaultKind::Link(fault));
     Injection::of([fault], Criterion::ReflectionOff(at.limit()))
+}
+
+/// Refused messages count as none.
+fn answers_another(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let fault = at.fault(Target::Link, FaultKind::Link(LinkFault::Foreign));
+    Injection::of([fault], refused(at))
 }
 
 /// Shorter than any age of a wrench that matters.

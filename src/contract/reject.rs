@@ -33,7 +33,7 @@ codes! {
 }
 
 impl Reject {
-    /// Returns whether the message is none of this contract and arm, whatever its sender.
+    /// Returns whether the message is foreign to this contract or arm, whatever its sender.
     pub const fn is_foreign(self) -> bool {
         matches!(self, Self::Length | Self::Foreign | Self::Version | Self::Arm)
     }

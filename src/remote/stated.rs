@@ -38,7 +38,7 @@ pub enum Misfit {
     /// No process is connected, or it does not answer.
     #[error("the far side does not answer: connect it to the link's socket")]
     Absent,
-    /// Its messages are none of this contract and arm.
+    /// Its messages are foreign to this contract or arm.
     #[error("messages of the far side have no effect: {}", foreign(*.0))]
     Foreign(Reject),
     /// Its capability has not been received.
@@ -76,16 +76,14 @@ pub enum Misfit {
     },
 }
 
-/// Returns the remedy for messages that are none of this contract and arm.
+/// Returns the remedy for messages that are foreign to this contract or arm.
 fn foreign(reject: Reject) -> String {
-    match reject {
-        Reject::Arm => {
-            "another arm than remote.link.arm: correct the key, or the far side".to_owned()
-        }
-        Reject::Version => {
-            format!("another version of the contract than {VERSION}: update the older end")
-        }
-        reject => format!("{reject}, none of docs/link.md"),
+    if reject == Reject::Arm {
+        "another arm than remote.link.arm: correct the key, or the far side".to_owned()
+    } else if reject == Reject::Version {
+        format!("another version of the contract than {VERSION}: update the older end")
+    } else {
+        format!("{reject}; docs/link.md has those that have one")
     }
 }
 

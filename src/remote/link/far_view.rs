@@ -19,7 +19,7 @@ pub struct FarView {
     pub capability: Option<Capability>,
     /// 99th percentile of the newest round trips; `None` while too few are known.
     pub p99: Option<Duration>,
-    /// Why the newest message is none of this contract and arm, while there is no feedback.
+    /// Why the newest message is foreign to this contract or arm, while there is no feedback.
     pub foreign: Option<Reject>,
 }
 

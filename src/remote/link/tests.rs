@@ -184,8 +184,11 @@ fn far_side_of_another_arm_version_or_contract_is_named() {
     assert_eq!(arm, "another arm than remote.link.arm: correct the key, or the far side");
     let version = named(|message| message[4 + 1] = 2);
     assert_eq!(version, "another version of the contract than 1: update the older end");
-    assert_eq!(named(|message| message.truncate(60)), "length, none of docs/link.md");
-    assert_eq!(named(|message| message[0] = 1), "foreign, none of docs/link.md");
+    assert_eq!(
+        named(|message| message.truncate(60)),
+        "length; docs/link.md has those that have one"
+    );
+    assert_eq!(named(|message| message[0] = 1), "foreign; docs/link.md has those that have one");
 }
 
 #[test]

@@ -80,6 +80,11 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/candump.md", "log2asc", Lane::Vcan(RECORDING)),
     row("docs/candump.md", "frhc export", Lane::AnyMachine),
     row("docs/candump.md", "frhc scan", Lane::Vcan(DRIVES)),
+    row(
+        "docs/carriers.md",
+        "VCAN_KERNEL",
+        Lane::NotRun("builds zenoh and measures for 13 minutes"),
+    ),
     row("docs/drives.md", "frhc check --eds eds/drives/elmo-gold.eds  #", Lane::Vcan(DRIVES)),
     row_without(
         "docs/drives.md",

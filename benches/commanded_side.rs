@@ -3,7 +3,7 @@
 //!
 //! `cargo bench --bench commanded_side` prints the median, the 99th percentile and the maximum of the cycle's part; with
 //! `-- KIND --steps N` (`virtual`, `arm` or `link`) it plays N cycles and prints nothing. `scripts/bench.sh` counts the
-//! instructions and system calls of `cycle_part` in them; the link's own thread is not part of it.
+//! instructions of `cycle_part` in them; the link's own thread is not part of it.
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,

@@ -1,8 +1,11 @@
-//! `frhc robot` with files, keys, paths and options that it refuses: one line, and the exit code of docs/commands.md.
+//! `frhc robot` with files, keys, paths and options that it refuses: one line, and the exit code of docs/commands.md. The
+//! figures that a node's file demands of a robot.
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::fs;
 use std::os::unix::net::UnixListener;
+
+use serde_json::{Value, json};
 
 use crate::common::cli::frhc;
 use crate::common::linked::{LINK, linked};
@@ -83,6 +86,33 @@ fn wrench_limit_in_the_file_of_a_node_is_refused() {
     let node = scratch.write("node.toml", &text);
     let words = [&node, "remote.link.wrench_limit_n: limits the robot itself", "frhc robot"];
     is_refused(&["check", "--config", &node], 3, &words);
+}
+
+#[test]
+fn check_of_the_file_of_a_node_has_the_figures_of_its_robot() {
+    let scratch = Scratch::new("robot-figures");
+    let keys = format!("socket = \"far.sock\"\narm = 3\nhold_after_ms = 50.0\n{LINK}");
+    let text = linked("kraft_like", &keys).replace("\"../eds/", &format!("\"{ROOT}/eds/"));
+    let node = scratch.write("node.toml", &text);
+    let far_side = |file: &str| {
+        let ended = frhc(&["check", "--config", file, "--json"]);
+        serde_json::from_str::<Value>(&ended.stdout).unwrap()["far_side"].clone()
+    };
+    let expected = json!({
+        "arm": 3,
+        "socket": "far.sock",
+        "round_trip_ms": 5.0,
+        "stiffest_contact_n_per_m": 2000.0,
+        "max_sample_period_s": null,
+        "max_hold_after_s": 0.05,
+        "min_sensor_range": [0.0, 0.0],
+        "max_servo_lag_s": 0.01,
+        "max_speed": [0.5, 2.0],
+        "payload_removal": "weight",
+        "accommodation": [0.01, 0.01, 0.01, 0.5, 0.5, 0.5],
+        "accommodation_deadband": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    });
+    assert_eq!((far_side(&node), far_side(KRAFT)), (expected, Value::Null));
 }
 
 #[test]

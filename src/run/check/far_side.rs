@@ -32,6 +32,8 @@ pub(super) fn json(config: &Config) -> Value {
         "max_hold_after_s": bounded(stated.hold_after),
         "min_sensor_range": stated.sensor_range,
         "max_servo_lag_s": stated.servo_lag,
+        "max_speed": stated.max_speed,
+        "payload_removal": stated.payload_removal.words(),
         "accommodation": stated.accommodation,
         "accommodation_deadband": stated.deadband,
     })

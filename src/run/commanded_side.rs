@@ -2,12 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-use socket2::{Domain, SockAddr, Socket, Type};
-
 use crate::console::default_socket;
 use crate::exit::{Failure, Kind, OrFail};
-use crate::unix_socket::{self, SocketFile};
+use anyhow::Context;
 use config::{Agreement, Config};
 use remote::link::{self, LinkSettings, LinkSide, LinkThread};
 use remote::site::VirtualSite;
@@ -15,6 +12,7 @@ use remote::stated::Misfit;
 use remote::{Remote, Sensed, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
+use unix_socket::SocketFile;
 
 /// Group whose members may be the far side, where the system has it.
 const GROUP: &str = "frhc-link";
@@ -62,12 +60,7 @@ fn listen(
     agreement: &Agreement,
     path: PathBuf,
 ) -> anyhow::Result<(LinkSide, LinkThread, SocketFile)> {
-    let (socket, file) = unix_socket::listen(path, Some(GROUP), |path| {
-        let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None)?;
-        socket.bind(&SockAddr::unix(path)?)?;
-        socket.listen(BACKLOG)?;
-        Ok(socket)
-    })?;
+    let (socket, file) = unix_socket::listen_for_messages(path, Some(GROUP), BACKLOG)?;
     let settings = LinkSettings {
         arm: config.far_side.arm,
         session: getrandom::u64().context("no random session")?,

@@ -50,4 +50,3 @@ mod state;
 pub mod stderr;
 pub mod stop_signals;
 pub mod stopping;
-mod unix_socket;

@@ -11,7 +11,6 @@
 //! room for is dropped, so a far side that hangs meets no backlog. A cycle that stalls commands nothing: the link's thread holds
 //! in its place. What is old, forged or of another session has no effect ([`NodeEnd`]).
 
-mod door;
 mod far_view;
 mod status;
 #[cfg(test)]
@@ -28,12 +27,12 @@ use std::time::Duration;
 use socket2::Socket;
 use triple_buffer::{Input, Output, triple_buffer};
 
-use crate::link::door::Door;
 use crate::stated::{Misfit, Stated};
 use crate::{Remote, Sensed, SideFault, messages};
 use contract::{NodeEnd, Order};
 use units::spatial::Motion;
 use units::time::Instant;
+use unix_socket::Door;
 
 /// Maximum age of a feedback that answers a request to arm.
 const MAX_ANSWER_AGE: Duration = Duration::from_millis(100);

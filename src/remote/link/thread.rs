@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use triple_buffer::{Input, Output};
 
-use super::door::{Arrival, Door, Reception};
 use super::{FarView, LatestLink, Lead, LinkSettings, LinkStatus};
 use crate::messages;
 use crate::stated::Misfit;
 use contract::{Capability, NodeEnd, Sample};
 use units::spatial::Motion;
 use units::time::Instant;
+use unix_socket::{Arrival, Door, Reception};
 
 /// Maximum number of messages taken in one period.
 const MAX_MESSAGES: u32 = 16;

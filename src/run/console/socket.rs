@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use tokio::net::UnixListener;
 
-use crate::unix_socket::{self, SocketFile};
+use unix_socket::SocketFile;
 
 /// Socket of the systemd service.
 const SERVICE_SOCKET: &str = "/run/frhc/node.sock";

@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::robot::clock::{Clock, next_due};
-use crate::robot::link::Link;
 use crate::robot::narrator::{Event, Narrator};
 use crate::robot::outlet::Outlet;
 use crate::robot::report::Report;
 use bus::realtime;
+use far_socket::FarSocket;
 use testbench::far_robot::FarRobot;
 
 /// Cycles after a stop signal, in which the robot says that it ends.
@@ -48,7 +48,7 @@ impl Requests {
 /// Runs cycles of `period` until an end is requested, and a few more that say so.
 pub(super) fn run(
     robot: &mut FarRobot,
-    link: &mut Link,
+    link: &mut FarSocket,
     clock: Clock,
     period: Duration,
     requests: &Requests,
@@ -71,7 +71,7 @@ pub(super) fn run(
         if let Some(capability) = outgoing.capability {
             link.send(now, &capability);
         }
-        link.events().for_each(|event| outlet.event(Event::Link(event)));
+        link.events().for_each(|event| outlet.event(Event::Socket(event)));
         narrator.observe(robot.leader(), robot.reason()).for_each(|event| outlet.event(event));
         requests.answer(outlet, || Report {
             status: robot.status(),

@@ -5,7 +5,6 @@
 
 mod clock;
 mod cycle;
-mod link;
 mod narrator;
 mod outlet;
 mod report;
@@ -19,12 +18,12 @@ use tokio::sync::mpsc;
 use crate::args::Robot;
 use crate::robot::clock::Clock;
 use crate::robot::cycle::Requests;
-use crate::robot::link::Link;
 use crate::robot::outlet::{Message, Outlet};
 use crate::robot::report::Report;
 use crate::signals::{self, StatusSignals};
 use config::robots::RobotArm;
 use config::{Config, FarSide};
+use far_socket::FarSocket;
 use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::{commanded_side, log_time, print};
@@ -37,7 +36,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let mut robot = simulated(args, &config)?;
     let clock = Clock::start();
     let socket = args.socket.clone().unwrap_or_else(|| commanded_side::socket_of(&config));
-    let mut link = Link::open(&socket)?;
+    let mut link = FarSocket::open(&socket).or_fail(Kind::Bus)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
     // Before this a status signal would end the process.

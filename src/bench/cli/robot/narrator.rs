@@ -1,13 +1,13 @@
 //! Lines of the log: who leads, what the robot follows, and why it holds.
 
-use crate::robot::link::LinkEvent;
 use contract::{FarState, Reason};
+use far_socket::SocketEvent;
 
 /// Change worth a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Event {
     /// A change of the connection.
-    Link(LinkEvent),
+    Socket(SocketEvent),
     /// A node leads.
     Leads {
         /// Its session.
@@ -28,7 +28,7 @@ impl Event {
     /// Writes the line.
     pub(super) fn log(&self) {
         match self {
-            Self::Link(event) => event.log(),
+            Self::Socket(event) => event.log(),
             Self::Leads { session, epoch } => {
                 tracing::info!(session = format_args!("{session:016x}"), epoch, "a node leads");
             }

@@ -18,7 +18,7 @@ const SEND_BUFFER: usize = 1;
 
 /// A connection that was accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Arrival {
+pub enum Arrival {
     /// It is the peer.
     Peer(UnixCredentials),
     /// There is a peer already: it was closed.
@@ -27,7 +27,7 @@ pub(super) enum Arrival {
 
 /// Result of a look at the peer's messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reception {
+pub enum Reception {
     /// A message of this length.
     Message(usize),
     /// Nothing yet.
@@ -38,24 +38,33 @@ pub(super) enum Reception {
 
 /// A listener with its peer.
 #[derive(Debug)]
-pub(super) struct Door {
+pub struct Door {
     listener: Socket,
     peer: Option<Socket>,
 }
 
 impl Door {
     /// Takes a listening SEQPACKET socket.
-    pub(super) fn new(listener: Socket) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// The socket cannot be set not to block.
+    pub fn new(listener: Socket) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener, peer: None })
     }
 
-    pub(super) const fn has_peer(&self) -> bool {
+    /// Returns whether a peer is connected.
+    pub const fn has_peer(&self) -> bool {
         self.peer.is_some()
     }
 
+    /// Returns the socket of the peer, not blocking.
+    pub const fn peer(&self) -> Option<&Socket> {
+        self.peer.as_ref()
+    }
+
     /// Waits until a connection or, if `reads`, a message is there, for at most `span`.
-    pub(super) fn wait(&self, span: Duration, reads: bool) {
+    pub fn wait(&self, span: Duration, reads: bool) {
         let span = Some(TimeSpec::from_duration(span));
         let listener = readable(&self.listener);
         // An interruption is a shorter wait.
@@ -66,7 +75,7 @@ impl Door {
     }
 
     /// Accepts a connection, if there is one; returns the user and process at its other end.
-    pub(super) fn accept(&mut self) -> Option<Arrival> {
+    pub fn accept(&mut self) -> Option<Arrival> {
         let (socket, _) = self.listener.accept().ok()?;
         let who = getsockopt(&socket, PeerCredentials).ok()?;
         if self.peer.is_some() {
@@ -79,13 +88,13 @@ impl Door {
     }
 
     /// Sends a message; returns whether the peer's queue had room for it.
-    pub(super) fn send(&self, message: &[u8]) -> bool {
+    pub fn send(&self, message: &[u8]) -> bool {
         let flags = MsgFlags::MSG_DONTWAIT | MsgFlags::MSG_NOSIGNAL;
         self.peer.as_ref().is_some_and(|peer| send(peer.as_raw_fd(), message, flags).is_ok())
     }
 
     /// Receives a message. One that is longer than the buffer fills it.
-    pub(super) fn receive(&mut self, buffer: &mut [u8]) -> Reception {
+    pub fn receive(&mut self, buffer: &mut [u8]) -> Reception {
         let Some(peer) = &self.peer else { return Reception::Nothing };
         let found = match recv(peer.as_raw_fd(), buffer, MsgFlags::MSG_DONTWAIT) {
             Ok(0) if is_closed(peer) => Reception::Closed,

@@ -21,7 +21,7 @@ const STICKY: u32 = 0o1000;
 
 /// The file of a listening socket; removes it when dropped, and no other that is at its path by then.
 #[derive(Debug)]
-pub(crate) struct SocketFile {
+pub struct SocketFile {
     path: PathBuf,
     identity: Identity,
 }
@@ -32,7 +32,7 @@ pub(crate) struct SocketFile {
 /// # Errors
 /// When another process listens there, the file is not a socket, the folder cannot be written by this user or can be by
 /// any, or this process is not a member of the group.
-pub(crate) fn listen<L>(
+pub fn listen<L>(
     path: PathBuf,
     group: Option<&str>,
     bind: impl FnOnce(&Path) -> io::Result<L>,
@@ -41,11 +41,28 @@ pub(crate) fn listen<L>(
     let folder = folder.unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     refuse_open_folder(folder)?;
-    // Held until the socket exists: of two nodes that start together one is refused.
+    // Held until the socket exists: of two processes that start together one is refused.
     let _lock = StartLock::take(start_lock_of(folder, &path))?;
     remove_stale(&path)?;
     let (listener, identity) = listen_at(folder, &path, group, bind)?;
     Ok((listener, SocketFile { path, identity }))
+}
+
+/// Listens at `path` with a SEQPACKET socket, as [`listen`] does; `backlog` connections may wait to be accepted.
+///
+/// # Errors
+/// Those of [`listen`].
+pub fn listen_for_messages(
+    path: PathBuf,
+    group: Option<&str>,
+    backlog: i32,
+) -> io::Result<(Socket, SocketFile)> {
+    listen(path, group, |path| {
+        let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None)?;
+        socket.bind(&SockAddr::unix(path)?)?;
+        socket.listen(backlog)?;
+        Ok(socket)
+    })
 }
 
 /// Refuses a folder in which any user can put another socket in place of this one, and so pass for the node.
@@ -64,7 +81,7 @@ fn refuse_open_folder(folder: &Path) -> io::Result<()> {
 impl Drop for SocketFile {
     fn drop(&mut self) {
         if !is_at(&self.path, self.identity) {
-            tracing::warn!("{}: not the socket of this node, kept", self.path.display());
+            tracing::warn!("{}: not the socket of this process, kept", self.path.display());
         } else if let Err(error) = fs::remove_file(&self.path) {
             tracing::debug!(%error, "{}: not removed", self.path.display());
         }
@@ -82,7 +99,7 @@ fn is_at(path: &Path, file: Identity) -> bool {
     fs::symlink_metadata(path).is_ok_and(|found| identity(&found) == file)
 }
 
-/// Lock of the nodes that start on one socket: a file that its owner alone can open, and so lock. Removed when dropped.
+/// Lock of the processes that start on one socket: a file that its owner alone can open, and so lock. Removed when dropped.
 #[derive(Debug)]
 struct StartLock {
     path: PathBuf,
@@ -108,8 +125,8 @@ impl StartLock {
                 io::Error::new(error.kind(), format!("{}: {error}", path.display()))
             };
             let file = opened.map_err(named)?;
-            file.try_lock().map_err(|_| in_use("another node is starting on this socket"))?;
-            // A node that ends its start removes the file: another one may have the path since it was opened.
+            file.try_lock().map_err(|_| in_use("another process is starting on this socket"))?;
+            // A process that ends its start removes the file: another one may have the path since it was opened.
             if is_at(&path, identity(&file.metadata()?)) {
                 return Ok(Self { path, _file: file });
             }
@@ -135,7 +152,7 @@ fn remove_stale(path: &Path) -> io::Result<()> {
         Err(error) => return Err(error),
     };
     if !kind.is_socket() {
-        let reason = "not a socket: remove it, or set [node] socket to another path";
+        let reason = "not a socket: remove it, or set another path";
         return Err(io::Error::new(io::ErrorKind::AlreadyExists, reason));
     }
     let probe = Socket::new(Domain::UNIX, Type::STREAM.nonblocking(), None)?;
@@ -143,7 +160,7 @@ fn remove_stale(path: &Path) -> io::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
         // The backlog is full, so a process listens.
         Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-            Err(in_use("another node listens on this socket and is busy"))
+            Err(in_use("another process listens on this socket and is busy"))
         }
         // Of another type, so a process listens.
         Err(error) if error.raw_os_error() == Some(EPROTOTYPE) => Err(listened()),
@@ -153,7 +170,7 @@ fn remove_stale(path: &Path) -> io::Result<()> {
 }
 
 fn listened() -> io::Error {
-    in_use("another node listens on this socket")
+    in_use("another process listens on this socket")
 }
 
 /// Creates the socket in a private folder, sets its permissions, and only then links it to `path`.
@@ -183,7 +200,7 @@ fn listen_at<L>(
 fn give(file: &Path, name: &str) -> io::Result<()> {
     let Some(group) = Group::from_name(name)? else { return Ok(()) };
     chown(file, None, Some(group.gid.as_raw())).map_err(|error| {
-        let reason = format!("group {name}: {error}: add the node's user to it");
+        let reason = format!("group {name}: {error}: add this user to it");
         io::Error::new(error.kind(), reason)
     })
 }
@@ -199,13 +216,12 @@ mod tests {
     use std::os::unix::fs::symlink;
     use std::os::unix::net::{UnixListener, UnixStream};
 
+    use tempfile::TempDir;
+
     use super::*;
 
-    /// Creates a folder for one test.
-    fn folder(name: &str) -> PathBuf {
-        let folder = crate::scratch::path(name);
-        fs::create_dir(&folder).unwrap();
-        folder
+    fn folder() -> TempDir {
+        tempfile::tempdir().unwrap()
     }
 
     fn bind(path: &Path) -> io::Result<(UnixListener, SocketFile)> {
@@ -214,38 +230,39 @@ mod tests {
 
     #[test]
     fn socket_appears_with_its_permissions_and_leaves_no_files() {
-        let folder = folder("rights");
+        let folder = folder();
+        let folder = folder.path();
         let path = folder.join("node.sock");
         let socket = bind(&path).unwrap();
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, PERMISSIONS);
         UnixStream::connect(&path).unwrap();
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 1);
         drop(socket);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
-        fs::remove_dir(&folder).unwrap();
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
     }
 
     #[test]
     fn shared_lock_on_the_folder_stops_no_start() {
-        let folder = folder("locked");
+        let folder = folder();
+        let folder = folder.path();
         let path = folder.join("node.sock");
         // Any user may read the folder of the service's socket, and so lock it.
-        let others = File::open(&folder).unwrap();
+        let others = File::open(folder).unwrap();
         others.lock_shared().unwrap();
         drop(bind(&path).unwrap());
-        let lock = start_lock_of(&folder, &path);
+        let lock = start_lock_of(folder, &path);
         let starting = StartLock::take(lock.clone()).unwrap();
         assert_eq!(fs::metadata(&lock).unwrap().permissions().mode() & 0o777, 0o600);
         let refused = bind(&path).unwrap_err().to_string();
-        assert_eq!(refused, "another node is starting on this socket");
+        assert_eq!(refused, "another process is starting on this socket");
         drop(starting);
         drop(bind(&path).unwrap());
-        fs::remove_dir(&folder).unwrap();
     }
 
     #[test]
     fn ended_node_keeps_a_file_that_is_not_its_socket() {
-        let folder = folder("replaced");
+        let folder = folder();
+        let folder = folder.path();
         let path = folder.join("node.sock");
         let socket = bind(&path).unwrap();
         fs::remove_file(&path).unwrap();
@@ -256,59 +273,58 @@ mod tests {
         fs::write(&path, "1,2,3").unwrap();
         drop(others);
         assert_eq!(fs::read_to_string(&path).unwrap(), "1,2,3");
-        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
     fn folder_in_which_every_user_may_write_is_refused() {
-        let folder = folder("open");
-        fs::set_permissions(&folder, Permissions::from_mode(0o777)).unwrap();
+        let folder = folder();
+        let folder = folder.path();
+        fs::set_permissions(folder, Permissions::from_mode(0o777)).unwrap();
         let refused = bind(&folder.join("node.sock")).unwrap_err().to_string();
         assert!(refused.contains("every user may write it"), "{refused}");
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
         // As /tmp.
-        fs::set_permissions(&folder, Permissions::from_mode(0o1777)).unwrap();
+        fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
         drop(bind(&folder.join("node.sock")).unwrap());
-        fs::remove_dir(&folder).unwrap();
     }
 
     #[test]
     fn file_or_link_at_the_socket_path_is_kept() {
-        let folder = folder("kept");
+        let folder = folder();
+        let folder = folder.path();
         let (file, link) = (folder.join("results.csv"), folder.join("link"));
         fs::write(&file, "1,2,3").unwrap();
         symlink(&file, &link).unwrap();
-        for path in [&file, &link, &folder] {
+        for path in [&file, &link, &folder.to_path_buf()] {
             let refused = bind(path).unwrap_err().to_string();
             assert!(refused.starts_with("not a socket"), "{refused}");
         }
         assert_eq!(fs::read_to_string(&link).unwrap(), "1,2,3");
-        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
     fn socket_that_refuses_connections_is_replaced() {
-        let folder = folder("stale");
+        let folder = folder();
+        let folder = folder.path();
         let path = folder.join("node.sock");
         drop(UnixListener::bind(&path).unwrap());
         bind(&path).unwrap();
-        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
     fn node_with_a_full_backlog_is_not_replaced() {
-        let folder = folder("backlog");
+        let folder = folder();
+        let folder = folder.path();
         let path = folder.join("node.sock");
         let living = UnixListener::bind(&path).unwrap();
-        assert_eq!(bind(&path).unwrap_err().to_string(), "another node listens on this socket");
+        assert_eq!(bind(&path).unwrap_err().to_string(), "another process listens on this socket");
         let connected = || {
             let client = Socket::new(Domain::UNIX, Type::STREAM.nonblocking(), None).unwrap();
             client.connect(&SockAddr::unix(&path).unwrap()).map(|()| client)
         };
         let waiting: Vec<_> = std::iter::from_fn(|| connected().ok()).collect();
         let refused = bind(&path).unwrap_err().to_string();
-        assert_eq!(refused, "another node listens on this socket and is busy");
+        assert_eq!(refused, "another process listens on this socket and is busy");
         drop((living, waiting));
-        fs::remove_dir_all(&folder).unwrap();
     }
 }

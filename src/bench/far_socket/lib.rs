@@ -1,16 +1,21 @@
-//! Connection to the node over a Unix socket of type SEQPACKET: a datagram is a message. Nothing here waits.
+//! A far side's connection to the node over a Unix socket of type SEQPACKET: a packet is a message. It is made again when it
+//! ends. Nothing here waits but [`FarSocket::wait`].
+#![forbid(unsafe_code)]
 
 use std::fs;
 use std::io::{self, ErrorKind, Read};
+use std::os::fd::AsFd;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use nix::libc::{ENOBUFS, EPROTOTYPE, MSG_DONTWAIT, MSG_NOSIGNAL};
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::time::TimeSpec;
 use socket2::{Domain, SockAddr, Socket, Type};
+use thiserror::Error;
 
-use run::exit::{Failure, Kind, OrFail};
 use units::time::Instant;
 
 /// Maximum number of messages taken in one period.
@@ -28,9 +33,14 @@ const REFUSED_RETRY_AFTER: Duration = Duration::from_secs(2);
 /// Maximum length of a socket's path, in bytes (unix(7)).
 const MAX_PATH: usize = 107;
 
+/// A path that cannot be that of the node's socket, with the reason.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct Unusable(String);
+
 /// Change of the connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum LinkEvent {
+pub enum SocketEvent {
     /// No node listens.
     Absent(PathBuf),
     /// The folder of the socket does not exist: before the first start of a node, or for a path that is wrong.
@@ -45,13 +55,13 @@ pub(super) enum LinkEvent {
     Failed(PathBuf, String),
 }
 
-impl LinkEvent {
+impl SocketEvent {
     /// Writes the line.
-    pub(super) fn log(&self) {
+    pub fn log(&self) {
         match self {
             Self::Absent(path) => tracing::info!("{}: waits for a node", path.display()),
             Self::NoFolder(path) => tracing::warn!(
-                "{}: waits for a node; the folder does not exist, is --socket the node's?",
+                "{}: waits for a node; the folder does not exist, is the path the node's?",
                 path.display()
             ),
             Self::Connected(path) => tracing::info!("{}: connected to a node", path.display()),
@@ -68,15 +78,15 @@ impl LinkEvent {
 
 /// Connection to the node, which is made again when it ends.
 #[derive(Debug)]
-pub(super) struct Link {
+pub struct FarSocket {
     path: PathBuf,
     address: SockAddr,
     connection: Option<Connection>,
     /// Earliest time of the next attempt.
     retry_at: Instant,
-    events: Vec<LinkEvent>,
+    events: Vec<SocketEvent>,
     /// Newest event: the same one is reported once.
-    newest: Option<LinkEvent>,
+    newest: Option<SocketEvent>,
 }
 
 /// A socket that is connected.
@@ -87,14 +97,14 @@ struct Connection {
     is_confirmed: bool,
 }
 
-impl Link {
+impl FarSocket {
     /// Checks the path, and connects if a node listens.
     ///
     /// # Errors
     /// A path that is too long, is of another file than such a socket, or is of a socket that this user may not use.
-    pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        let address = address(path).or_fail(Kind::Bus)?;
-        check_file(path).or_fail(Kind::Bus)?;
+    pub fn open(path: &Path) -> Result<Self, Unusable> {
+        let address = address(path)?;
+        check_file(path)?;
         let mut link = Self {
             path: path.to_path_buf(),
             address,
@@ -106,12 +116,12 @@ impl Link {
         match link.connect() {
             Ok(()) => Ok(link),
             Err(error) if is_absent(&error) => Ok(link),
-            Err(error) => Err(Failure::new(Kind::Bus, refusal(path, &error))),
+            Err(error) => Err(Unusable(refusal(path, &error))),
         }
     }
 
     /// Takes the messages that are there, at most [`MAX_MESSAGES`]. Connects again where that is due.
-    pub(super) fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
+    pub fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
         if self.connection.is_none() && now >= self.retry_at {
             self.retry(now);
         }
@@ -122,7 +132,7 @@ impl Link {
                 Ok(0) => return self.lose(now, None),
                 Ok(length) => {
                     if !std::mem::replace(&mut connection.is_confirmed, true) {
-                        self.report(LinkEvent::Connected(self.path.clone()));
+                        self.report(SocketEvent::Connected(self.path.clone()));
                     }
                     take(buffer.get(..length).unwrap_or_default());
                 }
@@ -133,8 +143,23 @@ impl Link {
         }
     }
 
+    /// Waits until a message is there or the connection has ended, for at most `span`.
+    pub fn wait(&self, span: Duration) {
+        let span = Some(TimeSpec::from_duration(span));
+        let socket = self.connection.as_ref().map(|connection| connection.socket.as_fd());
+        let mut waits: Vec<_> =
+            socket.into_iter().map(|socket| PollFd::new(socket, PollFlags::POLLIN)).collect();
+        // An interruption is a shorter wait.
+        ppoll(&mut waits, span, None).ok();
+    }
+
+    /// Returns the socket of the present connection, not blocking.
+    pub fn socket(&self) -> Option<&Socket> {
+        self.connection.as_ref().map(|connection| &connection.socket)
+    }
+
     /// Sends a message; drops it where the node does not read, or is not there.
-    pub(super) fn send(&mut self, now: Instant, message: &[u8]) {
+    pub fn send(&mut self, now: Instant, message: &[u8]) {
         let Some(connection) = &self.connection else { return };
         let sent = connection.socket.send_with_flags(message, MSG_DONTWAIT | MSG_NOSIGNAL);
         let is_full = |error: &io::Error| {
@@ -149,12 +174,12 @@ impl Link {
     }
 
     /// Returns whether the node has sent a message over the present connection.
-    pub(super) fn is_connected(&self) -> bool {
+    pub fn is_connected(&self) -> bool {
         self.connection.as_ref().is_some_and(|connection| connection.is_confirmed)
     }
 
     /// Returns the changes since the last call.
-    pub(super) fn events(&mut self) -> impl Iterator<Item = LinkEvent> {
+    pub fn events(&mut self) -> impl Iterator<Item = SocketEvent> {
         self.events.drain(..)
     }
 
@@ -173,14 +198,14 @@ impl Link {
                 let path = self.path.clone();
                 let is_missing = error.kind() == ErrorKind::NotFound && !has_folder(&path);
                 self.report(if is_missing {
-                    LinkEvent::NoFolder(path)
+                    SocketEvent::NoFolder(path)
                 } else {
-                    LinkEvent::Absent(path)
+                    SocketEvent::Absent(path)
                 });
             }
             Err(error) => {
                 self.retry_at = now + REFUSED_RETRY_AFTER;
-                self.report(LinkEvent::Failed(self.path.clone(), error.to_string()));
+                self.report(SocketEvent::Failed(self.path.clone(), error.to_string()));
             }
         }
     }
@@ -194,14 +219,14 @@ impl Link {
         self.retry_at = now + if is_confirmed { RETRY_AFTER } else { REFUSED_RETRY_AFTER };
         self.report(match (is_confirmed, error) {
             (_, Some(error)) if !is_closed => {
-                LinkEvent::Failed(self.path.clone(), error.to_string())
+                SocketEvent::Failed(self.path.clone(), error.to_string())
             }
-            (false, _) => LinkEvent::Refused(self.path.clone()),
-            (true, _) => LinkEvent::Closed,
+            (false, _) => SocketEvent::Refused(self.path.clone()),
+            (true, _) => SocketEvent::Closed,
         });
     }
 
-    fn report(&mut self, event: LinkEvent) {
+    fn report(&mut self, event: SocketEvent) {
         if self.newest.as_ref() != Some(&event) {
             self.newest = Some(event.clone());
             self.events.push(event);
@@ -210,21 +235,22 @@ impl Link {
 }
 
 /// Returns the address of a socket at `path`.
-fn address(path: &Path) -> anyhow::Result<SockAddr> {
+fn address(path: &Path) -> Result<SockAddr, Unusable> {
     let length = path.as_os_str().as_bytes().len();
     let shown = path.display();
-    anyhow::ensure!(
-        length <= MAX_PATH,
-        "{shown}: too long for a socket: at most {MAX_PATH} bytes, got {length}; give --socket a shorter path"
-    );
-    SockAddr::unix(path).map_err(|error| anyhow::anyhow!("{shown}: {error}"))
+    if length > MAX_PATH {
+        return Err(Unusable(format!(
+            "{shown}: too long for a socket: at most {MAX_PATH} bytes, got {length}; set a shorter path"
+        )));
+    }
+    SockAddr::unix(path).map_err(|error| Unusable(format!("{shown}: {error}")))
 }
 
 /// Checks that the file at `path`, if there is one, is a socket.
-fn check_file(path: &Path) -> anyhow::Result<()> {
+fn check_file(path: &Path) -> Result<(), Unusable> {
     match fs::metadata(path) {
         Ok(found) if !found.file_type().is_socket() => {
-            anyhow::bail!("{}: not a socket; give --socket the node's", path.display())
+            Err(Unusable(format!("{}: not a socket; set the node's", path.display())))
         }
         // Other errors are those of connecting.
         Ok(_) | Err(_) => Ok(()),

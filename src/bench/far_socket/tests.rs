@@ -25,7 +25,7 @@ fn folder() -> (TempDir, PathBuf) {
 }
 
 /// Returns the messages that are taken at once, and the events.
-fn received(link: &mut Link, millis: u64) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+fn received(link: &mut FarSocket, millis: u64) -> (Vec<Vec<u8>>, Vec<SocketEvent>) {
     let mut messages = Vec::new();
     link.receive(at(millis), |message| messages.push(message.to_vec()));
     (messages, link.events().collect())
@@ -34,8 +34,8 @@ fn received(link: &mut Link, millis: u64) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
 #[test]
 fn absent_node_is_reported_once_and_found_later() {
     let (_folder, path) = folder();
-    let mut link = Link::open(&path).unwrap();
-    assert_eq!(received(&mut link, 0).1, [LinkEvent::Absent(path.clone())]);
+    let mut link = FarSocket::open(&path).unwrap();
+    assert_eq!(received(&mut link, 0).1, [SocketEvent::Absent(path.clone())]);
     assert_eq!(received(&mut link, 100).1, []);
     let listener = listener(&path);
     received(&mut link, 150);
@@ -46,7 +46,7 @@ fn absent_node_is_reported_once_and_found_later() {
     node.write_all(b"two").unwrap();
     let (messages, events) = received(&mut link, 201);
     assert_eq!(messages, [b"one", b"two"]);
-    assert_eq!(events, [LinkEvent::Connected(path)]);
+    assert_eq!(events, [SocketEvent::Connected(path)]);
     assert!(link.is_connected());
 }
 
@@ -55,11 +55,11 @@ fn missing_folder_is_named_until_it_exists() {
     let (folder, _) = folder();
     let runtime = folder.path().join("frhc");
     let path = runtime.join("far.sock");
-    let mut link = Link::open(&path).unwrap();
-    assert_eq!(received(&mut link, 0).1, [LinkEvent::NoFolder(path.clone())]);
+    let mut link = FarSocket::open(&path).unwrap();
+    assert_eq!(received(&mut link, 0).1, [SocketEvent::NoFolder(path.clone())]);
     assert_eq!(received(&mut link, 100).1, []);
     fs::create_dir(&runtime).unwrap();
-    assert_eq!(received(&mut link, 200).1, [LinkEvent::Absent(path.clone())]);
+    assert_eq!(received(&mut link, 200).1, [SocketEvent::Absent(path.clone())]);
     let listener = listener(&path);
     received(&mut link, 300);
     listener.accept().unwrap();
@@ -69,7 +69,7 @@ fn missing_folder_is_named_until_it_exists() {
 fn sixteen_messages_are_taken_at_once() {
     let (_folder, path) = folder();
     let listener = listener(&path);
-    let mut link = Link::open(&path).unwrap();
+    let mut link = FarSocket::open(&path).unwrap();
     let (mut node, _) = listener.accept().unwrap();
     (0..20).for_each(|number| node.write_all(&[number; 188]).unwrap());
     assert_eq!(received(&mut link, 0).0.len(), 16);
@@ -80,12 +80,12 @@ fn sixteen_messages_are_taken_at_once() {
 fn closed_connection_is_reported_and_made_again() {
     let (_folder, path) = folder();
     let listener = listener(&path);
-    let mut link = Link::open(&path).unwrap();
+    let mut link = FarSocket::open(&path).unwrap();
     let (mut node, _) = listener.accept().unwrap();
     node.write_all(b"one").unwrap();
     received(&mut link, 0);
     drop(node);
-    assert_eq!(received(&mut link, 10).1, [LinkEvent::Closed]);
+    assert_eq!(received(&mut link, 10).1, [SocketEvent::Closed]);
     received(&mut link, 110);
     assert!(link.connection.is_some());
 }
@@ -94,9 +94,9 @@ fn closed_connection_is_reported_and_made_again() {
 fn node_that_refuses_is_tried_again_slowly() {
     let (_folder, path) = folder();
     let listener = listener(&path);
-    let mut link = Link::open(&path).unwrap();
+    let mut link = FarSocket::open(&path).unwrap();
     drop(listener.accept().unwrap());
-    assert_eq!(received(&mut link, 10).1, [LinkEvent::Refused(path.clone())]);
+    assert_eq!(received(&mut link, 10).1, [SocketEvent::Refused(path.clone())]);
     received(&mut link, 2_009);
     assert!(link.connection.is_none());
     received(&mut link, 2_010);
@@ -110,7 +110,7 @@ fn node_that_refuses_is_tried_again_slowly() {
 fn message_to_a_node_that_does_not_read_is_dropped() {
     let (_folder, path) = folder();
     let listener = listener(&path);
-    let mut link = Link::open(&path).unwrap();
+    let mut link = FarSocket::open(&path).unwrap();
     let (node, _) = listener.accept().unwrap();
     (0..5_000).for_each(|_| link.send(at(0), &[7; 196]));
     assert!(link.connection.is_some());
@@ -123,7 +123,7 @@ fn message_to_a_node_that_does_not_read_is_dropped() {
 #[test]
 fn paths_that_can_be_no_far_sides_socket_are_refused() {
     let (folder, path) = folder();
-    let refusal = |path: &Path| Link::open(path).unwrap_err().to_string();
+    let refusal = |path: &Path| FarSocket::open(path).unwrap_err().to_string();
     let long = folder.path().join("x".repeat(200));
     assert!(refusal(&long).contains("too long for a socket: at most 107 bytes, got "));
     assert!(refusal(folder.path()).contains(": not a socket"));

@@ -1,0 +1,59 @@
+//! Lines of the log about the other end: who is connected, and whether it is the one that this end takes messages from.
+
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
+use zenoh::session::{Link, LinkEventsListener};
+use zenoh::{Session, Wait};
+
+use crate::failure::Failure;
+use crate::role::{Role, router_name};
+
+/// What watches the other end, while it is kept.
+#[derive(Debug)]
+pub(crate) struct Watch {
+    _token: LivelinessToken,
+    _tokens: Subscriber<()>,
+    _links: LinkEventsListener<()>,
+}
+
+/// Says that this end is there, and logs who else is.
+///
+/// # Errors
+/// zenoh refuses it.
+pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Watch, Failure> {
+    let failed = |error: zenoh::Error| Failure::system(format!("zenoh: {error}"));
+    let other = role.other();
+    let expected = [other.common_name(arm), router_name(arm)];
+    let info = session.info();
+    let links = info.link_events_listener().history(true).callback(move |event| {
+        on_link(event.link(), event.kind(), &expected);
+    });
+    let links = links.wait().map_err(failed)?;
+    let liveliness = session.liveliness();
+    let tokens = liveliness.declare_subscriber(other.alive(arm)).history(true);
+    let tokens = tokens.callback(move |sample| match sample.kind() {
+        SampleKind::Put => tracing::info!("{} end of arm {arm} is there", other.name()),
+        SampleKind::Delete => tracing::warn!("{} end of arm {arm} is gone", other.name()),
+    });
+    let tokens = tokens.wait().map_err(failed)?;
+    let token = liveliness.declare_token(role.alive(arm)).wait().map_err(failed)?;
+    Ok(Watch { _token: token, _tokens: tokens, _links: links })
+}
+
+fn on_link(link: &Link, kind: SampleKind, expected: &[String; 2]) {
+    let name = link.auth_identifier().unwrap_or("nobody");
+    let address = link.dst().address().to_string();
+    let is_expected = expected.iter().any(|one| one == name);
+    match kind {
+        SampleKind::Put if is_expected => tracing::info!("connected to {name} at {address}"),
+        SampleKind::Put => tracing::warn!(
+            "{address} has the certificate of {name:?}, not of {:?}: nothing of it is taken",
+            expected[0]
+        ),
+        SampleKind::Delete if is_expected => {
+            tracing::warn!("connection to {name} at {address} ended")
+        }
+        SampleKind::Delete => {}
+    }
+}

@@ -1,0 +1,120 @@
+//! The two roles of a link, near and far: which messages each gives and takes, and its name in certificates.
+
+use contract::{Capability, Command, Feedback, Head, Reject};
+
+/// Role of an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// Beside the node.
+    Near,
+    /// Beside the robot.
+    Far,
+}
+
+/// What is published on one key expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Topic {
+    /// Commands of the node.
+    Command,
+    /// Feedbacks of the robot.
+    Feedback,
+    /// Capabilities of the robot.
+    Capability,
+}
+
+impl Role {
+    /// Name in commands, files and certificates.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Near => "near",
+            Self::Far => "far",
+        }
+    }
+
+    /// The other role.
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Near => Self::Far,
+            Self::Far => Self::Near,
+        }
+    }
+
+    /// What this role publishes; the other one subscribes to it.
+    pub(crate) const fn topics(self) -> &'static [Topic] {
+        match self {
+            Self::Near => &[Topic::Command],
+            Self::Far => &[Topic::Feedback, Topic::Capability],
+        }
+    }
+
+    /// Returns topic and head of a message that this role sends.
+    ///
+    /// # Errors
+    /// The message is not one of the contract, or for another arm.
+    pub(crate) fn read(self, bytes: &[u8], arm: u16) -> Result<(Topic, Head), Reject> {
+        let (topic, head) = match self {
+            Self::Near => (Topic::Command, Command::decode(bytes)?.head),
+            Self::Far if bytes.len() == Capability::LENGTH => {
+                (Topic::Capability, Capability::decode(bytes)?.0)
+            }
+            Self::Far => (Topic::Feedback, Feedback::decode(bytes)?.head),
+        };
+        if head.arm == arm { Ok((topic, head)) } else { Err(Reject::Arm) }
+    }
+
+    /// Common name of the certificate of this role of an arm.
+    pub(crate) fn common_name(self, arm: u16) -> String {
+        common_name(arm, self.name())
+    }
+
+    /// Key expression on which a role says that it is there.
+    pub(crate) fn alive(self, arm: u16) -> String {
+        format!("frhc/{arm}/alive/{}", self.name())
+    }
+}
+
+impl Topic {
+    /// Key expression of an arm.
+    pub(crate) fn key(self, arm: u16) -> String {
+        let name = match self {
+            Self::Command => "command",
+            Self::Feedback => "feedback",
+            Self::Capability => "capability",
+        };
+        format!("frhc/{arm}/{name}")
+    }
+}
+
+/// Common name of the certificate of a router between the ends.
+pub(crate) fn router_name(arm: u16) -> String {
+    common_name(arm, "router")
+}
+
+/// Common name of a certificate.
+pub(crate) fn common_name(arm: u16, role: &str) -> String {
+    format!("frhc-{arm}-{role}")
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
+    use std::time::Duration;
+    use units::time::Instant;
+
+    use super::*;
+
+    #[test]
+    fn each_role_sends_its_own_messages_of_its_arm_alone() {
+        let at = Instant::from_micros(1);
+        let mut node = NodeEnd::new(3, 7);
+        let mut far = FarEnd::new(3, 8, Duration::from_millis(100));
+        let command = node.command(at, &Order { motion: Motion::Hold, is_engaged: false });
+        let feedback = far.feedback(at, &Measured::default());
+        assert_eq!(Role::Near.read(&command, 3).map(|(topic, _)| topic), Ok(Topic::Command));
+        assert_eq!(Role::Far.read(&feedback, 3).map(|(topic, _)| topic), Ok(Topic::Feedback));
+        assert_eq!(Role::Near.read(&command, 4).map(drop), Err(Reject::Arm));
+        assert_eq!(Role::Near.read(&feedback, 3).map(drop), Err(Reject::Foreign));
+        assert!(Role::Far.read(&command, 3).is_err());
+        assert!(Role::Far.read(&feedback[1..], 3).is_err());
+    }
+}

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn socket_appears_with_its_permissions_and_leaves_no_files() {
+    fn hazard_37_socket_has_its_permissions_and_leaves_no_files() {
         let folder = folder();
         let folder = folder.path();
         let path = folder.join("node.sock");
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn folder_in_which_every_user_may_write_is_refused() {
+    fn hazard_37_folder_in_which_every_user_may_write_is_refused() {
         let folder = folder();
         let folder = folder.path();
         fs::set_permissions(folder, Permissions::from_mode(0o777)).unwrap();

@@ -282,7 +282,7 @@ fn have_no_effect(without: &Run, with: &Run, sent: &Counts) {
 }
 
 #[test]
-fn hazard_37_a_hundred_thousand_of_each_kind_change_no_frame() {
+fn promise_06_and_hazard_37_100000_of_each_kind_change_no_frame() {
     let sent = Rc::default();
     let mut sender = Sender::new(&sent);
     let count = CYCLES + HELD_FOR;

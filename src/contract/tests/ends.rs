@@ -1,11 +1,10 @@
 //! Both ends: epochs, silence, sessions that come and go, and a network that disturbs.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use proptest::prelude::*;
 
-use super::{ARM, Ends, HOLD_AFTER, OFFSET, at, force, rate};
+use super::{ARM, Ends, HOLD_AFTER, OFFSET, UnderWay, at, force, rate, send};
 use crate::{Capability, FarEnd, Measured, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject};
 use units::time::Instant;
 
@@ -242,7 +241,7 @@ fn last_number_of_a_session_overflows_nothing() {
 }
 
 #[test]
-fn both_ends_find_back_after_an_interruption_of_either_way() {
+fn hazard_34_interrupted_link_resumes_in_the_same_session() {
     for [there, back] in [[false, true], [true, false], [false, false]] {
         let mut ends = Ends::armed();
         for millis in 4..1_000 {
@@ -262,17 +261,7 @@ fn both_ends_find_back_after_an_interruption_of_either_way() {
         let (performed, sample) = ends.exchange(at(1_004), rate(at(1_004)));
         assert_eq!(performed, rate(at(1_004)));
         assert!(sample.is_some_and(|sample| sample.at >= at(1_003)));
-    }
-}
-
-/// Messages under way to one end, by arrival in ms.
-type UnderWay = BTreeMap<u64, Vec<Vec<u8>>>;
-
-fn send(way: &mut UnderWay, now: u64, message: &[u8], [delay, lost, copies]: [u64; 3]) {
-    for copy in 0..copies.min(2) {
-        if lost % 5 != 0 {
-            way.entry(now + delay + copy * delay).or_default().push(message.to_vec());
-        }
+        assert_eq!((ends.far.leader(), ends.node.far_session()), ((11, 2), 22));
     }
 }
 

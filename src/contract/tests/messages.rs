@@ -87,16 +87,73 @@ prop_compose! {
     }
 }
 
-/// Asserts that what is decoded has no value out of range.
-fn check_values(bytes: &[u8]) {
-    let command = Command::decode(bytes).map(|command| command.motion);
-    if let Ok(Motion::Rate(rate)) = command {
-        assert!(rate.iter().all(|part| part.abs() <= 100.0));
+/// Asserts that all numbers are within ±`limit`.
+fn check_numbers(numbers: &[f64], limit: f64) {
+    assert!(numbers.iter().all(|number| number.abs() <= limit), "{numbers:?}");
+}
+
+fn check_head(head: &Head) {
+    assert!(head.own.session != 0 && head.own.sequence != 0, "{head:?}");
+}
+
+fn check_pose(pose: &Pose) {
+    check_numbers(&pose.position, 1e3);
+    let norm = pose.orientation.iter().map(|part| part * part).sum::<f64>().sqrt();
+    assert!((norm - 1.0).abs() <= 1e-6, "{norm}");
+}
+
+fn check_gripper(gripper: Option<Gripper>) {
+    gripper.iter().for_each(|Gripper { position, force }| check_numbers(&[*position, *force], 1e3));
+}
+
+fn check_capability(capability: &Capability) {
+    let Capability { servo_lag, sample_period, hold_after, stiffest_contact, .. } = *capability;
+    let not_negative = [
+        &[servo_lag, sample_period, hold_after, stiffest_contact][..],
+        &capability.accommodation,
+        &capability.deadband,
+        &capability.sensor_range,
+        &capability.max_speed,
+    ]
+    .concat();
+    check_numbers(&not_negative, 1e9);
+    assert!(not_negative.iter().all(|number| *number >= 0.0), "{not_negative:?}");
+    check_numbers(&capability.workspace.concat(), 1e9);
+}
+
+/// Asserts that what is decoded has no value out of range; returns whether any of it is valid.
+fn check_values(bytes: &[u8]) -> bool {
+    let command = Command::decode(bytes);
+    if let Ok(Command { head, motion, gripper, .. }) = &command {
+        check_head(head);
+        check_gripper(*gripper);
+        match motion {
+            Motion::Hold => {}
+            Motion::Rate(rate) => check_numbers(rate, 100.0),
+            Motion::Pose(pose) => check_pose(pose),
+        }
     }
-    let wrench = Feedback::decode(bytes).ok().and_then(|feedback| feedback.measured.wrench);
-    assert!(wrench.is_none_or(|wrench| wrench.iter().all(|part| part.abs() <= 1e5)));
-    let lag = Capability::decode(bytes).map(|(_, capability)| capability.servo_lag);
-    assert!(lag.is_err() || lag.is_ok_and(|lag| (0.0..=1e9).contains(&lag)));
+    let feedback = Feedback::decode(bytes);
+    if let Ok(Feedback { head, measured, .. }) = &feedback {
+        check_head(head);
+        check_gripper(measured.gripper);
+        measured.pose.iter().for_each(check_pose);
+        measured.wrench.iter().for_each(|wrench| check_numbers(wrench, 1e5));
+    }
+    let capability = Capability::decode(bytes);
+    if let Ok((head, capability)) = &capability {
+        check_head(head);
+        check_capability(capability);
+    }
+    command.is_ok() || feedback.is_ok() || capability.is_ok()
+}
+
+/// Returns any number, or one near the ends of a range.
+fn wild() -> impl Strategy<Value = [u8; 8]> {
+    let limits = prop::sample::select(vec![100.0, 1e3, 1e5, 1e9]);
+    let near =
+        (limits, -2..=2_i8).prop_map(|(limit, side)| limit * f64::from(side) * (1.0 + 1e-12));
+    prop_oneof![prop::num::f64::ANY, near, -1.0..1.0_f64].prop_map(f64::to_le_bytes)
 }
 
 proptest! {
@@ -110,7 +167,9 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_decoded_to_values_in_range_or_rejected(mut bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..5_u8) {
+    fn hazard_33_any_bytes_are_refused_or_decode_within_range(
+        mut bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..5_u8,
+    ) {
         check_values(&bytes);
         // With a valid beginning, random bytes reach the values.
         let beginning = [0, 1, 0, 0, kind, 1];
@@ -118,6 +177,30 @@ proptest! {
         for length in [Command::LENGTH, Feedback::LENGTH, Capability::LENGTH] {
             bytes.resize(length, 7);
             check_values(&bytes);
+        }
+    }
+
+    #[test]
+    fn hazard_33_valid_messages_with_any_values_stay_in_range(
+        command in command(), feedback in feedback(), capability in capability(), head in head(),
+        wild in prop::collection::vec((0..30_usize, wild()), 0..4), code in prop::option::of((44..48_usize, 0..10_u8)),
+    ) {
+        let messages = [
+            command.encode().to_vec(),
+            feedback.encode().to_vec(),
+            capability.encode(&head).to_vec(),
+        ];
+        for mut bytes in messages {
+            for (place, number) in &wild {
+                // Numbers from the end of the head on, eight bytes each.
+                let place = (44 + 8 * place).min(bytes.len() - 8);
+                bytes[place..place + 8].copy_from_slice(number);
+            }
+            if let Some((place, code)) = code {
+                bytes[place] = code;
+            }
+            let is_valid = check_values(&bytes);
+            prop_assert!(is_valid || !wild.is_empty() || code.is_some());
         }
     }
 

@@ -1,8 +1,12 @@
-//! Messages and both ends together, over a network that delays, loses, doubles and reorders.
+//! Messages and both ends together: over a network that delays, loses, doubles and reorders, and with wrong messages.
 
 mod ends;
+mod hostile;
 mod messages;
+mod schedules;
+mod sessions;
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::{FarEnd, Measured, Motion, NodeEnd, Order, Sample};
@@ -68,4 +72,36 @@ fn force(now: Instant) -> [f64; 6] {
 /// A rate that shows when it was commanded.
 fn rate(now: Instant) -> Motion {
     Motion::Rate(force(now))
+}
+
+/// A reproducible generator (Knuth's MMIX).
+struct Dice(u64);
+
+impl Dice {
+    fn bits(&mut self) -> u64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 >> 33
+    }
+
+    /// Returns a number below `count`.
+    fn below(&mut self, count: usize) -> usize {
+        usize::try_from(self.bits()).unwrap() % count
+    }
+
+    fn byte(&mut self) -> u8 {
+        u8::try_from(self.below(256)).unwrap()
+    }
+}
+
+/// Messages under way to one end, by arrival in ms.
+type UnderWay = BTreeMap<u64, Vec<Vec<u8>>>;
+
+/// Sends a message: it is late by `delay` in ms, or is lost, or arrives twice.
+fn send(way: &mut UnderWay, now: u64, message: &[u8], [delay, lost, copies]: [u64; 3]) {
+    for copy in 0..copies.min(2) {
+        if lost % 5 != 0 {
+            way.entry(now + delay + copy * delay).or_default().push(message.to_vec());
+        }
+    }
 }

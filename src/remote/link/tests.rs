@@ -256,7 +256,7 @@ fn stalled_cycle_holds_the_far_side() {
 }
 
 #[test]
-fn second_far_side_is_refused_and_the_first_goes_on() {
+fn hazard_37_second_far_side_is_refused_and_the_first_goes_on() {
     let (mut rig, mut far) = Rig::connected();
     let mut second = Far::at(&rig.path, 0xf00d_f00d);
     rig.side.begin_epoch();

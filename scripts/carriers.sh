@@ -11,7 +11,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 seconds=${CARRIERS_SECONDS:-2} window=${CARRIERS_WINDOW:-32}
-carriers=(quic-mixed quic-datagram tls udp-sealed)
+carriers=(quic-mixed quic-datagram tls udp)
 program=link/target/release/carriers
 
 # row DELAY JITTER LOSS CARRIER RATE [OPTION...]: delay and jitter one way in ms, loss in per cent.

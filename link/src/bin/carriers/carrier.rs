@@ -17,12 +17,12 @@ pub(crate) enum Carrier {
     QuicDatagram,
     /// TLS over TCP.
     Tls,
-    /// UDP; each message starts with a datagram of `sealed_link`.
-    UdpSealed,
+    /// UDP, without identity.
+    Udp,
 }
 
 impl Carrier {
-    const ALL: [Self; 4] = [Self::QuicMixed, Self::QuicDatagram, Self::Tls, Self::UdpSealed];
+    const ALL: [Self; 4] = [Self::QuicMixed, Self::QuicDatagram, Self::Tls, Self::Udp];
 
     /// Name in arguments and rows.
     pub(crate) const fn name(self) -> &'static str {
@@ -30,7 +30,7 @@ impl Carrier {
             Self::QuicMixed => "quic-mixed",
             Self::QuicDatagram => "quic-datagram",
             Self::Tls => "tls",
-            Self::UdpSealed => "udp-sealed",
+            Self::Udp => "udp",
         }
     }
 
@@ -45,7 +45,7 @@ impl Carrier {
             Self::QuicMixed => format!("quic/127.0.0.1:{port}?mixed_rel=1"),
             Self::QuicDatagram => format!("quic/127.0.0.1:{port}?rel=0"),
             Self::Tls => format!("tls/127.0.0.1:{port}"),
-            Self::UdpSealed => format!("udp/127.0.0.1:{port}"),
+            Self::Udp => format!("udp/127.0.0.1:{port}"),
         }
     }
 }
@@ -93,7 +93,7 @@ pub(crate) fn open(options: &Options) -> Outcome<Session> {
         set("transport/link/tx/lease", &timeout)?;
         set("connect/retry", "{ period_init_ms: 100, period_max_ms: 500 }")?;
     }
-    if options.carrier != Carrier::UdpSealed {
+    if options.carrier != Carrier::Udp {
         set("transport/link/tls/enable_mtls", "true")?;
         set("transport/link/tls/root_ca_certificate", &format!("\"{folder}/authority.pem\""))?;
         set(

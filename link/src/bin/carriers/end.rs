@@ -1,4 +1,4 @@
-//! One end of the link: a session of zenoh, a seal, a role of the contract, and the record of all that travels.
+//! One end of the link: a session of zenoh, a role of the contract, and the record of all that travels.
 #![expect(
     clippy::disallowed_methods,
     reason = "clock and sleep of a measuring program: there is no bus here"
@@ -18,7 +18,6 @@ use crate::carrier;
 use crate::figures::Record;
 use crate::options::Options;
 use crate::role::Role;
-use crate::seal::{Opened, Seal};
 
 /// Longest silence of an end whose messages are not echoed.
 const KEEP_SENDING: Duration = Duration::from_millis(20);
@@ -43,7 +42,6 @@ type Packet = (Instant, Vec<u8>);
 pub(crate) struct End {
     options: Options,
     role: Role,
-    seal: Seal,
     pub(crate) record: Record,
     /// Newest own message that the other end echoed.
     echoed: u64,
@@ -64,7 +62,7 @@ pub(crate) fn now() -> Instant {
 
 impl End {
     /// Opens the session of one end.
-    pub(crate) fn open(options: &Options, role: Role, seal: Seal) -> Outcome<Self> {
+    pub(crate) fn open(options: &Options, role: Role) -> Outcome<Self> {
         let session = carrier::open(options)?;
         let key = if options.is_far { FEEDBACK_KEY } else { COMMAND_KEY };
         let publisher = session.declare_publisher(key);
@@ -75,7 +73,6 @@ impl End {
         let mut end = Self {
             options: options.clone(),
             role,
-            seal,
             record: Record::default(),
             echoed: 0,
             due: now(),
@@ -121,7 +118,7 @@ impl End {
     pub(crate) fn cycle(&mut self, sends: bool) -> Outcome<Option<Duration>> {
         self.wait();
         while let Ok((at, packet)) = self.packets.try_recv() {
-            self.on_packet(at, &packet)?;
+            self.on_packet(at, &packet);
         }
         let at = now();
         let age = self.role.on_cycle(at).map(|newest| at.since(newest));
@@ -131,9 +128,6 @@ impl End {
         }
         if self.options.redeclares {
             self.declare_again(at)?;
-        }
-        if let Some(handshake) = self.seal.on_time(at) {
-            self.put(&handshake)?;
         }
         if sends && self.may_send(at) {
             self.send(at)?;
@@ -150,17 +144,12 @@ impl End {
         sleep(self.due.since(at));
     }
 
-    fn on_packet(&mut self, at: Instant, packet: &[u8]) -> Outcome<()> {
+    fn on_packet(&mut self, at: Instant, packet: &[u8]) {
         self.received_at = at;
-        let Some((stamp, bytes)) = packet.split_first_chunk::<STAMP>() else { return Ok(()) };
+        let Some((stamp, message)) = packet.split_first_chunk::<STAMP>() else { return };
         let sent_at = Instant::from_micros(u64::from_le_bytes(*stamp));
         self.record.received.push((sent_at.as_micros(), micros(at.since(sent_at))));
-        match self.seal.open(at, bytes) {
-            Opened::Message(message) => self.on_message(at, message),
-            Opened::Answer(answer) => return self.put(&answer),
-            Opened::Nothing => {}
-        }
-        Ok(())
+        self.on_message(at, message);
     }
 
     fn on_message(&mut self, at: Instant, message: &[u8]) {
@@ -183,16 +172,15 @@ impl End {
     }
 
     fn send(&mut self, at: Instant) -> Outcome<()> {
-        let Some(seal) = self.seal.start(at) else { return Ok(()) };
         let message = self.role.message(at);
         self.record.sent.push(at.as_micros());
-        self.put(&[seal, message].concat())
+        self.put(&message)
     }
 
-    fn put(&mut self, packet: &[u8]) -> Outcome<()> {
+    fn put(&mut self, message: &[u8]) -> Outcome<()> {
         let at = now();
         let stamp = at.as_micros().to_le_bytes();
-        self.publisher.put([stamp.as_slice(), packet].concat()).wait()?;
+        self.publisher.put([stamp.as_slice(), message].concat()).wait()?;
         self.record.longest_put = self.record.longest_put.max(micros(now().since(at)));
         Ok(())
     }

@@ -7,24 +7,18 @@ use std::time::Duration;
 use contract::FarEnd;
 
 use crate::Outcome;
-use crate::carrier::Carrier;
 use crate::end::{End, now};
 use crate::figures::Direction;
 use crate::options::Options;
 use crate::role::Role;
-use crate::seal::{self, Seal};
 
 /// The far side of docs/link.md holds after this age.
 const HOLD_AFTER: Duration = Duration::from_millis(100);
 
 /// Runs until a line "from to" (µs) arrives on standard input, and prints the figures of messages sent in that time.
 pub(crate) fn run(options: &Options) -> Outcome<()> {
-    let seal = match options.carrier {
-        Carrier::UdpSealed => Seal::far(seal::decode(&options.keys)?),
-        Carrier::QuicMixed | Carrier::QuicDatagram | Carrier::Tls => Seal::Carrier,
-    };
     let far = FarEnd::new(0, now().as_micros(), HOLD_AFTER);
-    let mut end = End::open(options, Role::Far(Box::new(far)), seal)?;
+    let mut end = End::open(options, Role::Far(Box::new(far)))?;
     let (sender, lines) = channel();
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines().map_while(Result::ok) {

@@ -1,7 +1,7 @@
 //! Measures one carrier of the link over the network as it is, and prints one row of the table in docs/carriers.md.
 //!
 //! ```text
-//! carriers carrier=quic-mixed|quic-datagram|tls|udp-sealed rate=HZ seconds=S window=N limit=MS [label=TEXT]
+//! carriers carrier=quic-mixed|quic-datagram|tls|udp rate=HZ seconds=S window=N limit=MS [label=TEXT]
 //! ```
 //!
 //! Two processes, because zenoh's threads belong to the process and two sessions in one would share them. This one is the
@@ -15,7 +15,6 @@ mod figures;
 mod near;
 mod options;
 mod role;
-mod seal;
 
 use std::io::Write;
 use std::process::ExitCode;

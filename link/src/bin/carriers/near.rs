@@ -6,16 +6,14 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use contract::NodeEnd;
-use sealed_link::handshake::{Keys, Pair};
 use units::time::Instant;
 
 use crate::Outcome;
-use crate::carrier::{self, Carrier};
+use crate::carrier;
 use crate::end::{End, now};
 use crate::figures::{Direction, Record, millis, quantiles, share, within};
 use crate::options::Options;
 use crate::role::Role;
-use crate::seal::{self, Seal};
 
 /// Maximum time until the first sample that may act.
 const START_LIMIT: Duration = Duration::from_secs(20);
@@ -35,15 +33,12 @@ struct FarSide {
 
 impl FarSide {
     /// Starts it; returns once it listens.
-    fn start(options: &Options, keys: &Keys) -> Outcome<Self> {
+    fn start(options: &Options) -> Outcome<Self> {
         let mut child = Command::new(std::env::current_exe()?)
             .args(["far=true".to_owned(), format!("carrier={}", options.carrier.name())])
             .args([format!("rate={}", options.rate), format!("window={}", options.window)])
             .args([format!("folder={}", options.folder), format!("port={}", options.port)])
-            .args([
-                format!("keys={}", seal::encode(keys)),
-                format!("redeclare={}", options.redeclares),
-            ])
+            .arg(format!("redeclare={}", options.redeclares))
             .arg(format!("open_timeout={}", options.open_timeout))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -84,15 +79,10 @@ fn measure(options: &Options, folder: &Path) -> Outcome<String> {
     carrier::make_certificates(folder)?;
     let folder = folder.to_string_lossy().into_owned();
     let options = Options { folder, ..options.clone() };
-    let (own, other) = (Pair::generate()?, Pair::generate()?);
-    let far = FarSide::start(&options, &Keys { secret: other.secret, peer: own.public })?;
+    let far = FarSide::start(&options)?;
     let start = now();
-    let seal = match options.carrier {
-        Carrier::UdpSealed => Seal::near(start, Keys { secret: own.secret, peer: other.public })?,
-        Carrier::QuicMixed | Carrier::QuicDatagram | Carrier::Tls => Seal::Carrier,
-    };
     let node = NodeEnd::new(0, start.as_micros());
-    let mut end = End::open(&options, Role::Near(Box::new(node), None), seal)?;
+    let mut end = End::open(&options, Role::Near(Box::new(node), None))?;
     let Some(first) = first_sample(&mut end, start)? else {
         let from = start.as_micros();
         let direction = far.end((from, now().as_micros()))?;

@@ -30,8 +30,6 @@ pub(crate) struct Options {
     pub(crate) folder: String,
     /// Port of the far side.
     pub(crate) port: u16,
-    /// Keys of the seal, in hexadecimal: own secret, then the peer's public key; set for the far side.
-    pub(crate) keys: String,
 }
 
 impl Options {
@@ -49,7 +47,6 @@ impl Options {
             open_timeout: 0,
             folder: String::new(),
             port: 20_000 + u16::try_from(std::process::id() % 20_000)?,
-            keys: String::new(),
         };
         for arg in args {
             let (key, value) =
@@ -72,7 +69,6 @@ impl Options {
             "open_timeout" => self.open_timeout = value.parse()?,
             "folder" => value.clone_into(&mut self.folder),
             "port" => self.port = value.parse()?,
-            "keys" => value.clone_into(&mut self.keys),
             _ => return Err(format!("unknown key {key}").into()),
         }
         Ok(())

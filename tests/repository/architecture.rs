@@ -22,7 +22,6 @@ const PURE: &[&str] = &[
     "robot",
     "contract",
     "remote",
-    "sealed_link",
     "sim",
 ];
 

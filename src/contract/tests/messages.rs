@@ -281,4 +281,5 @@ fn other_versions_kinds_and_encodings_are_named() {
     assert_eq!(decoded(45, 2), Err(Reject::Impossible), "flag");
     assert_eq!(decoded(48, 1), Ok(command), "reserved bytes are not read");
     assert_eq!(decoded(12, 0), Err(Reject::Impossible), "session zero");
+    assert_eq!(decoded(20, 0), Err(Reject::Impossible), "sequence zero");
 }

@@ -28,6 +28,7 @@ use std::time::Duration;
 use common::documented::{self, Lane};
 use common::log::Log;
 use common::process::{Candump, Outcome, Process, Scratch};
+use common::rig::seconds;
 use nix::sys::signal::Signal;
 
 use bus::{Bus, BusEvent, SendError, SocketCan};
@@ -784,11 +785,6 @@ fn only(folder: &str) -> PathBuf {
     let entry = entries.next().unwrap();
     assert_eq!(entries.next(), None, "one entry");
     entry
-}
-
-/// Returns seconds as nanoseconds.
-fn seconds(seconds: f64) -> u64 {
-    u64::try_from(Duration::from_secs_f64(seconds).as_nanos()).unwrap()
 }
 
 /// Quirk of the elbow's drive, and the reason for which it is refused; none if it runs.

@@ -63,7 +63,7 @@ fn begins_claim(word: Option<&str>) -> bool {
 /// Returns the tests of each claim.
 fn tests() -> BTreeMap<ClaimId, Vec<Test>> {
     let mut files = Vec::new();
-    for folder in ["src", "tests"] {
+    for folder in ["src", "tests", "link/src", "link/tests"] {
         sources(Path::new(folder), &mut files);
     }
     files.sort();

@@ -12,7 +12,7 @@ use socket2::{Domain, SockAddr, Socket, Type};
 
 use crate::common::linked::{LINK, linked};
 use crate::common::process::Process;
-use crate::far_side::{KRAFT, PUMA, Rig, simulated};
+use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
 use bus::clock::monotonic;
 use config::Config;
 use remote::stated::Stated;

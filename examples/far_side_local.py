@@ -6,6 +6,7 @@
 Connects to the node that listens at SOCKET, again after each loss, and runs until SIGTERM or SIGINT.
 To connect a robot, replace the class Robot and CAPABILITIES. FarSide decides which command acts and is
 the same for every robot. Where the robot has a reason of its own to stop, call FarSide.hold(reason).
+far_side.py is this far side over a network.
 
 Simulation: an object without mass that moves at once, at most 0.25 m/s, within a box of {b}. It keeps the
 orientation of {b}: angular rates and commanded orientations have no effect, and what is written in {MRF}
@@ -219,6 +220,7 @@ class Link:
 
     def receive(self):
         """Returns the next message, None while no message waits."""
+        self.connect(clock())
         try:
             message = self.socket.recv(4096) if self.socket else None  # longer than any message of the link
         except BlockingIOError:
@@ -243,17 +245,14 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n")
 
 
-def arguments():
-    parser = Parser(description="Far side of docs/link.md with a simulated robot.", allow_abbrev=False)
-    parser.add_argument("socket", help="path of the node's SEQPACKET socket")
+def arguments(parser):
+    """Adds the options of arm and robot to `parser`. Returns the program's arguments."""
     parser.add_argument("--arm", type=int, default=1, help="number of the arm (default 1)")
     parser.add_argument("--wall", nargs=2, default=["x", "0.55"], metavar=("AXIS", "POSITION"),
                         help="axis x, y or z that the wall stands across, and where, in m (default x 0.55)")
     parser.add_argument("--start", type=float, nargs=3, default=[0.45, 0.0, 0.3], metavar=("X", "Y", "Z"),
                         help="first position in m (default 0.45 0 0.3)")
     args = parser.parse_args()
-    if not 0 < len(args.socket.encode()) <= 107:
-        parser.error(f"socket must be a path of 1 to 107 bytes, got {len(args.socket.encode())}")
     if not 0 <= args.arm <= 65535:
         parser.error(f"--arm must be within 0..65535, got {args.arm}")
     try:
@@ -268,9 +267,9 @@ def arguments():
     return args
 
 
-def main():
-    args = arguments()
-    far_side, robot, link = FarSide(args.arm), Robot(args.start, *args.wall), Link(args.socket)
+def run(args, link):
+    """Moves the robot by the messages of `link` until SIGTERM or SIGINT."""
+    far_side, robot = FarSide(args.arm), Robot(args.start, *args.wall)
     end_signals = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: end_signals.append(received))
@@ -280,7 +279,6 @@ def main():
         if end_signals:
             far_side.hold(END_OF_PROCESS)
             cycles_left -= 1
-        link.connect(clock())
         for _ in range(MAX_MESSAGES):
             message = link.receive()
             if message is None:
@@ -293,6 +291,16 @@ def main():
             link.send(far_side.capability(clock()))
         next_cycle = max(next_cycle + PERIOD_NS, clock())  # skips missed cycles
         time.sleep(max(0, next_cycle - clock()) / 1e9)
+
+
+def main():
+    parser = Parser(description="Far side of docs/link.md with a simulated robot.", allow_abbrev=False)
+    parser.add_argument("socket", help="path of the node's SEQPACKET socket")
+    args = arguments(parser)
+    length = len(args.socket.encode())
+    if not 0 < length <= 107:
+        parser.error(f"socket must be a path of 1 to 107 bytes, got {length}")
+    run(args, Link(args.socket))
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
-# far sides, that of examples/ and `frhc robot`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
-# only those on the bus and in its logs, with --no-bus only the others.
+# far sides, that of examples/ and `frhc robot`; another one, with keys by openssl, judges the far side over a network. Runs
+# all tests, or those whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus
+# only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
@@ -24,6 +25,7 @@ if [[ $part != --no-bus ]]; then
   for judged in "" "--frhc=$FRHC"; do
     scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/far_side.py ${judged:+"$judged"} "$@"
   done
+  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/zenoh_peers.py "$@"
   "$python" tests/interop/in_the_logs.py "$@"
 fi
 [[ $part == --bus ]] || "$python" tests/interop/without_a_bus.py "$@"

@@ -169,19 +169,24 @@ class Bench:
         except BlockingIOError:
             return False
 
+    def read(self):
+        """Returns the next message that waits, None without one."""
+        while True:
+            try:
+                return self.connection.recv(4096) or None
+            except BlockingIOError:
+                return None
+            except ConnectionResetError:
+                continue  # the far side closed with Commands unread; its last messages still follow
+
     def receive(self):
         """Decodes every message that waits. Returns the newest Feedback of them, or None."""
         newest = None
         while True:
             before = now()
-            try:
-                message = self.connection.recv(4096)
-            except BlockingIOError:
+            message = self.read()
+            if message is None:
                 self.emptied = before
-                return newest
-            except ConnectionResetError:
-                continue  # the far side closed with Commands unread; its last messages still follow
-            if not message:
                 return newest
             if message[4] == 2:
                 newest = far.unpack(far.FEEDBACK, message)
@@ -841,10 +846,15 @@ def main():
     page_path, far = args.page, load(args.far_side)
     judged = FrhcRobot(args.frhc) if args.frhc else PythonExample(args.far_side)
 
+    return run_tests(globals(), args.names)
+
+
+def run_tests(functions, names):
+    """Runs the tests among `functions`, and prints a line for each. Returns the exit code."""
     passed = failed = left_out = 0
-    for name, test in list(globals().items()):
+    for name, test in list(functions.items()):
         name = name[5:] if name.startswith("test_") else None
-        if not name or args.names and not any(part in name for part in args.names):
+        if not name or names and not any(part in name for part in names):
             continue
         reason = next((reason for part, reason in judged.LEFT_OUT.items() if name.startswith(part)), None)
         if reason:

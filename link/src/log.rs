@@ -31,7 +31,12 @@ pub(crate) fn start(quiet: bool, verbose: bool) {
         .with_ansi(ansi)
         .without_time()
         .with_filter(Targets::new().with_targets(own).with_default(shown));
-    let zenoh = (!verbose).then(Explainer::default);
+    // An end that connects says at debug why it could not.
+    let said = Targets::new()
+        .with_target("zenoh", LevelFilter::WARN)
+        .with_target("zenoh_link_commons", LevelFilter::WARN)
+        .with_target("zenoh::net::runtime::orchestrator", LevelFilter::DEBUG);
+    let zenoh = (!verbose).then(|| Explainer::default().with_filter(said));
     tracing_subscriber::registry().with(lines).with(zenoh).init();
 }
 
@@ -43,13 +48,9 @@ struct Explainer {
 
 impl<S: Subscriber> Layer<S> for Explainer {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
-        let metadata = event.metadata();
-        if !metadata.target().starts_with("zenoh") || *metadata.level() > Level::WARN {
-            return;
-        }
         let mut text = Message::default();
         event.record(&mut text);
-        let Some(line) = explained(&text.0) else { return };
+        let Some(line) = explained(*event.metadata().level(), &text.0) else { return };
         let now = clock::now();
         let mut printed = self.printed.lock().unwrap_or_else(PoisonError::into_inner);
         if printed.get(&line).is_some_and(|at| now.since(*at) < REPEAT_AFTER) {
@@ -75,45 +76,44 @@ impl Visit for Message {
     }
 }
 
-/// What TLS says of a certificate, and what that means: of the other end's own, then of this one's as the other end sees it.
-const REASONS: [(&str, &str); 12] = [
-    ("invalid peer certificate: Expired", "the certificate of the other end has expired"),
-    ("invalid peer certificate: NotValidYet", "the certificate of the other end is not valid yet"),
-    (
-        "invalid peer certificate: UnknownIssuer",
-        "the certificate of the other end is of another authority",
-    ),
-    (
-        "invalid peer certificate: BadSignature",
-        "the certificate of the other end is of another authority",
-    ),
-    ("peer sent no certificates", "the other end has no certificate"),
-    (
-        "CertificateExpired",
-        "the other end says that a certificate has expired: this one, or by its clock",
-    ),
-    (
-        "certificate expired",
-        "the other end says that a certificate has expired: this one, or by its clock",
-    ),
-    ("UnknownCA", "the other end has another authority"),
-    ("unknown CA", "the other end has another authority"),
-    ("BadCertificate", "the other end refuses the certificate of this one"),
-    ("CertificateUnknown", "the other end refuses the certificate of this one"),
-    ("invalid peer certificate", "the certificate of the other end is invalid"),
+/// What TLS says of a certificate, and what that means. An end that is refused gets the reason of the other one in its error.
+const REASONS: [(&str, &str); 8] = [
+    ("certificate expired", "has expired"),
+    ("certificate not valid yet", "is not valid yet"),
+    ("UnknownIssuer", "is of another authority"),
+    ("BadSignature", "is of another authority"),
+    ("unknown CA", "is of another authority"),
+    ("sent no certificates", "is missing"),
+    ("certificate required", "is missing"),
+    ("certificate", "is refused"),
 ];
 
 /// Returns the line for a message of zenoh; `None` where nobody has to do anything.
-fn explained(message: &str) -> Option<String> {
+fn explained(level: Level, message: &str) -> Option<String> {
     let reason = innermost(message);
-    if let Some((_, meaning)) = REASONS.iter().find(|(sign, _)| reason.contains(sign)) {
-        return Some(format!("connection refused: {meaning}"));
+    let is_refused = reason.contains("certificate");
+    if is_refused && !reason.contains("Skipping name verification") {
+        let found = REASONS.iter().find(|(sign, _)| reason.contains(sign));
+        let meaning = found.map_or("is refused", |(_, meaning)| meaning);
+        let whose = if reason.contains("closed by peer") || reason.contains("ConnectionClosed") {
+            "this end's certificate, or the clock of the other end"
+        } else {
+            "the other end's certificate, or the clock of this machine"
+        };
+        return Some(format!("connection refused: {whose}: {meaning}"));
     }
-    let is_usual = ["Gossip is disabled", "Skipping name verification", "Unable to open listener"]
-        .iter()
-        .any(|usual| reason.contains(usual));
-    (!is_usual).then(|| format!("network: {reason}"))
+    let is_usual = USUAL.iter().any(|usual| reason.contains(usual));
+    (level <= Level::WARN && !is_usual).then(|| format!("network: {reason}"))
 }
+
+/// What zenoh warns of in every session.
+const USUAL: [&str; 5] = [
+    "Gossip is disabled",
+    "Skipping name verification",
+    "multiple network interfaces",
+    "Route data with unknown scope",
+    "Unable to open listener",
+];
 
 #[cfg(test)]
 mod tests {
@@ -121,12 +121,16 @@ mod tests {
 
     #[test]
     fn refused_certificates_are_explained_and_habits_are_not() {
-        let refused = explained("QUIC acceptor: invalid peer certificate: Expired at /a/b.rs:3.");
+        let refused = explained(
+            Level::WARN,
+            "QUIC acceptor failed: \"invalid peer certificate: certificate expired: x\" at /a/b.rs:3.",
+        );
         assert_eq!(
             refused.unwrap(),
-            "connection refused: the certificate of the other end has expired"
+            "connection refused: the other end's certificate, or the clock of this machine: has expired"
         );
-        assert_eq!(explained("Skipping name verification of QUIC server"), None);
-        assert_eq!(explained("odd at /a/b.rs:3.").unwrap(), "network: odd");
+        assert_eq!(explained(Level::WARN, "Skipping name verification of QUIC server"), None);
+        assert_eq!(explained(Level::WARN, "odd at /a/b.rs:3.").unwrap(), "network: odd");
+        assert_eq!(explained(Level::DEBUG, "odd at /a/b.rs:3."), None);
     }
 }

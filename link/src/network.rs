@@ -49,6 +49,8 @@ fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Confi
     let mut config = Config::default();
     for (key, value) in [
         ("mode", text("peer")),
+        // A router forwards between regions alone.
+        ("region_name", text(role.name())),
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
         ("timestamping/enabled", "false".to_owned()),

@@ -24,10 +24,10 @@ pub(crate) struct Watch {
 pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Watch, Failure> {
     let failed = |error: zenoh::Error| Failure::system(format!("zenoh: {error}"));
     let other = role.other();
-    let expected = [other.common_name(arm), router_name(arm)];
+    let mut lines = LinkLines::of([other.common_name(arm), router_name(arm)]);
     let info = session.info();
-    let links = info.link_events_listener().history(true).callback(move |event| {
-        on_link(event.link(), event.kind(), &expected);
+    let links = info.link_events_listener().history(true).callback_mut(move |event| {
+        lines.log(event.link(), event.kind());
     });
     let links = links.wait().map_err(failed)?;
     let liveliness = session.liveliness();
@@ -41,19 +41,43 @@ pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Watch, Fa
     Ok(Watch { _token: token, _tokens: tokens, _links: links })
 }
 
-fn on_link(link: &Link, kind: SampleKind, expected: &[String; 2]) {
-    let name = link.auth_identifier().unwrap_or("nobody");
-    let address = link.dst().address().to_string();
-    let is_expected = expected.iter().any(|one| one == name);
-    match kind {
-        SampleKind::Put if is_expected => tracing::info!("connected to {name} at {address}"),
-        SampleKind::Put => tracing::warn!(
-            "{address} has the certificate of {name:?}, not of {:?}: nothing of it is taken",
-            expected[0]
-        ),
-        SampleKind::Delete if is_expected => {
-            tracing::warn!("connection to {name} at {address} ended")
-        }
-        SampleKind::Delete => {}
+/// Lines about links. One of QUIC with streams and datagrams counts as two.
+#[derive(Debug)]
+struct LinkLines {
+    /// Names of the other end and of a router.
+    expected: [String; 2],
+    newest: String,
+}
+
+impl LinkLines {
+    const fn of(expected: [String; 2]) -> Self {
+        Self { expected, newest: String::new() }
     }
+
+    fn log(&mut self, link: &Link, kind: SampleKind) {
+        let name = link.auth_identifier().unwrap_or("nobody");
+        let address = shown(link.dst().address().as_str());
+        let is_expected = self.expected.iter().any(|one| one == name);
+        let line = format!("{name} at {address} {kind}");
+        if std::mem::replace(&mut self.newest, line.clone()) == line {
+            return;
+        }
+        match kind {
+            SampleKind::Put if is_expected => tracing::info!("connected to {name} at {address}"),
+            SampleKind::Put => tracing::warn!(
+                "{address} has the certificate of {name:?}, not of {:?}: nothing of it is taken",
+                self.expected[0]
+            ),
+            SampleKind::Delete if is_expected => {
+                tracing::warn!("connection to {name} at {address} ended");
+            }
+            SampleKind::Delete => {}
+        }
+    }
+}
+
+/// An address without the prefix of IPv4 on a socket of IPv6.
+fn shown(address: &str) -> String {
+    let mapped = address.strip_prefix("[::ffff:").and_then(|rest| rest.split_once(']'));
+    mapped.map_or_else(|| address.to_owned(), |(host, port)| format!("{host}{port}"))
 }

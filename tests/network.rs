@@ -18,3 +18,16 @@ mod ends;
 mod figures;
 #[path = "network/lost.rs"]
 mod lost;
+
+use common::documented::{self, Lane};
+use common::process::Scratch;
+
+#[test]
+fn sh_blocks_of_the_documentation_run_as_written() {
+    let scratch = Scratch::new("documented-network");
+    let count = documented::run(scratch.path("").as_ref(), |lane| match lane {
+        Lane::Network(before) => Some(before),
+        Lane::AnyMachine | Lane::Vcan(_) | Lane::NotRun(_) => None,
+    });
+    assert_eq!(count, 1);
+}

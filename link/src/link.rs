@@ -25,7 +25,7 @@ use crate::certificate::Files;
 use crate::clock;
 use crate::failure::Failure;
 use crate::flow::Flow;
-use crate::local::Local;
+use crate::local::{Local, Outlet};
 use crate::mailbox::{Mailbox, Outgoing};
 use crate::network;
 use crate::peers;
@@ -35,6 +35,9 @@ use crate::settings::Settings;
 
 /// Longest wait for a message: connections are tried again, and the end is noticed.
 const TURN: Duration = Duration::from_millis(20);
+
+/// Longest time for which an end goes on after its stop signal while its local socket is connected.
+const LINGER: Duration = Duration::from_millis(200);
 
 /// Time for the session to close at the end of the process.
 const CLOSING: Duration = Duration::from_millis(500);
@@ -105,6 +108,7 @@ pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
         is_ending: AtomicBool::new(false),
         counts: Counts::default(),
     });
+    let outlet = local.outlet();
     let watch = peers::watch(&session, role, settings.arm)?;
     let subscribers = subscribe(&session, &shared, &local)?;
     let publishers = publishers(&session, role, settings.arm)?;
@@ -113,6 +117,7 @@ pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
         spawn("publisher", &shared, move |shared| publish(&publishers, shared))?,
     ];
     signals.forever().next();
+    linger(&outlet);
     shared.is_ending.store(true, Ordering::Relaxed);
     for thread in threads {
         // A thread that panicked has ended, too.
@@ -122,6 +127,14 @@ pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
     close(session);
     shared.counts.log();
     Ok(())
+}
+
+/// Lets what is behind the local socket say that it ends, where all of it gets its stop signal at once.
+fn linger(outlet: &Outlet) {
+    let until = clock::now() + LINGER;
+    while outlet.is_connected() && clock::now() < until {
+        thread::park_timeout(Duration::from_millis(5));
+    }
 }
 
 fn announce(role: Role, settings: &Settings) {

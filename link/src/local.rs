@@ -61,6 +61,11 @@ impl Outlet {
         socket.as_ref().is_some_and(|socket| socket.send_with_flags(message, flags).is_ok())
     }
 
+    /// Returns whether there is a connection.
+    pub(crate) fn is_connected(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
     fn set(&self, socket: Option<Socket>) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = socket;
     }

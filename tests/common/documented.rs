@@ -14,6 +14,8 @@ pub(crate) enum Lane {
     AnyMachine,
     /// On vcan0, after these commands.
     Vcan(&'static str),
+    /// On vcan0 with `frhc-link`, after these commands.
+    Network(&'static str),
     /// Nowhere, for this reason.
     NotRun(&'static str),
 }
@@ -52,6 +54,11 @@ const STOPPED: &str = "frhc sim --config my_arm.toml & frhc run --config my_arm.
 /// A recording as `bus.log`.
 const RECORDING: &str =
     "frhc -q demo --scenario contact_10s --out recorded; ln -s recorded/bus.log bus.log";
+
+/// A node whose robot is to come, on simulated drives.
+const WITHOUT_A_ROBOT: &str = r#"sed -e 's|"../eds/|"eds/|' -e 's/^kind = "virtual"/kind = "link"/' -e '/^.remote.wall/,/^.safety/{//!d}' \
+  -e 's/^.remote.wall./[remote.link]\nround_trip_ms = 5.0\nstiffest_contact_n_per_m = 2000.0\n/' config/kraft_like.toml > my_link.toml
+frhc sim --config my_link.toml --scenario contact_10s & frhc run --config my_link.toml &"#;
 
 const BUILDS: &str = "builds the program, or runs its tests";
 const INTERFACES: (&str, &str) = ("scripts/vcan_setup.sh", "the test has its interfaces");
@@ -140,6 +147,9 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),
     row("docs/robots.md", "frhc demo", Lane::AnyMachine),
     row("docs/robots.md", "export", Lane::Vcan(EMPTY_BUS)),
+    row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),
+    row("docs/network.md", "cargo build", Lane::NotRun(BUILDS)),
+    row("docs/network.md", "useradd", Lane::NotRun("changes the users of the machine")),
 ];
 
 impl Row {
@@ -182,6 +192,7 @@ frhc() {
     *) if ((BASHPID == $$)); then "$FRHC" "$@"; else exec "$FRHC" "$@"; fi ;;
   esac
 }
+frhc-link() { if ((BASHPID == $$)); then "$FRHC_LINK" "$@"; else exec "$FRHC_LINK" "$@"; fi; }
 "#;
 
 /// Runs the blocks of `is_wanted` lanes, each in a folder that has what a clone has, and `my_arm.toml`. Returns their number.
@@ -196,6 +207,7 @@ pub(crate) fn run(folder: &Path, is_wanted: impl Fn(Lane) -> Option<&'static str
         let script = row.script(block, before);
         let mut bash = Command::new("bash");
         bash.args(["-c", &script]).current_dir(&clone).env("FRHC", crate::common::program());
+        bash.env("FRHC_LINK", crate::common::link_program());
         let output = bash.output().unwrap();
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));

@@ -34,3 +34,12 @@ pub(crate) fn program() -> &'static str {
     });
     &PROGRAM
 }
+
+/// Returns `frhc-link`: `$FRHC_LINK_PROGRAM` if it is set, else that of the last build of its workspace.
+pub(crate) fn link_program() -> &'static str {
+    static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+        let built = concat!(env!("CARGO_MANIFEST_DIR"), "/link/target/quick/frhc-link");
+        env::var("FRHC_LINK_PROGRAM").unwrap_or_else(|_| built.to_owned())
+    });
+    &PROGRAM
+}

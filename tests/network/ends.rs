@@ -1,11 +1,11 @@
 //! Both ends of a link over loopback, their keys, and the network between them.
 
-use std::env;
 use std::fs;
 use std::process::Command;
 
 use serde_json::Value;
 
+use crate::common::link_program;
 use crate::common::process::{Process, Scratch};
 use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
 
@@ -21,9 +21,15 @@ pub(crate) struct Netem;
 impl Netem {
     /// Sets delay, jitter and losses of each packet on its way, in words of tc-netem(8).
     pub(crate) fn set(network: &str) -> Self {
+        let netem = Self;
+        netem.change(network);
+        netem
+    }
+
+    /// Goes on as another network.
+    pub(crate) fn change(&self, network: &str) {
         let line = format!("tc qdisc replace dev lo root netem {network} limit 100000");
         Process::of("sh", &["-c", &line]).wait().succeeds();
-        Self
     }
 }
 
@@ -35,8 +41,7 @@ impl Drop for Netem {
 
 /// Starts `frhc-link`.
 pub(crate) fn frhc_link(args: &[&str]) -> Process {
-    let program = env::var("FRHC_LINK_PROGRAM");
-    Process::of(program.as_deref().unwrap_or("link/target/quick/frhc-link"), args)
+    Process::of(link_program(), args)
 }
 
 /// Makes keys and settings of both ends.

@@ -105,7 +105,7 @@ case ${1:-} in
   "") ;;
   *) parts=("$@") ;;
 esac
-cargo build --quiet --release --manifest-path link/Cargo.toml
+cargo build --quiet --release --features carriers --manifest-path link/Cargo.toml
 folder=${CARRIERS_FOLDER:-$(mktemp -d)}
 printf '%s\n' "${parts[@]}" | nl -w 1 -s ' ' | xargs --process-slot-var=SLOT -P "${CARRIERS_JOBS:-$(nproc)}" -I{} bash -c '
   number=${1%% *} part=${1#* }

@@ -3,7 +3,7 @@
 #
 # usage: scripts/setup.sh [--missing] [tools|kernel]...          (default: both)
 #
-#   tools    can-utils, iproute2, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
+#   tools    can-utils, iproute2, openssl, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
 #            (600 MB of disk, a minute)
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
@@ -32,6 +32,7 @@ packages=()
 command -v candump >/dev/null || packages+=(can-utils)
 PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || packages+=(iproute2)
 command -v tshark >/dev/null || packages+=(tshark)
+command -v openssl >/dev/null || packages+=(openssl)
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3 python3-venv)
 venv=target/interop/venv
 has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }

@@ -55,6 +55,15 @@ on_vcan() {
   [[ -x $tests ]] || { echo "test: the tests $2 did not build" >&2; return 1; }
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
+# The link over a network is a workspace of its own: its build costs about as much as that of the tests here.
+link() { cargo test --locked --profile quick --manifest-path link/Cargo.toml; }
+link_peers() {
+  local end python=$PWD/target/interop/venv/bin/python
+  for end in far near; do
+    FRHC=$FRHC_PROGRAM FRHC_LINK=$PWD/link/target/quick/frhc-link VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i vcan0 -- \
+      "$python" -B tests/interop/zenoh_peers.py "--$end" "$python -B tests/interop/link_end.py $end {keys} {port}"
+  done
+}
 interop() { VCAN_UML_CPU=$1 scripts/interop.sh --bus; }
 interop_without_a_bus() { OMP_NUM_THREADS=1 scripts/interop.sh --no-bus; }
 drives() {
@@ -76,7 +85,7 @@ missing=$(scripts/setup.sh --missing | paste -sd ' ') || true
 export FRHC_PROGRAM=$PWD/target/release/frhc
 last=$(($(nproc) - 1))
 if [[ -z $missing ]]; then
-  timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults
+  timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults --test network
   { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0
     lane "drives by their data sheets on real vcan" drives 0; } &
   first=$!
@@ -85,10 +94,13 @@ if [[ -z $missing ]]; then
     lane "third-party programs without a bus" interop_without_a_bus; } &
   second=$!
   wait "$first"
+  { lane "link over a network" link; lane "five processes on real vcan" on_vcan 0 network
+    lane "Python peers of the link" link_peers 0; } &
+  third=$!
 fi
 lane "campaign of two thousand faults" campaign
 lane "a million cycles without a false stop" soak
-wait ${second:-}
+wait ${second:-} ${third:-}
 for output in "$work"/*.out; do
   echo "--- $(basename "$output" .out)"
   cat "$output"

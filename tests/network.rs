@@ -18,6 +18,8 @@ mod ends;
 mod figures;
 #[path = "network/lost.rs"]
 mod lost;
+#[path = "network/stale.rs"]
+mod stale;
 
 use common::documented::{self, Lane};
 use common::process::Scratch;

@@ -14,25 +14,25 @@ use crate::failure::Failure;
 use crate::role::Role;
 
 /// File of the authority's certificate.
-pub(crate) const AUTHORITY: &str = "authority.pem";
+pub const AUTHORITY: &str = "authority.pem";
 
 /// Permissions of others in a mode.
 const OTHERS: u32 = 0o077;
 
 /// Files of one end.
 #[derive(Clone, Debug)]
-pub(crate) struct Files {
+pub struct Files {
     /// Certificate of the authority.
-    pub(crate) authority: PathBuf,
+    pub authority: PathBuf,
     /// Certificate of the end.
-    pub(crate) certificate: PathBuf,
+    pub certificate: PathBuf,
     /// Its private key.
-    pub(crate) key: PathBuf,
+    pub key: PathBuf,
 }
 
 impl Files {
     /// Files of a certificate's name in a folder: near, far or router.
-    pub(crate) fn of(folder: &Path, name: &str) -> Self {
+    pub fn of(folder: &Path, name: &str) -> Self {
         Self {
             authority: folder.join(AUTHORITY),
             certificate: folder.join(format!("{name}.pem")),
@@ -44,7 +44,7 @@ impl Files {
     ///
     /// # Errors
     /// File and reason.
-    pub(crate) fn check(&self, role: Role, arm: u16) -> Result<(), Failure> {
+    pub fn check(&self, role: Role, arm: u16) -> Result<(), Failure> {
         let authority = Summary::read(&self.authority)?;
         let own = Summary::read(&self.certificate)?;
         let refused = |file: &Path, reason: String| {
@@ -94,7 +94,7 @@ impl Files {
 }
 
 /// Returns what is wrong with the permissions of a private key.
-pub(crate) fn open_to_others(file: &Path) -> io::Result<Option<String>> {
+pub fn open_to_others(file: &Path) -> io::Result<Option<String>> {
     let mode = fs::metadata(file)?.permissions().mode();
     let is_open = mode & OTHERS != 0;
     Ok(is_open.then(|| format!("other users may use it (mode {:03o}): chmod 600", mode & 0o777)))
@@ -102,13 +102,13 @@ pub(crate) fn open_to_others(file: &Path) -> io::Result<Option<String>> {
 
 /// What a certificate says.
 #[derive(Clone, Debug)]
-pub(crate) struct Summary {
+pub struct Summary {
     /// Common name.
-    pub(crate) name: String,
+    pub name: String,
     /// First second of its validity.
-    pub(crate) from: OffsetDateTime,
+    pub from: OffsetDateTime,
     /// Last second of its validity.
-    pub(crate) to: OffsetDateTime,
+    pub to: OffsetDateTime,
     /// Subject's public key info, in DER.
     public_key: Vec<u8>,
     /// The whole certificate, in DER.
@@ -120,7 +120,7 @@ impl Summary {
     ///
     /// # Errors
     /// File and reason.
-    pub(crate) fn read(file: &Path) -> Result<Self, Failure> {
+    pub fn read(file: &Path) -> Result<Self, Failure> {
         let refused =
             |reason: String| Failure::configuration(format!("{}: {reason}", file.display()));
         let bytes = fs::read(file).map_err(|error| refused(error.to_string()))?;
@@ -145,7 +145,7 @@ impl Summary {
     }
 
     /// Returns why the certificate is not valid at a time.
-    pub(crate) fn invalid_at(&self, now: OffsetDateTime) -> Option<String> {
+    pub fn invalid_at(&self, now: OffsetDateTime) -> Option<String> {
         let clock = "; is the clock of this machine right?";
         if now < self.from {
             Some(format!("not valid before {}, it is {}{clock}", date(self.from), date(now)))
@@ -157,7 +157,7 @@ impl Summary {
     }
 
     /// Returns whether the authority signed it.
-    pub(crate) fn is_signed_by(&self, authority: &Self) -> bool {
+    pub fn is_signed_by(&self, authority: &Self) -> bool {
         let (Ok((_, own)), Ok((_, other))) =
             (X509Certificate::from_der(&self.der), X509Certificate::from_der(&authority.der))
         else {
@@ -168,13 +168,13 @@ impl Summary {
 }
 
 /// Returns a time in UTC, to the second.
-pub(crate) fn date(time: OffsetDateTime) -> String {
+pub fn date(time: OffsetDateTime) -> String {
     time.format(&Rfc3339).unwrap_or_default()
 }
 
 /// Returns the time of the wall clock, to the second.
 #[expect(clippy::disallowed_methods, reason = "validity of certificates is of the wall clock")]
-pub(crate) fn wall_clock() -> OffsetDateTime {
+pub fn wall_clock() -> OffsetDateTime {
     let now = OffsetDateTime::from(std::time::SystemTime::now());
     now.replace_nanosecond(0).unwrap_or(now)
 }

@@ -6,24 +6,24 @@ use std::process::ExitCode;
 
 /// A failure.
 #[derive(Debug)]
-pub(crate) struct Failure {
+pub struct Failure {
     code: u8,
     text: String,
 }
 
 impl Failure {
     /// A setting or a certificate is invalid.
-    pub(crate) fn configuration(text: impl Display) -> Self {
+    pub fn configuration(text: impl Display) -> Self {
         Self { code: 3, text: text.to_string() }
     }
 
     /// A socket, the network or a file failed.
-    pub(crate) fn system(text: impl Display) -> Self {
+    pub fn system(text: impl Display) -> Self {
         Self { code: 4, text: text.to_string() }
     }
 
     /// Prints the line; returns the exit code.
-    pub(crate) fn report(&self) -> ExitCode {
+    pub fn report(&self) -> ExitCode {
         // Standard error may be closed; the exit code says it, too.
         drop(writeln!(stderr(), "frhc-link: {}", self.text));
         ExitCode::from(self.code)
@@ -31,7 +31,7 @@ impl Failure {
 
     /// Returns the line.
     #[cfg(test)]
-    pub(crate) fn text(&self) -> &str {
+    pub fn text(&self) -> &str {
         &self.text
     }
 }

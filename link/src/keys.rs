@@ -25,7 +25,7 @@ const AUTHORITY_KEY: &str = "authority.key";
 ///
 /// # Errors
 /// The folder has files, or cannot be written. No file is left then.
-pub(crate) fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
+pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
     let shown = folder.display();
     let failed = |error: &dyn std::fmt::Display| Failure::system(format!("{shown}: {error}"));
     DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(|error| failed(&error))?;
@@ -109,7 +109,7 @@ fn placement(folder: &Path, router: bool) -> String {
 ///
 /// # Errors
 /// There is no authority, or a certificate or key is wrong.
-pub(crate) fn show(folder: &Path) -> Result<(), Failure> {
+pub fn show(folder: &Path) -> Result<(), Failure> {
     let authority = Summary::read(&folder.join(AUTHORITY))?;
     let mut text = row(AUTHORITY, &authority, &complaints(&authority, &authority, None));
     let mut is_good = complaints(&authority, &authority, None).is_empty();

@@ -16,7 +16,7 @@ const TIMEOUT_MS: u32 = 1_000;
 ///
 /// # Errors
 /// A port is taken, or zenoh refuses a setting: the settings and the reason.
-pub(crate) fn open(role: Role, settings: &Settings, files: &Files) -> Result<Session, Failure> {
+pub fn open(role: Role, settings: &Settings, files: &Files) -> Result<Session, Failure> {
     let config = configuration(role, settings, files)?;
     zenoh::open(config).wait().map_err(|error| {
         let reason = innermost(&error.to_string());
@@ -30,7 +30,7 @@ pub(crate) fn open(role: Role, settings: &Settings, files: &Files) -> Result<Ses
 }
 
 /// Returns the reason in an error of zenoh, without the places in its sources.
-pub(crate) fn innermost(error: &str) -> String {
+pub fn innermost(error: &str) -> String {
     let mut text = error.to_owned();
     while let Some((before, rest)) = text.split_once(" at /") {
         let after =
@@ -41,7 +41,7 @@ pub(crate) fn innermost(error: &str) -> String {
     words.join(" ").trim_end_matches(['.', ' ']).to_owned()
 }
 
-fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Config, Failure> {
+pub fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Config, Failure> {
     let endpoints = |addresses: &[String]| {
         let endpoints = addresses.iter().map(|address| format!("quic/{address}?mixed_rel=1"));
         list(&endpoints.collect::<Vec<_>>())

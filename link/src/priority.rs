@@ -9,7 +9,7 @@ use thread_priority::{
 const PRIORITY: u8 = 60;
 
 /// Asks for SCHED_FIFO for the calling thread and those that it starts; a refusal is a warning.
-pub(crate) fn ask() {
+pub fn ask() {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);
     let is_granted = priority.is_ok_and(|priority| {

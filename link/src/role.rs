@@ -4,7 +4,7 @@ use contract::{Capability, Command, Feedback, Head, Reject};
 
 /// Role of an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub enum Role {
     /// Beside the node.
     Near,
     /// Beside the robot.
@@ -13,7 +13,7 @@ pub(crate) enum Role {
 
 /// What is published on one key expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Topic {
+pub enum Topic {
     /// Commands of the node.
     Command,
     /// Feedbacks of the robot.
@@ -24,7 +24,7 @@ pub(crate) enum Topic {
 
 impl Role {
     /// Name in commands, files and certificates.
-    pub(crate) const fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Near => "near",
             Self::Far => "far",
@@ -32,7 +32,7 @@ impl Role {
     }
 
     /// The other role.
-    pub(crate) const fn other(self) -> Self {
+    pub const fn other(self) -> Self {
         match self {
             Self::Near => Self::Far,
             Self::Far => Self::Near,
@@ -40,7 +40,7 @@ impl Role {
     }
 
     /// What this role publishes; the other one subscribes to it.
-    pub(crate) const fn topics(self) -> &'static [Topic] {
+    pub const fn topics(self) -> &'static [Topic] {
         match self {
             Self::Near => &[Topic::Command],
             Self::Far => &[Topic::Feedback, Topic::Capability],
@@ -51,7 +51,7 @@ impl Role {
     ///
     /// # Errors
     /// The message is not one of the contract, or for another arm.
-    pub(crate) fn read(self, bytes: &[u8], arm: u16) -> Result<(Topic, Head), Reject> {
+    pub fn read(self, bytes: &[u8], arm: u16) -> Result<(Topic, Head), Reject> {
         let (topic, head) = match self {
             Self::Near => (Topic::Command, Command::decode(bytes)?.head),
             Self::Far if bytes.len() == Capability::LENGTH => {
@@ -63,19 +63,19 @@ impl Role {
     }
 
     /// Common name of the certificate of this role of an arm.
-    pub(crate) fn common_name(self, arm: u16) -> String {
+    pub fn common_name(self, arm: u16) -> String {
         common_name(arm, self.name())
     }
 
     /// Key expression on which a role says that it is there.
-    pub(crate) fn alive(self, arm: u16) -> String {
+    pub fn alive(self, arm: u16) -> String {
         format!("frhc/{arm}/alive/{}", self.name())
     }
 }
 
 impl Topic {
     /// Key expression of an arm.
-    pub(crate) fn key(self, arm: u16) -> String {
+    pub fn key(self, arm: u16) -> String {
         let name = match self {
             Self::Command => "command",
             Self::Feedback => "feedback",
@@ -86,12 +86,12 @@ impl Topic {
 }
 
 /// Common name of the certificate of a router between the ends.
-pub(crate) fn router_name(arm: u16) -> String {
+pub fn router_name(arm: u16) -> String {
     common_name(arm, "router")
 }
 
 /// Common name of a certificate.
-pub(crate) fn common_name(arm: u16, role: &str) -> String {
+pub fn common_name(arm: u16, role: &str) -> String {
     format!("frhc-{arm}-{role}")
 }
 

@@ -36,19 +36,19 @@ const fn first_arm() -> u16 {
 
 /// Settings of an end.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Settings {
+pub struct Settings {
     /// Number of the arm.
-    pub(crate) arm: u16,
+    pub arm: u16,
     /// Folder of the keys.
-    pub(crate) keys: PathBuf,
+    pub keys: PathBuf,
     /// Addresses, as HOST:PORT, at which this end listens.
-    pub(crate) listen: Vec<String>,
+    pub listen: Vec<String>,
     /// Addresses, as HOST:PORT, to which this end connects.
-    pub(crate) connect: Vec<String>,
+    pub connect: Vec<String>,
     /// Unix socket: the node's of a near end, its own of a far end.
-    pub(crate) socket: PathBuf,
+    pub socket: PathBuf,
     /// Maximum number of messages that are not echoed.
-    pub(crate) in_flight: usize,
+    pub in_flight: usize,
 }
 
 impl Settings {
@@ -56,7 +56,7 @@ impl Settings {
     ///
     /// # Errors
     /// It cannot be read, or a key is wrong: file, line, key and reason.
-    pub(crate) fn load(role: Role, file: &Path) -> Result<Self, Failure> {
+    pub fn load(role: Role, file: &Path) -> Result<Self, Failure> {
         let shown = file.display();
         let text = std::fs::read_to_string(file)
             .map_err(|error| Failure::configuration(format!("{shown}: {error}")))?;

@@ -125,3 +125,19 @@ fn end_says_why_it_is_refused() {
         near.end.wait_for("connection refused: ");
     }
 }
+
+#[test]
+fn ends_of_two_authorities_say_so_in_one_line_each() {
+    let (ours, theirs) = (Cast::new("near", "frhc-1-far"), Cast::new("far", "frhc-1-near"));
+    let mut far = FarEnd::start(&theirs.at("own"));
+    let mut near = NearEnd::connecting(&ours.at("own"), far.port);
+    for end in [&mut far.end, &mut near.end] {
+        end.wait_for("connection refused: ");
+    }
+    // By now both have seen several attempts.
+    let listener = Peer::connect(far.port, &keys(&theirs, "right"));
+    far.end.wait_for("connected to frhc-1-near");
+    drop(listener);
+    assert_eq!(far.end.lines_with("connection refused: "), 1);
+    assert_eq!(near.end.lines_with("connection refused: "), 1);
+}

@@ -11,6 +11,14 @@ pub(crate) fn linked(hand: &str, keys: &str) -> String {
     linked_text(&std::fs::read_to_string(format!("config/{hand}.toml")).unwrap(), keys)
 }
 
+/// Returns the same for the object of the Python examples: without payload or accommodation.
+pub(crate) fn unyielding(hand: &str, keys: &str) -> String {
+    linked(hand, keys)
+        .replace("mass_kg = 0.8 ", "mass_kg = 0.0 ")
+        .replace("accommodation_m_per_ns = 0.01 ", "accommodation_m_per_ns = 0.0 ")
+        .replace("accommodation_rad_per_nms = 0.5", "accommodation_rad_per_nms = 0.0")
+}
+
 /// Returns a configuration with `kind = "link"`, without its scene, and with these keys of `[remote.link]`.
 pub(crate) fn linked_text(text: &str, keys: &str) -> String {
     let without = |text: String, table: &str| match text.split_once(table) {

@@ -1,8 +1,9 @@
 //! Contact over networks: which ways do not end reflection.
 
-use crate::common::linked::{LINK, linked};
+use crate::common::linked::{LINK, linked, unyielding};
+use crate::common::process::Process;
 use crate::common::rig::Rig;
-use crate::ends::{Ends, Netem, end, five, is_engaged, scene, step_wall_clock};
+use crate::ends::{Ends, Netem, end, five, is_engaged, prepare, scene, step_wall_clock};
 
 /// Keys of the node for ways up to a maximum age, in ms, and a soft wall.
 fn patient(max_age: u32) -> String {
@@ -85,4 +86,22 @@ fn hazard_37_contact_is_felt_beside_a_second_near_end_and_a_set_clock() {
     log.succeeds();
     assert!(log.stderr.contains("the node closed the connection at once"), "{}", log.stderr);
     ended(rig, ends);
+}
+
+#[test]
+fn python_example_takes_the_place_of_far_end_and_robot() {
+    let mut near = None;
+    let mut rig = Rig::started("net-python", &unyielding("kraft_like", LINK), |scratch, _| {
+        prepare(scratch);
+        near = Some(end(scratch, "near"));
+        let keys = scratch.path("keys");
+        let args = ["examples/far_side.py", &keys, "--listen", "127.0.0.1:7447"];
+        let wall = ["--wall", "z", "0.37"];
+        Process::of("target/interop/venv/bin/python", &[&args[..], &wall].concat())
+    });
+    rig.pressing();
+    rig.run.terminate().succeeds();
+    rig.robot.terminate().succeeds();
+    rig.sim.terminate().succeeds();
+    near.unwrap().terminate().succeeds();
 }

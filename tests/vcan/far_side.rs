@@ -3,7 +3,7 @@
 
 use nix::sys::signal::Signal;
 
-use crate::common::linked::{LINK, linked};
+use crate::common::linked::{LINK, linked, unyielding};
 use crate::common::process::Process;
 use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
 
@@ -24,10 +24,7 @@ fn contact_is_felt_through_three_processes() {
 
 #[test]
 fn python_example_takes_the_place_of_the_robot() {
-    let config = linked("kraft_like", LINK)
-        .replace("mass_kg = 0.8 ", "mass_kg = 0.0 ")
-        .replace("accommodation_m_per_ns = 0.01 ", "accommodation_m_per_ns = 0.0 ")
-        .replace("accommodation_rad_per_nms = 0.5", "accommodation_rad_per_nms = 0.0");
+    let config = unyielding("kraft_like", LINK);
     let mut rig = Rig::started("far-python", &config, |_, socket| {
         let wall = ["--wall", "z", "0.37"];
         Process::of("python3", &[&["examples/far_side_local.py", socket][..], &wall].concat())

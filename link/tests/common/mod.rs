@@ -21,20 +21,20 @@ use rcgen::{
 };
 use time::OffsetDateTime;
 
-pub use peer::Peer;
-pub use program::{FarEnd, Local, NearEnd, Running};
+pub(crate) use peer::Peer;
+pub(crate) use program::{FarEnd, Local, NearEnd, Running};
 
 /// Longest wait for a line, or for a message that is to arrive.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// An authority of a test.
-pub struct Authority {
+pub(crate) struct Authority {
     issuer: Issuer<'static, KeyPair>,
     pem: String,
 }
 
 impl Authority {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let key = KeyPair::generate().unwrap();
         let mut params = CertificateParams::new(Vec::new()).unwrap();
         params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
@@ -45,7 +45,7 @@ impl Authority {
     }
 
     /// Writes keys of a file name and common name into a folder.
-    pub fn write(
+    pub(crate) fn write(
         &self,
         folder: &Path,
         file: &str,
@@ -77,12 +77,12 @@ fn named(name: &str) -> DistinguishedName {
 }
 
 /// Keys of a peer: the authority that it trusts, and the folder of its own, if it has any.
-pub struct PeerKeys {
-    pub authority: PathBuf,
-    pub own: Option<PathBuf>,
+pub(crate) struct PeerKeys {
+    pub(crate) authority: PathBuf,
+    pub(crate) own: Option<PathBuf>,
 }
 
 /// Returns a UDP port that was free a moment ago.
-pub fn free_port() -> u16 {
+pub(crate) fn free_port() -> u16 {
     std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }

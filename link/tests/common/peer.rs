@@ -13,9 +13,9 @@ use zenoh::{Config, Session, Wait};
 use super::{Local, PATIENCE, PeerKeys, free_port};
 
 /// A peer of an end.
-pub struct Peer {
+pub(crate) struct Peer {
     session: Session,
-    pub port: u16,
+    pub(crate) port: u16,
     /// What was received.
     received: Receiver<Vec<u8>>,
     _subscribers: [Subscriber<()>; 2],
@@ -25,12 +25,12 @@ pub struct Peer {
 
 impl Peer {
     /// Connects to an end.
-    pub fn connect(port: u16, keys: &PeerKeys) -> Self {
+    pub(crate) fn connect(port: u16, keys: &PeerKeys) -> Self {
         Self::open(port, "connect", keys)
     }
 
     /// Listens at a free port.
-    pub fn listen(keys: &PeerKeys) -> Self {
+    pub(crate) fn listen(keys: &PeerKeys) -> Self {
         Self::open(free_port(), "listen", keys)
     }
 
@@ -77,7 +77,7 @@ impl Peer {
     }
 
     /// Waits until the end has subscribed to a key.
-    pub fn wait_for_subscriber(&self, key: &'static str) {
+    pub(crate) fn wait_for_subscriber(&self, key: &'static str) {
         let publisher = self.session.declare_publisher(key);
         let publisher = publisher.allowed_destination(Locality::Remote).wait().unwrap();
         let listener = publisher.matching_listener().wait().unwrap();
@@ -87,7 +87,7 @@ impl Peer {
     }
 
     /// Publishes valid messages on a key.
-    pub fn publish(&self, key: &str, count: usize) {
+    pub(crate) fn publish(&self, key: &str, count: usize) {
         for _ in 0..count {
             let bytes = if key.ends_with("command") { self.command() } else { self.feedback() };
             self.session.put(key, bytes).express(true).wait().unwrap();
@@ -105,22 +105,22 @@ impl Peer {
     }
 
     /// Returns how many messages have come so far.
-    pub fn received(&self) -> usize {
+    pub(crate) fn received(&self) -> usize {
         self.received.try_iter().count()
     }
 
     /// Sends a feedback at the local socket of the far end; returns whether it comes.
-    pub fn takes_feedback_of(&self, robot: &mut Local) -> bool {
+    pub(crate) fn takes_feedback_of(&self, robot: &mut Local) -> bool {
         self.takes(self.feedback(), robot)
     }
 
     /// Sends a command at the local socket of the near end; returns whether it comes.
-    pub fn takes_command_of(&self, node: &mut Local) -> bool {
+    pub(crate) fn takes_command_of(&self, node: &mut Local) -> bool {
         self.takes(self.command(), node)
     }
 
     /// Sends a message at the local socket of an end that may be lost on its way.
-    pub fn sends_first(&self, local: &mut Local) {
+    pub(crate) fn sends_first(&self, local: &mut Local) {
         local.send(&self.command());
         local.send(&self.feedback());
     }
@@ -132,12 +132,12 @@ impl Peer {
     }
 
     /// Publishes a command; returns whether it reaches the robot.
-    pub fn command_reaches(&self, robot: &mut Local) -> bool {
+    pub(crate) fn command_reaches(&self, robot: &mut Local) -> bool {
         self.reaches("frhc/1/command", self.command(), robot)
     }
 
     /// Publishes a feedback; returns whether it reaches the node.
-    pub fn feedback_reaches(&self, node: &mut Local) -> bool {
+    pub(crate) fn feedback_reaches(&self, node: &mut Local) -> bool {
         self.reaches("frhc/1/feedback", self.feedback(), node)
     }
 

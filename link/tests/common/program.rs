@@ -13,14 +13,14 @@ use tempfile::TempDir;
 use super::{PATIENCE, free_port};
 
 /// A process and its log.
-pub struct Running {
+pub(crate) struct Running {
     child: Child,
     lines: Receiver<String>,
     seen: Vec<String>,
 }
 
 impl Running {
-    pub fn start(args: &[&str]) -> Self {
+    pub(crate) fn start(args: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_frhc-link"))
             .args(args)
             .stdin(Stdio::null())
@@ -37,7 +37,7 @@ impl Running {
     }
 
     /// Waits for a line with these words, also among those that were read before.
-    pub fn wait_for(&mut self, words: &str) {
+    pub(crate) fn wait_for(&mut self, words: &str) {
         while !self.seen.iter().any(|line| line.contains(words)) {
             let line = self.lines.recv_timeout(PATIENCE);
             let line = line.unwrap_or_else(|_| panic!("no line {words:?}: {:#?}", self.seen));
@@ -46,13 +46,13 @@ impl Running {
     }
 
     /// Returns the number of lines so far with these words.
-    pub fn lines_with(&mut self, words: &str) -> usize {
+    pub(crate) fn lines_with(&mut self, words: &str) -> usize {
         self.seen.extend(self.lines.try_iter());
         self.seen.iter().filter(|line| line.contains(words)).count()
     }
 
     /// Waits for the end; returns exit status, standard output and log.
-    pub fn ended(mut self) -> (ExitStatus, String, Vec<String>) {
+    pub(crate) fn ended(mut self) -> (ExitStatus, String, Vec<String>) {
         let mut output = String::new();
         self.child.stdout.take().unwrap().read_to_string(&mut output).unwrap();
         let status = self.child.wait().unwrap();
@@ -61,7 +61,7 @@ impl Running {
     }
 
     /// Sends SIGTERM.
-    pub fn terminate(self) -> (ExitStatus, String, Vec<String>) {
+    pub(crate) fn terminate(self) -> (ExitStatus, String, Vec<String>) {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").arg(id).status().unwrap().success());
         self.ended()
@@ -76,14 +76,14 @@ impl Drop for Running {
 }
 
 /// The local socket of an end.
-pub struct Local {
+pub(crate) struct Local {
     socket: Socket,
     others: usize,
 }
 
 impl Local {
     /// Returns whether this message arrives; counts others.
-    pub fn receives(&mut self, expected: &[u8]) -> bool {
+    pub(crate) fn receives(&mut self, expected: &[u8]) -> bool {
         let mut buffer = [0; 512];
         self.socket.set_read_timeout(Some(PATIENCE)).unwrap();
         while let Ok(length @ 1..) = self.socket.read(&mut buffer) {
@@ -96,18 +96,18 @@ impl Local {
     }
 
     /// Sends a message.
-    pub fn send(&mut self, message: &[u8]) {
+    pub(crate) fn send(&mut self, message: &[u8]) {
         self.socket.write_all(message).unwrap();
     }
 
     /// Returns how many messages came that were not expected.
-    pub const fn others(&self) -> usize {
+    pub(crate) const fn others(&self) -> usize {
         self.others
     }
 }
 
 /// Writes the settings of an end; returns the file.
-pub fn settings(folder: &Path, keys: &Path, network: &str) -> PathBuf {
+pub(crate) fn settings(folder: &Path, keys: &Path, network: &str) -> PathBuf {
     let file = folder.join("link.toml");
     let socket = folder.join("s");
     fs::write(&file, format!("keys = {keys:?}\nsocket = {socket:?}\n{network}\n")).unwrap();
@@ -115,14 +115,14 @@ pub fn settings(folder: &Path, keys: &Path, network: &str) -> PathBuf {
 }
 
 /// A far end that listens.
-pub struct FarEnd {
-    pub end: Running,
-    pub port: u16,
+pub(crate) struct FarEnd {
+    pub(crate) end: Running,
+    pub(crate) port: u16,
     folder: TempDir,
 }
 
 impl FarEnd {
-    pub fn start(keys: &Path) -> Self {
+    pub(crate) fn start(keys: &Path) -> Self {
         let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
         let file = settings(folder.path(), keys, &format!("listen = [\"127.0.0.1:{port}\"]"));
         let mut end = Running::start(&["far", "--config", file.to_str().unwrap()]);
@@ -131,7 +131,7 @@ impl FarEnd {
     }
 
     /// Connects as the robot.
-    pub fn robot(&mut self) -> Local {
+    pub(crate) fn robot(&mut self) -> Local {
         let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
         socket.connect(&SockAddr::unix(self.folder.path().join("s")).unwrap()).unwrap();
         self.end.wait_for("robot connected");
@@ -140,16 +140,16 @@ impl FarEnd {
 }
 
 /// A near end, with the test as the node.
-pub struct NearEnd {
-    pub end: Running,
-    pub port: u16,
+pub(crate) struct NearEnd {
+    pub(crate) end: Running,
+    pub(crate) port: u16,
     listener: Socket,
     _folder: TempDir,
 }
 
 impl NearEnd {
     /// Starts one that listens.
-    pub fn start(keys: &Path) -> Self {
+    pub(crate) fn start(keys: &Path) -> Self {
         let port = free_port();
         let mut near = Self::with(keys, port, &format!("listen = [\"127.0.0.1:{port}\"]"));
         near.end.wait_for("listens at");
@@ -157,7 +157,7 @@ impl NearEnd {
     }
 
     /// Starts one that connects to a port.
-    pub fn connecting(keys: &Path, port: u16) -> Self {
+    pub(crate) fn connecting(keys: &Path, port: u16) -> Self {
         Self::with(keys, port, &format!("connect = [\"127.0.0.1:{port}\"]"))
     }
 
@@ -172,7 +172,7 @@ impl NearEnd {
     }
 
     /// Accepts the connection of the near end.
-    pub fn node(&mut self) -> Local {
+    pub(crate) fn node(&mut self) -> Local {
         let (socket, _) = self.listener.accept().unwrap();
         Local { socket, others: 0 }
     }

@@ -1,4 +1,4 @@
-//! What a certificate says, and whether an end can use the files of its folder.
+//! Contents of a certificate, and whether an end can use the files of its folder.
 
 use std::fs;
 use std::io;
@@ -71,7 +71,7 @@ impl Files {
         self.check_key(&own)
     }
 
-    /// Checks that the private key is that of the certificate, and nobody else's to read.
+    /// Checks that the private key is that of the certificate, and readable for its owner alone.
     fn check_key(&self, own: &Summary) -> Result<(), Failure> {
         let refused = |reason: String| {
             Err(Failure::configuration(format!("{}: {reason}", self.key.display())))
@@ -100,7 +100,7 @@ pub fn open_to_others(file: &Path) -> io::Result<Option<String>> {
     Ok(is_open.then(|| format!("other users may use it (mode {:03o}): chmod 600", mode & 0o777)))
 }
 
-/// What a certificate says.
+/// Contents of a certificate.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Common name.

@@ -89,7 +89,7 @@ fn params(name: &str, days: u32) -> Result<CertificateParams, rcgen::Error> {
     Ok(params)
 }
 
-/// What goes where.
+/// Lines on which file goes to which machine.
 fn placement(folder: &Path, router: bool) -> String {
     let shown = folder.display();
     let mut text = format!(
@@ -101,7 +101,7 @@ fn placement(folder: &Path, router: bool) -> String {
         text += &format!("\x20 to the router            {AUTHORITY} router.pem router.key\n");
     }
     text + &format!(
-        "Keep {AUTHORITY_KEY} off both, or delete it: whoever has it can pass for either end.\n"
+        "Keep {AUTHORITY_KEY} off both, or delete it: with it anybody can pass for either end.\n"
     )
 }
 
@@ -125,7 +125,7 @@ pub fn show(folder: &Path) -> Result<(), Failure> {
         text += &row(&format!("{name}.pem"), &own, &wrong);
     }
     if folder.join(AUTHORITY_KEY).exists() {
-        text += &format!("{AUTHORITY_KEY} is here: whoever has it can pass for either end\n");
+        text += &format!("{AUTHORITY_KEY} is here: with it anybody can pass for either end\n");
     }
     print(&text)?;
     if is_good {

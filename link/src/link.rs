@@ -1,7 +1,7 @@
 //! One end of the link at work.
 //!
 //! ```text
-//!  outwards   reader: local socket ── newest of each topic ──► publisher: flow rule, put      a put may wait; nobody waits for it
+//!  outwards   reader: local socket ── newest of each topic ──► publisher: flow rule, put      a put may wait, and no thread for it
 //!  inwards    zenoh's threads: ──────────────────────────────► local socket                   never waits; what has no room is lost
 //! ```
 
@@ -42,7 +42,7 @@ const LINGER: Duration = Duration::from_millis(200);
 /// Time for the session to close at the end of the process.
 const CLOSING: Duration = Duration::from_millis(500);
 
-/// What the threads of an end share.
+/// State that the threads of an end share.
 #[derive(Debug)]
 struct Shared {
     role: Role,
@@ -60,7 +60,7 @@ struct Counts {
     passed_on: AtomicU64,
     /// Replaced by a newer one, or left out by the flow rule.
     left_out: AtomicU64,
-    /// There was nobody, or no room, at the local socket.
+    /// No connection, or no room, at the local socket.
     dropped: AtomicU64,
     /// Not of this contract, arm or direction.
     rejected: AtomicU64,
@@ -258,17 +258,16 @@ fn publishers(
     role.topics().iter().map(of).collect()
 }
 
-/// Closes the session, which tells the other end; gives up after half a second.
+/// Closes the session, so that the other end learns of it; gives up after half a second.
 fn close(session: Session) {
     let (closed, is_closed) = channel();
     let closing = thread::Builder::new().name("link-close".to_owned()).spawn(move || {
         if let Err(error) = session.close().wait() {
             tracing::debug!("close: {error}");
         }
-        // Nobody may wait any more.
         closed.send(()).unwrap_or_default();
     });
     if closing.is_ok() && is_closed.recv_timeout(CLOSING).is_err() {
-        tracing::warn!("the session did not close in time");
+        tracing::debug!("the session did not close in time");
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn start(quiet: bool, verbose: bool) {
     tracing_subscriber::registry().with(lines).with(zenoh).init();
 }
 
-/// Prints the warnings of zenoh that need somebody, in words of this program.
+/// Prints the warnings of zenoh that ask for action, in words of this program.
 #[derive(Debug, Default)]
 struct Explainer {
     printed: Mutex<BTreeMap<String, Instant>>,
@@ -76,8 +76,8 @@ impl Visit for Message {
     }
 }
 
-/// What TLS says of a certificate, and what that means. An end that is refused gets the reason of the other one in its error.
-const REASONS: [(&str, &str); 8] = [
+/// Words of TLS about a certificate, and their meaning.
+const REASONS: [(&str, &str); 7] = [
     ("certificate expired", "has expired"),
     ("certificate not valid yet", "is not valid yet"),
     ("UnknownIssuer", "is of another authority"),
@@ -85,28 +85,40 @@ const REASONS: [(&str, &str); 8] = [
     ("unknown CA", "is of another authority"),
     ("sent no certificates", "is missing"),
     ("certificate required", "is missing"),
-    ("certificate", "is refused"),
 ];
 
-/// Returns the line for a message of zenoh; `None` where nobody has to do anything.
+/// Returns the line for a message of zenoh; `None` where there is nothing to do.
 fn explained(level: Level, message: &str) -> Option<String> {
     let reason = innermost(message);
-    let is_refused = reason.contains("certificate");
-    if is_refused && !reason.contains("Skipping name verification") {
-        let found = REASONS.iter().find(|(sign, _)| reason.contains(sign));
-        let meaning = found.map_or("is refused", |(_, meaning)| meaning);
-        let whose = if reason.contains("closed by peer") || reason.contains("ConnectionClosed") {
-            "this end's certificate, or the clock of the other end"
-        } else {
-            "the other end's certificate, or the clock of this machine"
-        };
-        return Some(format!("connection refused: {whose}: {meaning}"));
+    if USUAL.iter().any(|usual| reason.contains(usual)) {
+        return None;
     }
-    let is_usual = USUAL.iter().any(|usual| reason.contains(usual));
-    (level <= Level::WARN && !is_usual).then(|| format!("network: {reason}"))
+    if reason.contains("certificate") {
+        return Some(refusal(&reason));
+    }
+    let endpoint = reason.strip_prefix("Unable to connect to configured peer quic/");
+    if let Some((address, _)) = endpoint.and_then(|rest| rest.split_once('?')) {
+        return Some(format!("{address}: no answer, tries again"));
+    }
+    (level <= Level::WARN).then(|| format!("network: {reason}"))
 }
 
-/// What zenoh warns of in every session.
+/// Returns the line for a certificate that was refused. An end that the other one refuses gets its reason.
+fn refusal(reason: &str) -> String {
+    let found = REASONS.iter().find(|(sign, _)| reason.contains(sign));
+    let meaning = found.map_or("is invalid", |(_, meaning)| meaning);
+    let is_ours = reason.contains("closed by peer") || reason.contains("ConnectionClosed");
+    let (whose, clock) = if is_ours { ("this", "the other") } else { ("the other", "this") };
+    let is_of_time = meaning.contains("expired") || meaning.contains("valid yet");
+    let clock = if is_of_time {
+        format!("; is the clock of {clock} machine right?")
+    } else {
+        String::new()
+    };
+    format!("connection refused: the certificate of {whose} end {meaning}{clock}")
+}
+
+/// Warnings of zenoh in every session.
 const USUAL: [&str; 5] = [
     "Gossip is disabled",
     "Skipping name verification",
@@ -127,10 +139,12 @@ mod tests {
         );
         assert_eq!(
             refused.unwrap(),
-            "connection refused: the other end's certificate, or the clock of this machine: has expired"
+            "connection refused: the certificate of the other end has expired; is the clock of this machine right?"
         );
         assert_eq!(explained(Level::WARN, "Skipping name verification of QUIC server"), None);
         assert_eq!(explained(Level::WARN, "odd at /a/b.rs:3.").unwrap(), "network: odd");
         assert_eq!(explained(Level::DEBUG, "odd at /a/b.rs:3."), None);
+        let silent = "Unable to connect to configured peer quic/robot:7447?mixed_rel=1! Timeout. Retry in 1s";
+        assert_eq!(explained(Level::DEBUG, silent).unwrap(), "robot:7447: no answer, tries again");
     }
 }

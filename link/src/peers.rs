@@ -9,7 +9,7 @@ use zenoh::{Session, Wait};
 use crate::failure::Failure;
 use crate::role::{Role, router_name};
 
-/// What watches the other end, while it is kept.
+/// Subscriptions to the other end, which end with this.
 #[derive(Debug)]
 pub(crate) struct Watch {
     _token: LivelinessToken,
@@ -55,7 +55,7 @@ impl LinkLines {
     }
 
     fn log(&mut self, link: &Link, kind: SampleKind) {
-        let name = link.auth_identifier().unwrap_or("nobody");
+        let name = link.auth_identifier().unwrap_or("no name");
         let address = shown(link.dst().address().as_str());
         let is_expected = self.expected.iter().any(|one| one == name);
         let line = format!("{name} at {address} {kind}");

@@ -11,7 +11,7 @@ pub enum Role {
     Far,
 }
 
-/// What is published on one key expression.
+/// Messages of one key expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Topic {
     /// Commands of the node.
@@ -39,7 +39,7 @@ impl Role {
         }
     }
 
-    /// What this role publishes; the other one subscribes to it.
+    /// Topics that this role publishes, and the other one subscribes to.
     pub const fn topics(self) -> &'static [Topic] {
         match self {
             Self::Near => &[Topic::Command],

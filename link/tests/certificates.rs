@@ -66,7 +66,7 @@ fn keys(cast: &Cast, name: &str) -> common::PeerKeys {
 }
 
 #[test]
-fn promise_06_and_hazard_37_far_end_takes_commands_of_the_near_end_alone() {
+fn promise_06_and_hazard_37_far_end_takes_near_end_alone() {
     let cast = Cast::new("far", "frhc-1-near");
     let mut far = FarEnd::start(&cast.at("own"));
     let mut robot = far.robot();
@@ -92,7 +92,7 @@ fn promise_06_and_hazard_37_far_end_takes_commands_of_the_near_end_alone() {
 }
 
 #[test]
-fn promise_06_and_hazard_37_near_end_takes_feedback_of_the_far_end_alone() {
+fn promise_06_and_hazard_37_near_end_takes_far_end_alone() {
     let cast = Cast::new("near", "frhc-1-far");
     let mut near = NearEnd::start(&cast.at("own"));
     let mut node = near.node();

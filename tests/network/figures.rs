@@ -72,7 +72,7 @@ fn ways_up_to_40_ms_do_not_end_reflection() {
 }
 
 #[test]
-fn hazard_37_contact_is_felt_beside_a_second_near_end_and_a_set_clock() {
+fn hazard_37_second_near_end_and_a_set_clock_change_nothing() {
     let (mut rig, ends) = five("net-contact", &linked("kraft_like", LINK), &scene("2000.0"));
     let status = rig.pressing();
     println!("round trip p99 {} ms", status["link"]["round_trip_p99_ms"]);

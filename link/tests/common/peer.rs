@@ -16,7 +16,7 @@ use super::{Local, PATIENCE, PeerKeys, free_port};
 pub(crate) struct Peer {
     session: Session,
     pub(crate) port: u16,
-    /// What was received.
+    /// Messages received.
     received: Receiver<Vec<u8>>,
     _subscribers: [Subscriber<()>; 2],
     node: Mutex<NodeEnd>,

@@ -208,7 +208,7 @@ impl Shared {
         if Counts::count(&self.counts.rejected) == 0 {
             let arm = self.arm;
             tracing::warn!(
-                "{whose}: a message that is not one for arm {arm} ({reject}); all of them are dropped"
+                "{whose}: not a message of the contract for arm {arm} ({reject}): dropped, as are others like it"
             );
         }
     }

@@ -19,6 +19,9 @@ use crate::network::innermost;
 /// Time in which the same line of zenoh is printed once: it tries again several times a second.
 const REPEAT_AFTER: Duration = Duration::from_secs(30);
 
+/// Maximum number of lines of zenoh in that time: who can reach the port can cause as many as he likes.
+const MAX_LINES: usize = 20;
+
 /// Starts the log; `verbose` adds all that zenoh says.
 pub(crate) fn start(quiet: bool, verbose: bool) {
     let level = if quiet { LevelFilter::WARN } else { LevelFilter::INFO };
@@ -53,12 +56,12 @@ impl<S: Subscriber> Layer<S> for Explainer {
         let Some(line) = explained(*event.metadata().level(), &text.0) else { return };
         let now = clock::now();
         let mut printed = self.printed.lock().unwrap_or_else(PoisonError::into_inner);
-        if printed.get(&line).is_some_and(|at| now.since(*at) < REPEAT_AFTER) {
+        printed.retain(|_, at| now.since(*at) < REPEAT_AFTER);
+        if printed.contains_key(&line) || printed.len() >= MAX_LINES {
             return;
         }
         // Standard error may be closed.
         drop(writeln!(stderr(), " WARN {line}"));
-        printed.retain(|_, at| now.since(*at) < REPEAT_AFTER);
         printed.insert(line, now);
     }
 }

@@ -56,7 +56,11 @@ on_vcan() {
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
 # The link over a network is a workspace of its own: its build costs about as much as that of the tests here.
-link() { cargo test --locked --profile quick --manifest-path link/Cargo.toml; }
+# clippy is the compiler, since a check of its own would read all of zenoh once more.
+link() {
+  RUSTC_WORKSPACE_WRAPPER=clippy-driver CLIPPY_ARGS=-Dwarnings \
+    cargo test --locked --profile quick --manifest-path link/Cargo.toml
+}
 link_peers() {
   local end python=$PWD/target/interop/venv/bin/python
   for end in far near; do

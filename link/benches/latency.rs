@@ -60,7 +60,7 @@ fn main() {
 fn measure(seconds: usize) {
     let folder = std::env::temp_dir().join(format!("latency-{}", std::process::id()));
     std::fs::create_dir(&folder).unwrap();
-    keys::make(&folder.join("keys"), ARM, false, 1).unwrap();
+    keys::write(&folder.join("keys"), ARM, false, 1).unwrap();
     let mut ways: Vec<Box<dyn Way>> = vec![
         Box::new(Bare::open(17_447, &folder, false)),
         Box::new(Through::open(17_448, &folder)),

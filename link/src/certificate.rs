@@ -94,7 +94,7 @@ impl Files {
 }
 
 /// Returns what is wrong with the permissions of a private key.
-pub fn open_to_others(file: &Path) -> io::Result<Option<String>> {
+pub(crate) fn open_to_others(file: &Path) -> io::Result<Option<String>> {
     let mode = fs::metadata(file)?.permissions().mode();
     let is_open = mode & OTHERS != 0;
     Ok(is_open.then(|| format!("other users may use it (mode {:03o}): chmod 600", mode & 0o777)))
@@ -187,7 +187,7 @@ mod tests {
     /// Returns a folder of keys for an arm.
     fn made(arm: u16) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
-        keys::make(folder.path(), arm, true, 30).unwrap();
+        keys::write(folder.path(), arm, true, 30).unwrap();
         folder
     }
 

@@ -21,11 +21,20 @@ const NAMES: [&str; 3] = ["near", "far", "router"];
 /// Private key of the authority.
 const AUTHORITY_KEY: &str = "authority.key";
 
-/// Makes the keys of an arm in a folder that is new or empty, and prints which file goes where.
+/// Makes the keys of an arm, and prints which file goes where.
+///
+/// # Errors
+/// As [`write()`]; standard output cannot be written.
+pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
+    write(folder, arm, router, days)?;
+    print(&placement(folder, router))
+}
+
+/// Writes the keys of an arm into a folder that is new or empty.
 ///
 /// # Errors
 /// The folder has files, or cannot be written. No file is left then.
-pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
+pub fn write(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
     let shown = folder.display();
     let failed = |error: &dyn std::fmt::Display| Failure::system(format!("{shown}: {error}"));
     DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(|error| failed(&error))?;
@@ -39,8 +48,7 @@ pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Fail
         // Half a set of keys is of no use.
         written.iter().for_each(|file| drop(fs::remove_file(file)));
         failed(&error)
-    })?;
-    print(&placement(folder, router))
+    })
 }
 
 /// Makes the files; those that exist now are in `written`.

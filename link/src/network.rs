@@ -33,14 +33,17 @@ pub fn open(role: Role, settings: &Settings, files: &Files) -> Result<Session, F
 pub fn innermost(error: &str) -> String {
     let mut text = error.to_owned();
     while let Some((before, rest)) = text.split_once(" at /") {
-        let after =
-            rest.split_once(|symbol: char| symbol == ' ' || symbol == ',').map_or("", |it| it.1);
+        let after = rest.split_once([' ', ',']).map_or("", |it| it.1);
         text = format!("{before} {after}");
     }
     let words: Vec<&str> = text.split_whitespace().collect();
     words.join(" ").trim_end_matches(['.', ' ']).to_owned()
 }
 
+/// Returns the settings of zenoh for a role.
+///
+/// # Errors
+/// zenoh refuses one.
 pub fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Config, Failure> {
     let endpoints = |addresses: &[String]| {
         let endpoints = addresses.iter().map(|address| format!("quic/{address}?mixed_rel=1"));

@@ -78,8 +78,8 @@ impl Settings {
             let offset = error.span().map_or(0, |span| span.start);
             (offset, error.message().replace('`', "\""))
         })?;
-        let listen = file.listen.as_ref().map(|list| addresses(list)).transpose()?;
-        let connect = file.connect.as_ref().map(|list| addresses(list)).transpose()?;
+        let listen = file.listen.as_ref().map(addresses).transpose()?;
+        let connect = file.connect.as_ref().map(addresses).transpose()?;
         let in_flight = match &file.in_flight {
             None => 128,
             Some(given) if IN_FLIGHT.contains(given.get_ref()) => *given.get_ref(),

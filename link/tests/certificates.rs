@@ -10,7 +10,9 @@ mod common;
 
 use time::{Duration, OffsetDateTime};
 
-use common::{Authority, FarEnd, NearEnd, Peer};
+use common::Authority;
+use common::peer::Peer;
+use common::program::{FarEnd, NearEnd};
 
 /// Messages of each attempt.
 const COUNT: usize = 100;

@@ -12,7 +12,7 @@ use std::net::UdpSocket;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use common::Running;
+use common::program::Running;
 
 /// Asserts that a command ends with this exit code and one line with these words.
 #[track_caller]

@@ -23,8 +23,8 @@ fn follows_again(rig: &mut Rig) {
     assert_eq!(status["link"]["far_side"], "following", "{status:#}");
 }
 
-/// Stops one end for that long, then kills it, while a reset leads on.
-fn stopped_and_killed(role: &str, pause: f64) {
+/// Stops one end for that long, then kills it, then cuts the network; a reset leads on each time.
+fn stopped_killed_and_cut(role: &str, pause: f64) {
     let config = linked("kraft_like", LINK);
     let (mut rig, mut ends) = five(&format!("net-{role}"), &config, &scene("2000.0"));
     rig.pressing();
@@ -48,32 +48,25 @@ fn stopped_and_killed(role: &str, pause: f64) {
     *of(&mut ends, role) = end(&rig.scratch, role);
     follows_again(&mut rig);
 
+    let onset = rig.now();
+    let cut = Netem::set("loss 100%");
+    assert_eq!(rig.off_for(onset), LOST);
+    drop(cut);
+    follows_again(&mut rig);
+
     rig.run.terminate().succeeds();
     let log = rig.robot.terminate().stderr;
-    assert_eq!(log.matches("holds: no fresh command").count(), 2, "{log}");
+    assert_eq!(log.matches("holds: no fresh command").count(), 3, "{log}");
     rig.sim.terminate().succeeds();
     ends.terminate();
 }
 
 #[test]
 fn hazard_34_and_35_stopped_or_killed_near_end_ends_reflection() {
-    stopped_and_killed("near", 3.0);
+    stopped_killed_and_cut("near", 3.0);
 }
 
 #[test]
 fn hazard_34_and_35_stopped_or_killed_far_end_ends_reflection() {
-    stopped_and_killed("far", 0.5);
-}
-
-#[test]
-fn hazard_34_network_that_is_cut_ends_reflection() {
-    let (mut rig, ends) = five("net-cut", &linked("kraft_like", LINK), &scene("2000.0"));
-    rig.pressing();
-    let onset = rig.now();
-    let cut = Netem::set("loss 100%");
-    assert_eq!(rig.off_for(onset), LOST);
-    drop(cut);
-    follows_again(&mut rig);
-    rig.run.terminate().succeeds();
-    ends.terminate();
+    stopped_killed_and_cut("far", 0.5);
 }

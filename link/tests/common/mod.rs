@@ -8,8 +8,8 @@
     reason = "what a test cannot do without has failed the test; each test file uses a part of this"
 )]
 
-mod peer;
-mod program;
+pub(crate) mod peer;
+pub(crate) mod program;
 
 use std::fs;
 use std::os::unix::fs::OpenOptionsExt;
@@ -20,9 +20,6 @@ use rcgen::{
     BasicConstraints, CertificateParams, DistinguishedName, DnType, IsCa, Issuer, KeyPair,
 };
 use time::OffsetDateTime;
-
-pub(crate) use peer::Peer;
-pub(crate) use program::{FarEnd, Local, NearEnd, Running};
 
 /// Longest wait for a line, or for a message that is to arrive.
 const PATIENCE: Duration = Duration::from_secs(20);

@@ -10,7 +10,8 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::Locality;
 use zenoh::{Config, Session, Wait};
 
-use super::{Local, PATIENCE, PeerKeys, free_port};
+use super::program::Local;
+use super::{PATIENCE, PeerKeys, free_port};
 
 /// A peer of an end.
 pub(crate) struct Peer {
@@ -111,12 +112,12 @@ impl Peer {
 
     /// Sends a feedback at the local socket of the far end; returns whether it comes.
     pub(crate) fn takes_feedback_of(&self, robot: &mut Local) -> bool {
-        self.takes(self.feedback(), robot)
+        self.takes(&self.feedback(), robot)
     }
 
     /// Sends a command at the local socket of the near end; returns whether it comes.
     pub(crate) fn takes_command_of(&self, node: &mut Local) -> bool {
-        self.takes(self.command(), node)
+        self.takes(&self.command(), node)
     }
 
     /// Sends a message at the local socket of an end that may be lost on its way.
@@ -125,24 +126,24 @@ impl Peer {
         local.send(&self.feedback());
     }
 
-    fn takes(&self, bytes: Vec<u8>, local: &mut Local) -> bool {
-        local.send(&bytes);
+    fn takes(&self, bytes: &[u8], local: &mut Local) -> bool {
+        local.send(bytes);
         let mut later = std::iter::from_fn(|| self.received.recv_timeout(PATIENCE).ok());
         later.any(|received| received == bytes)
     }
 
     /// Publishes a command; returns whether it reaches the robot.
     pub(crate) fn command_reaches(&self, robot: &mut Local) -> bool {
-        self.reaches("frhc/1/command", self.command(), robot)
+        self.reaches("frhc/1/command", &self.command(), robot)
     }
 
     /// Publishes a feedback; returns whether it reaches the node.
     pub(crate) fn feedback_reaches(&self, node: &mut Local) -> bool {
-        self.reaches("frhc/1/feedback", self.feedback(), node)
+        self.reaches("frhc/1/feedback", &self.feedback(), node)
     }
 
-    fn reaches(&self, key: &str, bytes: Vec<u8>, local: &mut Local) -> bool {
-        self.session.put(key, bytes.clone()).express(true).wait().unwrap();
-        local.receives(&bytes)
+    fn reaches(&self, key: &str, bytes: &[u8], local: &mut Local) -> bool {
+        self.session.put(key, bytes).express(true).wait().unwrap();
+        local.receives(bytes)
     }
 }

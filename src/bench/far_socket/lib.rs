@@ -120,7 +120,7 @@ impl FarSocket {
         }
     }
 
-    /// Takes the messages that are there, at most [`MAX_MESSAGES`]. Connects again where that is due.
+    /// Takes the messages that are there, at most 16. Connects again where that is due.
     pub fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
         if self.connection.is_none() && now >= self.retry_at {
             self.retry(now);

@@ -65,7 +65,7 @@ link_peers() {
   local end python=$PWD/target/interop/venv/bin/python
   for end in far near; do
     FRHC=$FRHC_PROGRAM FRHC_LINK=$PWD/link/target/quick/frhc-link VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i vcan0 -- \
-      "$python" -B tests/interop/zenoh_peers.py "--$end" "$python -B tests/interop/link_end.py $end {keys} {port}"
+      "$python" -B tests/interop/zenoh_peers.py "--$end" "$python -B tests/interop/link_end.py $end {keys} {port}" || return
   done
 }
 interop() { VCAN_UML_CPU=$1 scripts/interop.sh --bus; }

@@ -11,7 +11,7 @@ scripts/drive_eds.py --check
 cargo fmt --all -- --check
 cargo fmt --manifest-path link/Cargo.toml -- --check # clippy: scripts/test.sh, with the build
 cargo clippy --workspace --all-targets --locked -- -D warnings
-cargo clippy --test vcan --test vcan_faults --locked -- -D warnings
+cargo clippy --test vcan --test vcan_faults --test network --locked -- -D warnings
 cargo clippy --no-default-features --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
 

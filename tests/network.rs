@@ -4,11 +4,12 @@
 //! Needs vcan0, `tc`, and `frhc-link`; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`, in virtual time. The bus is the
 //! tests' clock: they read candump's lines, and never sleep.
 #![allow(
+    clippy::disallowed_methods,
     clippy::indexing_slicing,
     clippy::panic,
     clippy::print_stdout,
     clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test; figures are to be seen"
+    reason = "what a test cannot do without has failed the test; figures are to be seen; the wall clock is shared with the recording"
 )]
 
 mod common;

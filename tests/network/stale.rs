@@ -87,7 +87,9 @@ fn hazard_36_nothing_old_acts_over_a_network_that_is_too_bad() {
     });
     rig.scratch.ctl("--wait arm").succeeds();
     rig.until(3.5);
-    assert_eq!(rig.status()["mode"], "engaged");
+    let status = rig.status();
+    assert_eq!(status["mode"], "engaged", "{status:#}");
+    println!("delay 20ms: engaged, round trip p99 {} ms", status["link"]["round_trip_p99_ms"]);
     network.change("delay 40ms 4ms loss 5%");
     rig.until(6.0);
     println!("{}: {}", rig.status()["mode"], rig.status()["stopped_by"]);

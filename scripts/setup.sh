@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # setup.sh: installs what the tests need beyond a Rust toolchain, on Debian and derivatives.
 #
-# usage: scripts/setup.sh [--missing] [tools|kernel]...          (default: both)
+# usage: scripts/setup.sh [--missing] [tools|kernel|icount]...          (default: tools and kernel)
 #
 #   tools    can-utils, iproute2, openssl, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
@@ -9,6 +9,8 @@
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
+#   icount   what scripts/icount.sh counts instructions with: QEMU, busybox, cpio and valgrind from Debian (root or sudo), and
+#            Debian's kernel package (70 MB, fetched at the first use, not installed)
 #
 # Each step prints what it installs, and waits while another apt holds a lock (scripts/apt.sh). --missing installs
 # nothing: it lists what is missing, one per line, and exits with 1 if anything is.
@@ -20,7 +22,7 @@ parts=()
 for word in "$@"; do
   case $word in
     --missing) only_list=1 ;;
-    tools | kernel) parts+=("$word") ;;
+    tools | kernel | icount) parts+=("$word") ;;
     *) sed -n '2,/^set/s/^# \?//p' "$0" >&2; exit 2 ;;
   esac
 done
@@ -35,6 +37,10 @@ command -v tshark >/dev/null || packages+=(tshark)
 command -v openssl >/dev/null || packages+=(openssl)
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3 python3-venv)
 venv=target/interop/venv
+rig=()
+for pair in qemu-system-x86_64:qemu-system-x86 busybox:busybox-static cpio:cpio valgrind:valgrind; do
+  command -v "${pair%%:*}" >/dev/null || rig+=("${pair##*:}")
+done
 has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }
 
 if [[ -n $only_list ]]; then
@@ -44,6 +50,7 @@ if [[ -n $only_list ]]; then
     has_venv || missing+=("$venv")
   fi
   if wanted kernel && [[ ! -x $kernel ]]; then missing+=("$kernel"); fi
+  if wanted icount; then missing+=("${rig[@]}"); fi
   ((${#missing[@]} == 0)) || { printf '%s\n' "${missing[@]}"; exit 1; }
   exit
 fi
@@ -58,6 +65,10 @@ if wanted tools && ! has_venv; then
   python3 -m venv "$venv"
   "$venv/bin/pip" install --quiet --disable-pip-version-check -r tests/interop/requirements.txt
   cp tests/interop/requirements.txt target/interop/installed.txt
+fi
+if wanted icount && ((${#rig[@]})); then
+  echo "setup: installing ${rig[*]} from Debian" >&2
+  scripts/apt.sh install "${rig[@]}"
 fi
 if wanted kernel && [[ ! -x $kernel ]]; then
   echo "setup: no kernel with virtual time at $kernel; building one (about 8 minutes, once)" >&2

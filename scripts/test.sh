@@ -13,7 +13,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case $* in
   "") installs=1 ;;
-  --no-install) installs= ;;
+  --no-install) installs='' without_install=1 ;;
   *) echo "usage: scripts/test.sh [--no-install]" >&2; exit 2 ;;
 esac
 export VCAN_KERNEL=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}
@@ -73,6 +73,8 @@ interop_without_a_bus() { OMP_NUM_THREADS=1 scripts/interop.sh --no-bus; }
 drives() {
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i vcan0 -- scripts/drives_table.py --check
 }
+# Without its tools the rig is left out only where nothing is to be installed.
+instructions() { scripts/icount.sh ${without_install:+--optional}; }
 campaign() { target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1; }
 soak() { scripts/soak.sh 1000000 1 --threads 1; }
 
@@ -83,7 +85,7 @@ timed "build the program" cargo build --locked --release
 # Without the tools only the tests on real vcan are left out.
 [[ -z $installs ]] || timed "install tools" scripts/setup.sh tools || true
 timed "demo" scripts/test_demo.sh
-[[ -z $installs ]] || timed "install the kernel of the tests on vcan" scripts/setup.sh kernel || true
+[[ -z $installs ]] || timed "install the kernel of the tests on vcan, and what counts instructions" scripts/setup.sh kernel icount || true
 missing=$(scripts/setup.sh --missing | paste -sd ' ') || true
 
 export FRHC_PROGRAM=$PWD/target/release/frhc
@@ -104,6 +106,7 @@ if [[ -z $missing ]]; then
   { lane "five processes on real vcan" on_vcan 0 network; lane "Python peers of the link" link_peers 0; } &
   third=$!
 fi
+lane "instructions of a cycle" instructions
 lane "campaign of two thousand faults" campaign
 lane "a million cycles without a false stop" soak
 wait ${second:-} ${third:-}

@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# in_machine.sh CASE CONFIG [ARG...]: what the threads of `frhc run` with these arguments cost in a second of contact; on the
+# emulated machine (with_icount.sh).
+#
+# Prints for two moments the time used by each thread so far: CASE MOMENT THREAD NS, and the wall clock as the
+# thread `clock`. One nanosecond is one instruction.
+set -euo pipefail
+# In memory: a page that is read from this machine's disk arrives in this machine's time.
+cp target/release/frhc /tmp/frhc
+frhc=/tmp/frhc
+ldd $frhc "$(command -v sleep)" "$(command -v date)" "$(command -v sed)" "$BASH" | sed -n 's|.* \(/[^ ]*\) (.*|\1|p' | xargs cat >/dev/null
+cat "$(command -v sleep)" "$(command -v date)" "$(command -v sed)" >/dev/null
+
+# moment CASE MOMENT PID
+moment() {
+  local folder thread used rest
+  echo "$1 $2 clock $(date +%s%N)"
+  for folder in /proc/"$3"/task/*; do
+    read -r thread <"$folder/comm"
+    read -r used rest <"$folder/schedstat"
+    echo "$1 $2 $thread $used"
+  done
+}
+
+export XDG_RUNTIME_DIR=/tmp/run STATE_DIRECTORY=/tmp/state
+mkdir -p $XDG_RUNTIME_DIR $STATE_DIRECTORY
+name=$1 config=$2
+shift 2
+chrt --fifo 70 "$frhc" -q sim --config "$config" --scenario contact_10s &
+"$frhc" -q run --config "$config" "$@" >/dev/null &
+node=$!
+until "$frhc" ctl --wait arm >/dev/null 2>&1; do sleep 0.1; done
+sleep 5 # the object is pressed against the wall
+moment "$name" 0 $node
+sleep 1
+moment "$name" 1 $node
+"$frhc" ctl status | sed -n "s/^\(mode\|overruns\|missing_samples\) */$name 1 \1 /p"

@@ -1,9 +1,8 @@
-//! Receive times on the monotonic clock, from the kernel's wall-clock stamps.
+//! Receive times on the clock of the bus, from the kernel's wall-clock stamps.
 //!
 //! The wall clock may step while frames wait in a socket. A stamp is converted with the clocks before and after such a
 //! step; the result must lie after the socket was last empty, and not in the future. If neither conversion does, the
 //! frame counts as old as possible: a stale frame never counts as fresh.
-//! is that of a frame as old as it can be, so that nothing old is ever taken for fresh.
 
 use std::time::Duration;
 
@@ -30,11 +29,16 @@ impl Arrivals {
         self.empty = at;
     }
 
-    /// Returns the monotonic receive time of a frame read `now` with this stamp.
+    /// Returns whether a clock was set since the socket was last empty.
+    pub(super) fn are_before_a_step(&self, now: Reading) -> bool {
+        !self.empty.agrees(now)
+    }
+
+    /// Returns the receive time since boot of a frame read `now` with this stamp.
     pub(super) fn of(&self, stamp: Option<Duration>, now: Reading) -> Duration {
-        let (earliest, latest) = (self.empty.monotonic, now.monotonic);
+        let (earliest, latest) = (self.empty.boot, now.boot);
         let Some(stamp) = stamp else { return earliest };
-        let candidates = [self.empty, now].map(|clocks| clocks.monotonic_of(stamp));
+        let candidates = [self.empty, now].map(|clocks| clocks.boot_of(stamp));
         let is_possible = |at: &Duration| *at + SLACK >= earliest && *at <= latest + SLACK;
         let arrived = candidates.into_iter().flatten().filter(is_possible).min();
         arrived.map_or(earliest, |at| at.clamp(earliest, latest))
@@ -49,8 +53,8 @@ mod tests {
 
     /// Returns the clocks at `micros`, with the wall clock `ahead`.
     fn clocks(micros: u64, ahead: Duration) -> Reading {
-        let monotonic = Duration::from_micros(micros);
-        Reading { monotonic, wall: monotonic + ahead }
+        let boot = Duration::from_micros(micros);
+        Reading { boot, wall: boot + ahead }
     }
 
     const BEFORE: Duration = Duration::from_secs(1_800_000_000);

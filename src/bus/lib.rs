@@ -25,32 +25,46 @@ use units::time::Instant;
 
 /// One or more CAN buses with a common clock.
 pub trait Bus {
-    /// Returns the time.
+    /// Reads the clock. It goes on while the host is suspended.
     fn now(&self) -> Instant;
 
     /// Returns the wall clock: UTC since 1970. It may step at any time.
     fn wall(&self) -> Duration;
 
-    /// Returns the total time in which the host was suspended; only differences are meaningful. [`now`](Self::now) does
-    /// not advance then, but the buses do.
+    /// Returns the total time in which the host was suspended; only differences are meaningful.
     fn suspended(&self) -> Duration {
         Duration::ZERO
     }
 
     /// Returns the time of the last SYNC seen on the wire, zero before the first: the confirmation that sent frames
-    /// reach the bus. `None` if the bus cannot confirm.
-    fn transmit_confirmed_at(&self, _channel: Channel) -> Option<Instant> {
+    /// reach the bus. `None` if the bus cannot confirm. Does not wait.
+    fn transmit_confirmed_at(&mut self, _channel: Channel) -> Option<Instant> {
         None
     }
 
-    /// Passes a frame to its bus. It is sent within a cycle or not at all.
+    /// Passes a frame to its bus. It is sent within a cycle or not at all. `now` is the caller's last reading of the
+    /// clock, the time of the frame in logs.
     ///
     /// # Errors
     /// The frame was not accepted; it will not be sent later.
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError>;
+    fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError>;
 
-    /// Waits for the next frame or bus event, until `until` at the latest.
-    fn receive(&mut self, until: Instant) -> Option<Received>;
+    /// Waits for the next frame or bus event, until `until` at the latest. `now` is the caller's last reading of the
+    /// clock: the wait ends later by what was done since.
+    fn wait(&mut self, now: Instant, until: Instant) -> Wake;
+
+    /// [Sends](Self::send_at) a frame now.
+    ///
+    /// # Errors
+    /// As of `send_at`.
+    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        self.send_at(self.now(), telegram)
+    }
+
+    /// [Waits](Self::wait) from now on.
+    fn receive(&mut self, until: Instant) -> Option<Received> {
+        self.wait(self.now(), until).received
+    }
 
     /// Opens every bus again: discards frames not yet read, and finds an interface that was plugged in again. Sends
     /// nothing.
@@ -76,6 +90,15 @@ pub enum ReopenError {
     /// The interface is not [fit](interface::check) for torques: reason and remedy.
     #[error("{0}")]
     Unfit(String),
+}
+
+/// End of a wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wake {
+    /// Time of the end: the clock was read once.
+    pub now: Instant,
+    /// Frame or event; `None` if there was none in time.
+    pub received: Option<Received>,
 }
 
 /// A received event, with time and bus.

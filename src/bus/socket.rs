@@ -37,7 +37,7 @@ pub(super) struct Socket {
 /// Result of a read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// Receive time, on the monotonic clock.
+    /// Receive time since boot.
     pub(super) arrived: Duration,
     /// Frame or fault; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
@@ -93,11 +93,11 @@ impl Socket {
         })
     }
 
-    /// Reads one frame; `None` if no frame waits.
+    /// Reads one frame; `None` if no frame waits. `now` is a reading after it came.
     ///
     /// # Errors
     /// The interface is down or missing.
-    pub(super) fn read(&mut self) -> Result<Option<Taken>, BusFault> {
+    pub(super) fn read(&mut self, now: Reading) -> Result<Option<Taken>, BusFault> {
         let mut bytes = [0; raw_frame::SIZE];
         let mut parts = [IoSliceMut::new(&mut bytes)];
         let (fd, control) = (self.raw.as_raw_fd(), Some(self.control.as_mut_slice()));
@@ -117,9 +117,14 @@ impl Socket {
             Err(_) => return Err(BusFault::Down),
         };
         let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
-        let arrived = self.arrivals.of(stamp, Reading::now());
+        let arrived = self.arrivals.of(stamp, now);
         let event = bytes.get(..length).and_then(raw_frame::read);
         Ok(Some(Taken { arrived, event, has_overrun }))
+    }
+
+    /// Returns whether a clock was set since the socket was last empty.
+    pub(super) fn is_before_a_step(&self, now: Reading) -> bool {
+        self.arrivals.are_before_a_step(now)
     }
 
     /// Records that the socket was empty at `at` or later.

@@ -1,8 +1,8 @@
 //! SocketCAN: raw sockets of several buses with a common wait.
 //!
 //! Error frames and 29-bit identifiers are filtered out here, and remote frames except for
-//! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_MONOTONIC` since opening; each frame has its
-//! receive time, so that a late reader detects stale frames.
+//! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_BOOTTIME` since opening, read once per wait; each
+//! frame has its receive time, so that a late reader detects stale frames.
 //!
 //! An accepted frame need not be on the wire: a controller in bus-off accepts all. A second socket per bus therefore
 //! receives SYNC only, for [transmit confirmation](SocketCan::with_transmit_confirmation): drivers with `IFF_ECHO` loop
@@ -23,7 +23,7 @@ use thiserror::Error;
 use crate::clock::{self, Reading};
 use crate::interface::{self, Remark, Unfit};
 use crate::socket::{Purpose, Socket};
-use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError};
+use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::listening::Pattern;
 use canopen::sync;
@@ -32,7 +32,7 @@ use units::time::Instant;
 /// Maximum buses of one node.
 const MAX_BUSES: usize = 8;
 
-/// Maximum frames read after the end of a wait: the capacity of a socket's buffer.
+/// Maximum frames read after the end of a wait, or for one confirmation: the capacity of a socket's buffer.
 const BACKLOG: usize = 256;
 
 /// Reasons open_error a bus cannot be opened.
@@ -60,6 +60,8 @@ pub struct SocketCan {
     lines: Vec<Line>,
     opened: Duration,
     epoch: Duration,
+    /// Last reading of both clocks.
+    last: Reading,
     /// Maximum frames that may queue on each interface, if they must be fit for torques; `reopen` checks again.
     bursts: Option<Vec<u32>>,
     /// Overrun before the last frame read.
@@ -84,8 +86,10 @@ struct Line {
 #[derive(Debug)]
 struct ConfirmationSocket {
     socket: Socket,
-    /// Time of the last SYNC.
+    /// Time of the last SYNC seen.
     event: Instant,
+    /// Time of the last SYNC of this node.
+    sent: Instant,
 }
 
 impl SocketCan {
@@ -98,9 +102,9 @@ impl SocketCan {
             return Err(OpenError::TooMany(interfaces.len()));
         }
         let lines = interfaces.iter().map(|name| Line::open(name)).collect::<Result<_, _>>()?;
-        let Reading { monotonic, wall } = Reading::now();
-        let (opened, epoch, bursts) = (monotonic, wall, None);
-        Ok(Self { lines, opened, epoch, bursts, overrun: None, first: 0 })
+        let last = Reading::now();
+        let (opened, epoch, bursts) = (last.boot, last.wall, None);
+        Ok(Self { lines, opened, epoch, last, bursts, overrun: None, first: 0 })
     }
 
     /// Limits reception on each bus to its patterns: a flood of other frames does not wake the node.
@@ -173,32 +177,32 @@ impl SocketCan {
     /// Returns the clock of the bus for other threads, equal to [`Bus::now`].
     pub fn clock(&self) -> impl Fn() -> Instant + Copy + Send + Sync + use<> {
         let opened = self.opened;
-        move || Instant::ZERO + clock::monotonic().saturating_sub(opened)
+        move || Instant::ZERO + clock::boot().saturating_sub(opened)
     }
 
-    /// Waits until a socket is readable, at most `timeout`, and returns its index: even for buses, odd for their
-    /// confirmation sockets.
-    fn wait(&mut self, timeout: Duration) -> Option<usize> {
-        let before = Reading::now();
-        let sockets = self.lines.iter().flat_map(Line::sockets);
+    /// Reads both clocks, and returns the time.
+    fn read_clocks(&mut self) -> Instant {
+        self.last = self.last.again();
+        Instant::ZERO + self.last.boot.saturating_sub(self.opened)
+    }
+
+    /// Waits until a bus can be read, at most `timeout`, and returns its place. Buses with a held frame wait.
+    fn poll(&mut self, timeout: Duration) -> Option<usize> {
         let anchor = self.lines.first()?.socket.as_fd();
-        let mut polled: [PollFd<'_>; 2 * MAX_BUSES] =
+        let mut polled: [PollFd<'_>; MAX_BUSES] =
             std::array::from_fn(|_| PollFd::new(anchor, PollFlags::empty()));
-        for (place, socket) in polled.iter_mut().zip(sockets) {
-            if let Some(socket) = socket {
-                *place = PollFd::new(socket.as_fd(), PollFlags::POLLIN);
-            }
+        for (place, line) in polled.iter_mut().zip(&self.lines).filter(|(_, line)| line.is_read()) {
+            *place = PollFd::new(line.socket.as_fd(), PollFlags::POLLIN);
         }
-        let count = 2 * self.lines.len();
+        let count = self.lines.len();
         let outcome = ppoll(polled.get_mut(..count)?, Some(TimeSpec::from_duration(timeout)), None);
         // A signal may have come first: then nothing is known, and the caller looks at the clock.
         outcome.ok()?;
-        let ready: [bool; 2 * MAX_BUSES] = polled.map(|place| place.any().unwrap_or_default());
+        let ready: [bool; MAX_BUSES] = polled.map(|place| place.any().unwrap_or_default());
         let is_ready = |place: &usize| ready.get(*place).copied().unwrap_or_default();
-        let sockets = self.lines.iter_mut().flat_map(Line::sockets_mut);
-        for (socket, is_ready) in sockets.zip(ready) {
-            if let Some(socket) = socket.filter(|_| !is_ready) {
-                socket.found_empty(before);
+        for (line, is_ready) in self.lines.iter_mut().zip(ready) {
+            if line.is_read() && !is_ready {
+                line.socket.found_empty(self.last);
             }
         }
         (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
@@ -211,18 +215,14 @@ impl SocketCan {
         lines.min_by_key(|line| at(line))?.held.take()
     }
 
-    /// Reads one socket; `None` if there is nothing for a CANopen node.
-    fn read(&mut self, place: usize) -> Option<Received> {
+    /// Reads one bus at `now`; `None` if there is nothing for a CANopen node.
+    fn read(&mut self, place: usize, now: Instant) -> Option<Received> {
         self.first = place + 1;
-        let (now, opened) = (self.now(), self.opened);
-        let line = self.lines.get_mut(place / 2)?;
-        let channel = Channel(u8::try_from(place / 2).unwrap_or(u8::MAX));
-        if place % 2 == 1 {
-            line.confirmation.as_mut()?.read(opened);
-            return None;
-        }
+        let opened = self.opened;
+        let line = self.lines.get_mut(place)?;
+        let channel = Channel(u8::try_from(place).unwrap_or(u8::MAX));
         let fault = |at, fault| Received { at, channel, event: BusEvent::Fault(fault) };
-        match line.socket.read() {
+        match line.socket.read(self.last) {
             Ok(taken) => {
                 let taken = taken?;
                 let at = Instant::ZERO + taken.arrived.saturating_sub(opened);
@@ -237,7 +237,7 @@ impl SocketCan {
 
 impl Bus for SocketCan {
     fn now(&self) -> Instant {
-        Instant::ZERO + clock::monotonic().saturating_sub(self.opened)
+        Instant::ZERO + clock::boot().saturating_sub(self.opened)
     }
 
     fn wall(&self) -> Duration {
@@ -248,43 +248,51 @@ impl Bus for SocketCan {
         clock::suspended()
     }
 
-    fn transmit_confirmed_at(&self, Channel(place): Channel) -> Option<Instant> {
-        Some(self.lines.get(usize::from(place))?.confirmation.as_ref()?.event)
+    fn transmit_confirmed_at(&mut self, Channel(place): Channel) -> Option<Instant> {
+        self.read_clocks();
+        let confirmation = self.lines.get_mut(usize::from(place))?.confirmation.as_mut()?;
+        Some(confirmation.read(self.last, self.opened))
     }
 
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+    fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
-        let line = self.lines.get(usize::from(place)).ok_or(SendError::Down)?;
-        line.socket.send(&telegram.frame)
+        let line = self.lines.get_mut(usize::from(place)).ok_or(SendError::Down)?;
+        line.socket.send(&telegram.frame)?;
+        if let Some(confirmation) = &mut line.confirmation
+            && telegram.frame.cob_id == sync::COB_ID
+        {
+            confirmation.sent = now;
+        }
+        Ok(())
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
-        if let Some(overrun) = self.overrun.take() {
-            return Some(overrun);
-        }
-        if let Some(held) = self.take_held(until) {
-            return Some(held);
+    fn wait(&mut self, mut now: Instant, until: Instant) -> Wake {
+        if let Some(ready) = self.overrun.take().or_else(|| self.take_held(until)) {
+            return Wake { now, received: Some(ready) };
         }
         let mut late = 0;
         while late < BACKLOG {
-            let left = until.since(self.now());
-            let Some(place) = self.wait(left) else {
-                if left.is_zero() {
-                    return None;
+            let left = until.since(now);
+            let ready = self.poll(left);
+            now = self.read_clocks();
+            let Some(place) = ready else {
+                // Not so where a signal has ended the wait.
+                if now >= until {
+                    break;
                 }
                 continue;
             };
             late += usize::from(left.is_zero());
-            let Some(received) = self.read(place) else { continue };
+            let Some(received) = self.read(place, now) else { continue };
             if received.at <= until {
-                return Some(received);
+                return Wake { now, received: Some(received) };
             }
             // Another bus may still have one that came in time.
-            if let Some(line) = self.lines.get_mut(place / 2) {
+            if let Some(line) = self.lines.get_mut(place) {
                 line.held = Some(received);
             }
         }
-        None
+        Wake { now, received: None }
     }
 
     fn reopen(&mut self) -> Result<(), ReopenError> {
@@ -319,15 +327,9 @@ impl Line {
         Ok(())
     }
 
-    /// Returns the socket of the bus unless a frame is held, and the confirmation socket.
-    fn sockets(&self) -> [Option<&Socket>; 2] {
-        let own = Some(&self.socket).filter(|_| self.held.is_none());
-        [own, self.confirmation.as_ref().map(|confirmation| &confirmation.socket)]
-    }
-
-    fn sockets_mut(&mut self) -> [Option<&mut Socket>; 2] {
-        let own = Some(&mut self.socket).filter(|_| self.held.is_none());
-        [own, self.confirmation.as_mut().map(|confirmation| &mut confirmation.socket)]
+    /// Returns whether its socket is read: no frame is held.
+    fn is_read(&self) -> bool {
+        self.held.is_none()
     }
 }
 
@@ -337,14 +339,24 @@ impl ConfirmationSocket {
         let purpose = Purpose { filters: &filters, receives_errors: false, receives_own: false };
         let socket =
             Socket::open(interface, &purpose).map_err(|error| open_error(interface, error))?;
-        Ok(Self { socket, event: Instant::ZERO })
+        Ok(Self { socket, event: Instant::ZERO, sent: Instant::ZERO })
     }
 
-    /// Records a SYNC. The socket of the bus reports an interface that is down.
-    fn read(&mut self, opened: Duration) {
-        if let Ok(Some(taken)) = self.socket.read() {
+    /// Reads up to the SYNC of this cycle, and returns the time of the last one. The socket of the bus reports an
+    /// interface that is down.
+    fn read(&mut self, now: Reading, opened: Duration) -> Instant {
+        for _ in 0..BACKLOG {
+            // The socket is proven empty only where a stamp would otherwise be of an unknown clock.
+            if self.event >= self.sent && !self.socket.is_before_a_step(now) {
+                break;
+            }
+            let Ok(Some(taken)) = self.socket.read(now) else {
+                self.socket.found_empty(now);
+                break;
+            };
             self.event = Instant::ZERO + taken.arrived.saturating_sub(opened);
         }
+        self.event
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::{Bus, BusEvent, Received, ReopenError, SendError, Tap};
+use crate::{Bus, BusEvent, Received, ReopenError, SendError, Tap, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use units::time::Instant;
@@ -39,22 +39,22 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
         self.bus.suspended()
     }
 
-    fn transmit_confirmed_at(&self, channel: Channel) -> Option<Instant> {
+    fn transmit_confirmed_at(&mut self, channel: Channel) -> Option<Instant> {
         self.bus.transmit_confirmed_at(channel)
     }
 
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
-        self.bus.send(telegram)?;
-        self.tap.on_wire(self.bus.now(), &telegram);
+    fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError> {
+        self.bus.send_at(now, telegram)?;
+        self.tap.on_wire(now, &telegram);
         Ok(())
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
-        let received = self.bus.receive(until)?;
-        if let BusEvent::Frame(frame) = received.event {
-            self.tap.on_wire(received.at, &Telegram { channel: received.channel, frame });
+    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
+        let wake = self.bus.wait(now, until);
+        if let Some(Received { at, channel, event: BusEvent::Frame(frame) }) = wake.received {
+            self.tap.on_wire(at, &Telegram { channel, frame });
         }
-        Some(received)
+        wake
     }
 
     fn reopen(&mut self) -> Result<(), ReopenError> {

@@ -78,7 +78,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.reopen()?;
-        self.network.restart(self.wire.now());
+        self.network.restart(self.wire.read_clock());
         self.samples.restart();
         self.plausibility.restart();
         self.proof_test.restart();
@@ -97,7 +97,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Receives for [`LISTEN_TIME`] before the first frame is sent, and fails if another master is on the bus.
     fn listen_before_boot(&mut self) -> Result<(), BringUpError> {
-        let until = self.wire.now() + LISTEN_TIME;
+        let until = self.wire.read_clock() + LISTEN_TIME;
         while let Some(Received { channel, event, .. }) = self.wire.receive(until) {
             match event {
                 BusEvent::Frame(frame) => {
@@ -148,7 +148,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<Instant, BringUpError> {
-        let now = self.wire.now();
+        let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
         self.remote.exchange(now, &Motion::Hold, Mode::Boot);
@@ -186,14 +186,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
-            let event = self.network.master.on_time(self.wire.now(), &mut self.wire.out);
+            let event = self.network.master.on_time(self.wire.read_clock(), &mut self.wire.out);
             self.send_queued();
             self.check_all_accepted()?;
             self.on_boot_event(event, &mut failed)?;
             if !self.network.master.is_booting() {
                 break;
             }
-            let next_poll = self.wire.now() + GIVE_UP_POLL_INTERVAL;
+            let next_poll = self.wire.read_clock() + GIVE_UP_POLL_INTERVAL;
             let until = self.network.master.deadline().map_or(next_poll, |due| due.min(next_poll));
             let Some(received) = self.wire.receive(until) else { continue };
             let channel = received.channel;
@@ -209,7 +209,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 BusEvent::Fault(fault) => self.on_boot_fault(channel, fault)?,
             }
         }
-        while let Some(event) = self.network.master.on_time(self.wire.now(), &mut self.wire.out) {
+        while let Some(event) =
+            self.network.master.on_time(self.wire.read_clock(), &mut self.wire.out)
+        {
             self.on_boot_event(Some(event), &mut failed)?;
         }
         self.send_queued();

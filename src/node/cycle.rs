@@ -46,6 +46,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let targets = self.command_drives(sync_at, &permit, &output);
         self.send_services(now, sync_at);
+        self.wire.read_transmit_confirmation();
         self.remote.exchange(now, &output.command, self.safety.mode());
 
         self.timing.end_cycle();
@@ -62,8 +63,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Watches the loop and the SYNC of the previous cycle, when a cycle starts after `skipped` SYNC slots.
     fn watch_start(&mut self, skipped: u64) {
-        let now = self.wire.now();
-        let [resumed, late] = self.timing.watch_start(now, self.wire.suspended(), skipped);
+        let (now, suspended) = (self.wire.now(), self.wire.suspended());
+        let [resumed, late] = self.timing.watch_start(now, suspended, skipped);
         let unconfirmed = self.wire.watch_transmit_confirmation();
         self.raise(now, [resumed, late, unconfirmed]);
     }

@@ -21,7 +21,7 @@ const LATE_LIMIT: usize = 10;
 const LATE_WINDOW: Duration = Duration::from_secs(1);
 
 /// Minimum growth of the suspension time that is a suspension, as two clocks are read in turn.
-const MIN_SUSPENSION: Duration = Duration::from_millis(1);
+pub(super) const MIN_SUSPENSION: Duration = Duration::from_millis(1);
 
 /// Watch for late cycles, stalls and host suspension.
 #[derive(Clone, Debug)]

@@ -18,7 +18,7 @@ const MAX_MISSED_SYNCS: u64 = lateness::MAX_SKIPPED_CYCLES;
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Receives until the next SYNC is due, and skips missed slots.
     pub(super) fn await_sync(&mut self) -> Due {
-        let mut due = self.timing.schedule.next(self.wire.now());
+        let mut due = self.timing.schedule.next(self.wire.read_clock());
         self.listen(due.at);
         for _ in 0..MAX_MISSED_SYNCS {
             if !self.timing.is_missed(due, self.wire.now()) {
@@ -41,6 +41,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             late += u64::from(self.wire.now() >= until);
             self.watch_stall(until);
             self.on_received(received);
+            // The time that this took must not delay what is due at `until`.
+            self.wire.read_clock();
         }
     }
 
@@ -63,8 +65,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Watches for a stall since `due`. Call it before reading queued frames: drives whose timers expired in the stall
     /// report that, and their reports must not be the first cause.
     pub(super) fn watch_stall(&mut self, due: Instant) {
-        let now = self.wire.now();
-        let causes = self.timing.watch_stall(due, now, self.wire.suspended());
+        let (now, suspended) = (self.wire.now(), self.wire.suspended());
+        let causes = self.timing.watch_stall(due, now, suspended);
         self.raise(now, causes);
     }
 

@@ -70,7 +70,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         request: Request,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<Mode, RequestError> {
-        let now = self.wire.now();
+        let now = self.wire.read_clock();
         match request {
             Request::Arm => {
                 // A latched stop is refused by its cause, not by a proof test that its boot has not run.
@@ -122,7 +122,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if stop.must_boot || self.wire.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
-                self.safety.restore(self.wire.now(), stop);
+                self.safety.restore(self.wire.read_clock(), stop);
                 self.restore_unconfirmed(&unconfirmed);
                 if was_silent {
                     // A drive that did not confirm power off may still be on.

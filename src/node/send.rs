@@ -21,7 +21,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Sends heartbeat, TIME and SDO requests, after the RPDOs so that they do not delay them.
     pub(super) fn send_services(&mut self, now: Instant, sync_at: Instant) {
         // Neither after a stall: the drives' heartbeat consumers and life guarding must see it.
-        if !self.is_late(sync_at) {
+        if !self.timing.lateness.is_stale(sync_at, self.wire.now()) {
             self.send_heartbeat(now);
             self.send_guard_requests();
         }

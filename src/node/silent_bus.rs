@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::Node;
-use bus::{Bus, BusEvent, BusFault, Received, SendError};
+use bus::{Bus, BusEvent, BusFault, Received, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
@@ -39,13 +39,21 @@ impl Bus for SilentBus {
         Duration::ZERO
     }
 
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+    fn send_at(&mut self, _: Instant, telegram: Telegram) -> Result<(), SendError> {
         self.refuses.map_or(Ok(()), Err)?;
         self.sent.push((self.now, telegram));
         Ok(())
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
+    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+        let received = self.next(until);
+        Wake { now: self.now, received }
+    }
+}
+
+impl SilentBus {
+    /// Waits until `until` for a planned event.
+    fn next(&mut self, until: Instant) -> Option<Received> {
         if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
             self.now = self.now.max(at);
             return Some(Received { at, channel: Channel(0), event: BusEvent::Fault(fault) });
@@ -61,9 +69,7 @@ impl Bus for SilentBus {
         }
         None
     }
-}
 
-impl SilentBus {
     /// Takes the COB-IDs of the frames since the last call, in order.
     pub(super) fn identifiers(&mut self) -> Vec<u16> {
         self.sent.drain(..).map(|(_, telegram)| telegram.frame.cob_id).collect()

@@ -74,9 +74,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         is_urgent: &mut dyn FnMut() -> bool,
     ) -> Result<(), NotConfirmed> {
-        self.safety.shut_down(self.wire.now());
-        let until = self.wire.now() + POWER_OFF_TIMEOUT;
-        while !self.is_off() && self.wire.now() < until {
+        self.safety.shut_down(self.wire.read_clock());
+        let until = self.wire.read_clock() + POWER_OFF_TIMEOUT;
+        while !self.is_off() && self.wire.read_clock() < until {
             self.cycle();
         }
         let statuswords = self.powered();
@@ -105,7 +105,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn enter_pre_operational(&mut self) {
         self.network.master.shut_down(&mut self.wire.out);
         self.send_queued();
-        let flushed = self.wire.now() + self.timing.period;
+        let flushed = self.wire.read_clock() + self.timing.period;
         while let Some(received) = self.wire.receive(flushed) {
             if matches!(received.event, BusEvent::Fault(_)) {
                 self.on_received(received);
@@ -115,7 +115,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Ends every node's monitoring of this master, and sends heartbeat and guarding until all have confirmed or failed.
     fn end_monitoring(&mut self, is_urgent: &mut dyn FnMut() -> bool) {
-        let now = self.wire.now();
+        let now = self.wire.read_clock();
         let mut waiting: usize = 0;
         for node in self.network.master.nodes() {
             let is_requested = self.network.master.end_monitoring(now, node, &mut self.wire.out);
@@ -123,7 +123,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         let until = now + MONITORING_OFF_TIMEOUT;
         while waiting > 0 && !is_urgent() && !self.wire.transmission.is_shut() {
-            let now = self.wire.now();
+            let now = self.wire.read_clock();
             if now >= until {
                 return;
             }

@@ -104,9 +104,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.wire.out = out;
     }
 
-    /// Returns whether targets from the samples of the SYNC sent at `sync_at` are too old.
-    pub(super) fn is_late(&self, sync_at: Instant) -> bool {
-        self.timing.lateness.is_stale(sync_at, self.wire.now())
+    /// Reads the clock, and returns whether targets from the samples of the SYNC sent at `sync_at` are too old.
+    fn is_late(&mut self, sync_at: Instant) -> bool {
+        let now = self.wire.read_clock();
+        self.timing.lateness.is_stale(sync_at, now)
     }
 }
 

@@ -35,6 +35,8 @@ struct BusState {
     failed_cycles: u32,
     /// Time of the last accepted SYNC.
     last_sync: Option<Instant>,
+    /// Time of the last confirmed SYNC; `None` if the bus confirms none.
+    confirmed_at: Option<Instant>,
     /// Cycles since then without its transmit confirmation.
     unconfirmed_cycles: u32,
 }
@@ -57,6 +59,7 @@ impl Transmission {
             permission,
             failed_cycles: 0,
             last_sync: None,
+            confirmed_at: None,
             unconfirmed_cycles: 0,
         };
         Self { buses: channels.iter().map(bus).collect() }
@@ -69,6 +72,7 @@ impl Transmission {
                 permission: Permission::Open,
                 failed_cycles: 0,
                 last_sync: None,
+                confirmed_at: None,
                 unconfirmed_cycles: 0,
                 ..*bus
             };
@@ -90,15 +94,19 @@ impl Transmission {
         self.buses.iter().any(|bus| bus.channel == channel && bus.permission == Permission::Open)
     }
 
-    /// Starts a cycle. `confirmed_at` returns the time of a bus's last transmit confirmation of a SYNC, or `None` if the
-    /// bus has none. Returns a cause when a bus is shut for missing confirmations.
-    pub(super) fn start_cycle(
-        &mut self,
-        confirmed_at: impl Fn(Channel) -> Option<Instant>,
-    ) -> Option<Cause> {
+    /// Updates the transmit confirmation of each bus whose last SYNC has none. `confirmed_at` returns the time of the
+    /// last SYNC confirmed on a bus, or `None` if the bus confirms none.
+    pub(super) fn confirm(&mut self, mut confirmed_at: impl FnMut(Channel) -> Option<Instant>) {
+        for bus in self.buses.iter_mut().filter(|bus| !bus.is_confirmed()) {
+            bus.confirmed_at = confirmed_at(bus.channel);
+        }
+    }
+
+    /// Starts a cycle, after [`confirm`](Self::confirm). Returns a cause when a bus is shut for missing confirmations.
+    pub(super) fn start_cycle(&mut self) -> Option<Cause> {
         let mut unconfirmed = None;
         for bus in &mut self.buses {
-            if bus.start_cycle(confirmed_at(bus.channel)) {
+            if bus.start_cycle() {
                 unconfirmed =
                     unconfirmed.or(Some(Cause::TransmitUnconfirmed { channel: bus.channel.0 }));
             }
@@ -151,15 +159,18 @@ impl Transmission {
 }
 
 impl BusState {
+    /// Returns whether the last SYNC is confirmed.
+    fn is_confirmed(&self) -> bool {
+        let is_of = |sync| self.confirmed_at.is_some_and(|at| at + CLOCK_TOLERANCE >= sync);
+        self.last_sync.is_none_or(is_of)
+    }
+
     /// Starts a cycle; returns true if it shuts the bus.
-    fn start_cycle(&mut self, confirmed_at: Option<Instant>) -> bool {
+    fn start_cycle(&mut self) -> bool {
         if self.permission == Permission::Shut {
             return false;
         }
-        let is_unconfirmed = match (self.last_sync, confirmed_at) {
-            (Some(sync), Some(confirmed_at)) => confirmed_at + CLOCK_TOLERANCE < sync,
-            (None, _) | (_, None) => false,
-        };
+        let is_unconfirmed = self.confirmed_at.is_some() && !self.is_confirmed();
         self.unconfirmed_cycles = if is_unconfirmed { self.unconfirmed_cycles + 1 } else { 0 };
         self.permission = match self.unconfirmed_cycles {
             0 => Permission::Open,
@@ -190,19 +201,27 @@ mod tests {
         Transmission::on(&[BUS, OTHER])
     }
 
+    impl Transmission {
+        /// Starts a cycle with these confirmations.
+        fn start(&mut self, confirmed_at: impl FnMut(Channel) -> Option<Instant>) -> Option<Cause> {
+            self.confirm(confirmed_at);
+            self.start_cycle()
+        }
+    }
+
     #[test]
     fn hazard_21_second_full_queue_shuts_the_bus() {
         let mut transmission = both();
-        assert_eq!(transmission.start_cycle(|_| None), None);
+        assert_eq!(transmission.start(|_| None), None);
         let full = Err(SendError::Full);
         let cause = transmission.on_send(at(1), &sync(BUS), full);
         assert_eq!(cause, Some(Cause::QueueFull { channel: 0 }));
         assert!(!transmission.is_open(BUS) && transmission.is_open(OTHER));
-        transmission.start_cycle(|_| None);
+        transmission.start(|_| None);
         assert!(transmission.is_open(BUS), "open in the next cycle");
         let cause = transmission.on_send(at(2), &sync(BUS), full);
         assert_eq!(cause, Some(Cause::BusDown { channel: 0 }));
-        transmission.start_cycle(|_| None);
+        transmission.start(|_| None);
         assert!(
             !transmission.is_open(BUS) && transmission.is_open(OTHER) && transmission.is_shut()
         );
@@ -214,15 +233,15 @@ mod tests {
     fn hazard_22_two_unconfirmed_syncs_shut_the_bus() {
         let mut transmission = both();
         let confirmed = |millis: u64| move |channel| (channel == BUS).then(|| at(millis));
-        transmission.start_cycle(confirmed(0));
+        transmission.start(confirmed(0));
         transmission.on_send(at(1), &sync(BUS), Ok(()));
-        assert_eq!(transmission.start_cycle(confirmed(1)), None);
+        assert_eq!(transmission.start(confirmed(1)), None);
         transmission.on_send(at(2), &sync(BUS), Ok(()));
-        assert_eq!(transmission.start_cycle(confirmed(1)), None);
+        assert_eq!(transmission.start(confirmed(1)), None);
         assert!(!transmission.is_open(BUS), "no SYNC for frames that the adapter holds");
-        let cause = transmission.start_cycle(confirmed(1));
+        let cause = transmission.start(confirmed(1));
         assert_eq!(cause, Some(Cause::TransmitUnconfirmed { channel: 0 }));
-        assert_eq!(transmission.start_cycle(confirmed(9)), None, "raised once");
+        assert_eq!(transmission.start(confirmed(9)), None, "raised once");
         assert!(!transmission.is_open(BUS), "a late confirmation does not open it");
     }
 
@@ -230,14 +249,8 @@ mod tests {
     fn sync_confirmed_a_cycle_late_closes_one_cycle() {
         let mut transmission = both();
         transmission.on_send(at(1), &sync(BUS), Ok(()));
-        assert_eq!(
-            (transmission.start_cycle(|_| Some(at(0))), transmission.is_open(BUS)),
-            (None, false)
-        );
-        assert_eq!(
-            (transmission.start_cycle(|_| Some(at(2))), transmission.is_open(BUS)),
-            (None, true)
-        );
+        assert_eq!((transmission.start(|_| Some(at(0))), transmission.is_open(BUS)), (None, false));
+        assert_eq!((transmission.start(|_| Some(at(2))), transmission.is_open(BUS)), (None, true));
     }
 
     #[test]

@@ -18,7 +18,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.start_network(give_up)?;
-        let now = self.wire.now();
+        let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
         self.remote.exchange(now, &Motion::Hold, self.safety.mode());

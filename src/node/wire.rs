@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
+use crate::lateness::MIN_SUSPENSION;
 use crate::safety::causes;
 use crate::transmission::Transmission;
 use bus::{Bus, BusFault, Received, ReopenError};
@@ -17,6 +18,10 @@ const QUEUE_CAPACITY: usize = 64;
 #[derive(Clone, Debug)]
 pub(super) struct Wire<B> {
     pub(super) bus: B,
+    /// Last reading of the clock.
+    now: Instant,
+    /// Time of host suspension so far, and when it was read.
+    suspended: (Duration, Instant),
     channels: Vec<Channel>,
     pub(super) transmission: Transmission,
     /// Frames to send, in order.
@@ -37,22 +42,45 @@ impl<B: Bus> Wire<B> {
     pub(super) fn new(config: &Config, bus: B) -> Self {
         let channels = config.channels();
         let transmission = Transmission::on(&channels);
-        Self { bus, channels, transmission, out: Vec::with_capacity(QUEUE_CAPACITY) }
+        let now = bus.now();
+        let suspended = (bus.suspended(), now);
+        Self {
+            bus,
+            now,
+            suspended,
+            channels,
+            transmission,
+            out: Vec::with_capacity(QUEUE_CAPACITY),
+        }
     }
 
-    /// Returns the time of the bus's clock.
-    pub(super) fn now(&self) -> Instant {
-        self.bus.now()
+    /// Returns the last reading of the bus's clock: the end of the last wait, unless it was [read](Self::read_clock)
+    /// since.
+    pub(super) const fn now(&self) -> Instant {
+        self.now
     }
 
-    /// Returns the time of host suspension so far.
-    pub(super) fn suspended(&self) -> Duration {
-        self.bus.suspended()
+    /// Reads the bus's clock.
+    pub(super) fn read_clock(&mut self) -> Instant {
+        self.now = self.bus.now();
+        self.now
+    }
+
+    /// Returns the time of host suspension so far. The clock goes on in a suspension, so no other clock is read where
+    /// too little time has passed for one.
+    pub(super) fn suspended(&mut self) -> Duration {
+        let (_, read_at) = self.suspended;
+        if self.now.since(read_at) > MIN_SUSPENSION {
+            self.suspended = (self.bus.suspended(), self.now);
+        }
+        self.suspended.0
     }
 
     /// Waits until `until` for a frame or a fault.
     pub(super) fn receive(&mut self, until: Instant) -> Option<Received> {
-        self.bus.receive(until)
+        let wake = self.bus.wait(self.now, until);
+        self.now = wake.now;
+        wake.received
     }
 
     /// Queues a frame for every bus.
@@ -68,16 +96,22 @@ impl<B: Bus> Wire<B> {
         if !self.transmission.is_open(telegram.channel) {
             return Err(NotSent::Closed);
         }
-        let at = self.bus.now();
-        let outcome = self.bus.send(telegram);
+        let at = self.now;
+        let outcome = self.bus.send_at(at, telegram);
         let cause = self.transmission.on_send(at, &telegram, outcome);
         outcome.map_err(|_| NotSent::NotAccepted(at, cause))
     }
 
     /// Starts a cycle of transmission; returns a cause if accepted SYNCs are not confirmed as transmitted.
     pub(super) fn watch_transmit_confirmation(&mut self) -> Option<Cause> {
-        let bus = &self.bus;
-        self.transmission.start_cycle(|channel| bus.transmit_confirmed_at(channel))
+        self.read_transmit_confirmation();
+        self.transmission.start_cycle()
+    }
+
+    /// Reads the transmit confirmation of the last SYNC on each bus, if it is still to come.
+    pub(super) fn read_transmit_confirmation(&mut self) {
+        let bus = &mut self.bus;
+        self.transmission.confirm(|channel| bus.transmit_confirmed_at(channel));
     }
 
     /// Updates the permission to send after a bus fault; returns its cause, if it has one.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use std::{env, fs, process};
 
-use bus::{Bus, Received, SendError};
+use bus::{Bus, SendError, Wake};
 use canopen::frame::Telegram;
 use config::Config;
 use node::Node;
@@ -35,13 +35,13 @@ impl Bus for SilentBus {
         Duration::ZERO
     }
 
-    fn send(&mut self, _telegram: Telegram) -> Result<(), SendError> {
+    fn send_at(&mut self, _: Instant, _: Telegram) -> Result<(), SendError> {
         Ok(())
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
+    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
         self.0 = self.0.max(until);
-        None
+        Wake { now: self.0, received: None }
     }
 }
 

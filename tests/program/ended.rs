@@ -20,7 +20,7 @@ use nix::unistd::Pid;
 
 use crate::common::bench::{Wire, config, until};
 use crate::common::cli::{Ended, folder, frhc};
-use bus::{Bus, Received, SendError, Tap};
+use bus::{Bus, SendError, Tap, Wake};
 use canopen::NmtState;
 use canopen::drive::State;
 use canopen::frame::{Frame, Telegram};
@@ -357,12 +357,12 @@ impl<B: Bus> Bus for Stepped<B> {
         }
     }
 
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
-        self.bus.send(telegram)
+    fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError> {
+        self.bus.send_at(now, telegram)
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
-        self.bus.receive(until)
+    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
+        self.bus.wait(now, until)
     }
 }
 

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::disturbance::{Adapter, Change, Schedule, Taken, reported};
 use crate::wire::{Sender, Wire};
-use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, clock};
+use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, Wake, clock};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use canopen::sync;
@@ -296,11 +296,11 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         self.suspended
     }
 
-    fn transmit_confirmed_at(&self, Channel(place): Channel) -> Option<Instant> {
+    fn transmit_confirmed_at(&mut self, Channel(place): Channel) -> Option<Instant> {
         self.adapters.get(usize::from(place)).map(Adapter::transmit_confirmed_at)
     }
 
-    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+    fn send_at(&mut self, _: Instant, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
         let place = usize::from(place);
         let wire = self.wires.get_mut(place).ok_or(SendError::Down)?;
@@ -320,7 +320,28 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         Ok(())
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Received> {
+    fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+        let received = self.next_received(until);
+        Wake { now: self.now(), received }
+    }
+
+    fn reopen(&mut self) -> Result<(), ReopenError> {
+        self.arrived.clear();
+        let mut adapters = (0..).zip(&self.adapters);
+        match adapters.find(|(_, adapter)| adapter.take() == Err(SendError::Down)) {
+            Some((place, _)) => Err(ReopenError::Gone(Channel(place))),
+            None => Ok(()),
+        }
+    }
+
+    fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
+        self.tap.on_event(at, event)
+    }
+}
+
+impl<S: Station, T: Tap> Memory<S, T> {
+    /// Lets time pass until the next event, until `until` at the latest.
+    fn next_received(&mut self, until: Instant) -> Option<Received> {
         loop {
             self.apply_changes();
             if let Some(received) = self.fetch(until) {
@@ -336,19 +357,6 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
             }
             self.advance(next);
         }
-    }
-
-    fn reopen(&mut self) -> Result<(), ReopenError> {
-        self.arrived.clear();
-        let mut adapters = (0..).zip(&self.adapters);
-        match adapters.find(|(_, adapter)| adapter.take() == Err(SendError::Down)) {
-            Some((place, _)) => Err(ReopenError::Gone(Channel(place))),
-            None => Ok(()),
-        }
-    }
-
-    fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
-        self.tap.on_event(at, event)
     }
 }
 

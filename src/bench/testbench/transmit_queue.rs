@@ -99,7 +99,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use bus::Received;
+    use bus::Wake;
     use canopen::frame::Frame;
     use units::time::Instant;
 
@@ -119,7 +119,7 @@ mod tests {
             Duration::ZERO
         }
 
-        fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        fn send_at(&mut self, _: Instant, telegram: Telegram) -> Result<(), SendError> {
             let Channel(place) = telegram.channel;
             let room = self.room.get_mut(usize::from(place)).ok_or(SendError::Down)?;
             *room = room.checked_sub(1).ok_or(SendError::Full)?;
@@ -127,8 +127,8 @@ mod tests {
             Ok(())
         }
 
-        fn receive(&mut self, _: Instant) -> Option<Received> {
-            None
+        fn wait(&mut self, now: Instant, _: Instant) -> Wake {
+            Wake { now, received: None }
         }
     }
 

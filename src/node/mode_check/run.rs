@@ -51,7 +51,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let is_right = self.mode_check.is_right(joint);
             if is_right || is_last || self.cause().is_some() {
                 self.drives.power.keep_off(joint);
-                self.network.master.power_off(self.wire.now(), joint.into(), &mut self.wire.out);
+                self.network.master.power_off(
+                    self.wire.read_clock(),
+                    joint.into(),
+                    &mut self.wire.out,
+                );
                 self.send_queued();
             }
             if let Some(cause) = self.cause() {
@@ -71,7 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if self.mode_check.is_asked {
             return;
         }
-        let (now, setting) = (self.wire.now(), Setting::unknown(Object::MODE_DISPLAY, 1));
+        let (now, setting) = (self.wire.read_clock(), Setting::unknown(Object::MODE_DISPLAY, 1));
         let master = &mut self.network.master;
         self.mode_check.is_asked = master.read_back(now, joint.into(), setting, &mut self.wire.out);
         self.send_queued();
@@ -89,17 +93,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if joints.is_empty() {
             return Ok(());
         }
-        let until = self.wire.now() + POWER_OFF_TIMEOUT;
-        while !self.is_off() && self.wire.now() < until {
+        let until = self.wire.read_clock() + POWER_OFF_TIMEOUT;
+        while !self.is_off() && self.wire.read_clock() < until {
             self.cycle();
         }
         if !self.is_off() {
             return Err(BringUpError::GivenUp);
         }
         self.mode_check.raised = [false; 6];
-        let until = self.wire.now() + RAISE_TIMEOUT;
+        let until = self.wire.read_clock() + RAISE_TIMEOUT;
         loop {
-            let now = self.wire.now();
+            let now = self.wire.read_clock();
             // Refused while its last request is under way.
             for joint in joints.iter().filter(|joint| !*joint.entry(&self.mode_check.raised)) {
                 self.network.master.raise_limits(now, (*joint).into(), &mut self.wire.out);

@@ -61,7 +61,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 Awaited::Guarding => {
                     self.network.pause_guarding();
                     let tested = self.withhold_error_control(awaited, give_up);
-                    self.network.master.resume_guarding(self.wire.now());
+                    self.network.master.resume_guarding(self.wire.read_clock());
                     tested?;
                 }
             }
@@ -73,7 +73,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 return Err(BringUpError::ProofTest(failures));
             }
             // Emergencies arrive first; then drives that have left operational (1029h) are started again.
-            let until = self.wire.now() + SETTLE_TIME.max(self.timing.period * 5);
+            let until = self.wire.read_clock() + SETTLE_TIME.max(self.timing.period * 5);
             self.listen(until);
             self.network.master.start_nodes(&mut self.wire.out);
             self.samples.clear_missing();
@@ -85,9 +85,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Tests the RPDO timers: withholds SYNC and RPDOs, and sends the heartbeat.
     fn withhold_rpdos(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        self.proof_test.start_watchdog_test(Awaited::Rpdo, self.wire.now());
+        self.proof_test.start_watchdog_test(Awaited::Rpdo, self.wire.read_clock());
         loop {
-            let now = self.wire.now();
+            let now = self.wire.read_clock();
             self.send_heartbeat(now);
             self.poll_master(now);
             while let Some(joint) = self.proof_test.next_to_read(now) {
@@ -117,16 +117,16 @@ impl<B: Bus, R: Remote> Node<B, R> {
         awaited: Awaited,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
-        self.proof_test.start_watchdog_test(awaited, self.wire.now());
-        while self.proof_test.deadline(self.wire.now()).is_some() {
+        self.proof_test.start_watchdog_test(awaited, self.wire.read_clock());
+        while self.proof_test.deadline(self.wire.read_clock()).is_some() {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
-            let due = self.timing.schedule.next(self.wire.now());
+            let due = self.timing.schedule.next(self.wire.read_clock());
             self.listen(due.at);
             let sync_at = self.send_sync();
             self.gather(sync_at);
-            let now = self.wire.now();
+            let now = self.wire.read_clock();
             if awaited != Awaited::Heartbeat {
                 self.send_heartbeat(now);
             }
@@ -145,7 +145,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Sends a heartbeat at once.
     fn send_last_heartbeat(&mut self) {
-        let beat = self.network.heartbeat.beat(self.wire.now());
+        let beat = self.network.heartbeat.beat(self.wire.read_clock());
         self.send_on_every_bus(beat);
     }
 }
@@ -164,7 +164,7 @@ mod tests {
     fn emergency(node: &mut Node<SilentBus, NoRemote>, code: u16) -> Option<Event> {
         let [low, high] = code.to_le_bytes();
         let frame = Frame::new(0x83, [low, high, 0x10, 0, 0, 0, 0, 0]);
-        let at = node.wire.now();
+        let at = node.wire.read_clock();
         node.on_received(Received { at, channel: Channel(0), event: BusEvent::Frame(frame) });
         node.notice()
     }

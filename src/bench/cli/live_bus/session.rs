@@ -193,7 +193,7 @@ const fn description(fault: BusFault) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bus::Received;
+    use bus::{Received, Wake};
     use canopen::NodeId;
     use canopen::object::Object;
     use canopen::sdo::{SdoError, Transfer};
@@ -216,7 +216,7 @@ mod tests {
             Duration::ZERO
         }
 
-        fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        fn send_at(&mut self, _: Instant, telegram: Telegram) -> Result<(), SendError> {
             if self.room == 0 {
                 return Err(SendError::Full);
             }
@@ -225,10 +225,12 @@ mod tests {
             Ok(())
         }
 
-        fn receive(&mut self, until: Instant) -> Option<Received> {
-            self.now = self.now.max(until);
-            let event = BusEvent::Fault(self.fault.take()?);
-            Some(Received { at: self.now, channel: Channel(0), event })
+        fn wait(&mut self, _: Instant, until: Instant) -> Wake {
+            let now = self.now.max(until);
+            self.now = now;
+            let received =
+                |fault| Received { at: now, channel: Channel(0), event: BusEvent::Fault(fault) };
+            Wake { now, received: self.fault.take().map(received) }
         }
     }
 

@@ -22,6 +22,11 @@ const REPEAT_CYCLES: u32 = 20;
 pub struct RpdoImage {
     cyclic: Vec<Rpdo>,
     event_driven: Vec<Rpdo>,
+    /// Fields of each node's target torque, and of its controlword.
+    target_torques: Vec<Vec<Place>>,
+    controlwords: Vec<Vec<Place>>,
+    /// Indices of the event-driven RPDOs of each node.
+    event_driven_of: Vec<Vec<usize>>,
     /// Index of the event-driven RPDO with the next turn.
     next: usize,
     /// An event-driven RPDO was sent in the last cycle.
@@ -52,6 +57,14 @@ struct Field {
     is_reached: bool,
 }
 
+/// Place of a field in the image, found once: the cycle does not search.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    is_cyclic: bool,
+    rpdo: usize,
+    field: usize,
+}
+
 impl RpdoImage {
     pub(super) fn new(plans: &[(Channel, NodePlan)]) -> Result<Self, ExchangeError> {
         let mut rpdos: Vec<Rpdo> = Vec::new();
@@ -66,26 +79,47 @@ impl RpdoImage {
                 }
             }
         }
-        let (cyclic, event_driven) =
+        let (cyclic, event_driven): (Vec<Rpdo>, Vec<Rpdo>) =
             rpdos.into_iter().partition(|rpdo| rpdo.service.transmission.syncs().is_some());
-        Ok(Self { cyclic, event_driven, next: 0, skips_cycle: false })
+        let places = |object| {
+            let of = |(node, _)| places(&cyclic, &event_driven, node, object);
+            NodeIndex::each(plans).map(of).collect()
+        };
+        let (target_torques, controlwords) =
+            (places(Object::TARGET_TORQUE), places(Object::CONTROLWORD));
+        let event_driven_of = NodeIndex::each(plans)
+            .map(|(node, _)| indices(&event_driven, |rpdo| rpdo.is_for(node)))
+            .collect();
+        Ok(Self {
+            cyclic,
+            event_driven,
+            target_torques,
+            controlwords,
+            event_driven_of,
+            next: 0,
+            skips_cycle: false,
+        })
     }
 
     /// Sets the target torque (6071h) of a drive for the next SYNC.
     pub fn set_target_torque(&mut self, node: NodeIndex, torque: PerMille) {
         let value = u16::from_le_bytes(torque.0.to_le_bytes());
-        self.rpdos().for_each(|rpdo| rpdo.set(node, Object::TARGET_TORQUE, value, true));
+        let places = self.target_torques.get(node.0).into_iter().flatten();
+        set(&mut self.cyclic, &mut self.event_driven, places, value, true);
     }
 
     /// Sets the controlword (6040h) of a drive. `is_reached`: the drive already is in the commanded state.
     pub fn set_controlword(&mut self, node: NodeIndex, word: Controlword, is_reached: bool) {
-        self.rpdos().for_each(|rpdo| rpdo.set(node, Object::CONTROLWORD, word.0, is_reached));
+        let places = self.controlwords.get(node.0).into_iter().flatten();
+        set(&mut self.cyclic, &mut self.event_driven, places, word.0, is_reached);
     }
 
     /// Returns whether a changed event-driven RPDO of a drive has not been sent yet.
     pub fn is_waiting(&self, node: NodeIndex) -> bool {
-        let is_for = |rpdo: &&Rpdo| rpdo.fields.iter().any(|field| field.node == node);
-        self.event_driven.iter().filter(is_for).any(|rpdo| rpdo.sent != Some(rpdo.content))
+        let mut own = self.event_driven_of.get(node.0).into_iter().flatten();
+        own.any(|index| {
+            self.event_driven.get(*index).is_some_and(|rpdo| rpdo.sent != Some(rpdo.content))
+        })
     }
 
     /// Appends the synchronous RPDOs in the order of the nodes.
@@ -178,10 +212,6 @@ impl RpdoImage {
         rpdos.map(|rpdo| rpdo.service.bytes())
     }
 
-    fn rpdos(&mut self) -> impl Iterator<Item = &mut Rpdo> {
-        self.cyclic.iter_mut().chain(&mut self.event_driven)
-    }
-
     pub(super) fn maps(&self, node: NodeIndex, object: Object) -> bool {
         let mut fields = self.cyclic.iter().chain(&self.event_driven).flat_map(|rpdo| &rpdo.fields);
         fields.any(|field| field.node == node && field.object == object)
@@ -224,9 +254,13 @@ impl Rpdo {
         Ok(())
     }
 
-    fn set(&mut self, node: NodeIndex, object: Object, value: u16, is_reached: bool) {
-        let matches = |field: &&mut Field| field.node == node && field.object == object;
-        for field in self.fields.iter_mut().filter(matches) {
+    /// Returns whether it has an object of a node.
+    fn is_for(&self, node: NodeIndex) -> bool {
+        self.fields.iter().any(|field| field.node == node)
+    }
+
+    fn set(&mut self, field: usize, value: u16, is_reached: bool) {
+        if let Some(field) = self.fields.get_mut(field) {
             self.content = field.slot.write(self.content, value);
             field.is_reached = is_reached;
         }
@@ -273,6 +307,42 @@ impl Rpdo {
         let frame = Frame::from_slice(self.cob_id, bytes.get(..length)?)?;
         Some(Telegram { channel: self.channel, frame })
     }
+}
+
+/// Sets the fields at these places.
+fn set<'a>(
+    cyclic: &mut [Rpdo],
+    event_driven: &mut [Rpdo],
+    places: impl Iterator<Item = &'a Place>,
+    value: u16,
+    is_reached: bool,
+) {
+    for place in places {
+        let rpdos = if place.is_cyclic { &mut *cyclic } else { &mut *event_driven };
+        if let Some(rpdo) = rpdos.get_mut(place.rpdo) {
+            rpdo.set(place.field, value, is_reached);
+        }
+    }
+}
+
+/// Returns the places of an object of a node.
+fn places(cyclic: &[Rpdo], event_driven: &[Rpdo], node: NodeIndex, object: Object) -> Vec<Place> {
+    let in_rpdos = |rpdos: &[Rpdo], is_cyclic| -> Vec<Place> {
+        let of = |(rpdo, it): (usize, &Rpdo)| {
+            let matches = |field: &Field| field.node == node && field.object == object;
+            let fields = indices(&it.fields, matches).into_iter();
+            fields.map(move |field| Place { is_cyclic, rpdo, field }).collect::<Vec<_>>()
+        };
+        rpdos.iter().enumerate().flat_map(of).collect()
+    };
+    let (first, second) = (in_rpdos(cyclic, true), in_rpdos(event_driven, false));
+    first.into_iter().chain(second).collect()
+}
+
+/// Returns the indices of the items that match.
+fn indices<T>(items: &[T], matches: impl Fn(&T) -> bool) -> Vec<usize> {
+    let items = items.iter().enumerate();
+    items.filter(|(_, item)| matches(item)).map(|(index, _)| index).collect()
 }
 
 /// Returns the objects that a node maps, without dummy entries.

@@ -7,7 +7,7 @@
 
 use std::io::{self, Write};
 
-use canopen::frame::{Channel, Telegram};
+use canopen::frame::{Channel, TEXT_LENGTH, Telegram, hex};
 use units::time::Instant;
 
 /// Writer of a log of several buses.
@@ -16,12 +16,14 @@ pub struct LogWriter<W> {
     to: W,
     interfaces: Vec<String>,
     epoch_micros: u64,
+    /// The line being written.
+    line: Vec<u8>,
 }
 
 impl<W: Write> LogWriter<W> {
     /// Writes to `to`, with one interface name per channel. Stamps are `epoch_micros` plus the bus time.
     pub fn new(to: W, interfaces: &[String], epoch_micros: u64) -> Self {
-        Self { to, interfaces: interfaces.to_vec(), epoch_micros }
+        Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new() }
     }
 
     /// Writes a frame.
@@ -29,10 +31,13 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// The write fails.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) -> io::Result<()> {
-        self.stamp(at)?;
+        self.stamp(at);
         let Channel(place) = telegram.channel;
         let name = self.interfaces.get(usize::from(place)).map_or("can?", String::as_str);
-        writeln!(self.to, "{name} {}", telegram.frame)
+        self.line.extend_from_slice(name.as_bytes());
+        self.line.push(b' ');
+        self.line.extend_from_slice(telegram.frame.text(&mut [0; TEXT_LENGTH]));
+        self.end()
     }
 
     /// Writes data of a pseudo-interface, as a CAN FD frame with a 29-bit identifier.
@@ -40,10 +45,13 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// The write fails.
     pub fn pseudo(&mut self, at: Instant, name: &str, id: u32, data: &[u8]) -> io::Result<()> {
-        self.stamp(at)?;
-        write!(self.to, "{name} {id:08X}##0")?;
-        data.iter().try_for_each(|byte| write!(self.to, "{byte:02X}"))?;
-        writeln!(self.to)
+        self.stamp(at);
+        self.line.extend_from_slice(name.as_bytes());
+        self.line.push(b' ');
+        self.line.extend(id.to_be_bytes().into_iter().flat_map(hex));
+        self.line.extend_from_slice(b"##0");
+        self.line.extend(data.iter().flat_map(|byte| hex(*byte)));
+        self.end()
     }
 
     /// Flushes the writer.
@@ -54,8 +62,63 @@ impl<W: Write> LogWriter<W> {
         self.to.flush()
     }
 
-    fn stamp(&mut self, at: Instant) -> io::Result<()> {
+    /// Begins a line with the time stamp of candump: seconds, and six digits of µs.
+    fn stamp(&mut self, at: Instant) {
         let micros = self.epoch_micros + at.as_micros();
-        write!(self.to, "({}.{:06}) ", micros / 1_000_000, micros % 1_000_000)
+        self.line.clear();
+        self.line.push(b'(');
+        decimal(&mut self.line, micros / 1_000_000, 1);
+        self.line.push(b'.');
+        decimal(&mut self.line, micros % 1_000_000, 6);
+        self.line.extend_from_slice(b") ");
+    }
+
+    /// Ends the line, and writes it.
+    fn end(&mut self) -> io::Result<()> {
+        self.line.push(b'\n');
+        self.to.write_all(&self.line)
+    }
+}
+
+/// Appends a number with at least `width` digits.
+fn decimal(line: &mut Vec<u8>, mut value: u64, width: usize) {
+    let start = line.len();
+    while value > 0 || line.len() < start + width {
+        let digit = u8::try_from(value % 10).unwrap_or(0);
+        line.push(b'0' + digit);
+        value /= 10;
+    }
+    if let Some(digits) = line.get_mut(start..) {
+        digits.reverse();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use canopen::frame::Frame;
+
+    proptest! {
+        #[test]
+        fn lines_are_those_of_candump(
+            epoch in 0..2_000_000_000_000_000_u64,
+            micros in 0..u64::from(u32::MAX),
+            cob_id in 0..0x800_u16,
+            data in prop::collection::vec(any::<u8>(), 0..=8),
+            id in 0..0x2000_0000_u32,
+        ) {
+            let at = Instant::from_micros(micros);
+            let telegram = Telegram { channel: Channel(0), frame: Frame::from_slice(cob_id, &data).unwrap() };
+            let mut log = LogWriter::new(Vec::new(), &["can0".to_owned()], epoch);
+            log.frame(at, &telegram).unwrap();
+            log.pseudo(at, "node0", id, &data).unwrap();
+            let (seconds, rest) = ((epoch + micros) / 1_000_000, (epoch + micros) % 1_000_000);
+            let bytes: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
+            let stamp = format!("({seconds}.{rest:06})");
+            let expected = format!("{stamp} can0 {cob_id:03X}#{bytes}\n{stamp} node0 {id:08X}##0{bytes}\n");
+            prop_assert_eq!(String::from_utf8(log.to).unwrap(), expected);
+        }
     }
 }

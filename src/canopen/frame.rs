@@ -11,6 +11,17 @@ pub const COB_ID_MAX: u16 = 0x7FF;
 /// Bits of a COB-ID that hold the function code (CiA 301, 7.3.5); the other seven hold the node-id.
 pub const FUNCTION_CODE: u16 = 0x780;
 
+/// Maximum length of a frame as text: identifier, `#` and eight bytes.
+pub const TEXT_LENGTH: usize = 20;
+
+/// Returns both hexadecimal digits of a byte.
+pub const fn hex(byte: u8) -> [u8; 2] {
+    const fn digit(value: u8) -> u8 {
+        if value < 10 { b'0' + value } else { b'A' + value - 10 }
+    }
+    [digit(byte >> 4), digit(byte & 0xF)]
+}
+
 /// CAN frame: a data frame, unless made by [`remote`](Self::remote).
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
@@ -70,6 +81,28 @@ impl Frame {
         self.is_remote
     }
 
+    /// Writes its text as candump prints it into `text`, and returns the part written.
+    pub fn text<'a>(&self, text: &'a mut [u8; TEXT_LENGTH]) -> &'a [u8] {
+        let [high, low] = self.cob_id.to_be_bytes();
+        let [_, third] = hex(high);
+        let [second, first] = hex(low);
+        let start = [third, second, first, b'#'];
+        let mut length = 0;
+        let mut put = |byte: u8| {
+            if let Some(place) = text.get_mut(length) {
+                *place = byte;
+                length += 1;
+            }
+        };
+        start.into_iter().for_each(&mut put);
+        if self.is_remote {
+            put(b'R');
+            (self.length > 0).then(|| put(b'0' + self.length));
+        }
+        self.data().iter().flat_map(|byte| hex(*byte)).for_each(put);
+        text.get(..length).unwrap_or_default()
+    }
+
     /// Data length code, 0 to 8: of its data, or of the requested data.
     pub const fn length(&self) -> u8 {
         self.length
@@ -79,11 +112,8 @@ impl Frame {
 /// Format of candump: `181#3700E8030000`, and `701#R1` for a remote frame of one byte.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:03X}#", self.cob_id)?;
-        if self.is_remote {
-            return if self.length == 0 { f.write_str("R") } else { write!(f, "R{}", self.length) };
-        }
-        self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+        let mut text = [0; TEXT_LENGTH];
+        f.write_str(std::str::from_utf8(self.text(&mut text)).unwrap_or_default())
     }
 }
 

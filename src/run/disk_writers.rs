@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 
+use crate::batches::{Batch, Batches};
 use crate::fault_records::FaultRecords;
 use crate::record_sink::RecordSink;
 use crate::rings::LossCounters;
@@ -31,22 +32,12 @@ const QUEUE_CAPACITY: usize = 1_000;
 /// Stack of a writer thread, in bytes. It is locked memory; the default is eight times as large.
 pub(super) const STACK: usize = 256 * 1_024;
 
-/// A frame or cycle to be written.
-#[derive(Debug)]
-enum Entry {
-    Frame(Instant, Telegram),
-    Cycle(Box<Record>),
-}
-
-/// Entries in their order on the buses.
-type Batch = Arc<[Entry]>;
-
 /// The writer threads of a run.
 #[derive(Debug)]
 pub(super) struct DiskWriters {
     faults: Option<Writer<FaultRecords>>,
     session: Option<Writer<Session>>,
-    batch: Vec<Entry>,
+    batches: Batches,
     message: Option<String>,
     lost: LossCounters,
 }
@@ -60,25 +51,22 @@ impl DiskWriters {
         let RunRecorder { faults, session, message } = recorder;
         let faults = faults.map(|faults| Writer::spawn("frhc-faults", faults)).transpose()?;
         let session = session.map(|session| Writer::spawn("frhc-session", session)).transpose()?;
-        Ok(Self { faults, session, batch: Vec::new(), message, lost })
+        Ok(Self { faults, session, batches: Batches::default(), message, lost })
     }
 
     /// Adds a frame to the batch.
     pub(super) fn push_frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.batch.push(Entry::Frame(at, *telegram));
+        self.batches.filling.push_frame(at, telegram);
     }
 
     /// Adds a cycle to the batch.
     pub(super) fn push_cycle(&mut self, record: &Record) {
-        self.batch.push(Entry::Cycle(Box::new(*record)));
+        self.batches.filling.push_cycle(record);
     }
 
     /// Hands the batch to the writers, to the fault records first. Never blocks.
     pub(super) fn flush(&mut self) {
-        let batch: Batch = self.batch.drain(..).collect();
-        if batch.is_empty() {
-            return;
-        }
+        let Some(batch) = self.batches.take() else { return };
         let lost = |writer: &Result<(), u64>| writer.err().unwrap_or(0);
         let of_faults = self.faults.as_ref().map_or(Ok(()), |writer| writer.send(&batch));
         let of_session = self.session.as_ref().map_or(Ok(()), |writer| writer.send(&batch));
@@ -199,7 +187,7 @@ impl ClosingThread {
 struct Writer<T> {
     /// Name of its recording.
     name: String,
-    batches: SyncSender<Batch>,
+    batches: SyncSender<Arc<Batch>>,
     messages: Receiver<String>,
     summary: Sender<Summary>,
     closed: Receiver<Outcome>,
@@ -226,7 +214,7 @@ impl<T: Recording> Writer<T> {
     }
 
     /// Queues a batch without blocking; returns the number of entries dropped when the queue is full.
-    fn send(&self, batch: &Batch) -> Result<(), u64> {
+    fn send(&self, batch: &Arc<Batch>) -> Result<(), u64> {
         let sent = self.batches.try_send(Arc::clone(batch));
         sent.map_err(|_| u64::try_from(batch.len()).unwrap_or(u64::MAX))
     }
@@ -244,14 +232,13 @@ impl<T: Recording> Writer<T> {
 }
 
 /// Writes batches until the sender is dropped; returns the recording.
-fn write<T: RecordSink>(mut sink: T, batches: &Receiver<Batch>, messages: &Sender<String>) -> T {
+fn write<T: RecordSink>(
+    mut sink: T,
+    batches: &Receiver<Arc<Batch>>,
+    messages: &Sender<String>,
+) -> T {
     for batch in batches {
-        for entry in &*batch {
-            match entry {
-                Entry::Frame(at, telegram) => sink.on_frame(*at, telegram),
-                Entry::Cycle(record) => sink.on_cycle(record),
-            }
-        }
+        batch.write(&mut sink);
         while let Some(message) = sink.next_message() {
             // The receiver is gone once the run has ended.
             messages.send(message).ok();

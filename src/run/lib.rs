@@ -17,6 +17,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod batches;
 pub mod check;
 pub mod command;
 pub mod commanded_side;

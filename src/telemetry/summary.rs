@@ -11,6 +11,7 @@ use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
 use crate::shaking::Shaking;
+use node::cause::Cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
 use units::spatial::Motion;
@@ -83,6 +84,9 @@ pub struct Summary {
     pose_error: Rms,
     #[serde(skip)]
     first: Option<Instant>,
+    /// Mode and cause of the last record.
+    #[serde(skip)]
+    ended: Option<(Mode, Option<Cause>)>,
     #[serde(skip)]
     last: Option<(Instant, Mode, Isometry3<f64>)>,
 }
@@ -105,8 +109,12 @@ impl Summary {
         let self_driven = record.output.ledger.self_driven.map(Joint::number);
         self.self_driven_joint = self_driven.or(self.self_driven_joint);
         self.contact.add(record);
-        self.final_mode = record.mode.to_string();
-        self.stopped_by = record.cause.map(|cause| cause.to_string());
+        // In words only where they change: no cycle of a steady state allocates.
+        let ended = Some((record.mode, record.cause));
+        if std::mem::replace(&mut self.ended, ended) != ended {
+            self.final_mode = record.mode.to_string();
+            self.stopped_by = record.cause.map(|cause| cause.to_string());
+        }
 
         let first = *self.first.get_or_insert(record.at);
         self.seconds = record.at.since(first).as_secs_f64();

@@ -1,0 +1,89 @@
+//! Batches of entries for the disk writers, made of memory that is used again: a steady state allocates nothing.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::record_sink::RecordSink;
+use canopen::frame::Telegram;
+use node::record::Record;
+use units::time::Instant;
+
+/// Number of batches kept for reuse. More exist only while a disk is slow.
+const KEPT: usize = 16;
+
+/// Entries in their order on the buses.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    entries: Vec<Entry>,
+    records: Vec<Record>,
+}
+
+/// A frame, or the next record.
+#[derive(Debug)]
+enum Entry {
+    Frame(Instant, Telegram),
+    Cycle,
+}
+
+impl Batch {
+    /// Adds a frame.
+    pub(super) fn push_frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.entries.push(Entry::Frame(at, *telegram));
+    }
+
+    /// Adds a cycle.
+    pub(super) fn push_cycle(&mut self, record: &Record) {
+        self.entries.push(Entry::Cycle);
+        self.records.push(*record);
+    }
+
+    /// Returns the number of entries.
+    pub(super) fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Passes all entries to `sink`.
+    pub(super) fn write(&self, sink: &mut impl RecordSink) {
+        let mut records = self.records.iter();
+        for entry in &self.entries {
+            match entry {
+                Entry::Frame(at, telegram) => sink.on_frame(*at, telegram),
+                Entry::Cycle => records.next().into_iter().for_each(|record| sink.on_cycle(record)),
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.entries.clear();
+        self.records.clear();
+    }
+}
+
+/// The batch being filled, and those handed out.
+#[derive(Debug, Default)]
+pub(super) struct Batches {
+    pub(super) filling: Batch,
+    /// Those handed out last, oldest first. Free again when no writer has it any more.
+    handed_out: VecDeque<Arc<Batch>>,
+}
+
+impl Batches {
+    /// Returns the batch that was filled, unless it is empty.
+    pub(super) fn take(&mut self) -> Option<Arc<Batch>> {
+        if self.filling.len() == 0 {
+            return None;
+        }
+        let is_free = self.handed_out.front().is_some_and(|batch| Arc::strong_count(batch) == 1);
+        let oldest = if is_free { self.handed_out.pop_front() } else { None };
+        let mut batch = oldest.unwrap_or_default();
+        if let Some(free) = Arc::get_mut(&mut batch) {
+            free.clear();
+            std::mem::swap(free, &mut self.filling);
+        }
+        self.handed_out.push_back(Arc::clone(&batch));
+        if self.handed_out.len() > KEPT {
+            self.handed_out.pop_front();
+        }
+        Some(batch)
+    }
+}

@@ -17,7 +17,8 @@ impl Tree {
     fn new(name: &str) -> Self {
         let tree = Self(std::env::temp_dir().join(format!("frhc-{name}-{}", std::process::id())));
         fs::remove_dir_all(&tree.0).ok(); // left by an earlier process with this id
-        for script in fs::read_dir("scripts").unwrap().flatten() {
+        let entries = fs::read_dir("scripts").unwrap().flatten();
+        for script in entries.filter(|entry| entry.path().is_file()) {
             let name = script.file_name().into_string().unwrap();
             tree.write(&format!("scripts/{name}"), &fs::read(script.path()).unwrap());
         }
@@ -112,7 +113,9 @@ fn installing_does_not_repeat_another_failure_of_apt() {
 
 #[test]
 fn every_script_installs_packages_through_the_one_that_waits() {
-    for script in fs::read_dir("scripts").unwrap().flatten().map(|entry| entry.path()) {
+    let entries = ["scripts", "scripts/icount"].map(|folder| fs::read_dir(folder).unwrap());
+    let paths = entries.into_iter().flatten().map(|entry| entry.unwrap().path());
+    for script in paths.filter(|path| path.is_file()) {
         let text = fs::read_to_string(&script).unwrap();
         let is_apt = script.ends_with("apt.sh");
         let installs = |line: &&str| line.contains("apt-get") && line.contains("install");
@@ -126,7 +129,7 @@ fn test_tree(name: &str, setup: &str) -> Tree {
     let tree = Tree::new(name);
     tree.stand_in("bin/cargo", "note \"cargo $*\"");
     tree.stand_in("scripts/setup.sh", setup);
-    for script in ["test_demo.sh", "soak.sh", "with_vcan.sh", "interop.sh"] {
+    for script in ["test_demo.sh", "soak.sh", "with_vcan.sh", "interop.sh", "icount.sh"] {
         tree.stand_in(&format!("scripts/{script}"), &format!("note {script}"));
     }
     tree.stand_in("target/release/frhc", "note \"frhc $*\"");

@@ -319,7 +319,7 @@ fn hazard_29_repeated_late_cycles_stop_the_node() {
 #[test]
 fn hazard_31_suspended_host_switches_the_drives_off() {
     for phase in PHASES {
-        let suspended = of_host(phase, HostFault::Suspended, Duration::from_millis(40));
+        let suspended = of_host(phase, HostFault::Suspended(None), Duration::from_millis(40));
         let run = Run::with(&[suspended]).cycles(10);
         assert_eq!(run.end(), (Some(Kind::Suspended), Mode::DrivesOff), "{phase}");
     }

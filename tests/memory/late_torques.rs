@@ -64,6 +64,11 @@ impl Run {
     /// Engaged, with these stops planned: after which frame, for how many tenths of a period, in which cycle
     /// from now on.
     fn with(name: &str, stops: &[(u32, u16, u32)]) -> Self {
+        Self::planned(name, stops, HostFault::ProcessStoppedAfter)
+    }
+
+    /// The same with stops of another kind.
+    fn planned(name: &str, stops: &[(u32, u16, u32)], kind: fn(u16) -> HostFault) -> Self {
         let (config, accepted) = (config(name), Accepted::default());
         let script = Scenario::parse(SCRIPT).unwrap();
         let mut bench = Bench::new(&config, script, 1, false, accepted.clone());
@@ -77,7 +82,7 @@ impl Run {
         let from = last.at + config.period - Duration::from_micros(10);
         for (cycle, after, tenths) in stops {
             let span = config.period / 10 * *tenths;
-            let fault = HostFault::ProcessStoppedAfter(*after);
+            let fault = kind(*after);
             bench.bus_mut().inject(from, &Fault::of_host(config.period * *cycle, fault, span));
         }
         Self { bench, accepted, period: config.period, from, records: vec![last] }
@@ -109,6 +114,28 @@ fn asks(frame: &Frame) -> bool {
         (0x201..=0x206, &[_, _, low, high]) => (low, high) != (0, 0),
         (0x201..=0x206, targets) => targets.iter().any(|byte| *byte != 0),
         _ => false,
+    }
+}
+
+#[test]
+fn hazard_31_suspension_at_any_frame_ends_torque() {
+    let frames = |joints: std::ops::RangeInclusive<u16>| joints.map(|joint| 0x180 + joint);
+    for (name, targets) in [(GROUPED, vec![0x201, 0x204]), (PER_DRIVE, vec![0x201, 0x203, 0x206])] {
+        for after in [0x080].into_iter().chain(frames(1..=6)).chain(targets) {
+            for tenths in [16, 40, 400] {
+                let run = Run::planned(name, &[(0, after, tenths)], |after| {
+                    HostFault::Suspended(Some(after))
+                });
+                let run = run.cycles(10);
+                let last = run.records.last().unwrap();
+                let kind = last.cause.map(|cause| cause.kind());
+                let of = format!("{name}, after {after:03X}h, {tenths}");
+                assert_eq!((kind, last.mode), (Some(Kind::Suspended), Mode::DrivesOff), "{of}");
+                let most = run.period + run.period / 2;
+                let late = run.torques().into_iter().find(|(late, _)| *late > most);
+                assert_eq!(late, None, "{of}");
+            }
+        }
     }
 }
 

@@ -102,9 +102,9 @@ fn exemption(period: Duration, zero: Instant, fault: &Fault) -> Option<Exemption
     }
     let Kind::Host(host) = fault.kind else { return None };
     let periods = match host {
-        HostFault::ProcessStopped | HostFault::Suspended => 2,
+        HostFault::ProcessStopped | HostFault::Suspended(None) => 2,
         // The frame comes within a period.
-        HostFault::ProcessStoppedAfter(_) => 3,
+        HostFault::ProcessStoppedAfter(_) | HostFault::Suspended(Some(_)) => 3,
         HostFault::ClockSet(_) => return None,
     };
     let span = fault.duration.unwrap_or_default();

@@ -47,9 +47,10 @@ pub enum HostFault {
     /// The same, from the next frame with this COB-ID on that the process sends or reads: within a cycle.
     #[display("process stopped after {_0:03X}h")]
     ProcessStoppedAfter(u16),
-    /// The host is suspended. The buses go on.
+    /// The host is suspended at once, or from the next frame with this COB-ID on that the process sends or reads. The
+    /// buses go on.
     #[display("suspended")]
-    Suspended,
+    Suspended(Option<u16>),
     /// The wall clock is set to this time since 1970.
     #[display("wall clock set to {} s", _0.as_secs_f64())]
     ClockSet(Duration),

@@ -17,14 +17,20 @@ const MAX_HELD: usize = 32;
 pub(super) enum Change {
     /// A bus is disturbed; `None` ends it.
     Bus(Channel, Option<Disturbance>),
-    /// The process does not run for this long.
-    Stop(Duration),
+    /// The process does not run.
+    Stop(Stop),
     /// The same, after the next frame with this COB-ID.
-    StopAfter(u16, Duration),
-    /// The host is suspended for this long.
-    Suspend(Duration),
+    StopAfter(u16, Stop),
     /// The wall clock is set to this, since 1970.
     SetClock(Duration),
+}
+
+/// Time for which the process does not run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stop {
+    pub(super) span: Duration,
+    /// The host is suspended.
+    pub(super) is_suspension: bool,
 }
 
 /// Changes to come, the earliest first.
@@ -43,10 +49,12 @@ impl Schedule {
         }
         if let Kind::Host(host) = fault.kind {
             let span = fault.duration.unwrap_or_default();
+            let stop = |is_suspension| Stop { span, is_suspension };
             let change = match host {
-                HostFault::ProcessStopped => Change::Stop(span),
-                HostFault::ProcessStoppedAfter(cob_id) => Change::StopAfter(cob_id, span),
-                HostFault::Suspended => Change::Suspend(span),
+                HostFault::ProcessStopped => Change::Stop(stop(false)),
+                HostFault::ProcessStoppedAfter(cob_id) => Change::StopAfter(cob_id, stop(false)),
+                HostFault::Suspended(None) => Change::Stop(stop(true)),
+                HostFault::Suspended(Some(cob_id)) => Change::StopAfter(cob_id, stop(true)),
                 HostFault::ClockSet(wall) => Change::SetClock(wall),
             };
             self.add(at, change);

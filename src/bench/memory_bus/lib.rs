@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::disturbance::{Adapter, Change, Schedule, Taken, reported};
+use crate::disturbance::{Adapter, Change, Schedule, Stop, Taken, reported};
 use crate::wire::{Sender, Wire};
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, Wake, clock};
 use canopen::frame::{Channel, Telegram};
@@ -49,7 +49,7 @@ pub struct Memory<S, T> {
     /// End of the time in which the process is stopped.
     stopped_until_ns: u64,
     /// Identifier of the frame after which the process is stopped, and for how long.
-    stops_after: Option<(u16, Duration)>,
+    stops_after: Option<(u16, Stop)>,
     suspended: Duration,
     /// Wall clock at time zero.
     epoch: Duration,
@@ -167,12 +167,8 @@ impl<S: Station, T: Tap> Memory<S, T> {
         while let Some(change) = self.schedule.due(self.now()) {
             match change {
                 Change::Bus(channel, disturbance) => self.disturb(channel, disturbance),
-                Change::Stop(time) => self.stop_process(time),
-                Change::StopAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
-                Change::Suspend(time) => {
-                    self.suspended += time;
-                    self.stop_process(time);
-                }
+                Change::Stop(stop) => self.stop_process(stop),
+                Change::StopAfter(cob_id, stop) => self.stops_after = Some((cob_id, stop)),
                 Change::SetClock(wall) => {
                     self.epoch = wall.saturating_sub(Duration::from_nanos(self.now_ns));
                 }
@@ -180,17 +176,20 @@ impl<S: Station, T: Tap> Memory<S, T> {
         }
     }
 
-    fn stop_process(&mut self, time: Duration) {
-        let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+    fn stop_process(&mut self, Stop { span, is_suspension }: Stop) {
+        if is_suspension {
+            self.suspended += span;
+        }
+        let time_ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         self.stopped_until_ns = self.now_ns.saturating_add(time_ns);
     }
 
     /// Stops the process if it is to stop after this frame.
     fn pass(&mut self, cob_id: u16) {
-        let Some((_, time)) = self.stops_after.take_if(|(after, _)| *after == cob_id) else {
+        let Some((_, stop)) = self.stops_after.take_if(|(after, _)| *after == cob_id) else {
             return;
         };
-        self.stop_process(time);
+        self.stop_process(stop);
         while self.now_ns < self.stopped_until_ns {
             self.apply_changes();
             self.advance(self.next(self.stopped_until_ns));

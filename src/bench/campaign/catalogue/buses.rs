@@ -289,6 +289,6 @@ fn clock_set(random: &mut Random, at: &Conditions<'_>) -> Injection {
 fn suspended(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let span = Duration::from_millis(50 + random.below(200));
     let criterion = Criterion::Stop(span + at.cycles(2));
-    Injection::of(host(at, HostFault::Suspended, span), criterion)
+    Injection::of(host(at, HostFault::Suspended(None), span), criterion)
         .observed_for(span + Duration::from_millis(150))
 }

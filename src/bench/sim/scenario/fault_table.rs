@@ -107,7 +107,7 @@ fault_table! {
     "error_warning" by BUS => (Kind::Bus(Disturbance::ErrorWarning));
     "interface_down" by BUS => (Kind::Bus(Disturbance::InterfaceDown));
     "flood" by BUS, frame: FRAME => (Kind::Bus(Disturbance::Flood(frame)));
-    "host_suspended" on Target::Host => (Kind::Host(HostFault::Suspended));
+    "host_suspended" on Target::Host, after: AFTER => (Kind::Host(HostFault::Suspended(after)));
     "clock_set" on Target::Host, wall: WALL => (Kind::Host(HostFault::ClockSet(wall)));
     "process_stopped" on Target::Host, stop: STOP => (Kind::Host(stop));
 
@@ -277,6 +277,10 @@ const STOP: Key<HostFault> = Key::new(
     |stop| if let HostFault::ProcessStoppedAfter(cob_id) = stop { integer(cob_id) } else { None },
 )
 .or(HostFault::ProcessStopped);
+
+/// At once, or after the next frame with it.
+const AFTER: Key<Option<u16>> =
+    Key::new("cob_id", |it| cob_id(it).map(Some), |after| after.and_then(integer)).or(None);
 
 /// `cob_id` and `payload`.
 const FRAME: FrameKeys = FrameKeys;

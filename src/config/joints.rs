@@ -1,6 +1,7 @@
 //! `[[joint]]`: the drive of each joint on the network, how fast the joint may move, and what it is made of.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::boot::{self, BootSettings, Given};
@@ -34,7 +35,7 @@ pub struct JointParameters {
     /// Boot of its drive.
     pub boot: BootSettings,
     /// Data sheet of its drive.
-    pub eds: Eds,
+    pub eds: Arc<Eds>,
     /// Sign, scale and ratings that its drive is meant to hold.
     pub nameplate: Nameplate,
     /// Facts of its drive that are accepted although nothing but the configuration states them.
@@ -83,10 +84,10 @@ fn read_one(
     let node = lookup::node_id(&joint.node_id, problems);
     let eds = lookup::eds(&joint.eds, file, problems);
     let limit = joint.torque_limit.as_ref();
-    let limit = limit.and_then(|limit| torque_limit::read(limit, eds.as_ref(), problems));
+    let limit = limit.and_then(|limit| torque_limit::read(limit, eds.as_deref(), problems));
     let given = Given {
         lost_ms: raw.safety.drive_lost_ms.get(),
-        eds: eds.as_ref(),
+        eds: eds.as_deref(),
         period: raw.node.sync_period_us.get().map(Duration::from_micros),
         limit: limit.as_ref(),
     };

@@ -88,6 +88,7 @@ pub use value_limits::Caution;
 
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use ::remote::site::Virtual;
@@ -348,9 +349,9 @@ fn convert(
 fn eds_files(problems: &mut Problems<'_>) -> Vec<EdsFile> {
     let as_warning = |gap: &Finding| Finding { severity: Severity::Warning, ..gap.clone() };
     let read = problems.sheets().iter().filter_map(|(path, sheet)| {
-        let Sheet { errors, gaps, .. } = sheet.as_ref().ok()?;
+        let Sheet { eds, errors, gaps } = sheet.as_ref().ok()?;
         let gaps = gaps.iter().map(as_warning).collect();
-        Some(EdsFile { path: path.clone(), errors: *errors, gaps })
+        Some(EdsFile { path: path.clone(), eds: Arc::clone(eds), errors: *errors, gaps })
     });
     read.collect()
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::problem::{Problems, Sheet};
 use crate::trust::Trust;
@@ -40,8 +41,12 @@ pub(super) fn channel(
     found.map(|(channel, _)| channel)
 }
 
-/// Returns the EDS that `file` names.
-pub(super) fn eds(value: &Value<String>, file: &Path, problems: &mut Problems<'_>) -> Option<Eds> {
+/// Returns the EDS that `file` names. Each is read and checked once, however many nodes have it.
+pub(super) fn eds(
+    value: &Value<String>,
+    file: &Path,
+    problems: &mut Problems<'_>,
+) -> Option<Arc<Eds>> {
     let path = files::beside(file, value.as_ref()?);
     let known = problems.sheets().get(&path).cloned();
     let sheet = known.unwrap_or_else(|| read(problems.trust(), &path));
@@ -71,5 +76,5 @@ fn read(trust: Trust, path: &Path) -> Result<Sheet, String> {
     let lint = eds.lint();
     let errors = lint.iter().filter(|finding| finding.severity == Severity::Error).count();
     let gaps = lint.into_iter().filter(|finding| finding.gap.is_some()).collect();
-    Ok(Sheet { eds, errors, gaps })
+    Ok(Sheet { eds: Arc::new(eds), errors, gaps })
 }

@@ -2,6 +2,7 @@
 
 use controller::contact_posture::PostureBounds;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::Isometry3;
@@ -80,10 +81,12 @@ pub struct Parameters {
 }
 
 /// Findings in an EDS file that do not keep it from being used.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct EdsFile {
     /// Path, from the current folder.
     pub path: PathBuf,
+    /// Its content.
+    pub eds: Arc<Eds>,
     /// Number of errors, missing parts included.
     pub errors: usize,
     /// Missing parts that the file announces, and no plan uses.
@@ -107,7 +110,7 @@ impl Parameters {
     }
 
     /// The names and data sheets of all nodes, in the order of their plans.
-    pub fn data_sheets(&self) -> impl Iterator<Item = (&str, &Eds)> {
+    pub fn data_sheets(&self) -> impl Iterator<Item = (&str, &Arc<Eds>)> {
         let joints = self.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
         joints.chain(self.switches.iter().map(|switches| ("switch box", &switches.eds)))
     }
@@ -118,7 +121,7 @@ impl Parameters {
         let joint = self.joints.iter().find(|joint| is_it((joint.channel, joint.node)));
         let switches =
             self.switches.iter().find(|switches| is_it((switches.channel, switches.node)));
-        joint.map(|joint| &joint.eds).or_else(|| switches.map(|switches| &switches.eds))
+        joint.map(|joint| &*joint.eds).or_else(|| switches.map(|switches| &*switches.eds))
     }
 
     /// The arm as it is built, for a simulation.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::trust::Trust;
 use crate::value::{Placed, Value};
@@ -75,7 +76,7 @@ pub type Sheets = BTreeMap<PathBuf, Result<Sheet, String>>;
 /// An EDS file, with the number of its errors and its missing parts.
 #[derive(Clone, Debug)]
 pub struct Sheet {
-    pub eds: Eds,
+    pub eds: Arc<Eds>,
     pub errors: usize,
     pub gaps: Vec<Finding>,
 }

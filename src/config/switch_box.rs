@@ -4,6 +4,7 @@
 //! so nothing can be armed: [`NoSwitchBox`].
 
 use std::path::Path;
+use std::sync::Arc;
 
 use thiserror::Error;
 
@@ -27,7 +28,7 @@ pub struct SwitchBox {
     /// Its boot.
     pub boot: BootSettings,
     /// Its data sheet.
-    pub eds: Eds,
+    pub eds: Arc<Eds>,
 }
 
 /// The configuration has no switch box, so nothing can be armed.
@@ -48,7 +49,7 @@ pub(super) fn read(
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let given = Given { lost_ms, eds: eds.as_ref(), period: None, limit: None };
+    let given = Given { lost_ms, eds: eds.as_deref(), period: None, limit: None };
     if let Some(boot) = switches.boot.as_ref().filter(|boot| !boot.mode_shown.is_absent()) {
         problems.add(&boot.mode_shown, "only a drive has a mode");
     }

@@ -1,6 +1,7 @@
 //! `frhc check --eds`: findings in EDS files by line, and the nodes of a configuration whose EDS has errors.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Context;
 use serde::Serialize;
@@ -25,7 +26,7 @@ const MAX_GAPS: usize = 3;
 /// however many nodes have it.
 pub(super) fn lines(config: &Config) -> Vec<String> {
     let mut lines = Vec::new();
-    for EdsFile { path, errors, gaps } in &config.eds_files {
+    for EdsFile { path, errors, gaps, .. } in &config.eds_files {
         let path = path.display();
         let shown = gaps.iter().take(MAX_GAPS);
         lines.extend(
@@ -42,7 +43,8 @@ pub(super) fn lines(config: &Config) -> Vec<String> {
 /// Returns the nodes whose EDS has errors; its readable objects are used.
 pub(super) fn faulty_json(config: &Config) -> serde_json::Value {
     let faulty = config.data_sheets().filter_map(|(node, eds)| {
-        let errors = number(&eds.lint(), Severity::Error);
+        let file = config.eds_files.iter().find(|file| Arc::ptr_eq(&file.eds, eds))?;
+        let errors = file.errors;
         (errors > 0).then(|| serde_json::json!({ "node": node, "errors": errors }))
     });
     faulty.collect()

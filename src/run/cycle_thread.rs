@@ -1,17 +1,15 @@
 //! The thread of the cycle: priority, bring-up, cycles, stop.
 
 use std::sync::mpsc::channel;
-use std::thread;
 use std::time::Duration;
 
 use crate::console::request_queue::{AcceptedRequest, RequestReceiver};
-use crate::disk_writers::STACK;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::latch::Latch;
-use crate::print;
 use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
 use crate::stopping;
+use crate::{print, threads};
 use bus::realtime::{self, Granted};
 use bus::{Bus, Traced};
 use node::{BringUpError, Node, Request};
@@ -80,7 +78,7 @@ fn within<T: Send + 'static>(
     task: impl FnOnce() -> T + Send + 'static,
 ) -> Option<T> {
     let (sender, result) = channel();
-    let thread = thread::Builder::new().name("frhc-latch".to_owned()).stack_size(STACK);
+    let thread = threads::builder("latch");
     // Without a thread the sender is dropped: nothing is received.
     thread.spawn(move || sender.send(task()).ok()).ok();
     result.recv_timeout(limit).ok()

@@ -10,7 +10,6 @@
 use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
-use std::thread;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -21,6 +20,7 @@ use crate::record_sink::RecordSink;
 use crate::rings::LossCounters;
 use crate::run_recorder::RunRecorder;
 use crate::session::Session;
+use crate::threads;
 use canopen::frame::Telegram;
 use node::record::Record;
 use telemetry::summary::Summary;
@@ -28,9 +28,6 @@ use units::time::Instant;
 
 /// Capacity of a writer's queue in batches: 5 s at one batch per poll of the recorder thread.
 const QUEUE_CAPACITY: usize = 1_000;
-
-/// Stack of a writer thread, in bytes. It is locked memory; the default is eight times as large.
-pub(super) const STACK: usize = 256 * 1_024;
 
 /// The writer threads of a run.
 #[derive(Debug)]
@@ -49,8 +46,8 @@ impl DiskWriters {
     /// When a thread cannot be started.
     pub(super) fn start(recorder: RunRecorder, lost: LossCounters) -> anyhow::Result<Self> {
         let RunRecorder { faults, session, message } = recorder;
-        let faults = faults.map(|faults| Writer::spawn("frhc-faults", faults)).transpose()?;
-        let session = session.map(|session| Writer::spawn("frhc-session", session)).transpose()?;
+        let faults = faults.map(|faults| Writer::spawn("faults", faults)).transpose()?;
+        let session = session.map(|session| Writer::spawn("session", session)).transpose()?;
         Ok(Self { faults, session, batches: Batches::default(), message, lost })
     }
 
@@ -201,15 +198,14 @@ impl<T: Recording> Writer<T> {
         let (sender, messages) = channel();
         let (summary, summaries) = channel();
         let (ended, closed) = channel();
-        let builder = thread::Builder::new().name(thread.to_owned()).stack_size(STACK);
-        let spawned = builder.spawn(move || {
+        let spawned = threads::builder(thread).spawn(move || {
             let recording = write(recording, &received, &sender);
             // Without a summary the end is not awaited.
             if let Ok(summary) = summaries.recv() {
                 ended.send(recording.close(&summary)).ok();
             }
         });
-        spawned.with_context(|| format!("cannot start thread {thread}"))?;
+        spawned.with_context(|| format!("cannot start the {thread} thread"))?;
         Ok(Self { name, batches, messages, summary, closed, recording: PhantomData })
     }
 
@@ -308,7 +304,7 @@ mod tests {
         let message = writers.faults.as_ref().unwrap().messages.recv_timeout(LIMIT).unwrap();
         assert!(message.contains("001-2000-samples-missing"), "{message}");
 
-        let session = thread::spawn(move || {
+        let session = std::thread::spawn(move || {
             let mut log = String::new();
             unread.read_to_string(&mut log).unwrap();
             log

@@ -131,7 +131,7 @@ impl FaultRecords {
         let mut log = SessionLog::new(writer);
         for moment in self.watch.past() {
             match moment {
-                Observation::Frame(at, telegram) => log.frame(*at, telegram),
+                Observation::Frame(at, telegram) => log.frame(at, telegram),
                 Observation::Cycle(brief) => log.cycle(brief),
             }
         }

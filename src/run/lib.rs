@@ -51,3 +51,4 @@ mod state;
 pub mod stderr;
 pub mod stop_signals;
 pub mod stopping;
+mod threads;

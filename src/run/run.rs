@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{self, Builder, Scope, ScopedJoinHandle};
+use std::thread::{self, Scope, ScopedJoinHandle};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -14,7 +14,7 @@ use tokio::sync::oneshot;
 
 use crate::config_arg::TrustedConfigArg;
 use crate::console::{RequestHandler, Socket, default_socket, request_queue};
-use crate::disk_writers::{self, DiskWriters};
+use crate::disk_writers::DiskWriters;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
@@ -24,6 +24,7 @@ use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
 use crate::{
     check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session,
+    threads,
 };
 use bus::Traced;
 use config::Config;
@@ -94,13 +95,12 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let recorder = Recorder::new(&config, &mut writers);
-        let small = Builder::new().stack_size(disk_writers::STACK);
-        let recording = spawn(threads, small, "recorder", move || {
+        let recording = spawn(threads, "recorder", move || {
             recorder_thread::run(entries, recorder, &latest, &lost)
         })?;
         let signals = &signals;
         link.map(|link| spawn_link(threads, link, clock, has_ended)).transpose()?;
-        spawn(threads, Builder::new(), "cycle", move || {
+        spawn(threads, "cycle", move || {
             let outcome = cycle_thread::run(node, requests, signals, latch);
             has_ended.store(true, Ordering::Relaxed);
             // The main thread may have ended first.
@@ -131,11 +131,10 @@ fn bind_socket(config: &Config, runtime: &Runtime) -> Result<Socket, Failure> {
 /// Starts the thread `frhc-NAME`.
 fn spawn<'scope, T: Send + 'scope>(
     threads: &'scope Scope<'scope, '_>,
-    builder: Builder,
     name: &str,
     task: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>, Failure> {
-    let thread = builder.name(format!("frhc-{name}")).spawn_scoped(threads, task);
+    let thread = threads::builder(name).spawn_scoped(threads, task);
     thread.with_context(|| format!("cannot start the {name} thread")).or_fail(Kind::Bus)
 }
 
@@ -146,8 +145,7 @@ fn spawn_link<'scope>(
     clock: impl Fn() -> Instant + Send + 'scope,
     has_ended: &'scope AtomicBool,
 ) -> Result<ScopedJoinHandle<'scope, ()>, Failure> {
-    let small = Builder::new().stack_size(disk_writers::STACK);
-    spawn(threads, small, "link", move || link.run(clock, || has_ended.load(Ordering::Relaxed)))
+    spawn(threads, "link", move || link.run(clock, || has_ended.load(Ordering::Relaxed)))
 }
 
 /// Ends the recordings of a run that was stopped then, and prints its summary and the fault records' folder.

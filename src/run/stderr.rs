@@ -7,8 +7,9 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, OnceLock};
-use std::thread;
 use std::time::Duration;
+
+use crate::threads;
 
 /// Capacity of the queue, in messages.
 const QUEUE_CAPACITY: usize = 1_024;
@@ -62,7 +63,7 @@ impl StderrQueue {
         let (queue, messages) = sync_channel(QUEUE_CAPACITY);
         let lost = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&lost);
-        let writer = thread::Builder::new().name("frhc-stderr".to_owned());
+        let writer = threads::builder("stderr");
         writer.spawn(move || write(to, &messages, &counted))?;
         Ok(Self { queue, lost })
     }
@@ -146,7 +147,7 @@ mod tests {
         drop(release);
         // The queue is full until the thread goes on; until then a flush request does not fit.
         while !queue.flush(Duration::from_secs(60)) {
-            thread::yield_now();
+            std::thread::yield_now();
         }
         let shown = String::from_utf8(shown.lock().unwrap().clone()).unwrap();
         let written = shown.lines().filter(|line| line.starts_with("line")).count();

@@ -5,14 +5,14 @@
 //! blocked, signals of a program error, and 32 and 33, which the C library reserves.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::{io, thread};
 
 use nix::sys::signal::{SigSet, Signal, raise};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 
-use crate::log_time;
+use crate::{log_time, threads};
 use units::time::Instant;
 
 /// Signals of a program error: the process must end with a core dump.
@@ -76,7 +76,7 @@ impl StopSignals {
         let signals = SignalFd::with_flags(&blocked(), SfdFlags::SFD_CLOEXEC)?;
         let state = Arc::new(State::default());
         let shared = Arc::clone(&state);
-        let reader = thread::Builder::new().name("frhc-signals".to_owned());
+        let reader = threads::builder("signals");
         reader.spawn(move || read(&signals, &shared))?;
         Ok(Self(state))
     }

@@ -22,21 +22,29 @@ pub const POST_TRIGGER: Duration = Duration::from_secs(1);
 /// flood of the shortest frames the ring covers less time.
 const CAPACITY: usize = 1 << 16;
 
+/// Capacity reserved for cycles: more than 2 s at 1 kHz. At a higher rate it grows once.
+const CYCLES: usize = 1 << 11;
+
 /// An observed event.
 #[derive(Clone, Copy, Debug)]
-pub enum Observation {
+pub enum Observation<'a> {
     /// A frame.
-    Frame(Instant, Telegram),
+    Frame(Instant, &'a Telegram),
     /// A cycle.
-    Cycle(Brief),
+    Cycle(&'a Brief),
 }
 
-impl Observation {
+/// A place in the order of events. Cycles have a ring of their own: they are rare, and four times as large.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Frame(Instant, Telegram),
+    Cycle(Instant),
+}
+
+impl Place {
     const fn at(&self) -> Instant {
-        match self {
-            Self::Frame(at, _) => *at,
-            Self::Cycle(brief) => brief.at,
-        }
+        let (Self::Frame(at, _) | Self::Cycle(at)) = self;
+        *at
     }
 }
 
@@ -58,7 +66,9 @@ pub struct Trip {
 /// Ring of recent events, and the trip in progress.
 #[derive(Debug)]
 pub struct FaultWatch {
-    past: VecDeque<Observation>,
+    past: VecDeque<Place>,
+    /// The cycles among them, in their order.
+    cycles: VecDeque<Brief>,
     capacity: usize,
     mode: Mode,
     cause: Option<Cause>,
@@ -75,7 +85,8 @@ impl Default for FaultWatch {
 impl FaultWatch {
     fn with_capacity(capacity: usize) -> Self {
         let past = VecDeque::with_capacity(capacity);
-        Self { past, capacity, mode: Mode::Boot, cause: None, until: None }
+        let cycles = VecDeque::with_capacity(CYCLES);
+        Self { past, cycles, capacity, mode: Mode::Boot, cause: None, until: None }
     }
 
     /// Returns once whether the record of the last trip ends by `now`. Call it before each event.
@@ -89,13 +100,14 @@ impl FaultWatch {
 
     /// Observes a frame.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.push(Observation::Frame(at, *telegram));
+        self.push(Place::Frame(at, *telegram));
     }
 
     /// Observes a cycle. Returns a trip if the cycle entered a latched mode, or changed its cause. Events within a
     /// second of a trip belong to that trip.
     pub fn cycle(&mut self, brief: &Brief) -> Option<Trip> {
-        self.push(Observation::Cycle(*brief));
+        self.push(Place::Cycle(brief.at));
+        self.cycles.push_back(*brief);
         let &Brief { cycle, at, mode: to, cause, .. } = brief;
         let from = std::mem::replace(&mut self.mode, to);
         let earlier = std::mem::replace(&mut self.cause, cause);
@@ -106,8 +118,12 @@ impl FaultWatch {
     }
 
     /// Returns the last 2 s, oldest first; at a trip, with the cycle that tripped.
-    pub fn past(&self) -> impl Iterator<Item = &Observation> {
-        self.past.iter()
+    pub fn past(&self) -> impl Iterator<Item = Observation<'_>> {
+        let mut cycles = self.cycles.iter();
+        self.past.iter().filter_map(move |place| match place {
+            Place::Frame(at, telegram) => Some(Observation::Frame(*at, telegram)),
+            Place::Cycle(_) => cycles.next().map(Observation::Cycle),
+        })
     }
 
     /// Returns the time span of the ring.
@@ -116,12 +132,14 @@ impl FaultWatch {
         ends.map_or(Duration::ZERO, |(oldest, newest)| newest.at().since(oldest.at()))
     }
 
-    fn push(&mut self, moment: Observation) {
+    fn push(&mut self, moment: Place) {
         let horizon = moment.at() - PRE_TRIGGER;
         while self.past.len() >= self.capacity
             || self.past.front().is_some_and(|oldest| oldest.at() < horizon)
         {
-            self.past.pop_front();
+            if let Some(Place::Cycle(_)) = self.past.pop_front() {
+                self.cycles.pop_front();
+            }
         }
         self.past.push_back(moment);
     }

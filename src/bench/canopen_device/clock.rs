@@ -28,6 +28,11 @@ impl Clock {
         self.cob_id = time_stamp::consumed(dictionary.unsigned(Object::TIME_COB_ID));
     }
 
+    /// COB-ID of TIME; `None` if the device does not consume it.
+    pub(super) const fn cob_id(&self) -> Option<u16> {
+        self.cob_id
+    }
+
     /// Takes a TIME message; returns false for any other frame.
     pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame) -> bool {
         if self.cob_id != Some(frame.cob_id) {

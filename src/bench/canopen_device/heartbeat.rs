@@ -7,6 +7,7 @@ use std::time::Duration;
 use canopen_rs::nmt::{encode_heartbeat, heartbeat_cob_id};
 use canopen_rs::{NmtState, NodeId};
 
+use crate::deadline::earlier;
 use crate::dictionary::Dictionary;
 use canopen::abort::AbortCode;
 use canopen::frame::Frame;
@@ -66,6 +67,11 @@ impl Heartbeat {
         self.configure_consumers(dictionary);
     }
 
+    /// COB-IDs of the monitored heartbeats.
+    pub(super) fn cob_ids(&self) -> impl Iterator<Item = u16> {
+        self.watches.iter().map(|watch| watch.cob_id)
+    }
+
     /// Takes a heartbeat; returns whether it is monitored.
     pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame) -> bool {
         let is_heartbeat = frame.data().len() == 1;
@@ -102,7 +108,7 @@ impl Heartbeat {
 
     /// Time of the next heartbeat, or of the next loss.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.next.into_iter().chain(self.watches.iter().filter_map(|watch| watch.missed)).min()
+        self.watches.iter().map(|watch| watch.missed).fold(self.next, earlier)
     }
 }
 

@@ -9,8 +9,10 @@ mod access;
 mod application;
 mod clock;
 mod condition;
+mod deadline;
 pub mod dictionary;
 mod errors;
+mod filter;
 mod guarding;
 mod heartbeat;
 mod history;
@@ -40,6 +42,7 @@ use canopen_rs::{NmtState, NodeId};
 use crate::clock::Clock;
 use crate::dictionary::Dictionary;
 use crate::errors::Errors;
+use crate::filter::AcceptanceFilter;
 use crate::guarding::Guarding;
 use crate::heartbeat::Heartbeat;
 use crate::lss::layer::{self, Layer};
@@ -73,6 +76,9 @@ pub struct Device<A> {
     misbehaviour: Misbehaviour,
     /// Objects may have changed since event-driven TPDOs were last compared.
     is_touched: bool,
+    filter: AcceptanceFilter,
+    /// Time of the next call of [`on_time`](Self::on_time), updated with every change.
+    due: Option<Instant>,
 }
 
 impl<A: Application> Device<A> {
@@ -96,10 +102,13 @@ impl<A: Application> Device<A> {
             guarding: Guarding::default(),
             misbehaviour: Misbehaviour::default(),
             is_touched: false,
+            filter: AcceptanceFilter::default(),
+            due: None,
             dictionary,
             application,
         };
         device.initialise(Reset::Node);
+        device.update_deadline();
         device
     }
 
@@ -133,16 +142,32 @@ impl<A: Application> Device<A> {
     pub fn touch(&mut self, change: impl FnOnce(&mut A, &mut Dictionary)) {
         change(&mut self.application, &mut self.dictionary);
         self.is_touched = true;
+        self.update_deadline();
     }
 
     /// Reports a transient error: the next [`on_time`](Self::on_time) sends an emergency with `register`, and
     /// the error history records it.
     pub fn report_transient_error(&mut self, code: u16, register: u8) {
         self.errors.report_transient_error(code, register, &mut self.dictionary);
+        self.update_deadline();
     }
 
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        if self.filter.passes(frame) || self.is_due(now) {
+            self.take_frame(now, frame, out);
+            self.update_deadline();
+        }
+    }
+
+    /// Does what is due at `now`.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.take_time(now, out);
+        self.update_deadline();
+    }
+
+    /// Takes a frame, whatever its COB-ID, and sends what is due.
+    fn take_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         if layer::is_request(frame) {
             self.on_lss(now, frame, out);
             return;
@@ -170,8 +195,7 @@ impl<A: Application> Device<A> {
         self.send_pending(now, out);
     }
 
-    /// Does what is due at `now`.
-    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    fn take_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.layer.wake(now);
         self.run_application(now);
         if self.layer.silence().is_some() {
@@ -183,24 +207,6 @@ impl<A: Application> Device<A> {
         self.watch(now, out);
         self.sdo.on_time(now, out);
         self.send_pending(now, out);
-    }
-
-    /// Time of the next call of [`on_time`](Self::on_time).
-    pub fn deadline(&self) -> Option<Instant> {
-        let application = self.application.deadline();
-        if let Some(silence) = self.layer.silence() {
-            return silence.end().into_iter().chain(application).min();
-        }
-        let is_due = self.state == NmtState::Initialising
-            || self.must_compare()
-            || self.errors.has_changed(self.application.error_code());
-        let now = is_due.then_some(Instant::ZERO);
-        let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline).min();
-        let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline).min();
-        let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
-        let answers = [self.sdo.deadline(), self.errors.deadline()];
-        let all = [[now, application], [rpdos, tpdos], watches, answers];
-        all.into_iter().flatten().flatten().min()
     }
 
     fn run_application(&mut self, now: Instant) {

@@ -64,6 +64,11 @@ impl Rpdo {
         self.place
     }
 
+    /// COB-ID; `None` while the PDO is disabled.
+    pub(super) const fn cob_id(&self) -> Option<u16> {
+        self.cob_id
+    }
+
     /// Mapping of the PDO.
     pub(super) const fn mapping(&self) -> &Mapping {
         &self.mapping

@@ -56,5 +56,6 @@ impl<A: Application> Device<A> {
                 }
             }
         }
+        self.update_filter();
     }
 }

@@ -75,6 +75,7 @@ impl<A: Application> Device<A> {
         self.clock.configure(&self.dictionary);
         self.application.on_reset(&mut self.dictionary, reset);
         self.errors.reset(self.application.error_code(), &mut self.dictionary);
+        self.update_filter();
     }
 
     pub(super) fn boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) {

@@ -40,6 +40,11 @@ impl SyncConsumer {
         };
     }
 
+    /// COB-ID of SYNC.
+    pub(super) const fn cob_id(&self) -> u16 {
+        self.cob_id
+    }
+
     /// Returns whether a frame is a SYNC, of any length.
     pub(super) const fn is_sync(&self, frame: &Frame) -> bool {
         frame.cob_id == self.cob_id

@@ -3,6 +3,7 @@
 mod error_control;
 mod errors;
 mod identity;
+mod kept;
 mod pdos;
 mod process;
 mod refusals;
@@ -15,6 +16,7 @@ use canopen_rs::NmtCommand;
 use proptest::prelude::*;
 
 use super::*;
+use crate::dictionary::Entry;
 use crate::parameter::Place;
 use canopen::abort::AbortCode;
 use canopen::eds::Eds;

@@ -6,6 +6,7 @@
 
 use std::time::Duration;
 
+use crate::deadline::earlier;
 use crate::dictionary::Dictionary;
 use crate::mapping::{Mapping, byte};
 use crate::parameter::{NO_REMOTE, Place};
@@ -159,14 +160,16 @@ impl Tpdo {
 
     /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.sampled.map(|(send, _)| send).into_iter().chain(self.event()).min()
+        earlier(self.sampled.map(|(send, _)| send), self.event())
     }
 
     /// Next transmission of an event-driven TPDO, as far as it is known.
     fn event(&self) -> Option<Instant> {
+        if !self.is_event_driven() {
+            return None;
+        }
         let changed = self.has_changed.then_some(self.inhibited);
-        let due = self.due.map(|due| due.max(self.inhibited));
-        changed.into_iter().chain(due).min().filter(|_| self.is_event_driven())
+        earlier(changed, self.due.map(|due| due.max(self.inhibited)))
     }
 
     fn transmit(&mut self, content: u64, out: &mut Vec<Frame>) {

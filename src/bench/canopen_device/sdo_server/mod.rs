@@ -16,6 +16,7 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use canopen_rs::sdo::{SdoPayload, request_cob_id, response_cob_id};
 
+use crate::deadline::earlier;
 use crate::sdo_server::block::{CONFIRMED, Next, SIZE_INDICATED_IN_BLOCK};
 use canopen::abort::AbortCode;
 use canopen::frame::Frame;
@@ -107,9 +108,14 @@ impl SdoServer {
         self.due = None;
     }
 
+    /// COB-ID of requests.
+    pub(super) const fn cob_id(&self) -> u16 {
+        request_cob_id(self.node)
+    }
+
     /// Returns the request in a frame; `None` unless it has eight bytes and addresses this server.
     pub(super) fn request(&self, frame: &Frame) -> Option<SdoPayload> {
-        let is_ours = frame.cob_id == request_cob_id(self.node);
+        let is_ours = frame.cob_id == self.cob_id();
         if is_ours { frame.data().try_into().ok() } else { None }
     }
 
@@ -162,7 +168,7 @@ impl SdoServer {
 
     /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.due.into_iter().chain(self.client_deadline()).min()
+        earlier(self.due, self.client_deadline())
     }
 
     /// Time of the next retry or abort of a silent client.

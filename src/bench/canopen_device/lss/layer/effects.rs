@@ -25,6 +25,7 @@ impl<A: Application> Device<A> {
         self.adopt_node();
         self.dictionary.restore(0..=u16::MAX);
         self.initialise(Reset::Node);
+        self.update_deadline();
     }
 
     /// Takes over the active node-id; default COB-IDs follow it.

@@ -1,0 +1,56 @@
+//! Time at which a device must next be called.
+//!
+//! A bus asks all its devices for it at every event, and most of them have not changed since. So it is computed after
+//! every change, and kept.
+
+use canopen_rs::NmtState;
+
+use crate::rpdo::Rpdo;
+use crate::tpdo::Tpdo;
+use crate::{Application, Device};
+use units::time::Instant;
+
+impl<A: Application> Device<A> {
+    /// Time of the next call of [`on_time`](Self::on_time).
+    pub fn deadline(&self) -> Option<Instant> {
+        debug_assert_eq!(self.due, self.next_deadline(), "a change did not update it");
+        self.due
+    }
+
+    /// Returns whether anything is due at `now`.
+    pub(super) fn is_due(&self, now: Instant) -> bool {
+        self.deadline().is_some_and(|due| due <= now)
+    }
+
+    /// Keeps the deadline of the present state. Follows every change from outside.
+    pub(super) fn update_deadline(&mut self) {
+        self.due = self.next_deadline();
+    }
+
+    /// Computes the deadline.
+    pub(super) fn next_deadline(&self) -> Option<Instant> {
+        let application = self.application.deadline();
+        if let Some(silence) = self.layer.silence() {
+            return earlier(silence.end(), application);
+        }
+        let is_due = self.state == NmtState::Initialising
+            || self.must_compare()
+            || self.errors.has_changed(self.application.error_code());
+        if is_due {
+            return Some(Instant::ZERO);
+        }
+        let rpdos = self.rpdos.iter().map(Rpdo::deadline).fold(application, earlier);
+        let pdos = self.tpdos.iter().map(Tpdo::deadline).fold(rpdos, earlier);
+        let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
+        let answers = [self.sdo.deadline(), self.errors.deadline()];
+        watches.into_iter().chain(answers).fold(pdos, earlier)
+    }
+}
+
+/// Returns the earlier of two deadlines.
+pub(super) fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
+    }
+}

@@ -69,7 +69,8 @@ impl Classifier {
         if sample.at.since(first) < WINDOW * 2 {
             return None;
         }
-        let judged = *self.samples.iter().find(|judged| judged.at.since(first) >= WINDOW)?;
+        let place = self.samples.partition_point(|sample| sample.at.since(first) < WINDOW);
+        let judged = *self.samples.get(place)?;
         let is_still = self.samples.iter().all(|one| (one.x_0 - judged.x_0).norm() <= REST);
         let is_contact = self.samples.iter().all(|one| one.contact_force >= CONTACT);
         self.samples.pop_front();

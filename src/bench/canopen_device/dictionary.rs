@@ -2,8 +2,11 @@
 //!
 //! The dictionary states the access rules; the SDO server applies them. Values are little-endian.
 
+mod places;
+
 use std::ops::RangeInclusive;
 
+use crate::dictionary::places::Places;
 use canopen::NodeId;
 use canopen::data_type::{self, Kind};
 use canopen::eds::{Access, Described, Eds, value};
@@ -26,6 +29,7 @@ pub struct Entry {
     pub is_mappable: bool,
     /// Set if the default contains the node-id.
     plus_node_id: bool,
+    size: Option<usize>,
     value: Vec<u8>,
     default: Vec<u8>,
     /// Default of the manufacturer.
@@ -53,8 +57,8 @@ impl Entry {
     }
 
     /// Size of a value in bytes; `None` for texts and domains.
-    pub fn size(&self) -> Option<usize> {
-        data_type::size(self.data_type)
+    pub const fn size(&self) -> Option<usize> {
+        self.size
     }
 
     /// Length in a PDO, in bits; `None` if it cannot be mapped.
@@ -88,14 +92,17 @@ impl Entry {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dictionary {
     entries: Vec<Entry>,
+    /// Places of these entries.
+    places: Places,
 }
 
 impl Dictionary {
     /// Returns the dictionary of a device after power-up. A device with 1021h (CiA 301, 7.5.2.24) stores its EDS,
     /// uncompressed (1022h is 0).
     pub fn new(eds: &Eds, node: NodeId) -> Self {
-        let entries = eds.objects().iter().map(|described| entry(described, node)).collect();
-        let mut dictionary = Self { entries };
+        let entries: Vec<Entry> =
+            eds.objects().iter().map(|described| entry(described, node)).collect();
+        let mut dictionary = Self { places: Places::of(&entries), entries };
         if dictionary.unsigned(Object::STORE_FORMAT) == 0 {
             dictionary.set_default(Object::STORED_EDS, eds.source());
         }
@@ -126,23 +133,28 @@ impl Dictionary {
         if entry.size().is_some_and(|size| size != value.len()) {
             return false;
         }
-        entry.value.clear();
-        entry.value.extend_from_slice(value);
+        if entry.value.len() == value.len() {
+            entry.value.copy_from_slice(value);
+        } else {
+            entry.value.clear();
+            entry.value.extend_from_slice(value);
+        }
         true
     }
 
     /// Unsigned value of up to 32 bits; zero if the object is absent.
     pub fn unsigned(&self, object: Object) -> u32 {
-        let mut bytes = [0; 4];
-        for (to, from) in bytes.iter_mut().zip(self.get(object).unwrap_or_default()) {
-            *to = *from;
-        }
-        u32::from_le_bytes(bytes)
+        self.optional(object).unwrap_or_default()
     }
 
     /// Unsigned value of up to 32 bits; `None` if the object is absent.
     pub fn optional(&self, object: Object) -> Option<u32> {
-        self.entry(object).map(|_| self.unsigned(object))
+        let value = self.get(object)?;
+        let mut bytes = [0; 4];
+        for (to, from) in bytes.iter_mut().zip(value) {
+            *to = *from;
+        }
+        Some(u32::from_le_bytes(bytes))
     }
 
     /// Signed 16-bit value; zero if the object is absent or of another length.
@@ -209,6 +221,7 @@ impl Dictionary {
     /// Removes an object.
     pub fn remove(&mut self, object: Object) {
         self.entries.retain(|entry| entry.object != object);
+        self.places = Places::of(&self.entries);
     }
 
     /// Stores the values of the selected objects as their defaults.
@@ -226,7 +239,7 @@ impl Dictionary {
     }
 
     fn place(&self, object: Object) -> Option<usize> {
-        self.entries.binary_search_by_key(&object, |entry| entry.object).ok()
+        self.places.find(&self.entries, object)
     }
 }
 
@@ -240,6 +253,7 @@ fn entry(described: &Described, node: NodeId) -> Entry {
         high: described.high.map(|high| high.resolve(node)),
         is_mappable: described.is_mappable,
         plus_node_id: described.number.is_some_and(|number| number.plus_node_id),
+        size: data_type::size(described.data_type),
         default: value.clone(),
         factory: value.clone(),
         value,
@@ -284,6 +298,20 @@ mod tests {
         assert!(!dictionary.set_default(Object::SERIAL, &[7]), "of another length");
         dictionary.restore(0..=u16::MAX);
         assert_eq!(dictionary.unsigned(Object::SERIAL), 7);
+    }
+
+    #[test]
+    fn every_object_is_at_its_place_after_others_are_removed() {
+        let mut dictionary = drive();
+        let all: Vec<Object> = dictionary.entries.iter().map(|entry| entry.object).collect();
+        for removed in all.iter().step_by(3) {
+            dictionary.remove(*removed);
+        }
+        for (place, object) in all.iter().enumerate() {
+            let found = dictionary.entry(*object).map(|entry| entry.object);
+            assert_eq!(found, (place % 3 != 0).then_some(*object));
+        }
+        assert_eq!(dictionary.entry(Object { index: 0x5FFF, sub: 0 }), None);
     }
 
     #[test]

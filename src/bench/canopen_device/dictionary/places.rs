@@ -1,0 +1,55 @@
+//! Places of the objects in a dictionary: a hash table with open addressing.
+//!
+//! A drive accesses some thirty objects in every cycle. A search by halves would compare seven of them for each.
+
+use crate::dictionary::Entry;
+use canopen::object::Object;
+
+/// Slots for each object: half of them or more are empty, so that most objects are in their first slot.
+const SLOTS_PER_OBJECT: usize = 2;
+
+/// Multiplier of the hash: 2³² by the golden ratio (Knuth 1998, 6.4).
+const MULTIPLIER: u32 = 0x9E37_79B1;
+
+/// Places by object.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Places {
+    /// A power of two of slots.
+    slots: Vec<Option<u16>>,
+}
+
+impl Places {
+    /// Returns the places of `entries`, at most 65536.
+    pub(super) fn of(entries: &[Entry]) -> Self {
+        let count = (SLOTS_PER_OBJECT * entries.len()).next_power_of_two();
+        let mut places = Self { slots: vec![None; count] };
+        for (place, entry) in (0..=u16::MAX).zip(entries) {
+            let mut slots = places.from(entry.object);
+            let empty = slots.find(|slot| places.slots.get(*slot).is_some_and(Option::is_none));
+            if let Some(slot) = empty.and_then(|slot| places.slots.get_mut(slot)) {
+                *slot = Some(place);
+            }
+        }
+        places
+    }
+
+    /// Returns the place of an object in the same `entries`.
+    pub(super) fn find(&self, entries: &[Entry], object: Object) -> Option<usize> {
+        for slot in self.from(object) {
+            let place = usize::from((*self.slots.get(slot)?)?);
+            if entries.get(place)?.object == object {
+                return Some(place);
+            }
+        }
+        None
+    }
+
+    /// Returns the slots in the order in which an object looks for its own.
+    fn from(&self, object: Object) -> impl Iterator<Item = usize> + use<> {
+        let mask = self.slots.len() - 1;
+        let number = u32::from(object.index) << 8 | u32::from(object.sub);
+        let [_, _, low, high] = number.wrapping_mul(MULTIPLIER).to_le_bytes();
+        let first = usize::from(u16::from_le_bytes([low, high]));
+        (0..=mask).map(move |step| first.wrapping_add(step) & mask)
+    }
+}

@@ -6,6 +6,7 @@
 use canopen_rs::NmtState;
 
 use crate::rpdo::Rpdo;
+use crate::station::earlier;
 use crate::tpdo::Tpdo;
 use crate::{Application, Device};
 use units::time::Instant;
@@ -44,13 +45,5 @@ impl<A: Application> Device<A> {
         let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
         let answers = [self.sdo.deadline(), self.errors.deadline()];
         watches.into_iter().chain(answers).fold(pdos, earlier)
-    }
-}
-
-/// Returns the earlier of two deadlines.
-pub(super) fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
-    match (one, other) {
-        (Some(one), Some(other)) => Some(one.min(other)),
-        (one, other) => one.or(other),
     }
 }

@@ -7,8 +7,8 @@ use std::time::Duration;
 use canopen_rs::nmt::{encode_heartbeat, heartbeat_cob_id};
 use canopen_rs::{NmtState, NodeId};
 
-use crate::deadline::earlier;
 use crate::dictionary::Dictionary;
+use crate::station::earlier;
 use canopen::abort::AbortCode;
 use canopen::frame::Frame;
 use canopen::object::Object;

@@ -15,3 +15,11 @@ pub trait Station {
     /// Time of the next call of [`on_time`](Self::on_time).
     fn deadline(&self) -> Option<Instant>;
 }
+
+/// Returns the earlier of two deadlines.
+pub fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
+    }
+}

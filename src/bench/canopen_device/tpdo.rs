@@ -6,10 +6,10 @@
 
 use std::time::Duration;
 
-use crate::deadline::earlier;
 use crate::dictionary::Dictionary;
 use crate::mapping::{Mapping, byte};
 use crate::parameter::{NO_REMOTE, Place};
+use crate::station::earlier;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
 use canopen::sync::{Sync, Transmission};

@@ -11,7 +11,7 @@ use canopen::frame::{Channel, Frame, Telegram};
 use canopen::nmt::Order;
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
-use canopen_device::station::Station;
+use canopen_device::station::{Station, earlier};
 use canopen_device::{Application, Device, Reset};
 use units::time::Instant;
 
@@ -108,7 +108,7 @@ impl Station for SwitchBox {
 
     fn deadline(&self) -> Option<Instant> {
         let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
-        unsent.into_iter().chain(self.device.deadline()).min()
+        earlier(unsent, self.device.deadline())
     }
 }
 

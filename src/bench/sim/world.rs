@@ -23,7 +23,7 @@ use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::sync;
-use canopen_device::station::Station;
+use canopen_device::station::{Station, earlier};
 use faults::LinkFault;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -295,10 +295,9 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let drives = self.drives.iter().filter_map(Station::deadline).min();
+        let own = earlier(Some(self.now + TICK), self.faults.deadline());
         let switches = self.switches.as_ref().and_then(Station::deadline);
-        let tick = Some(self.now + TICK);
-        [drives, switches, self.faults.deadline(), tick].into_iter().flatten().min()
+        self.drives.iter().map(Station::deadline).fold(earlier(own, switches), earlier)
     }
 }
 

@@ -16,8 +16,8 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use canopen_rs::sdo::{SdoPayload, request_cob_id, response_cob_id};
 
-use crate::deadline::earlier;
 use crate::sdo_server::block::{CONFIRMED, Next, SIZE_INDICATED_IN_BLOCK};
+use crate::station::earlier;
 use canopen::abort::AbortCode;
 use canopen::frame::Frame;
 use canopen::object::Object;

@@ -46,7 +46,7 @@ use canopen::object::Object;
 use canopen::{NmtCommand, NmtState, NodeId};
 use canopen_device::Device;
 use canopen_device::dictionary::Dictionary;
-use canopen_device::station::Station;
+use canopen_device::station::{Station, earlier};
 use units::time::Instant;
 
 /// Settings of one drive.
@@ -282,6 +282,9 @@ impl Drive {
     }
 
     fn send(&mut self, now: Instant, out: &mut Vec<Telegram>) {
+        if self.frames.is_empty() && self.transmit_path.is_transparent() {
+            return;
+        }
         let channel = self.channel;
         self.transmit_path.forward(now, &self.device, self.frames.drain(..), &mut self.sent);
         let sent = self.sent.drain(..).filter(|_| self.is_plugged);
@@ -312,8 +315,10 @@ impl Station for Drive {
     }
 
     fn deadline(&self) -> Option<Instant> {
+        if !self.is_on {
+            return None;
+        }
         let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
-        let own = self.device.deadline().into_iter().chain(self.transmit_path.deadline());
-        unsent.into_iter().chain(own).min().filter(|_| self.is_on)
+        earlier(unsent, earlier(self.device.deadline(), self.transmit_path.deadline()))
     }
 }

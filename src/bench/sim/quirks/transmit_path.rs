@@ -14,6 +14,7 @@ use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::heartbeat::is_boot_up;
 use canopen::master::check::COB_ID_INVALID;
 use canopen::object::Object;
+use canopen_device::station::earlier;
 use canopen_device::{Application, Device};
 use units::time::Instant;
 
@@ -46,6 +47,8 @@ pub(crate) struct FrameQuirks {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TransmitPath {
     quirks: FrameQuirks,
+    /// The quirks are none: frames pass as they are.
+    is_transparent: bool,
     /// Delayed frames, in order of their due times.
     delayed: VecDeque<(Instant, Frame)>,
     booting_until: Option<Instant>,
@@ -92,12 +95,17 @@ impl Kind {
 impl TransmitPath {
     /// Creates an empty path.
     pub(crate) fn new(quirks: FrameQuirks) -> Self {
-        Self { quirks, ..Self::default() }
+        Self { quirks, is_transparent: quirks == FrameQuirks::default(), ..Self::default() }
     }
 
     /// Starts again: the drive has lost its power.
     pub(crate) fn power_up(&mut self) {
         *self = Self::new(self.quirks);
+    }
+
+    /// Returns whether frames pass as they are, and nothing else is sent.
+    pub(crate) const fn is_transparent(&self) -> bool {
+        self.is_transparent
     }
 
     /// Returns whether the drive receives frames: its boot delay is over.
@@ -113,7 +121,7 @@ impl TransmitPath {
         sent: impl IntoIterator<Item = Frame>,
         out: &mut Vec<Frame>,
     ) {
-        if self.quirks == FrameQuirks::default() {
+        if self.is_transparent {
             return out.extend(sent);
         }
         // First: a late boot-up message precedes the first answer.
@@ -133,8 +141,7 @@ impl TransmitPath {
 
     /// Returns the time at which [`forward`](Self::forward) must be called next, even without frames.
     pub(crate) fn deadline(&self) -> Option<Instant> {
-        let delayed = self.delayed.front().map(|(at, _)| *at);
-        delayed.into_iter().chain(self.next_emcy).min()
+        earlier(self.delayed.front().map(|(at, _)| *at), self.next_emcy)
     }
 
     /// Sends the boot-up message. Delayed frames are lost: the reset has cleared the SDO server.

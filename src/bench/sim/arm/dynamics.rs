@@ -23,25 +23,63 @@ pub(crate) struct Dynamics<const N: usize = 6> {
 }
 
 impl<const N: usize> Arm<N> {
-    /// Returns mass matrix and bias, in one pass.
+    /// Returns mass matrix and bias, in one pass outward and one inward.
     pub(crate) fn dynamics(&self, posture: &Posture<N>, qd: &Joints<N>) -> Dynamics<N> {
-        let (bodies, axes) = (self.bodies(posture), self.axes(posture));
-        Dynamics { mass: self.mass(&bodies, &axes), bias: self.efforts(&bodies, &axes, qd) }
+        self.inward(&self.outward(posture.x_0_links.iter().copied(), qd))
     }
 
-    /// Returns the joint torques that balance gravity, in N·m or N.
+    /// Returns mass matrix and bias at joint positions `q`, without the posture's other poses.
+    pub(crate) fn dynamics_at(&self, q: &Joints<N>, qd: &Joints<N>) -> Dynamics<N> {
+        let mut x_0_i = IsometryMatrix3::identity();
+        let x_0_links = self.links.iter().zip(q.iter()).map(|(link, q)| {
+            x_0_i *= link.step(*q);
+            x_0_i
+        });
+        self.inward(&self.outward(x_0_links, qd))
+    }
+
+    /// Sums forces and composite bodies inward: a joint moves all links outward of it as one body.
+    fn inward(&self, moving: &[Moving; N]) -> Dynamics<N> {
+        let (mut mass, mut bias) = (JointMatrix::<N>::zeros(), Joints::<N>::zeros());
+        let (mut composite, mut outboard) = (Body::NONE, Effort::NONE);
+        for joint in (0..N).rev() {
+            let Some((link, inboard)) = moving.get(..=joint).and_then(<[Moving]>::split_last)
+            else {
+                continue;
+            };
+            outboard = outboard.plus(&link.effort);
+            composite = composite.plus(&link.body);
+            let effort = composite.times(&link.axis);
+            let mut column = mass.column_mut(joint);
+            for (link, entry) in inboard.iter().zip(column.iter_mut()) {
+                *entry = link.axis.dot(&effort);
+            }
+            column.iter_mut().skip(joint).take(1).for_each(|entry| *entry = link.axis.dot(&effort));
+            bias.iter_mut().skip(joint).take(1).for_each(|bias| *bias = link.axis.dot(&outboard));
+        }
+        mass.fill_lower_triangle_with_upper_triangle();
+        Dynamics { mass: mass + self.rotors, bias }
+    }
+
+    /// Returns the joint torques that balance gravity, in N·m or N: the bias at rest, in which inertia has no part.
     pub fn gravity(&self, posture: &Posture<N>) -> Joints<N> {
-        self.bias(posture, &Joints::zeros())
+        let (mut tau, mut outboard) = (Joints::<N>::zeros(), Effort::NONE);
+        let links = self.links.iter().zip(&posture.x_0_links);
+        for (tau, (link, x_0_i)) in tau.iter_mut().zip(links).rev() {
+            outboard = outboard.plus(&link.body.support_in(x_0_i, &-self.gravity));
+            *tau = link.unit_motion(x_0_i).dot(&outboard);
+        }
+        tau
     }
 
     /// Returns the bias: `C(q, qd) qd + g(q)`.
     pub fn bias(&self, posture: &Posture<N>, qd: &Joints<N>) -> Joints<N> {
-        self.efforts(&self.bodies(posture), &self.axes(posture), qd)
+        self.dynamics(posture, qd).bias
     }
 
     /// Returns the mass matrix.
     pub fn mass_matrix(&self, posture: &Posture<N>) -> JointMatrix<N> {
-        self.mass(&self.bodies(posture), &self.axes(posture))
+        self.dynamics(posture, &Joints::zeros()).mass
     }
 
     /// Returns the accelerations for torques `tau` and a wrench on the grip, at {G} in {G}.
@@ -59,67 +97,48 @@ impl<const N: usize> Arm<N> {
 
     /// Returns kinetic plus potential energy, in J; the latter is zero for masses at the origin of {0}.
     pub fn energy(&self, posture: &Posture<N>, qd: &Joints<N>) -> f64 {
-        let bodies = self.bodies(posture);
-        let kinetic = qd.dot(&(self.mass(&bodies, &self.axes(posture)) * qd)) / 2.0;
-        kinetic - bodies.iter().map(|body| body.first_moment.dot(&self.gravity)).sum::<f64>()
+        let kinetic = qd.dot(&(self.mass_matrix(posture) * qd)) / 2.0;
+        let links = self.links.iter().zip(&posture.x_0_links);
+        let bodies = links.map(|(link, x_0_i)| link.body.carried_in(x_0_i));
+        kinetic - bodies.map(|body| body.first_moment.dot(&self.gravity)).sum::<f64>()
     }
 
-    fn bodies(&self, posture: &Posture<N>) -> [Body; N] {
-        let mut bodies = self.links.map(|link| link.body);
-        for (body, x_0_i) in bodies.iter_mut().zip(&posture.x_0_links) {
-            *body = body.carried_in(x_0_i);
-        }
-        bodies
-    }
-
-    /// Returns the motion of each joint at unit rate.
-    fn axes(&self, posture: &Posture<N>) -> [Motion; N] {
-        let mut axes = [Motion::NONE; N];
-        for (axis, (link, x_0_i)) in axes.iter_mut().zip(self.links.iter().zip(&posture.x_0_links))
-        {
-            *axis = link.unit_motion(x_0_i);
-        }
-        axes
-    }
-
-    /// Sums composite bodies inward: a joint moves all links outward of it as one body.
-    fn mass(&self, bodies: &[Body; N], axes: &[Motion; N]) -> JointMatrix<N> {
-        let mut mass = JointMatrix::<N>::zeros();
-        let mut composite = Body::NONE;
-        for ((joint, body), axis) in bodies.iter().enumerate().zip(axes).rev() {
-            composite = composite.plus(body);
-            let effort = composite.times(axis);
-            let mut column = mass.column_mut(joint);
-            for (axis, entry) in axes.iter().zip(column.iter_mut()).take(joint + 1) {
-                *entry = axis.dot(&effort);
-            }
-        }
-        mass.fill_lower_triangle_with_upper_triangle();
-        mass + self.rotors
-    }
-
-    /// Returns the joint torques at velocities `qd` and zero accelerations.
-    fn efforts(&self, bodies: &[Body; N], axes: &[Motion; N], qd: &Joints<N>) -> Joints<N> {
-        let mut efforts = [Effort::NONE; N];
+    /// Returns the links in motion at velocities `qd` and zero accelerations.
+    fn outward(
+        &self,
+        x_0_links: impl Iterator<Item = IsometryMatrix3<f64>>,
+        qd: &Joints<N>,
+    ) -> [Moving; N] {
+        let mut moving = [Moving::NONE; N];
         let mut velocity = Motion::NONE;
         // Gravity as an upward acceleration of the base.
         let mut acceleration = Motion { angular: Vector3::zeros(), linear: -self.gravity };
-        let links = bodies.iter().zip(axes).zip(qd.iter());
-        for (effort, ((body, axis), qd)) in efforts.iter_mut().zip(links) {
+        let links = self.links.iter().zip(x_0_links).zip(qd.iter());
+        for (moving, ((link, x_0_i), qd)) in moving.iter_mut().zip(links) {
+            let (body, axis) = (link.body.carried_in(&x_0_i), link.unit_motion(&x_0_i));
             let own = axis.scaled(*qd);
             acceleration = acceleration.plus(&velocity.cross(&own));
             velocity = velocity.plus(&own);
             let momentum = body.times(&velocity);
-            *effort = body.times(&acceleration).plus(&velocity.cross_effort(&momentum));
+            let effort = body.times(&acceleration).plus(&velocity.cross_effort(&momentum));
+            *moving = Moving { body, axis, effort };
         }
-        let mut tau = Joints::<N>::zeros();
-        let mut outboard = Effort::NONE;
-        for ((tau, axis), effort) in tau.iter_mut().zip(axes).zip(&efforts).rev() {
-            outboard = outboard.plus(effort);
-            *tau = axis.dot(&outboard);
-        }
-        tau
+        moving
     }
+}
+
+/// A link at a posture, at the origin of {0} in its axes.
+#[derive(Clone, Copy, Debug)]
+struct Moving {
+    body: Body,
+    /// Motion of its joint at unit rate.
+    axis: Motion,
+    /// Force that moves it.
+    effort: Effort,
+}
+
+impl Moving {
+    const NONE: Self = Self { body: Body::NONE, axis: Motion::NONE, effort: Effort::NONE };
 }
 
 /// Returns the accelerations of `mass` under `push`; joints that are `held` have none.

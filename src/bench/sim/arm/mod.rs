@@ -11,6 +11,8 @@ mod rigid;
 
 pub(super) use dynamics::{Dynamics, accelerations};
 
+use std::array;
+
 use nalgebra::{
     Isometry3, IsometryMatrix3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion,
     Vector3,
@@ -164,18 +166,14 @@ impl<const N: usize> Arm<N> {
 
     /// Returns the link poses at joint positions `q`, in rad or m.
     pub fn posture(&self, q: &Joints<N>) -> Posture<N> {
-        let mut posture = Posture {
-            steps: [IsometryMatrix3::identity(); N],
-            x_0_links: [IsometryMatrix3::identity(); N],
-        };
+        let mut steps = self.links.iter().zip(q.iter()).map(|(link, q)| link.step(*q));
+        let steps = array::from_fn(|_| steps.next().unwrap_or_else(IsometryMatrix3::identity));
         let mut x_0_i = IsometryMatrix3::identity();
-        let places = posture.steps.iter_mut().zip(&mut posture.x_0_links);
-        for ((step, x_0_link), (link, q)) in places.zip(self.links.iter().zip(q.iter())) {
-            *step = link.step(*q);
-            x_0_i *= *step;
-            *x_0_link = x_0_i;
-        }
-        posture
+        let x_0_links = steps.map(|step| {
+            x_0_i *= step;
+            x_0_i
+        });
+        Posture { steps, x_0_links }
     }
 
     /// Returns the pose of the grip in {0}.

@@ -105,6 +105,12 @@ impl Body {
         }
     }
 
+    /// Returns the force that gives the body, transformed by `step`, the linear acceleration `up` and no other.
+    pub(super) fn support_in(&self, step: &IsometryMatrix3<f64>, up: &Vector3<f64>) -> Effort {
+        let first_moment = step.rotation * self.first_moment + step.translation.vector * self.mass;
+        Effort { moment: first_moment.cross(up), force: up * self.mass }
+    }
+
     /// Returns its momentum at a velocity, or the force of an acceleration.
     pub(super) fn times(&self, motion: &Motion) -> Effort {
         Effort {

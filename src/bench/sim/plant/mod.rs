@@ -194,7 +194,7 @@ impl Plant {
     /// Integrates the dynamics for `h` s with torques `tau`; `a_1` is the initial acceleration.
     fn integrate(&mut self, h: f64, tau: &Joints, a_1: Joints, held: &[bool; 6]) {
         let accelerate = |q: &Joints, qd: &Joints| {
-            let Dynamics { mass, bias } = self.arm.dynamics(&self.arm.posture(q), qd);
+            let Dynamics { mass, bias } = self.arm.dynamics_at(q, qd);
             arm::accelerations(mass, &(tau - bias), held)
         };
         let (q, v_1) = (self.q, self.qd);
@@ -213,13 +213,14 @@ impl Plant {
     #[expect(clippy::indexing_slicing, reason = "joints are numbered by enumerating them")]
     fn resist(&self, h: f64, inertia: &JointMatrix, momentum: &Joints) -> (Joints, Joints) {
         let (mut v, mut impulse) = (self.qd, Joints::zeros());
+        let dry: [f64; 6] = std::array::from_fn(|joint| self.resistance[joint].dry(self.qd[joint]));
         for _ in 0..MAX_SWEEPS {
             let mut change = 0.0_f64;
             for (joint, resistance) in self.resistance.iter().enumerate() {
                 let own = inertia[(joint, joint)];
                 let others = inertia.column(joint).dot(&v) - own * v[joint];
                 let (before, left) = (v[joint], momentum[joint] - others);
-                v[joint] = resistance.velocity(h, [self.q[joint], self.qd[joint]], own, left);
+                v[joint] = resistance.velocity(h, self.q[joint], dry[joint], [own, left]);
                 impulse[joint] = own * v[joint] - left;
                 change = change.max((v[joint] - before).abs());
             }

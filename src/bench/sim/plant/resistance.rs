@@ -33,10 +33,10 @@ impl Resistance {
         self.coulomb + self.stiction * (-(qd / STRIBECK_SPEED).powi(2)).exp()
     }
 
-    /// Returns the velocity after `h` s of a joint at `q` and `qd` with `inertia` and `momentum`, against friction and an end
-    /// stop within reach. A stop never pulls.
-    pub(super) fn velocity(&self, h: f64, [q, qd]: [f64; 2], inertia: f64, momentum: f64) -> f64 {
-        let dry = h * self.dry(qd);
+    /// Returns the velocity after `h` s of a joint at `q` with `inertia` and `momentum`, against the [dry](Self::dry)
+    /// friction, the viscous one, and an end stop within reach. A stop never pulls.
+    pub(super) fn velocity(&self, h: f64, q: f64, dry: f64, [inertia, momentum]: [f64; 2]) -> f64 {
+        let dry = h * dry;
         let inertia = inertia + h * self.viscous;
         let free = beyond(momentum, dry) / inertia;
         let end = self.past_stop(q + h * free);
@@ -72,7 +72,9 @@ mod tests {
     fn joint_at_rest_breaks_away_above_its_sliding_friction() {
         let range = [-1.0, 1.0];
         let resistance = Resistance { coulomb: 0.1, stiction: 0.05, viscous: 0.0, range };
-        let after = |qd, torque: f64| resistance.velocity(H, [0.0, qd], 1.0, qd + H * torque) - qd;
+        let after = |qd, torque: f64| {
+            resistance.velocity(H, 0.0, resistance.dry(qd), [1.0, qd + H * torque]) - qd
+        };
         assert!(after(0.0, 0.149).abs() <= 0.0 && after(0.0, 0.151) > 0.0);
         // Sliding fast, only the dry friction is left.
         assert!(after(1.0, 0.1).abs() < 1e-12 && after(1.0, 0.12) > 0.0);
@@ -82,7 +84,7 @@ mod tests {
     fn end_stop_never_pulls() {
         let leaving = |range| {
             let resistance = Resistance { coulomb: 0.0, stiction: 0.0, viscous: 0.0, range };
-            resistance.velocity(H, [1e-4, -1.0], 0.1, -0.1)
+            resistance.velocity(H, 1e-4, resistance.dry(-1.0), [0.1, -0.1])
         };
         assert!((leaving([-1.0, 0.0]) - leaving([-1.0, 1.0])).abs() < 1e-12);
     }

@@ -51,20 +51,19 @@ fn crc_after(crc: u32, value: u32) -> u32 {
 /// Returns the number of stuff bits in the lowest `length` bits of a stream. A stuff bit follows five equal bits and is
 /// the first of the next run.
 fn stuff_bits(stream: u128, length: u32) -> u32 {
-    // The highest bit comes first; a run of five begins no later than the fifth bit from the end.
-    let mut rest = stream << (u128::BITS - length);
-    let mut begins = u128::MAX << (u128::BITS + 4 - length);
+    // A one for each bit that equals the next; the highest comes first.
+    let mut pairs = !(stream ^ stream << 1) << (u128::BITS - length);
+    pairs &= u128::MAX << (u128::BITS + 1 - length);
     let mut count = 0;
     loop {
-        let pairs = !(rest ^ rest << 1);
-        let runs = pairs & pairs << 1 & pairs << 2 & pairs << 3 & begins;
-        if runs == 0 {
+        let threes = pairs & pairs << 1;
+        let fives = threes & threes << 2;
+        if fives == 0 {
             return count;
         }
-        // The stuff bit takes the place of the fifth.
-        let fifth = runs.leading_zeros() + 4;
-        rest = rest << fifth ^ 1 << (u128::BITS - 1);
-        begins <<= fifth;
+        // The stuff bit takes the place of the fifth, from which it differs.
+        let fifth = fives.leading_zeros() + 4;
+        pairs = pairs << fifth ^ 1 << (u128::BITS - 1);
         count += 1;
     }
 }

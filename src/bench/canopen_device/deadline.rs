@@ -40,10 +40,10 @@ impl<A: Application> Device<A> {
         if is_due {
             return Some(Instant::ZERO);
         }
-        let rpdos = self.rpdos.iter().map(Rpdo::deadline).fold(application, earlier);
-        let pdos = self.tpdos.iter().map(Tpdo::deadline).fold(rpdos, earlier);
-        let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
-        let answers = [self.sdo.deadline(), self.errors.deadline()];
-        watches.into_iter().chain(answers).fold(pdos, earlier)
+        let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline).min();
+        let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline).min();
+        let watches = earlier(self.heartbeat.deadline(), self.guarding.deadline());
+        let answers = earlier(self.sdo.deadline(), self.errors.deadline());
+        earlier(earlier(application, earlier(rpdos, tpdos)), earlier(watches, answers))
     }
 }

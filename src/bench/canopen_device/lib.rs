@@ -155,8 +155,12 @@ impl<A: Application> Device<A> {
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         if self.filter.passes(frame) || self.is_due(now) {
-            self.take_frame(now, frame, out);
+            let is_communicating = self.take_frame(now, frame, out);
             self.update_deadline();
+            if is_communicating && self.is_due(now) {
+                self.send_pending(now, out);
+                self.update_deadline();
+            }
         }
     }
 
@@ -166,14 +170,14 @@ impl<A: Application> Device<A> {
         self.update_deadline();
     }
 
-    /// Takes a frame, whatever its COB-ID, and sends what is due.
-    fn take_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+    /// Takes a frame, whatever its COB-ID. Returns whether what follows from it may be sent.
+    fn take_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> bool {
         if layer::is_request(frame) {
             self.on_lss(now, frame, out);
-            return;
+            return false;
         }
         if self.state == NmtState::Initialising || self.layer.silence().is_some() {
-            return;
+            return false;
         }
         if frame.is_remote() {
             self.on_remote_frame(now, frame, out);
@@ -192,7 +196,7 @@ impl<A: Application> Device<A> {
         } else if self.state == NmtState::PreOperational {
             self.clock.on_frame(now, frame);
         }
-        self.send_pending(now, out);
+        true
     }
 
     fn take_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
@@ -236,7 +240,8 @@ impl<A: Application> Device<A> {
         self.errors.set_application_error(code, &mut self.dictionary);
     }
 
-    /// Sends everything that follows from the last event.
+    /// Sends everything that follows from the last event. Without a [deadline](Self::deadline) until `now` there is
+    /// nothing to send.
     fn send_pending(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.update_application_error();
         if self.must_compare() {

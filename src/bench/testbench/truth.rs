@@ -31,8 +31,9 @@ impl Truth {
         self.delay.push(self.commanded.sample(record));
         let acted = acted?;
         let plant = bench.world().plant();
-        let at_grip = AtGrip::of(&plant.jacobian())?;
-        let balance = plant.balance();
+        let j_g = plant.jacobian();
+        let at_grip = AtGrip::of(&j_g)?;
+        let balance = plant.balance(&j_g);
         Some(Sample {
             at: record.at,
             x_0: plant.x_0_g().translation.vector,

@@ -63,7 +63,8 @@ fn input() -> impl Strategy<Value = Input> {
 }
 
 impl Fixture {
-    /// Applies an input, with the filter or past it. Returns the frames sent.
+    /// Applies an input. If not `is_filtered`, the device takes every frame, and looks for something to send after it.
+    /// Returns the frames sent.
     fn apply(&mut self, input: &Input, is_filtered: bool) -> Vec<Frame> {
         let mut out = Vec::new();
         let frame = match input {
@@ -106,7 +107,9 @@ impl Fixture {
         if is_filtered {
             self.device.on_frame(self.now, &frame, &mut out);
         } else {
-            self.device.take_frame(self.now, &frame, &mut out);
+            if self.device.take_frame(self.now, &frame, &mut out) {
+                self.device.send_pending(self.now, &mut out);
+            }
             self.device.update_deadline();
         }
         out

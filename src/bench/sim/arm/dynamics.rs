@@ -42,20 +42,15 @@ impl<const N: usize> Arm<N> {
     fn inward(&self, moving: &[Moving; N]) -> Dynamics<N> {
         let (mut mass, mut bias) = (JointMatrix::<N>::zeros(), Joints::<N>::zeros());
         let (mut composite, mut outboard) = (Body::NONE, Effort::NONE);
-        for joint in (0..N).rev() {
-            let Some((link, inboard)) = moving.get(..=joint).and_then(<[Moving]>::split_last)
-            else {
-                continue;
-            };
+        for ((joint, link), bias) in moving.iter().enumerate().zip(bias.iter_mut()).rev() {
             outboard = outboard.plus(&link.effort);
+            *bias = link.axis.dot(&outboard);
             composite = composite.plus(&link.body);
             let effort = composite.times(&link.axis);
             let mut column = mass.column_mut(joint);
-            for (link, entry) in inboard.iter().zip(column.iter_mut()) {
-                *entry = link.axis.dot(&effort);
+            for (inboard, entry) in moving.iter().zip(column.iter_mut()).take(joint + 1) {
+                *entry = inboard.axis.dot(&effort);
             }
-            column.iter_mut().skip(joint).take(1).for_each(|entry| *entry = link.axis.dot(&effort));
-            bias.iter_mut().skip(joint).take(1).for_each(|bias| *bias = link.axis.dot(&outboard));
         }
         mass.fill_lower_triangle_with_upper_triangle();
         Dynamics { mass: mass + self.rotors, bias }

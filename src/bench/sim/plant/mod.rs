@@ -104,9 +104,9 @@ impl Plant {
         }
     }
 
-    /// Returns the equilibrium of the last step.
-    pub fn balance(&self) -> Balance {
-        let hand = self.arm.jacobian(&self.posture).torques(&self.f_g_hand);
+    /// Returns the equilibrium of the last step; `j_g` is the present [Jacobian](Self::jacobian).
+    pub fn balance(&self, j_g: &Jacobian<6>) -> Balance {
+        let hand = j_g.torques(&self.f_g_hand);
         let gravity = self.arm.gravity(&self.posture);
         let (motors, resisting) = (self.tau, self.tau_resisting);
         Balance { motors, resisting, hand, gravity, inertia: motors + resisting + hand - gravity }

@@ -141,6 +141,9 @@ impl TransmitPath {
 
     /// Returns the time at which [`forward`](Self::forward) must be called next, even without frames.
     pub(crate) fn deadline(&self) -> Option<Instant> {
+        if self.is_transparent {
+            return None;
+        }
         earlier(self.delayed.front().map(|(at, _)| *at), self.next_emcy)
     }
 

@@ -153,14 +153,10 @@ impl<A: Application> Device<A> {
     }
 
     /// Takes one received frame; frames to send are appended to `out`.
+    #[inline]
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         if self.filter.passes(frame) || self.is_due(now) {
-            let is_communicating = self.take_frame(now, frame, out);
-            self.update_deadline();
-            if is_communicating && self.is_due(now) {
-                self.send_pending(now, out);
-                self.update_deadline();
-            }
+            self.take(now, frame, out);
         }
     }
 
@@ -168,6 +164,16 @@ impl<A: Application> Device<A> {
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.take_time(now, out);
         self.update_deadline();
+    }
+
+    /// Takes a frame that passes the filter, and sends what is due.
+    fn take(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        let is_communicating = self.take_frame(now, frame, out);
+        self.update_deadline();
+        if is_communicating && self.is_due(now) {
+            self.send_pending(now, out);
+            self.update_deadline();
+        }
     }
 
     /// Takes a frame, whatever its COB-ID. Returns whether what follows from it may be sent.

@@ -23,7 +23,7 @@ use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::sync;
-use canopen_device::station::{Station, earlier};
+use canopen_device::station::Station;
 use faults::LinkFault;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -268,10 +268,16 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             }
             self.advance(now);
         }
-        let received = Telegram { channel, frame: *frame };
-        let mut devices = devices(&mut self.drives, self.switches.as_mut());
-        for (place, device) in present(&mut devices) {
-            self.faults.deliver(now, place, device, received, out);
+        if self.faults.is_idle() {
+            self.drives.iter_mut().for_each(|drive| drive.on_frame(now, channel, frame, out));
+            let switches = self.switches.iter_mut();
+            switches.for_each(|switches| switches.on_frame(now, channel, frame, out));
+        } else {
+            let received = Telegram { channel, frame: *frame };
+            let mut devices = devices(&mut self.drives, self.switches.as_mut());
+            for (place, device) in present(&mut devices) {
+                self.faults.deliver(now, place, device, received, out);
+            }
         }
         self.update_demands(now);
     }
@@ -295,9 +301,10 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let own = earlier(Some(self.now + TICK), self.faults.deadline());
+        let drives = self.drives.iter().filter_map(Station::deadline);
         let switches = self.switches.as_ref().and_then(Station::deadline);
-        self.drives.iter().map(Station::deadline).fold(earlier(own, switches), earlier)
+        let others = switches.into_iter().chain(self.faults.deadline());
+        Some(drives.chain(others).fold(self.now + TICK, Instant::min))
     }
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Dynamics<const N: usize = 6> {
 impl<const N: usize> Arm<N> {
     /// Returns mass matrix and bias, in one pass outward and one inward.
     pub(crate) fn dynamics(&self, posture: &Posture<N>, qd: &Joints<N>) -> Dynamics<N> {
-        self.inward(&self.outward(posture.x_0_links.iter().copied(), qd))
+        self.dynamics_along(posture.x_0_links.iter().copied(), qd)
     }
 
     /// Returns mass matrix and bias at joint positions `q`, without the posture's other poses.
@@ -35,11 +35,34 @@ impl<const N: usize> Arm<N> {
             x_0_i *= link.step(*q);
             x_0_i
         });
-        self.inward(&self.outward(x_0_links, qd))
+        self.dynamics_along(x_0_links, qd)
+    }
+
+    /// Returns mass matrix and bias with the links at these poses in {0}: link by link outward, then summed inward.
+    fn dynamics_along(
+        &self,
+        x_0_links: impl Iterator<Item = IsometryMatrix3<f64>>,
+        qd: &Joints<N>,
+    ) -> Dynamics<N> {
+        let mut moving = [Moving::NONE; N];
+        let mut velocity = Motion::NONE;
+        // Gravity as an upward acceleration of the base.
+        let mut acceleration = Motion { angular: Vector3::zeros(), linear: -self.gravity };
+        let links = self.links.iter().zip(x_0_links).zip(qd.iter());
+        for (moving, ((link, x_0_i), qd)) in moving.iter_mut().zip(links) {
+            let (body, axis) = (link.body.carried_in(&x_0_i), link.unit_motion(&x_0_i));
+            let own = axis.scaled(*qd);
+            acceleration = acceleration.plus(&velocity.cross(&own));
+            velocity = velocity.plus(&own);
+            let momentum = body.times(&velocity);
+            let effort = body.times(&acceleration).plus(&velocity.cross_effort(&momentum));
+            *moving = Moving { body, axis, effort };
+        }
+        self.summed(&moving)
     }
 
     /// Sums forces and composite bodies inward: a joint moves all links outward of it as one body.
-    fn inward(&self, moving: &[Moving; N]) -> Dynamics<N> {
+    fn summed(&self, moving: &[Moving; N]) -> Dynamics<N> {
         let (mut mass, mut bias) = (JointMatrix::<N>::zeros(), Joints::<N>::zeros());
         let (mut composite, mut outboard) = (Body::NONE, Effort::NONE);
         for ((joint, link), bias) in moving.iter().enumerate().zip(bias.iter_mut()).rev() {
@@ -96,29 +119,6 @@ impl<const N: usize> Arm<N> {
         let links = self.links.iter().zip(&posture.x_0_links);
         let bodies = links.map(|(link, x_0_i)| link.body.carried_in(x_0_i));
         kinetic - bodies.map(|body| body.first_moment.dot(&self.gravity)).sum::<f64>()
-    }
-
-    /// Returns the links in motion at velocities `qd` and zero accelerations.
-    fn outward(
-        &self,
-        x_0_links: impl Iterator<Item = IsometryMatrix3<f64>>,
-        qd: &Joints<N>,
-    ) -> [Moving; N] {
-        let mut moving = [Moving::NONE; N];
-        let mut velocity = Motion::NONE;
-        // Gravity as an upward acceleration of the base.
-        let mut acceleration = Motion { angular: Vector3::zeros(), linear: -self.gravity };
-        let links = self.links.iter().zip(x_0_links).zip(qd.iter());
-        for (moving, ((link, x_0_i), qd)) in moving.iter_mut().zip(links) {
-            let (body, axis) = (link.body.carried_in(&x_0_i), link.unit_motion(&x_0_i));
-            let own = axis.scaled(*qd);
-            acceleration = acceleration.plus(&velocity.cross(&own));
-            velocity = velocity.plus(&own);
-            let momentum = body.times(&velocity);
-            let effort = body.times(&acceleration).plus(&velocity.cross_effort(&momentum));
-            *moving = Moving { body, axis, effort };
-        }
-        moving
     }
 }
 

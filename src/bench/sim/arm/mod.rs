@@ -272,7 +272,7 @@ pub(crate) mod tests {
     use units::spatial::Wrench;
 
     fn numbers<const N: usize>(value: &Value) -> [f64; N] {
-        std::array::from_fn(|place| value[place].as_f64().unwrap())
+        array::from_fn(|place| value[place].as_f64().unwrap())
     }
 
     fn joints(value: &Value) -> Joints {
@@ -292,7 +292,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn links(model: &Value) -> [LinkSettings; 6] {
-        std::array::from_fn(|place| {
+        array::from_fn(|place| {
             let (row, link) = (&model["rows"][place], &model["links"][place]);
             let number = |key: &str| row[key].as_f64().unwrap();
             LinkSettings {
@@ -370,6 +370,27 @@ pub(crate) mod tests {
                 assert!((needed - given).norm() < 1e-9 * (1.0 + given.norm()), "{needed}");
             }
         }
+    }
+
+    #[test]
+    fn gravity_is_the_bias_at_rest_to_the_last_bit() {
+        for arm in [kraft_like(), jpl_like(), sixr_spherical()] {
+            for turn in 0..20 {
+                let q = Joints::from_fn(|row, _| {
+                    (0.7 * f64::from(turn) * f64::from(u32::try_from(1 + row).unwrap())).sin()
+                });
+                let posture = arm.posture(&q);
+                assert_eq!(arm.gravity(&posture), arm.bias(&posture, &Joints::zeros()));
+            }
+        }
+    }
+
+    #[test]
+    fn dynamics_at_positions_are_those_of_their_posture() {
+        let arm = jpl_like();
+        let (q, qd) = (Joints::repeat(0.3), Joints::repeat(-0.7));
+        let (at, of) = (arm.dynamics_at(&q, &qd), arm.dynamics(&arm.posture(&q), &qd));
+        assert_eq!((at.mass, at.bias), (of.mass, of.bias));
     }
 
     /// Returns the PUMA 560 of Corke and Armstrong-Helouvry 1994, and its model.

@@ -21,7 +21,7 @@ struct Passing {
 }
 
 impl Faults {
-    /// Delivers a frame on a bus to the device at `place`.
+    /// Delivers a frame on a bus to the device at `place`. Needless while they are [idle](Self::is_idle).
     pub fn deliver(
         &mut self,
         now: Instant,
@@ -61,7 +61,7 @@ impl Faults {
     }
 
     /// Returns whether no fault runs and no frame is delayed.
-    fn is_idle(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         self.running.is_empty() && self.held.is_empty()
     }
 

@@ -53,13 +53,25 @@ impl Resistance {
     /// Returns the distance of `q` past the upper stop, or negative past the lower one; zero between them.
     pub(super) fn past_stop(&self, q: f64) -> f64 {
         let [low, high] = self.range;
-        (q - high).max(0.0) + (q - low).min(0.0)
+        if q > high {
+            q - high
+        } else if q < low {
+            q - low
+        } else {
+            0.0
+        }
     }
 }
 
 /// Returns the part of `value` outside ±`dry`: dry friction takes the rest.
 fn beyond(value: f64, dry: f64) -> f64 {
-    value - value.clamp(-dry, dry)
+    if value.abs() <= dry {
+        0.0
+    } else if value > 0.0 {
+        value - dry
+    } else {
+        value + dry
+    }
 }
 
 #[cfg(test)]

@@ -176,6 +176,13 @@ impl Running {
         is_affected.then_some(effect)
     }
 
+    /// Returns whether frames from or to the device at a place may not pass as they are, or not alone.
+    pub(super) fn changes(&self, place: NodeIndex) -> bool {
+        let is_of_frames = matches!(self.fault.kind, Kind::Frames(_)) && !self.is_spent();
+        let is_imitated = self.imitation.is_some_and(|imitation| imitation.of == place);
+        is_of_frames && self.fault.target.has(place) || self.is_disconnected(place) || is_imitated
+    }
+
     /// Returns whether the fault has applied to as many frames as its `count`.
     pub(super) const fn is_spent(&self) -> bool {
         let Kind::Frames(FrameFault { extent: Extent::First(count), .. }) = self.fault.kind else {

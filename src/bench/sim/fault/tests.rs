@@ -334,6 +334,20 @@ fn emergency_is_sent_by_its_device() {
 }
 
 #[test]
+fn fault_of_one_device_spares_the_frames_of_the_others() {
+    for keys in ["kind = 'drop'\njoint = 3", "kind = 'unplug'\njoint = 3"] {
+        let mut network = Network::with(&fault(keys), 1);
+        network.run_until(1_000.0);
+        for place in 0..7 {
+            let frame = Frame::new(0x123, [1]);
+            let passed = if place == 2 { vec![] } else { vec![frame] };
+            assert_eq!(network.sent(place, frame), passed, "{keys}, from {place}");
+            assert_eq!(network.received(place, frame), passed, "{keys}, to {place}");
+        }
+    }
+}
+
+#[test]
 fn imitated_data_is_sent_under_the_other_cob_id() {
     let mut network = Network::with(&fault("kind = \"impersonate\", joint = 4, by = 3"), 1);
     network.run_until(1_000.0);

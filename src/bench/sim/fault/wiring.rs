@@ -30,7 +30,7 @@ impl Faults {
         received: Telegram,
         out: &mut Vec<Telegram>,
     ) {
-        if self.is_idle() {
+        if self.spare(place) {
             device.on_frame(now, received.channel, &received.frame, out);
         } else if received.channel == device.channel() {
             let mut passed = mem::take(&mut self.passed);
@@ -50,7 +50,7 @@ impl Faults {
         device: &mut dyn Breakable,
         out: &mut Vec<Telegram>,
     ) {
-        if self.is_idle() {
+        if self.spare(place) {
             device.on_time(now, out);
         } else {
             let mut sent = mem::take(&mut self.sent);
@@ -58,6 +58,11 @@ impl Faults {
             self.send(now, place, device, &mut sent, out);
             self.sent = sent;
         }
+    }
+
+    /// Returns whether all frames from and to the device at `place` pass as they are.
+    fn spare(&self, place: NodeIndex) -> bool {
+        self.held.is_empty() && !self.running.iter().any(|running| running.changes(place))
     }
 
     /// Returns whether no fault runs and no frame is delayed.

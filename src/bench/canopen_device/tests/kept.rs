@@ -1,4 +1,4 @@
-//! What a device keeps instead of computing it: its deadline, and the filter of the frames that it consumes.
+//! Values that a device keeps instead of computing them: its deadline, and the filter of the frames that it consumes.
 
 use super::*;
 use crate::lss::REQUEST_COB_ID;
@@ -10,7 +10,7 @@ enum Input {
     Remote(u16),
     Download(Object, u32),
     Wait(u64),
-    /// Time passes, and the device is not called.
+    /// Passage of time without a call of the device.
     Delay(u64),
     Error(u16),
     TransientError,

@@ -102,7 +102,7 @@ impl Dictionary {
     pub fn new(eds: &Eds, node: NodeId) -> Self {
         let entries: Vec<Entry> =
             eds.objects().iter().map(|described| entry(described, node)).collect();
-        let mut dictionary = Self { places: Places::of(&entries), entries };
+        let mut dictionary = Self { places: places(&entries), entries };
         if dictionary.unsigned(Object::STORE_FORMAT) == 0 {
             dictionary.set_default(Object::STORED_EDS, eds.source());
         }
@@ -221,7 +221,7 @@ impl Dictionary {
     /// Removes an object.
     pub fn remove(&mut self, object: Object) {
         self.entries.retain(|entry| entry.object != object);
-        self.places = Places::of(&self.entries);
+        self.places = places(&self.entries);
     }
 
     /// Stores the values of the selected objects as their defaults.
@@ -239,8 +239,12 @@ impl Dictionary {
     }
 
     fn place(&self, object: Object) -> Option<usize> {
-        self.places.find(&self.entries, object)
+        self.places.find(object, |place| Some(self.entries.get(place)?.object))
     }
+}
+
+fn places(entries: &[Entry]) -> Places {
+    Places::of(entries.iter().map(|entry| entry.object))
 }
 
 fn entry(described: &Described, node: NodeId) -> Entry {

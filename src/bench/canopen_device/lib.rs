@@ -9,6 +9,7 @@ mod access;
 mod application;
 mod clock;
 mod condition;
+mod consumed;
 mod deadline;
 pub mod dictionary;
 mod errors;

@@ -2,7 +2,6 @@
 //!
 //! A drive accesses some thirty objects in every cycle. A search by halves would compare seven of them for each.
 
-use crate::dictionary::Entry;
 use canopen::object::Object;
 
 /// Slots for each object: half of them or more are empty, so that most objects are in their first slot.
@@ -19,12 +18,12 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Returns the places of `entries`, at most 65536.
-    pub(super) fn of(entries: &[Entry]) -> Self {
-        let count = (SLOTS_PER_OBJECT * entries.len()).next_power_of_two();
+    /// Returns the places of `objects`, at most 65536.
+    pub(super) fn of(objects: impl ExactSizeIterator<Item = Object>) -> Self {
+        let count = (SLOTS_PER_OBJECT * objects.len()).next_power_of_two();
         let mut places = Self { slots: vec![None; count] };
-        for (place, entry) in (0..=u16::MAX).zip(entries) {
-            let mut slots = places.from(entry.object);
+        for (place, object) in (0..=u16::MAX).zip(objects) {
+            let mut slots = places.from(object);
             let empty = slots.find(|slot| places.slots.get(*slot).is_some_and(Option::is_none));
             if let Some(slot) = empty.and_then(|slot| places.slots.get_mut(slot)) {
                 *slot = Some(place);
@@ -33,11 +32,15 @@ impl Places {
         places
     }
 
-    /// Returns the place of an object in the same `entries`.
-    pub(super) fn find(&self, entries: &[Entry], object: Object) -> Option<usize> {
+    /// Returns the place of `object` among the same objects, which `at` returns by their places.
+    pub(super) fn find(
+        &self,
+        object: Object,
+        at: impl Fn(usize) -> Option<Object>,
+    ) -> Option<usize> {
         for slot in self.from(object) {
             let place = usize::from((*self.slots.get(slot)?)?);
-            if entries.get(place)?.object == object {
+            if at(place)? == object {
                 return Some(place);
             }
         }

@@ -15,6 +15,8 @@ mod common;
 mod far_side;
 #[path = "vcan/link_peer.rs"]
 mod link_peer;
+#[path = "vcan/realtime.rs"]
+mod realtime;
 
 use std::fs;
 use std::io::{BufRead, Read, Write};

@@ -35,6 +35,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let sync_at = self.send_sync();
         self.gather(sync_at);
         let now = self.wire.now();
+        self.timing.readings.window_end = now;
         self.poll_master(now);
         self.watch_samples(now, sync_at);
         self.watch_drives(now);
@@ -146,6 +147,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
             mode: self.safety.mode(),
             cause: self.safety.cause(),
             overruns: self.timing.lateness.overruns(),
+            times: self.timing.readings.times(
+                sync_at,
+                self.samples.received_at(),
+                self.wire.transmission.confirmed_at(),
+            ),
             sampled: self.samples.fresh(),
             has_switch_box: self.operator.enable_state().is_some(),
             inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
+use crate::cycle_times::Readings;
 use crate::lateness::{self, Lateness};
 use crate::schedule::{Due, Schedule};
 use config::Config;
@@ -20,6 +21,8 @@ pub(super) struct CycleTiming {
     pub(super) max_late_frames: u64,
     pub(super) schedule: Schedule,
     pub(super) lateness: Lateness,
+    /// Clock readings of the cycle under way.
+    pub(super) readings: Readings,
     /// Number of completed cycles.
     pub(super) cycle: u64,
     /// No cycle was completed since the last [`restart`](Self::restart).
@@ -36,6 +39,7 @@ impl CycleTiming {
             max_late_frames: config.most_frames(lateness::MAX_SKIPPED_CYCLES + 1),
             schedule: Schedule::starting(now, config.period),
             lateness: Lateness::new(config.period, suspended),
+            readings: Readings::default(),
             cycle: 0,
             is_restarted: true,
         }

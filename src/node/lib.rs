@@ -19,6 +19,7 @@ mod bring_up;
 pub mod cause;
 mod control;
 mod cycle;
+pub mod cycle_times;
 mod cycle_timing;
 mod drives;
 mod guard_requests;

@@ -18,7 +18,9 @@ const MAX_MISSED_SYNCS: u64 = lateness::MAX_SKIPPED_CYCLES;
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Receives until the next SYNC is due, and skips missed slots.
     pub(super) fn await_sync(&mut self) -> Due {
-        let mut due = self.timing.schedule.next(self.wire.read_clock());
+        let from = self.wire.read_clock();
+        self.timing.readings.start(from);
+        let mut due = self.timing.schedule.next(from);
         self.listen(due.at);
         for _ in 0..MAX_MISSED_SYNCS {
             if !self.timing.is_missed(due, self.wire.now()) {
@@ -29,6 +31,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             due = Due { at: next.at, skipped: due.skipped + 1 + next.skipped };
             self.listen(due.at);
         }
+        (self.timing.readings.due, self.timing.readings.woken) = (due.at, self.wire.now());
         due
     }
 

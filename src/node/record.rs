@@ -6,6 +6,7 @@ use derive_more::Display;
 use nalgebra::Isometry3;
 
 use crate::cause::Cause;
+use crate::cycle_times::CycleTimes;
 use controller::Output;
 use units::spatial::Wrench;
 use units::time::Instant;
@@ -90,6 +91,8 @@ pub struct Record {
     pub cause: Option<Cause>,
     /// Number of cycles so far with torques too late to be sent, or with a skipped SYNC.
     pub overruns: u64,
+    /// Times of its steps.
+    pub times: CycleTimes,
     /// Joints whose sample arrived in time.
     pub sampled: [bool; 6],
     /// The configuration has a switch box, without which nothing can be armed.

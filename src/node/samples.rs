@@ -38,7 +38,8 @@ pub(super) struct Samples {
     status_known: [bool; 6],
     /// Time of the last SYNC.
     sync_at: Instant,
-    fresh: [bool; 6],
+    /// Reception of each joint's sample of this window.
+    received_at: [Option<Instant>; 6],
     /// Joints whose actual torque was received since the last call of [`sampled`](Self::sampled).
     torques: [bool; 6],
     /// Torque demands received since the last call of [`sampled`](Self::sampled).
@@ -71,7 +72,7 @@ impl Samples {
             status_at: [None; 6],
             status_known: [false; 6],
             sync_at: Instant::ZERO,
-            fresh: [false; 6],
+            received_at: [None; 6],
             torques: [false; 6],
             demands: [None; 6],
             missing: [0; 6],
@@ -86,7 +87,7 @@ impl Samples {
     pub(super) fn start_window(&mut self, now: Instant) {
         self.sync_at = now;
         self.filters.iter_mut().for_each(|filter| filter.start_window(now));
-        self.fresh = [false; 6];
+        self.received_at = [None; 6];
     }
 
     /// Takes a frame; returns false if it is not a TPDO of the exchange. One of the wrong length is dropped.
@@ -133,7 +134,7 @@ impl Samples {
             match joint.entry_mut(&mut self.filters).on_position(position) {
                 Filtered::Sample => {
                     sample.position = position;
-                    *joint.entry_mut(&mut self.fresh) = true;
+                    *joint.entry_mut(&mut self.received_at) = Some(at);
                 }
                 Filtered::Ignored => {}
                 Filtered::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
@@ -161,15 +162,17 @@ impl Samples {
 
     /// Returns whether a sample of every joint was received in this window.
     pub(super) fn is_complete(&self) -> bool {
-        self.fresh == [true; 6]
+        self.received_at.iter().all(Option::is_some)
     }
 
     /// Ends the SYNC window and counts missing samples. Returns the cause of implausible, missing or overdue samples, or of
     /// a missing statusword.
     pub(super) fn end_window(&mut self, now: Instant) -> Option<Cause> {
         let mut cause = self.implausible.take();
-        for (joint, (missing, fresh)) in Joint::each(self.missing.iter_mut().zip(&self.fresh)) {
-            *missing = if *fresh { 0 } else { missing.saturating_add(1) };
+        for (joint, (missing, received)) in
+            Joint::each(self.missing.iter_mut().zip(&self.received_at))
+        {
+            *missing = if received.is_some() { 0 } else { missing.saturating_add(1) };
             if *missing >= self.max_missed {
                 cause = cause.or(Some(Cause::SamplesMissing { joint, cycles: *missing }));
             }
@@ -212,7 +215,7 @@ impl Samples {
     /// Clears everything except positions and torques, before a boot of the network.
     pub(super) fn restart(&mut self) {
         self.clear_missing();
-        self.fresh = [false; 6];
+        self.received_at = [None; 6];
         self.torques = [false; 6];
         self.demands = [None; 6];
         self.status_at = [None; 6];
@@ -230,12 +233,17 @@ impl Samples {
     pub(super) fn sampled(&mut self) -> Sampled<'_> {
         let torques = std::mem::take(&mut self.torques);
         let demands = std::mem::take(&mut self.demands);
-        Sampled { at: self.sync_at, latest: &self.latest, fresh: self.fresh, torques, demands }
+        Sampled { at: self.sync_at, latest: &self.latest, fresh: self.fresh(), torques, demands }
     }
 
     /// Returns the joints whose sample was received in this window.
     pub(super) fn fresh(&self) -> [bool; 6] {
-        self.fresh
+        self.received_at.map(|at| at.is_some())
+    }
+
+    /// Returns the time of reception of each joint's sample of this window.
+    pub(super) fn received_at(&self) -> [Option<Instant>; 6] {
+        self.received_at
     }
 
     /// Returns the inputs of the switch box, or `None` if they are stale.

@@ -107,6 +107,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Reads the clock, and returns whether targets from the samples of the SYNC sent at `sync_at` are too old.
     fn is_late(&mut self, sync_at: Instant) -> bool {
         let now = self.wire.read_clock();
+        self.timing.readings.on_target(now);
         self.timing.lateness.is_stale(sync_at, now)
     }
 }

@@ -102,6 +102,12 @@ impl Transmission {
         }
     }
 
+    /// Returns the time at which the last SYNC was confirmed on all buses; `None` where it was not.
+    pub(super) fn confirmed_at(&self) -> Option<Instant> {
+        let is_confirmed = self.buses.iter().all(BusState::is_confirmed);
+        self.buses.iter().filter_map(|bus| bus.confirmed_at).max().filter(|_| is_confirmed)
+    }
+
     /// Starts a cycle, after [`confirm`](Self::confirm). Returns a cause when a bus is shut for missing confirmations.
     pub(super) fn start_cycle(&mut self) -> Option<Cause> {
         let mut unconfirmed = None;

@@ -286,6 +286,9 @@ fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value])
         let items = value.as_array().filter(|list| list.iter().any(serde_json::Value::is_object));
         if let Some(list) = items {
             [vec![headed()], list.iter().map(joint_row).collect()].concat()
+        } else if let Some(members) = value.as_object().filter(|of| is_percentiles(of)) {
+            let value = |(name, value)| format!("{name} {}", plain(value));
+            vec![row(&headed(), &members.iter().map(value).collect::<Vec<_>>().join(", "))]
         } else if let Some(members) = value.as_object() {
             // A list is of all joints.
             let has_lists = members.values().any(serde_json::Value::is_array);
@@ -300,6 +303,11 @@ fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value])
         }
     };
     members.flat_map(of_member).collect()
+}
+
+/// Returns whether these are percentiles of one time: they fit into a row.
+fn is_percentiles(members: &serde_json::Map<String, serde_json::Value>) -> bool {
+    members.get("p50").is_some_and(serde_json::Value::is_u64)
 }
 
 /// Formats position, torque and target of a joint with their units.

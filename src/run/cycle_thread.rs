@@ -6,6 +6,7 @@ use std::time::Duration;
 use crate::console::request_queue::{AcceptedRequest, RequestReceiver};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::latch::Latch;
+use crate::realtime_args::RealtimeArgs;
 use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
 use crate::stopping;
@@ -39,12 +40,18 @@ pub(super) fn run<B: Bus, R: Remote>(
     mut requests: RequestReceiver,
     signals: &StopSignals,
     mut latch: Latch,
+    realtime: &RealtimeArgs,
 ) -> Result<(), Failure> {
-    let granted = realtime::ask();
-    match warning(granted) {
+    // Lives as long as the cycle: so does the limit of the processors' latency.
+    let granted = realtime::ask_for(realtime.wanted());
+    match warning(&granted) {
         None => tracing::info!(%granted, "priority"),
+        Some(warning) if realtime.require_realtime => {
+            latch.end(Ok(()));
+            return Err(Failure::new(Kind::Bus, warning));
+        }
         // Also with `-q`, which leaves errors only in the log.
-        Some(warning) => print::error(&warning),
+        Some(warning) => print::error(&format!("warning: {warning}")),
     }
     let stopping = || signals.is_stop_requested();
     let is_urgent = || signals.is_urgent();
@@ -62,10 +69,10 @@ pub(super) fn run<B: Bus, R: Remote>(
 }
 
 /// Returns the warning of real-time settings that the kernel refused.
-fn warning(granted: Granted) -> Option<String> {
+fn warning(granted: &Granted) -> Option<String> {
     let warning = || {
         format!(
-            "warning: real-time settings refused, so cycles may be late: {granted}; LimitRTPRIO=80 and \
+            "real-time settings refused, so cycles may be late: {granted}; LimitRTPRIO=80 and \
              LimitMEMLOCK=512M of systemd/frhc.service allow them"
         )
     };
@@ -215,10 +222,14 @@ mod tests {
 
     #[test]
     fn refused_real_time_setting_is_a_warning() {
-        let all = Granted { is_fifo: true, is_locked: true, is_exact: true };
-        assert_eq!(warning(all), None);
-        let warned = warning(Granted { is_locked: false, ..all }).unwrap();
-        assert!(warned.starts_with("warning: ") && warned.contains("memory locked refused"));
+        let all =
+            |is_locked| Granted { is_fifo: true, is_locked, is_exact: true, ..Granted::default() };
+        assert_eq!(warning(&all(true)), None);
+        let warned = warning(&all(false)).unwrap();
+        assert!(
+            warned.starts_with("real-time settings refused")
+                && warned.contains("memory locked refused")
+        );
     }
 
     #[test]

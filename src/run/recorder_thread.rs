@@ -1,11 +1,11 @@
 //! The recorder thread: passes the cycle thread's entries to the disk writers, the summary, the status for the console
 //! and the log.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use crate::disk_writers::DiskWriters;
+use crate::latest_status::LatestStatus;
 use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
 use crate::{log_time, provenance};
 use canopen::frame::Telegram;
@@ -14,8 +14,9 @@ use config::Config;
 use node::record::{Mode, Record};
 use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Commanded, Fidelity, Judged};
-use telemetry::status::{JointLabel, Status};
+use telemetry::status::JointLabel;
 use telemetry::summary::Summary;
+use telemetry::timing::Overrun;
 use telemetry::token_bucket::TokenBucket;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -38,40 +39,17 @@ const LINE_EVERY: Duration = Duration::from_secs(1);
 /// Burst of log lines after the boot: enough for a stop of six drives.
 const LINES_AT_ONCE: u32 = 20;
 
-/// The newest status, for the console.
-#[derive(Clone, Debug, Default)]
-pub(super) struct LatestStatus(Arc<Mutex<Option<(Instant, Status)>>>);
-
-impl LatestStatus {
-    /// Returns the newest status, `None` before the first cycle.
-    pub(super) fn get(&self) -> Option<Status> {
-        let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        latest.as_ref().map(|(_, status)| status.clone())
-    }
-
-    /// Returns the time of the SYNC of the newest status.
-    pub(super) fn at(&self) -> Option<Instant> {
-        let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        latest.as_ref().map(|(at, _)| *at)
-    }
-
-    pub(super) fn set(&self, at: Instant, status: Status) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((at, status));
-    }
-}
-
 /// Records entries until the cycle thread has ended; returns the summary of the run.
 pub(super) fn run(
     mut entries: EntryConsumer,
     mut recorder: Recorder<'_>,
-    latest: &LatestStatus,
     lost: &LossCounters,
 ) -> Summary {
     loop {
         // Read before the last `take`, so that entries pushed before the end are not missed.
         let is_over = entries.is_abandoned();
         while entries.take(MAX_BATCH, &mut recorder) > 0 {
-            recorder.flush(latest, lost);
+            recorder.flush(lost);
         }
         recorder.log_messages();
         if is_over {
@@ -97,6 +75,7 @@ pub(super) struct Recorder<'a> {
     self_driven: Option<Joint>,
     event_log: EventLog,
     now: Instant,
+    latest: LatestStatus,
     newest: Option<Record>,
 }
 
@@ -124,6 +103,7 @@ impl EntryHandler for Recorder<'_> {
         if let Some(joint) = self_driven.filter(|_| before.is_none()) {
             log_time::stamp_with(record.at, || log_self_driven(joint, &self.joints));
         }
+        self.watch_timing(record);
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
         self.newest = Some(*record);
@@ -138,7 +118,7 @@ impl EntryHandler for Recorder<'_> {
 
 impl<'a> Recorder<'a> {
     /// Creates a recorder of no entries yet.
-    pub(super) fn new(config: &Config, writers: &'a mut DiskWriters) -> Self {
+    pub(super) fn new(config: &Config, writers: &'a mut DiskWriters, latest: LatestStatus) -> Self {
         let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
         Self {
             writers,
@@ -151,16 +131,25 @@ impl<'a> Recorder<'a> {
             self_driven: None,
             event_log: EventLog::new(),
             now: Instant::ZERO,
+            latest,
             newest: None,
         }
     }
 
-    /// Hands the entries to the disk writers, and the newest status to the console.
-    fn flush(&mut self, latest: &LatestStatus, lost: &LossCounters) {
+    /// Hands the entries to the disk writers, and the newest record to the console.
+    fn flush(&mut self, lost: &LossCounters) {
         self.writers.flush();
         if let Some(record) = self.newest.take() {
-            let status = Status::of(&record, self.summary.missing_samples, lost.snapshot());
-            latest.set(record.at, status.with_joints(&self.joints));
+            self.latest.set(&record, self.summary.missing_samples, lost.snapshot());
+        }
+    }
+
+    /// Adds the times of a cycle, and logs the step that made it late.
+    fn watch_timing(&mut self, record: &Record) {
+        // In a boot, nodes and drives decide how long steps take.
+        let overrun = if record.mode == Mode::Boot { None } else { self.latest.add_times(record) };
+        if let Some(overrun) = overrun {
+            log_time::stamp_with(record.at, || self.event_log.log_overrun(record.at, &overrun));
         }
     }
 
@@ -173,6 +162,7 @@ impl<'a> Recorder<'a> {
     fn finish(mut self, lost: &LossCounters) -> Summary {
         log_time::stamp_with(self.now, || self.event_log.log_suppressed());
         self.summary.lost = lost.snapshot();
+        self.summary.timing = Some(self.latest.timing());
         self.summary.fidelity = self.fidelity.report();
         self.summary
     }
@@ -199,6 +189,16 @@ impl EventLog {
         if bucket.take(now) {
             self.log_suppressed();
             log_event(event, names);
+        } else {
+            self.suppressed += 1;
+        }
+    }
+
+    /// Logs the step that made a cycle late.
+    fn log_overrun(&mut self, now: Instant, overrun: &Overrun) {
+        if self.run.take(now) {
+            self.log_suppressed();
+            tracing::warn!("{overrun}");
         } else {
             self.suppressed += 1;
         }

@@ -18,8 +18,10 @@ use crate::disk_writers::DiskWriters;
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
-use crate::provenance::Provenance;
-use crate::recorder_thread::{self, LatestStatus, Recorder};
+use crate::latest_status::LatestStatus;
+use crate::provenance::{self, Provenance};
+use crate::realtime_args::RealtimeArgs;
+use crate::recorder_thread::{self, Recorder};
 use crate::run_recorder::RunRecorder;
 use crate::stop_signals::StopSignals;
 use crate::{
@@ -50,6 +52,8 @@ pub struct Run {
     /// Record bus.log (candump format), summary.json and faults/ in a new folder DIR/NNN-UTC.
     #[arg(short, long, value_name = "DIR")]
     pub record: Option<PathBuf>,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
 }
 
 /// Runs the node until a stop signal.
@@ -57,6 +61,7 @@ pub struct Run {
 /// # Errors
 /// The reason why the node could not start, or was stopped; its kind gives the exit code.
 pub fn run(args: &Run) -> Result<(), Failure> {
+    args.realtime.check()?;
     let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
     let config = args.config.load()?;
     check::refuse_simulated_link(&config, "run")?;
@@ -83,7 +88,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let node = Node::new(&config, Traced::new(bus, producer), side);
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
-    let latest = LatestStatus::default();
+    let latest = LatestStatus::new(provenance::joint_labels(&config));
     let latch = Latch::set(&names);
     let remark = latch.remark().map(str::to_owned);
     remark.iter().for_each(|remark| tracing::warn!("{remark}"));
@@ -94,14 +99,13 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 
     let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
-        let recorder = Recorder::new(&config, &mut writers);
-        let recording = spawn(threads, "recorder", move || {
-            recorder_thread::run(entries, recorder, &latest, &lost)
-        })?;
+        let recorder = Recorder::new(&config, &mut writers, latest);
+        let recording =
+            spawn(threads, "recorder", move || recorder_thread::run(entries, recorder, &lost))?;
         let signals = &signals;
         link.map(|link| spawn_link(threads, link, clock, has_ended)).transpose()?;
         spawn(threads, "cycle", move || {
-            let outcome = cycle_thread::run(node, requests, signals, latch);
+            let outcome = cycle_thread::run(node, requests, signals, latch, &args.realtime);
             has_ended.store(true, Ordering::Relaxed);
             // The main thread may have ended first.
             ended.send(outcome).ok();

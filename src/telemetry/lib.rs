@@ -19,4 +19,5 @@ pub mod session;
 pub mod shaking;
 pub mod status;
 pub mod summary;
+pub mod timing;
 pub mod token_bucket;

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::link_report::LinkReport;
 use crate::losses::Losses;
+use crate::timing::TimingReport;
 use controller::Ledger;
 use node::cause;
 use node::record::{Mode, Record};
@@ -49,6 +50,9 @@ pub struct Status {
     pub p_b_m: [f64; 3],
     /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
     pub switches_online: Option<bool>,
+    /// Timing of the cycles, boot included.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingReport>,
     /// Link to a robot in another process; `None` where the commanded side is in this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkReport>,
@@ -105,6 +109,7 @@ impl Status {
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
+            timing: None,
             link: None,
         }
     }

@@ -11,6 +11,7 @@ use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
 use crate::shaking::Shaking;
+use crate::timing::TimingReport;
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
@@ -72,6 +73,9 @@ pub struct Summary {
     pub object_travel_m: f64,
     /// Load of each bus, in percent of its bitrate.
     pub bus_load_percent: Vec<f64>,
+    /// Timing of the cycles, where they have run in real time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingReport>,
     /// Number of frames on each bus.
     pub bus_frames: Vec<u64>,
     /// Mode at the end.
@@ -161,6 +165,9 @@ impl fmt::Display for Summary {
         writeln!(f, "cycles            {} in {:.3} s", self.cycles, self.seconds)?;
         if self.overruns > 0 {
             writeln!(f, "overruns          {} cycles", self.overruns)?;
+        }
+        for (name, percentiles) in self.timing.iter().flat_map(TimingReport::rows) {
+            writeln!(f, "{name:17} {percentiles}")?;
         }
         writeln!(
             f,

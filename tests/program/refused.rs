@@ -526,3 +526,17 @@ fn second_axis_of_a_node_is_refused_by_name() {
     let second = "node 2 is the drive of elevation already, and its second axis (its EDS has 6840h: objects + 800h) cannot be";
     is_refused(&folder, &[second]);
 }
+
+#[test]
+fn processor_that_does_not_exist_is_refused() {
+    let folder = installation("cpu", TEXT);
+    let ended = run_in(&folder, &["--cpu", "4096"]);
+    assert_eq!(ended.code, 2, "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("--cpu 4096: this machine has no such processor"),
+        "{}",
+        ended.stderr
+    );
+    let ended = run_in(&folder, &["--cpu-latency", "-1"]);
+    assert_eq!(ended.code, 2, "{}", ended.stderr);
+}

@@ -179,12 +179,11 @@ mod tests {
 
     use super::*;
     use crate::console::request_queue::{RequestReceiver, channel};
-    use crate::recorder_thread::LatestStatus;
+    use crate::latest_status::LatestStatus;
     use crate::scratch::any_record;
     use node::record::{Mode, Record};
     use node::{BringUpError, Request, RequestError};
     use telemetry::losses::Losses;
-    use telemetry::status::Status;
     use units::time::Instant;
 
     /// A console without a node, in a folder of its own.
@@ -358,14 +357,14 @@ mod tests {
     fn status_after_a_response_shows_the_granted_mode() {
         run_with("shown", |path, mut receiver, latest| async move {
             let record = any_record();
-            let of = |mode| Status::of(&Record { mode, ..record }, 0, Losses::default());
-            latest.set(Instant::ZERO, of(Mode::Ready));
+            let set = |at, mode| latest.set(&Record { at, mode, ..record }, 0, Losses::default());
+            set(Instant::ZERO, Mode::Ready);
             let mut client = send(&path, ARM).await;
             sleep(Duration::from_millis(100)).await;
             receiver.next(NOW).unwrap().answer(Ok(Mode::Armed));
             // The recorder thread is some cycles behind.
             sleep(Duration::from_millis(5)).await;
-            latest.set(NOW, of(Mode::Armed));
+            set(NOW, Mode::Armed);
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
             client.write_all(STATUS.as_bytes()).await.unwrap();
             assert!(answer(&mut client).await.starts_with("{\"ok\":true,\"mode\":\"armed\""));
@@ -376,16 +375,16 @@ mod tests {
     fn disarm_is_answered_after_its_ramp() {
         run_with("ramp", |path, receiver, latest| async move {
             let record = any_record();
-            let of = |mode| Status::of(&Record { mode, ..record }, 0, Losses::default());
-            latest.set(NOW, of(Mode::Engaged));
+            let set = |at, mode| latest.set(&Record { at, mode, ..record }, 0, Losses::default());
+            set(NOW, Mode::Engaged);
             let mut client = send(&path, DISARM).await;
             sleep(Duration::from_millis(5)).await;
             receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);
             sleep(Duration::from_millis(50)).await;
-            latest.set(NOW, of(Mode::Ready));
+            set(NOW, Mode::Ready);
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"ready\"}\n");
             // A disarm whose ramp never ends is answered, too.
-            latest.set(NOW, of(Mode::Armed));
+            set(NOW, Mode::Armed);
             client.write_all(DISARM.as_bytes()).await.unwrap();
             sleep(Duration::from_millis(5)).await;
             receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);

@@ -11,7 +11,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::console::request_queue::{Denied, Outcome, Phase, RequestSender};
 use crate::console::{ConsoleCommand, Response};
-use crate::recorder_thread::LatestStatus;
+use crate::latest_status::LatestStatus;
 use controller::switches::Mode as CommandMode;
 use node::record::Mode;
 use node::safety::Refusal;
@@ -279,7 +279,8 @@ impl RequestHandler {
         };
         let mode = latest.as_ref().map_or(Mode::Boot.name(), |status| status.mode);
         let link = self.link.as_ref().map(|link| LinkReport::of(&link.get()));
-        let latest = latest.map(|status| Status { link, ..status });
+        let timing = Some(self.latest.timing());
+        let latest = latest.map(|status| Status { link, timing, ..status });
         Response { ok: true, error: None, mode: Some(mode), status: latest, note }
     }
 
@@ -323,6 +324,7 @@ mod tests {
     use crate::console::request_queue::{RequestReceiver, channel};
     use crate::scratch::any_record;
     use node::BringUpError;
+    use node::record::Record;
     use telemetry::losses::Losses;
 
     const NOW: Instant = Instant::from_micros(1_000_000);
@@ -458,7 +460,7 @@ mod tests {
     fn status_during_a_boot_is_boot_without_older_values() {
         run(|handler, mut receiver, latest| async move {
             let record = any_record();
-            latest.set(NOW, Status::of(&record, 0, Losses::default()));
+            latest.set(&Record { at: NOW, ..record }, 0, Losses::default());
             assert!(handler.answer(ConsoleCommand::Status, None).await.status.is_some());
             receiver.begin_boot();
             let answer = handler.answer(ConsoleCommand::Status, None).await;

@@ -1,0 +1,61 @@
+//! The newest record and the timing of all cycles, shared with the console: a status is made when a client asks for it.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use node::record::Record;
+use telemetry::losses::Losses;
+use telemetry::status::{JointLabel, Status};
+use telemetry::timing::{Overrun, Timing, TimingReport};
+use units::time::Instant;
+
+/// The newest record, for the console.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LatestStatus {
+    latest: Arc<Mutex<Latest>>,
+    /// Names of the joints with their units, base first.
+    joints: Arc<[JointLabel]>,
+}
+
+#[derive(Debug, Default)]
+struct Latest {
+    /// The newest record, with the missed samples and the losses until then.
+    newest: Option<(Record, u64, Losses)>,
+    timing: Timing,
+}
+
+impl LatestStatus {
+    /// Returns a status before the first cycle of these joints.
+    pub(super) fn new(joints: Vec<JointLabel>) -> Self {
+        Self { latest: Arc::default(), joints: joints.into() }
+    }
+
+    /// Returns the newest status, `None` before the first cycle.
+    pub(super) fn get(&self) -> Option<Status> {
+        let (record, missing_samples, lost) = self.lock().newest?;
+        Some(Status::of(&record, missing_samples, lost).with_joints(&self.joints))
+    }
+
+    /// Returns the time of the SYNC of the newest status.
+    pub(super) fn at(&self) -> Option<Instant> {
+        self.lock().newest.as_ref().map(|(record, ..)| record.at)
+    }
+
+    /// Returns the timing of all cycles since the boot.
+    pub(super) fn timing(&self) -> TimingReport {
+        self.lock().timing.report()
+    }
+
+    /// Sets the newest record.
+    pub(super) fn set(&self, record: &Record, missing_samples: u64, lost: Losses) {
+        self.lock().newest = Some((*record, missing_samples, lost));
+    }
+
+    /// Adds the times of the next cycle; returns the step that was late, if it is over time.
+    pub(super) fn add_times(&self, record: &Record) -> Option<Overrun> {
+        self.lock().timing.add(record)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Latest> {
+        self.latest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -4,12 +4,10 @@
 //! step; the result must lie after the socket was last empty, and not in the future. If neither conversion does, the
 //! frame counts as old as possible: a stale frame never counts as fresh.
 
-use std::time::Duration;
-
 use crate::clock::Reading;
 
-/// Tolerance between readings of the two clocks: their drift, and the time between the two readings.
-const SLACK: Duration = Duration::from_micros(100);
+/// Tolerance between readings of the two clocks in ns: their drift, and the time between the two readings.
+const SLACK: u64 = 100_000;
 
 /// Bounds of the receive time of a frame that waits in a socket.
 #[derive(Clone, Copy, Debug)]
@@ -34,12 +32,12 @@ impl Arrivals {
         !self.empty.agrees(now)
     }
 
-    /// Returns the receive time since boot of a frame read `now` with this stamp.
-    pub(super) fn of(&self, stamp: Option<Duration>, now: Reading) -> Duration {
+    /// Returns the receive time since boot, in ns, of a frame read `now` with this stamp.
+    pub(super) fn of(&self, stamp: Option<u64>, now: Reading) -> u64 {
         let (earliest, latest) = (self.empty.boot, now.boot);
         let Some(stamp) = stamp else { return earliest };
         let candidates = [self.empty, now].map(|clocks| clocks.boot_of(stamp));
-        let is_possible = |at: &Duration| *at + SLACK >= earliest && *at <= latest + SLACK;
+        let is_possible = |at: &u64| *at + SLACK >= earliest && *at <= latest + SLACK;
         let arrived = candidates.into_iter().flatten().filter(is_possible).min();
         arrived.map_or(earliest, |at| at.clamp(earliest, latest))
     }
@@ -49,12 +47,14 @@ impl Arrivals {
 mod tests {
     use proptest::prelude::*;
 
+    use std::time::Duration;
+
     use super::*;
 
     /// Returns the clocks at `micros`, with the wall clock `ahead`.
     fn clocks(micros: u64, ahead: Duration) -> Reading {
-        let boot = Duration::from_micros(micros);
-        Reading { boot, wall: boot + ahead }
+        let boot = 1_000 * micros;
+        Reading { boot, wall: boot + u64::try_from(ahead.as_nanos()).unwrap() }
     }
 
     const BEFORE: Duration = Duration::from_secs(1_800_000_000);
@@ -69,7 +69,7 @@ mod tests {
             for (arrived, ahead) in [(2_500, BEFORE), (7_500, after)] {
                 let stamp = clocks(arrived, ahead).wall;
                 let found = arrivals.of(Some(stamp), now);
-                assert_eq!(found, Duration::from_micros(arrived), "{after:?}");
+                assert_eq!(found, 1_000 * arrived, "{after:?}");
             }
         }
     }
@@ -78,8 +78,8 @@ mod tests {
     fn impossible_stamp_gives_the_oldest_time() {
         let arrivals = Arrivals::since(clocks(1_000, BEFORE));
         let now = clocks(8_000, BEFORE);
-        for stamp in [None, Some(Duration::ZERO), Some(now.wall * 2), Some(BEFORE)] {
-            assert_eq!(arrivals.of(stamp, now), Duration::from_micros(1_000), "{stamp:?}");
+        for stamp in [None, Some(0), Some(now.wall * 2), Some(clocks(0, BEFORE).wall)] {
+            assert_eq!(arrivals.of(stamp, now), 1_000_000, "{stamp:?}");
         }
     }
 
@@ -89,7 +89,7 @@ mod tests {
         let after = BEFORE + Duration::from_secs(60);
         arrivals.found_empty(clocks(5_000, after));
         let stamp = clocks(6_000, after).wall;
-        assert_eq!(arrivals.of(Some(stamp), clocks(8_000, after)), Duration::from_micros(6_000));
+        assert_eq!(arrivals.of(Some(stamp), clocks(8_000, after)), 6_000_000);
     }
 
     proptest! {
@@ -106,7 +106,7 @@ mod tests {
             let arrived = 500 + before;
             let stamp = clocks(arrived, if stepped_first { after } else { BEFORE }).wall;
             let found = arrivals.of(Some(stamp), clocks(arrived + waited, after));
-            prop_assert!(found <= Duration::from_micros(arrived) + SLACK);
+            prop_assert!(found <= 1_000 * arrived + SLACK);
         }
     }
 }

@@ -5,33 +5,33 @@ use std::time::Duration;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
-/// Maximum time between two readings that count as simultaneous, and change between the clocks that is no step.
-const MAX_SPREAD: Duration = Duration::from_micros(20);
+/// Maximum time between two readings that count as simultaneous, and change between the clocks that is no step, in ns.
+const MAX_SPREAD: u64 = 20_000;
 
 /// Maximum attempts to read both clocks at once.
 const MAX_ATTEMPTS: usize = 4;
 
-/// Simultaneous reading of both clocks.
+/// Simultaneous reading of both clocks, in ns: a frame needs a dozen sums of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
     /// Time since boot, suspension included.
-    pub(super) boot: Duration,
+    pub(super) boot: u64,
     /// Wall clock: time since 1970, UTC.
-    pub(super) wall: Duration,
+    pub(super) wall: u64,
 }
 
 impl Reading {
     /// Reads both clocks again, once if they still differ by as much. Otherwise one was set, or the process was stopped
     /// between the readings.
     pub(super) fn again(self) -> Self {
-        let (boot, wall) = (boot(), wall());
+        let (boot, wall) = (boot(), nanos(ClockId::CLOCK_REALTIME));
         let reading = Self { boot, wall };
         if reading.agrees(self) { reading } else { Self::now() }
     }
 
     /// Returns whether the clocks differ by as much in both readings.
     pub(super) fn agrees(self, other: Self) -> bool {
-        let (this, that) = (self.wall + other.boot, other.wall + self.boot);
+        let (this, that) = (self.wall.wrapping_sub(self.boot), other.wall.wrapping_sub(other.boot));
         this.abs_diff(that) <= MAX_SPREAD
     }
 
@@ -48,15 +48,15 @@ impl Reading {
     }
 
     /// Reads both clocks once, and returns the time it took.
-    fn tried() -> (Self, Duration) {
-        let (before, wall, after) = (boot(), wall(), boot());
+    fn tried() -> (Self, u64) {
+        let (before, wall, after) = (boot(), nanos(ClockId::CLOCK_REALTIME), boot());
         // The earlier of the two: a frame is rather dated too old.
         (Self { boot: before, wall }, after.saturating_sub(before))
     }
 
     /// Converts the wall-clock time `stamp` to time since boot, if no clock was set in between; `None` before boot.
-    pub(super) fn boot_of(&self, stamp: Duration) -> Option<Duration> {
-        (self.boot + stamp).checked_sub(self.wall)
+    pub(super) const fn boot_of(self, stamp: u64) -> Option<u64> {
+        self.boot.saturating_add(stamp).checked_sub(self.wall)
     }
 }
 
@@ -65,9 +65,9 @@ pub fn monotonic() -> Duration {
     read(ClockId::CLOCK_MONOTONIC)
 }
 
-/// Returns the time since boot, suspension included: what lies before a suspension is old after it.
-pub(super) fn boot() -> Duration {
-    read(ClockId::CLOCK_BOOTTIME)
+/// Returns the time since boot in ns, suspension included: what lies before a suspension is old after it.
+pub(super) fn boot() -> u64 {
+    nanos(ClockId::CLOCK_BOOTTIME)
 }
 
 /// Returns the wall clock: time since 1970, UTC.
@@ -79,7 +79,7 @@ pub(super) fn wall() -> Duration {
 pub(super) fn suspended() -> Duration {
     // In this order a delay between the readings makes the result smaller, never larger.
     let since_boot = boot();
-    since_boot.saturating_sub(monotonic())
+    Duration::from_nanos(since_boot.saturating_sub(nanos(ClockId::CLOCK_MONOTONIC)))
 }
 
 /// Waits until [`monotonic`] reaches `until`.
@@ -93,5 +93,16 @@ pub fn wait(until: Duration) {
 
 /// Reads a clock; every Linux kernel has it.
 fn read(id: ClockId) -> Duration {
-    clock_gettime(id).map(Duration::from).unwrap_or_default()
+    Duration::from_nanos(nanos(id))
+}
+
+/// Reads a clock, in ns: until the year 2554.
+fn nanos(id: ClockId) -> u64 {
+    clock_gettime(id).map(nanos_of).unwrap_or_default()
+}
+
+/// Returns a time of the kernel in ns.
+pub(super) fn nanos_of(time: TimeSpec) -> u64 {
+    let (seconds, nanos) = (u64::try_from(time.tv_sec()), u64::try_from(time.tv_nsec()));
+    seconds.unwrap_or(0).saturating_mul(1_000_000_000).saturating_add(nanos.unwrap_or(0))
 }

@@ -2,7 +2,6 @@
 
 use std::io::{self, IoSliceMut};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
-use std::time::Duration;
 
 use nix::cmsg_space;
 use nix::errno::Errno;
@@ -16,7 +15,7 @@ use socketcan::{
 };
 
 use crate::arrival::Arrivals;
-use crate::clock::Reading;
+use crate::clock::{self, Reading};
 use crate::{BusEvent, BusFault, SendError, raw_frame};
 use canopen::frame::Frame;
 
@@ -37,8 +36,8 @@ pub(super) struct Socket {
 /// Result of a read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// Receive time since boot.
-    pub(super) arrived: Duration,
+    /// Receive time since boot, in ns.
+    pub(super) arrived: u64,
     /// Frame or fault; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
     /// Frames before it were lost.
@@ -106,7 +105,7 @@ impl Socket {
             Ok(message) => {
                 for control in message.cmsgs().into_iter().flatten() {
                     if let ControlMessageOwned::ScmTimestampns(at) = control {
-                        stamp = Some(Duration::from(at));
+                        stamp = Some(clock::nanos_of(at));
                     } else if let ControlMessageOwned::RxqOvfl(count) = control {
                         lost = count;
                     }

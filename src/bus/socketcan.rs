@@ -58,8 +58,9 @@ pub enum OpenError {
 #[derive(Debug)]
 pub struct SocketCan {
     lines: Vec<Line>,
-    opened: Duration,
-    epoch: Duration,
+    /// Time of opening, in ns since boot and since 1970.
+    opened: u64,
+    epoch: u64,
     /// Last reading of both clocks.
     last: Reading,
     /// Maximum frames that may queue on each interface, if they must be fit for torques; `reopen` checks again.
@@ -171,19 +172,19 @@ impl SocketCan {
 
     /// Returns the wall clock at opening, in µs since 1970: logs add it to an [`Instant`].
     pub fn epoch_micros(&self) -> u64 {
-        u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)
+        self.epoch / 1_000
     }
 
     /// Returns the clock of the bus for other threads, equal to [`Bus::now`].
     pub fn clock(&self) -> impl Fn() -> Instant + Copy + Send + Sync + use<> {
         let opened = self.opened;
-        move || Instant::ZERO + clock::boot().saturating_sub(opened)
+        move || instant(clock::boot(), opened)
     }
 
     /// Reads both clocks, and returns the time.
     fn read_clocks(&mut self) -> Instant {
         self.last = self.last.again();
-        Instant::ZERO + self.last.boot.saturating_sub(self.opened)
+        instant(self.last.boot, self.opened)
     }
 
     /// Waits until a bus can be read, at most `timeout`, and returns its place. Buses with a held frame wait.
@@ -225,7 +226,7 @@ impl SocketCan {
         match line.socket.read(self.last) {
             Ok(taken) => {
                 let taken = taken?;
-                let at = Instant::ZERO + taken.arrived.saturating_sub(opened);
+                let at = instant(taken.arrived, opened);
                 let overrun = taken.has_overrun.then(|| fault(now, BusFault::Overrun));
                 self.overrun = self.overrun.or(overrun);
                 Some(Received { at, channel, event: taken.event? })
@@ -237,7 +238,7 @@ impl SocketCan {
 
 impl Bus for SocketCan {
     fn now(&self) -> Instant {
-        Instant::ZERO + clock::boot().saturating_sub(self.opened)
+        instant(clock::boot(), self.opened)
     }
 
     fn wall(&self) -> Duration {
@@ -344,7 +345,7 @@ impl ConfirmationSocket {
 
     /// Reads up to the SYNC of this cycle, and returns the time of the last one. The socket of the bus reports an
     /// interface that is down.
-    fn read(&mut self, now: Reading, opened: Duration) -> Instant {
+    fn read(&mut self, now: Reading, opened: u64) -> Instant {
         for _ in 0..BACKLOG {
             // The socket is proven empty only where a stamp would otherwise be of an unknown clock.
             if self.event >= self.sent && !self.socket.is_before_a_step(now) {
@@ -354,10 +355,15 @@ impl ConfirmationSocket {
                 self.socket.found_empty(now);
                 break;
             };
-            self.event = Instant::ZERO + taken.arrived.saturating_sub(opened);
+            self.event = instant(taken.arrived, opened);
         }
         self.event
     }
+}
+
+/// Returns the time on the bus of a time since boot, both in ns.
+const fn instant(boot: u64, opened: u64) -> Instant {
+    Instant::from_micros(boot.saturating_sub(opened) / 1_000)
 }
 
 /// Opens the socket of a bus.

@@ -3,6 +3,8 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use nalgebra::Vector3;
+
 use crate::fidelity::sample::Sample;
 
 /// Time before and after a sample that decides on rest and motion. Together they are longer than two periods of a
@@ -11,6 +13,9 @@ const WINDOW: Duration = Duration::from_millis(250);
 
 /// Maximum way of a grip at rest within the window, in m.
 const REST: f64 = 2e-3;
+
+/// More than the rounding of a sum of two distances.
+const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Force on the object from which there is contact, in N.
 const CONTACT: f64 = 0.5;
@@ -54,26 +59,33 @@ impl Situation {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Classifier {
     samples: VecDeque<Sample>,
+    /// Number of these without contact.
+    free: usize,
+    /// The sample judged last, and a bound of how far it is from all of these, in m.
+    reach: Option<(Vector3<f64>, f64)>,
 }
 
 impl Classifier {
     /// Forgets the samples before.
     pub(super) fn restart(&mut self) {
+        *self = Self { samples: std::mem::take(&mut self.samples), ..Self::default() };
         self.samples.clear();
     }
 
     /// Takes the next sample; returns the one a window ago with its situation, once the windows are full.
     pub(super) fn next(&mut self, sample: &Sample) -> Option<(Sample, Situation)> {
         self.samples.push_back(*sample);
+        self.free += usize::from(sample.contact_force < CONTACT);
         let first = self.samples.front()?.at;
         if sample.at.since(first) < WINDOW * 2 {
             return None;
         }
         let place = self.samples.partition_point(|sample| sample.at.since(first) < WINDOW);
         let judged = *self.samples.get(place)?;
-        let is_still = self.samples.iter().all(|one| (one.x_0 - judged.x_0).norm() <= REST);
-        let is_contact = self.samples.iter().all(|one| one.contact_force >= CONTACT);
-        self.samples.pop_front();
+        let is_still = self.is_still(judged.x_0, sample.x_0);
+        let is_contact = self.free == 0;
+        let oldest = self.samples.pop_front()?;
+        self.free -= usize::from(oldest.contact_force < CONTACT);
         let situation = match (judged.contact_force >= CONTACT, is_still) {
             (true, true) if is_contact => Situation::StillContact,
             (true, _) => Situation::MovingContact,
@@ -82,11 +94,31 @@ impl Classifier {
         };
         Some((judged, situation))
     }
+
+    /// Returns whether the grip stays within [`REST`] of `judged` in both windows, of which `newest` is the last sample.
+    /// Looks at all samples only where the bound, which grows by the way from one judged sample to the next, is too large.
+    fn is_still(&mut self, judged: Vector3<f64>, newest: Vector3<f64>) -> bool {
+        let bound = self.reach.map(|(before, reach)| {
+            let grown = (reach + (judged - before).norm()) * ROUNDING;
+            grown.max((newest - judged).norm())
+        });
+        let reach = bound.filter(|bound| *bound <= REST).or_else(|| self.farthest(judged));
+        self.reach = reach.map(|reach| (judged, reach));
+        reach.is_some()
+    }
+
+    /// Returns the largest distance of a sample from `judged`; `None` if one is too far for rest.
+    fn farthest(&self, judged: Vector3<f64>) -> Option<f64> {
+        self.samples.iter().try_fold(0.0_f64, |farthest, one| {
+            let distance = (one.x_0 - judged).norm();
+            (distance <= REST).then(|| farthest.max(distance))
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
+    use proptest::prelude::*;
 
     use super::*;
     use crate::fidelity::sample::Parts;
@@ -147,6 +179,30 @@ mod tests {
         let place = |ms: u64| 0.5e-3 * (0.06 * f64::from(u32::try_from(ms).unwrap())).sin();
         let last = (0..600).map(|ms| classifier.next(&sample(ms, place(ms), 5.0))).last().unwrap();
         assert_eq!(last.map(|(_, situation)| situation), Some(Situation::StillContact));
+    }
+
+    proptest! {
+        #[test]
+        fn rest_is_that_of_all_samples_of_both_windows(
+            steps in prop::collection::vec((-1e-4..1e-4, 0.0..1.0), 700..900),
+        ) {
+            let (mut classifier, mut samples, mut x) = (Classifier::default(), Vec::new(), 0.0);
+            for (ms, (step, force)) in (0..).zip(steps) {
+                x += step;
+                samples.push(sample(ms, x, if force > 0.01 { 1.0 } else { 0.0 }));
+                let Some((judged, situation)) = classifier.next(samples.last().unwrap()) else { continue };
+                let window = &samples[samples.len() - 501..];
+                let is_still = window.iter().all(|one| (one.x_0 - judged.x_0).norm() <= REST);
+                let is_contact = window.iter().all(|one| one.contact_force >= CONTACT);
+                let expected = match (judged.contact_force >= CONTACT, is_still) {
+                    (true, true) if is_contact => Situation::StillContact,
+                    (true, _) => Situation::MovingContact,
+                    (false, true) => Situation::FreeRest,
+                    (false, false) => Situation::FreeMotion,
+                };
+                prop_assert_eq!(situation, expected, "{} ms", ms);
+            }
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub struct Timing {
     before: Option<(u64, CycleTimes)>,
 }
 
-/// Percentiles of one time, in µs.
+/// Percentiles of one time, in µs, each the upper end of its class: up to 1 % too large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Percentiles {
     /// Number of values.
@@ -169,8 +169,8 @@ impl Overrun {
 
 impl Percentiles {
     fn of(histogram: &Histogram<u32>) -> Self {
-        let at = |quantile| histogram.value_at_quantile(quantile).min(histogram.max());
-        let (count, max) = (histogram.len(), histogram.max());
+        let at = |quantile| histogram.value_at_quantile(quantile).min(LARGEST);
+        let (count, max) = (histogram.len(), at(1.0));
         Self { count, p50: at(0.5), p99: at(0.99), p99_9: at(0.999), max }
     }
 }
@@ -288,6 +288,6 @@ mod tests {
         timing.add_times(&CycleTimes { confirmed: None, ..USUAL });
         let rows = timing.report().rows();
         assert_eq!(rows[4].1.to_string(), "no values");
-        assert!(rows[1].1.to_string().starts_with("310 µs, p99 310 µs"), "{}", rows[1].1);
+        assert!(rows[1].1.to_string().starts_with("311 µs, p99 311 µs"), "{}", rows[1].1);
     }
 }

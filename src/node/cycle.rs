@@ -32,7 +32,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let due = self.await_sync();
         self.watch_start(due.skipped);
 
-        let sync_at = self.send_sync();
+        let sync_at = self.send_sync(due.at);
         self.gather(sync_at);
         let now = self.wire.now();
         self.timing.readings.window_end = now;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::cycle_times::Readings;
 use crate::lateness::{self, Lateness};
-use crate::schedule::{Due, Schedule};
+use crate::schedule::Schedule;
 use config::Config;
 use units::time::Instant;
 
@@ -70,8 +70,8 @@ impl CycleTiming {
     }
 
     /// Returns whether the slot of a SYNC is over.
-    pub(super) fn is_missed(&self, due: Due, now: Instant) -> bool {
-        self.schedule.is_missed(due.at, now)
+    pub(super) fn is_missed(&self, due: Instant, now: Instant) -> bool {
+        self.schedule.is_missed(due, now)
     }
 
     /// Returns the causes at the start of a cycle after `skipped` SYNC slots: host suspended, late.

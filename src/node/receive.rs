@@ -23,7 +23,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let mut due = self.timing.schedule.next(from);
         self.listen(due.at);
         for _ in 0..MAX_MISSED_SYNCS {
-            if !self.timing.is_missed(due, self.wire.now()) {
+            if !self.timing.is_missed(due.at, self.wire.now()) {
                 break;
             }
             self.watch_stall(due.at);

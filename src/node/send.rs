@@ -9,12 +9,24 @@ use remote::Remote;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Sends SYNC and returns its time, from which the age of samples and targets counts.
-    pub(super) fn send_sync(&mut self) -> Instant {
+    /// Sends the SYNC that was due at `due`, and returns its time, from which the age of samples and targets counts. The
+    /// process may stall between two buses: where half a period has passed, the other buses get none, since the next one
+    /// would follow too closely.
+    pub(super) fn send_sync(&mut self, due: Instant) -> Instant {
         let now = self.wire.now();
         self.samples.start_window(now);
-        let sync = self.network.sync.next().frame();
-        self.send_on_every_bus(sync);
+        let frame = self.network.sync.next().frame();
+        for place in 0..self.wire.channels().len() {
+            if place > 0 {
+                let now = self.wire.read_clock();
+                if self.timing.is_missed(due, now) {
+                    break;
+                }
+            }
+            if let Some(&channel) = self.wire.channels().get(place) {
+                self.send(Telegram { channel, frame });
+            }
+        }
         now
     }
 

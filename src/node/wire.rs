@@ -83,6 +83,11 @@ impl<B: Bus> Wire<B> {
         wake.received
     }
 
+    /// Returns the buses, in their order.
+    pub(super) fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
     /// Queues a frame for every bus.
     pub(super) fn queue_on_every_bus(&mut self, frame: Frame) {
         self.out.extend(self.channels.iter().map(|&channel| Telegram { channel, frame }));

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use crate::common::bench::config;
 use bus::Tap;
-use canopen::frame::{Frame, Telegram};
+use canopen::frame::{Channel, Frame, Telegram};
 use faults::{Fault, HostFault};
 use node::cause::Kind;
 use node::record::{Mode, Record};
@@ -28,6 +28,7 @@ use units::time::Instant;
 
 const GROUPED: &str = "config/kraft_like.toml";
 const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
+const TWO_BUSES: &str = "config/jpl_like.toml";
 
 /// The operator engages and moves the arm.
 const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -36,19 +37,28 @@ const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n
 
 /// Every frame that the buses accepted from the node, with its time.
 #[derive(Clone, Default)]
-struct Accepted(Rc<RefCell<Vec<(Instant, Frame)>>>);
+struct Accepted(Rc<RefCell<Vec<(Instant, Telegram)>>>);
 
 impl Tap for Accepted {
     fn on_wire(&mut self, _: Instant, _: &Telegram) {}
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
-        self.0.borrow_mut().push((at, telegram.frame));
+        self.0.borrow_mut().push((at, *telegram));
     }
 }
 
 impl Accepted {
     fn since(&self, from: Instant) -> Vec<(Instant, Frame)> {
-        self.0.borrow().iter().filter(|(at, _)| *at >= from).copied().collect()
+        let since = self.0.borrow();
+        let since = since.iter().filter(|(at, _)| *at >= from);
+        since.map(|(at, telegram)| (*at, telegram.frame)).collect()
+    }
+
+    /// Returns the times of SYNC on a bus.
+    fn syncs(&self, channel: Channel) -> Vec<Instant> {
+        let all = self.0.borrow();
+        let of = all.iter().filter(|(_, it)| it.channel == channel && it.frame.cob_id == 0x080);
+        of.map(|(at, _)| *at).collect()
     }
 }
 
@@ -114,6 +124,18 @@ fn asks(frame: &Frame) -> bool {
         (0x201..=0x206, &[_, _, low, high]) => (low, high) != (0, 0),
         (0x201..=0x206, targets) => targets.iter().any(|byte| *byte != 0),
         _ => false,
+    }
+}
+
+#[test]
+fn hazard_29_stall_between_two_buses_sends_no_burst_of_syncs() {
+    for tenths in 1..40 {
+        let run = Run::with(TWO_BUSES, &[(1, 0x080, tenths)]).cycles(10);
+        for channel in [Channel(0), Channel(1)] {
+            let syncs = run.accepted.syncs(channel);
+            let apart = syncs.windows(2).map(|pair| pair[1].since(pair[0])).min().unwrap();
+            assert!(apart >= run.period / 2, "{tenths} tenths, {channel:?}: {apart:?}");
+        }
     }
 }
 

@@ -124,7 +124,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             let due = self.timing.schedule.next(self.wire.read_clock());
             self.listen(due.at);
-            let sync_at = self.send_sync();
+            let sync_at = self.send_sync(due.at);
             self.gather(sync_at);
             let now = self.wire.read_clock();
             if awaited != Awaited::Heartbeat {

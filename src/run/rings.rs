@@ -16,11 +16,11 @@ use node::record::Record;
 use telemetry::losses::Losses;
 use units::time::Instant;
 
-/// Capacity in frames: more than 1.5 s of two buses at 1 Mbit/s with frames of usual length.
-const FRAME_CAPACITY: usize = 1 << 15;
+/// Capacity in frames: more than 1.2 s of two buses at 1 Mbit/s with frames of usual length.
+const FRAME_CAPACITY: usize = 3 << 13;
 
-/// Capacity in records: 1 s at 1 kHz. The memory of all rings is locked, and a record has 2 kB.
-const RECORD_CAPACITY: usize = 1 << 10;
+/// Capacity in records: three quarters of a second at 1 kHz. The memory of all rings is locked, and a record has 2 kB.
+const RECORD_CAPACITY: usize = 768;
 
 /// Capacity in events.
 const EVENT_CAPACITY: usize = 1 << 10;
@@ -245,25 +245,25 @@ mod tests {
             producer.push_event(Event::HeartbeatLost { node: NodeIndex(0) });
             producer.push_record(&record);
         }
-        let (frames, records) = (70_000 - (32_768 - 1_024), 5_000 - 1_024 + 3);
+        let (frames, records) = (70_000 - (24_576 - 768), 5_000 - 768 + 3);
         assert_eq!(lost.snapshot(), Losses { frames, records, events: 3, ..Losses::default() });
         let mut order = Order::default();
-        assert_eq!(consumer.take(usize::MAX, &mut order), 32_768);
-        assert_eq!((order.0[0].as_str(), order.0[1_023].as_str()), ("record 0", "record 1023"));
+        assert_eq!(consumer.take(usize::MAX, &mut order), 24_576);
+        assert_eq!((order.0[0].as_str(), order.0[767].as_str()), ("record 0", "record 767"));
         // Later entries are in order again: no dropped entry has left a record or event in its ring.
         producer.push_record(&Record { cycle: 9, ..record });
         producer.on_wire(Instant::from_micros(9), &sync());
         consumer.take(usize::MAX, &mut order);
-        assert_eq!(order.0[32_768..], ["record 9", "frame 9"]);
+        assert_eq!(order.0[24_576..], ["record 9", "frame 9"]);
     }
 
     #[test]
-    fn rings_fit_into_three_and_a_half_megabytes() {
+    fn rings_fit_into_two_and_a_half_megabytes() {
         let order = FRAME_CAPACITY * size_of::<Slot>();
         let records = RECORD_CAPACITY * size_of::<Record>();
         let events = EVENT_CAPACITY * size_of::<Event>();
         let sum = order + records + events;
         assert!(size_of::<Slot>() <= 24, "{} bytes a frame", size_of::<Slot>());
-        assert!(sum <= 3_500_000, "{order} + {records} + {events} bytes");
+        assert!(sum <= 2_500_000, "{order} + {records} + {events} bytes");
     }
 }

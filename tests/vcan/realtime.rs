@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use crate::common::process::{Candump, Scratch};
 use crate::common::rig::seconds;
+use canopen_tools::candump::Line;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
@@ -16,8 +17,7 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     let (run, mut stdout) =
         scratch.frhc_and_stdout(&["run", "--config", CONFIG, "--record", &scratch.path("session")]);
-    let is_sync =
-        |line: &canopen_tools::candump::Line| line.canopen().is_some_and(|(id, _)| id == 0x80);
+    let is_sync = |line: &Line<'_>| line.canopen().is_some_and(|(id, _)| id == 0x80);
     let first = candump.until(is_sync).nanos;
     candump.until(|line| line.nanos > first + seconds(2.0));
     let (status, mut text) = scratch.frhc_and_stdout(&["ctl", "status", "--json"]);

@@ -113,7 +113,8 @@ fn installing_does_not_repeat_another_failure_of_apt() {
 
 #[test]
 fn every_script_installs_packages_through_the_one_that_waits() {
-    let entries = ["scripts", "scripts/icount"].map(|folder| fs::read_dir(folder).unwrap());
+    let entries =
+        ["scripts", "scripts/icount", "scripts/peers"].map(|folder| fs::read_dir(folder).unwrap());
     let paths = entries.into_iter().flatten().map(|entry| entry.unwrap().path());
     for script in paths.filter(|path| path.is_file()) {
         let text = fs::read_to_string(&script).unwrap();

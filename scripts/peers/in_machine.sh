@@ -1,0 +1,83 @@
+#!/usr/bin/env bash
+# in_machine.sh LAYOUT PERIOD_US CONFIG: the peers one after the other on the same drives, on the emulated machine (with_icount.sh).
+#
+# `frhc run` boots and configures the drives, and is killed. Each peer then starts them by NMT, and runs twice: once beside
+# candump, which shows what it exchanges and when, and once alone, which is timed. `frhc run` itself comes last, as shipped.
+#
+# Prints the files of /tmp/out, each behind a line `== NAME`: PEER.log of candump, PEER.time with two moments of its threads.
+set -euo pipefail
+layout=$1 period=$2 config=$3
+mkdir -p /tmp/out /tmp/run /tmp/state
+export XDG_RUNTIME_DIR=/tmp/run STATE_DIRECTORY=/tmp/state
+# In memory: what is read from this machine's disk arrives in this machine's time.
+cp target/release/frhc target/peers/loop /tmp/
+candump=$(command -v candump)
+cat "$candump" "$(command -v sleep)" "$(command -v date)" >/dev/null
+
+# frames: those on the bus so far.
+frames() { cat /sys/class/net/vcan0/statistics/tx_packets; }
+
+# moment FILE PID: the time used by each thread so far in ns, which is its instructions, and the frames on the bus so far.
+moment() {
+  local folder thread used rest
+  echo "clock $(date +%s%N)" >>"$1"
+  echo "frames $(frames)" >>"$1"
+  for folder in /proc/"$2"/task/*; do
+    read -r thread <"$folder/comm"
+    read -r used rest <"$folder/schedstat"
+    echo "$thread $used" >>"$1"
+  done
+}
+
+# peer NAME COMMAND...: runs it beside candump, then alone.
+peer() {
+  local name=$1 pid watcher begun
+  shift
+  begun=$(frames)
+  "$@" >/tmp/out/"$name".txt 2>&1 &
+  pid=$!
+  # An interpreter starts for seconds.
+  until (($(frames) > begun + 5000)) || ! kill -0 $pid; do sleep 0.2; done
+  [[ $name != frhc ]] || /tmp/frhc ctl --wait arm >/dev/null
+  "$candump" -L vcan0 >/tmp/out/"$name".log &
+  watcher=$!
+  sleep 0.6
+  kill $watcher
+  wait $watcher || true
+  sleep 0.2
+  moment /tmp/out/"$name".time $pid
+  sleep 1
+  moment /tmp/out/"$name".time $pid
+  kill -KILL $pid 2>/dev/null || true
+  wait $pid 2>/dev/null || true
+  sleep 1
+}
+
+chrt --fifo 70 /tmp/frhc -q sim --config "$config" >/dev/null 2>&1 &
+/tmp/frhc -q run --config "$config" >/dev/null 2>&1 &
+node=$!
+until /tmp/frhc ctl status 2>/dev/null | grep -q '^mode  *ready'; do sleep 0.1; done
+kill -KILL $node
+wait $node 2>/dev/null || true
+sleep 1
+if [[ -d target/interop/venv ]]; then
+  # Debian's interpreter and its library, with the packages that the peer imports.
+  (cd /usr/lib && tar -c --exclude test --exclude __pycache__ --exclude config-3.* python3.11) | tar -x -C /tmp
+  packages=(target/interop/venv/lib/python3*/site-packages)
+  (cd "${packages[0]}" && tar -c canopen can packaging typing_extensions.py wrapt* 2>/dev/null) | tar -x -C /tmp/python3.11 || true
+  cp /usr/bin/python3.11 /tmp/python
+  cp eds/frhc_drive.eds /tmp/
+  export PYTHONHOME=/usr PYTHONPATH=/tmp/python3.11 PYTHONDONTWRITEBYTECODE=1
+  ldd /tmp/python | sed -n 's|.* \(/[^ ]*\) (.*|\1|p' | xargs cat >/dev/null
+  peer python-canopen chrt --fifo 80 /tmp/python -S scripts/peers/python_canopen.py vcan0 "$period" "$layout" /tmp/frhc_drive.eds 60
+fi
+peer plain /tmp/loop vcan0 "$period" "$layout" plain 60
+peer guarded /tmp/loop vcan0 "$period" "$layout" guarded 60
+# The run before was killed, and has left its latch in /tmp/state.
+export STATE_DIRECTORY=/tmp/fresh
+mkdir -p $STATE_DIRECTORY
+peer frhc /tmp/frhc -q run --config "$config"
+for file in /tmp/out/*; do
+  echo "== ${file##*/}"
+  cat "$file"
+done

@@ -13,6 +13,7 @@ use canopen::exchange::{self, Exchange};
 use canopen::nameplate::HAS_CYCLIC_TORQUE;
 use canopen::object::Object;
 use canopen::plan::{Identity, NodePlan};
+use canopen::setting;
 use units::numbering::Joint;
 
 /// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.
@@ -45,9 +46,30 @@ pub(super) fn check(
         identity(&raw.product_code, &switches.eds, &switches.identity, problems);
         abilities(&raw.eds, &switches.eds, &plans::switches(config, switches), problems);
     }
+    sync_period(config, raw, problems);
     layouts::check(config, raw, problems);
     gaps(config, raw, problems);
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
+}
+
+/// Refuses a period that a drive would not get: 60C2h holds it as one byte times 10ⁿ s, and a drive that is left with another one
+/// misses its set-points.
+fn sync_period(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
+    let micros = u64::try_from(config.period.as_micros()).unwrap_or(u64::MAX);
+    let has_time = |joint: &JointParameters| {
+        let described = joint.eds.object(Object::INTERPOLATION_TIME);
+        described.is_some_and(|described| described.access.is_writable())
+    };
+    if setting::interpolation_time(micros).is_none() && config.joints.iter().any(has_time) {
+        let fits = |micros: &u64| setting::interpolation_time(*micros).is_some();
+        let (below, above) = ((0..micros).rev().find(fits), (micros..).find(fits));
+        let near = below.zip(above).map(|(below, above)| format!(": {below} or {above}"));
+        let reason = format!(
+            "must be a period that 60C2h can hold, one byte times 10^n s{}, got {micros}",
+            near.unwrap_or_default()
+        );
+        problems.add(&raw.node.sync_period_us, reason);
+    }
 }
 
 /// Reason against the node-id of a joint, which another node of its bus has.

@@ -288,7 +288,8 @@ fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value])
             [vec![headed()], list.iter().map(joint_row).collect()].concat()
         } else if let Some(members) = value.as_object().filter(|of| is_percentiles(of)) {
             let value = |(name, value)| format!("{name} {}", plain(value));
-            vec![row(&headed(), &members.iter().map(value).collect::<Vec<_>>().join(", "))]
+            let values = members.iter().map(value).collect::<Vec<_>>().join(", ");
+            vec![format!("{:26} {values}", headed())]
         } else if let Some(members) = value.as_object() {
             // A list is of all joints.
             let has_lists = members.values().any(serde_json::Value::is_array);

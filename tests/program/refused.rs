@@ -540,3 +540,18 @@ fn processor_that_does_not_exist_is_refused() {
     let ended = run_in(&folder, &["--cpu-latency", "-1"]);
     assert_eq!(ended.code, 2, "{}", ended.stderr);
 }
+
+#[test]
+fn sync_period_that_60c2h_cannot_hold_is_refused() {
+    let period = |micros: u32| {
+        let text = TEXT.replace("sync_period_us = 1000", &format!("sync_period_us = {micros}"));
+        Config::parse(Path::new(KRAFT), &text).map_err(|error| error.to_string())
+    };
+    let error = period(1_337).unwrap_err();
+    let reason = "node.sync_period_us: must be a period that 60C2h can hold, one byte times 10^n s: 1330 or 1340, got 1337";
+    assert!(error.contains(reason), "{error}");
+    for held in [1_330, 2_000] {
+        let error = period(held).err().unwrap_or_default();
+        assert!(!error.contains("60C2h"), "{held}: {error}");
+    }
+}

@@ -26,15 +26,10 @@ for word in "$@"; do
   esac
 done
 
+. scripts/needs.sh
 missing=()
 [[ -x target/release/frhc ]] || missing+=("target/release/frhc (cargo build --release)")
-mapfile -t packages < <(scripts/setup.sh --missing icount kernel || true)
-missing+=("${packages[@]}")
-if ((${#missing[@]})); then
-  echo "icount: missing: $(printf '%s, ' "${missing[@]}" | sed 's/, $//') (scripts/setup.sh icount kernel)" >&2
-  [[ -n $optional ]] && exit 0
-  exit 69
-fi
+needs icount "$optional" "icount kernel" "${missing[@]}"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

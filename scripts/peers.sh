@@ -19,17 +19,12 @@ case $* in
   --optional) optional=1 ;;
   *) sed -n '2,/^set/{/^set/d;s/^# \?//p}' "$0" >&2; exit 2 ;;
 esac
+. scripts/needs.sh
 missing=()
 [[ -x target/release/frhc ]] || missing+=("target/release/frhc (cargo build --release)")
 command -v gcc >/dev/null || missing+=(gcc)
 command -v candump >/dev/null || missing+=(can-utils)
-mapfile -t packages < <(scripts/setup.sh --missing icount || true)
-missing+=("${packages[@]}")
-if ((${#missing[@]})); then
-  echo "peers: missing: $(printf '%s, ' "${missing[@]}" | sed 's/, $//') (scripts/setup.sh tools icount)" >&2
-  [[ -n $optional ]] && exit 0
-  exit 69
-fi
+needs peers "$optional" icount "${missing[@]}"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

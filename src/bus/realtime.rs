@@ -27,7 +27,7 @@ const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
 
 /// Settings that are requested only where the user wants them.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Wanted {
+pub struct Settings {
     /// Processor that the thread runs on alone.
     pub cpu: Option<usize>,
     /// Maximum time in which an idle processor wakes up, in µs.
@@ -46,20 +46,20 @@ pub struct Granted {
     /// The processor, and why it is not the thread's own; `None` if none was wanted.
     pub cpu: Option<(usize, Result<(), String>)>,
     /// The limit in µs, and why it does not hold; `None` if none was wanted.
-    pub cpu_latency: Option<(i32, Result<Held, String>)>,
+    pub cpu_latency: Option<(i32, Result<LatencyLimit, String>)>,
 }
 
-/// A limit that holds as long as this lives.
+/// Limit of the processors' wake-up time, which holds as long as this lives.
 #[derive(Debug)]
-pub struct Held(#[expect(dead_code, reason = "its descriptor stays open")] OwnedFd);
+pub struct LatencyLimit(#[expect(dead_code, reason = "its descriptor stays open")] OwnedFd);
 
 /// Requests all settings for the calling thread. A refusal is not an error.
 pub fn ask() -> Granted {
-    ask_for(Wanted::default())
+    ask_for(Settings::default())
 }
 
 /// The same, with those that the user wants.
-pub fn ask_for(wanted: Wanted) -> Granted {
+pub fn ask_for(settings: Settings) -> Granted {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);
     let is_fifo = priority.is_ok_and(|priority| {
@@ -69,8 +69,8 @@ pub fn ask_for(wanted: Wanted) -> Granted {
         is_fifo,
         is_locked: mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE).is_ok(),
         is_exact: set_timerslack(1).is_ok(),
-        cpu: wanted.cpu.map(|cpu| (cpu, pin(cpu))),
-        cpu_latency: wanted.cpu_latency_us.map(|limit| (limit, limit_latency(limit))),
+        cpu: settings.cpu.map(|cpu| (cpu, pin(cpu))),
+        cpu_latency: settings.cpu_latency_us.map(|limit| (limit, limit_latency(limit))),
     }
 }
 
@@ -99,11 +99,11 @@ fn contains(list: &str, number: usize) -> bool {
 }
 
 /// Limits the time in which idle processors wake up.
-fn limit_latency(micros: i32) -> Result<Held, String> {
-    let limit = || -> io::Result<Held> {
+fn limit_latency(micros: i32) -> Result<LatencyLimit, String> {
+    let limit = || -> io::Result<LatencyLimit> {
         let mut file = OpenOptions::new().write(true).open(CPU_LATENCY)?;
         file.write_all(&micros.to_ne_bytes())?;
-        Ok(Held(file.into()))
+        Ok(LatencyLimit(file.into()))
     };
     limit().map_err(|error| format!("{CPU_LATENCY}: {error}"))
 }

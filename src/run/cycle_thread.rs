@@ -43,20 +43,22 @@ pub(super) fn run<B: Bus, R: Remote>(
     realtime: &RealtimeArgs,
 ) -> Result<(), Failure> {
     // Lives as long as the cycle: so does the limit of the processors' latency.
-    let granted = realtime::ask_for(realtime.wanted());
-    match warning(&granted) {
-        None => tracing::info!(%granted, "priority"),
-        Some(warning) if realtime.require_realtime => {
-            latch.end(Ok(()));
-            return Err(Failure::new(Kind::Bus, warning));
-        }
-        // Also with `-q`, which leaves errors only in the log.
-        Some(warning) => print::error(&format!("warning: {warning}")),
-    }
+    let granted = realtime::ask_for(realtime.settings());
     let stopping = || signals.is_stop_requested();
     let is_urgent = || signals.is_urgent();
-    let Ended { is_orderly, outcome } =
-        run_node(&mut node, &mut requests, &mut latch, &stopping, &is_urgent);
+    let Ended { is_orderly, outcome } = match warning(&granted) {
+        Some(refused) if realtime.require_realtime => {
+            Ended::of(true, Err(Failure::new(Kind::Bus, refused)))
+        }
+        warning => {
+            match warning {
+                None => tracing::info!(%granted, "priority"),
+                // Also with `-q`, which leaves errors only in the log.
+                Some(warning) => print::error(&format!("warning: {warning}")),
+            }
+            run_node(&mut node, &mut requests, &mut latch, &stopping, &is_urgent)
+        }
+    };
     let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
     let end = if is_orderly { Ok(()) } else { Err(reason()) };
     match within(LATCH_TIMEOUT, move || latch.end(end)) {

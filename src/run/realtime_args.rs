@@ -1,6 +1,6 @@
 //! Real-time settings of `frhc run` that the command line adds.
 
-use bus::realtime::{self, Wanted};
+use bus::realtime::{self, Settings};
 use clap::Args;
 
 use crate::exit::{Failure, Kind};
@@ -34,7 +34,7 @@ impl RealtimeArgs {
         }
     }
 
-    pub(super) fn wanted(&self) -> Wanted {
-        Wanted { cpu: self.cpu, cpu_latency_us: self.cpu_latency }
+    pub(super) fn settings(&self) -> Settings {
+        Settings { cpu: self.cpu, cpu_latency_us: self.cpu_latency }
     }
 }

@@ -3,15 +3,21 @@
 
 usage: scripts/peers/figures.py PERIOD_US FILE
 
-Fails where the peers do not exchange the same frames.
+Fails where the peers do not exchange the same frames, or one has ended.
 """
 
 import sys
 from collections import Counter, defaultdict
 from pathlib import Path
 
-ORDER = ["plain", "guarded", "frhc", "python-canopen"]
-NAMES = {"plain": "C loop", "guarded": "C loop with the same guarantees", "frhc": "frhc run", "python-canopen": "python-canopen"}
+NAMES = {
+    "plain": "C loop",
+    "guarded": "C loop with the same guarantees",
+    "frhc": "frhc run",
+    "python-canopen": "python-canopen",
+    "lely": "lely",
+}
+REASONS = {"python-canopen": "not installed (scripts/setup.sh tools)", "lely": "no source tree (--lely TREE)"}
 TPDOS = range(0x181, 0x187)
 RPDOS = range(0x201, 0x207)
 # A SYNC so soon after another frame is left out of the jitter: the simulated drives, which have sent it, hold the one processor.
@@ -92,14 +98,15 @@ def of_peer(name, found, period_us):
 def main():
     period_us, found = int(sys.argv[1]), sections(Path(sys.argv[2]))
     rows, exchanges = [], {}
-    for name in ORDER:
+    for name, title in NAMES.items():
         if f"{name}.log" not in found:
-            rows.append([NAMES[name], "not measured", "", "", ""])
+            if f"{name}.txt" in found or name not in REASONS:
+                sys.exit("\n".join([f"peers: {name}: no exchange", *found.get(f"{name}.txt", [])]))
+            rows.append([title, f"not measured: {REASONS[name]}", "", "", ""])
             continue
         exchanges[name], row, others = of_peer(name, found, period_us)
-        rows.append([NAMES[name], *row])
+        rows.append([title, *row])
         print(f"peers: {name}: besides the exchange {', '.join(f'{cob_id:03X}h' for cob_id in others) or 'nothing'}", file=sys.stderr)
-    rows.append(["lely", "not measured", "", "", ""])
     exchange = exchanges["frhc"]
     for name, other in exchanges.items():
         if other != exchange:

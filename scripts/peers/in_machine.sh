@@ -4,7 +4,8 @@
 # `frhc run` boots and configures the drives, and is killed. Each peer then starts them by NMT, and runs twice: once beside
 # candump, which shows what it exchanges and when, and once alone, which is timed. `frhc run` itself comes last, as shipped.
 #
-# Prints the files of /tmp/out, each behind a line `== NAME`: PEER.log of candump, PEER.time with two moments of its threads.
+# Prints the files of /tmp/out, each behind a line `== NAME`: PEER.txt of its output, PEER.log of candump, PEER.time with two moments of
+# its threads. A peer that ends, or exchanges no frames, has only the first.
 set -euo pipefail
 layout=$1 period=$2 config=$3
 mkdir -p /tmp/out /tmp/run /tmp/state
@@ -31,13 +32,18 @@ moment() {
 
 # peer NAME COMMAND...: runs it beside candump, then alone.
 peer() {
-  local name=$1 pid watcher begun
+  local name=$1 pid watcher begun polls=0
   shift
   begun=$(frames)
   "$@" >/tmp/out/"$name".txt 2>&1 &
   pid=$!
   # An interpreter starts for seconds.
-  until (($(frames) > begun + 5000)) || ! kill -0 $pid; do sleep 0.2; done
+  until (($(frames) > begun + 5000 || polls++ > 300)) || ! kill -0 $pid 2>/dev/null; do sleep 0.2; done
+  if (($(frames) <= begun + 5000)); then
+    if kill -KILL $pid 2>/dev/null; then echo "no exchange within a minute"; else echo "ended"; fi >>/tmp/out/"$name".txt
+    wait $pid 2>/dev/null || true
+    return
+  fi
   [[ $name != frhc ]] || /tmp/frhc ctl --wait arm >/dev/null
   "$candump" -L vcan0 >/tmp/out/"$name".log &
   watcher=$!
@@ -73,6 +79,12 @@ if [[ -d target/interop/venv ]]; then
 fi
 peer plain /tmp/loop vcan0 "$period" "$layout" plain 60
 peer guarded /tmp/loop vcan0 "$period" "$layout" guarded 60
+if [[ -x target/peers/lely/lely ]]; then
+  cp target/peers/lely/lely /tmp/
+  # Its libraries, as above.
+  ldd /tmp/lely | sed -n 's|.* \(/[^ ]*\) (.*|\1|p' | xargs cat >/dev/null
+  peer lely chrt --fifo 80 /tmp/lely vcan0 "$period" "$layout" /tmp/lely.dcf 60
+fi
 # The run before was killed, and has left its latch in /tmp/state.
 export STATE_DIRECTORY=/tmp/fresh
 mkdir -p $STATE_DIRECTORY

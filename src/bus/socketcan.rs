@@ -192,21 +192,25 @@ impl SocketCan {
         let anchor = self.lines.first()?.socket.as_fd();
         let mut polled: [PollFd<'_>; MAX_BUSES] =
             std::array::from_fn(|_| PollFd::new(anchor, PollFlags::empty()));
+        let count = self.lines.len();
+        let polled = polled.get_mut(..count)?;
         for (place, line) in polled.iter_mut().zip(&self.lines).filter(|(_, line)| line.is_read()) {
             *place = PollFd::new(line.socket.as_fd(), PollFlags::POLLIN);
         }
-        let count = self.lines.len();
-        let outcome = ppoll(polled.get_mut(..count)?, Some(TimeSpec::from_duration(timeout)), None);
+        let outcome = ppoll(polled, Some(TimeSpec::from_duration(timeout)), None);
         // A signal may have come first: then nothing is known, and the caller looks at the clock.
         outcome.ok()?;
-        let ready: [bool; MAX_BUSES] = polled.map(|place| place.any().unwrap_or_default());
-        let is_ready = |place: &usize| ready.get(*place).copied().unwrap_or_default();
-        for (line, is_ready) in self.lines.iter_mut().zip(ready) {
+        let mut is_ready = [false; MAX_BUSES];
+        for (is_ready, place) in is_ready.iter_mut().zip(&*polled) {
+            *is_ready = place.any().unwrap_or_default();
+        }
+        for (line, is_ready) in self.lines.iter_mut().zip(is_ready) {
             if line.is_read() && !is_ready {
                 line.socket.found_empty(self.last);
             }
         }
-        (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
+        let turns = (self.first..count).chain(0..self.first.min(count));
+        turns.into_iter().find(|place| is_ready.get(*place).is_some_and(|is_ready| *is_ready))
     }
 
     /// Returns the oldest held frame received until `until`.

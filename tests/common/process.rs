@@ -1,5 +1,6 @@
 //! Processes that are killed at the end of a test.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -79,6 +80,20 @@ impl Process {
     pub(crate) fn state_of_main_thread(&self) -> char {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap();
         stat.rsplit_once(") ").unwrap().1.chars().next().unwrap()
+    }
+
+    /// Returns the page faults of each of its threads so far, by name (proc_pid_stat(5)).
+    pub(crate) fn page_faults(&self) -> BTreeMap<String, u64> {
+        let threads = fs::read_dir(format!("/proc/{}/task", self.0.id())).unwrap();
+        let counted = threads.map(|thread| {
+            let stat = fs::read_to_string(thread.unwrap().path().join("stat")).unwrap();
+            let (name, rest) = stat.split_once('(').unwrap().1.rsplit_once(") ").unwrap();
+            let fields: Vec<_> = rest.split(' ').collect();
+            // Minor and major ones: fields 10 and 12; `rest` begins with field 3.
+            let faults = [7, 9].map(|field: usize| fields[field].parse::<u64>().unwrap());
+            (name.to_owned(), faults.iter().sum())
+        });
+        counted.collect()
     }
 
     /// Returns the outcome, or `None` while the process runs.

@@ -49,6 +49,28 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
 }
 
 #[test]
+fn threads_of_the_node_have_no_page_fault_in_contact() {
+    let scratch = Scratch::new("page-faults");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let run = scratch.frhc(&["run", "--config", CONFIG]);
+    scratch.ctl("--wait arm").succeeds();
+    let armed = candump.mark().nanos;
+    // The object is pressed against the wall from 3.5 s on.
+    candump.until(|line| line.nanos > armed + seconds(5.0));
+    let before = run.page_faults();
+    candump.until(|line| line.nanos > armed + seconds(7.0));
+    let after = run.page_faults();
+    for thread in ["frhc-cycle", "frhc-recorder", "frhc-faults"] {
+        assert!(before[thread] > 0, "{thread}: those of its start are counted");
+        assert_eq!(after[thread], before[thread], "{thread}");
+    }
+    run.terminate().succeeds();
+    sim.terminate().succeeds();
+    candump.finish();
+}
+
+#[test]
 fn refused_setting_is_said_and_ends_the_run_only_where_required() {
     let scratch = Scratch::new("realtime");
     // No processor of this kernel is isolated.

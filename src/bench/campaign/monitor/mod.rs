@@ -6,7 +6,8 @@
 //! | file        | invariants                                        |
 //! |-------------|---------------------------------------------------|
 //! | `torque`    | target torques: I1 to I4, I11                     |
-//! | `rhythm`    | times of frames: I5, I7, I10                      |
+//! | `rhythm`    | times of frames: I5, I7                           |
+//! | `spacing`   | distances of SYNCs: I10                           |
 //! | `grip`      | engagement by the deadman: I3                     |
 //! | `age`       | age of targets on the wire                        |
 //! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
@@ -21,6 +22,7 @@ pub mod mode;
 mod order;
 mod rhythm;
 mod sheet;
+mod spacing;
 #[cfg(test)]
 mod tests;
 mod torque;
@@ -79,7 +81,7 @@ impl Monitor {
         let sheet = Sheet::new(config);
         Self {
             torque: Torque::new(),
-            rhythm: Rhythm::new(&sheet, config.buses.len()),
+            rhythm: Rhythm::new(&sheet),
             order: Order::new(&sheet),
             age: Age::new(config.buses.len()),
             grip: Grip::default(),
@@ -192,6 +194,7 @@ impl Monitor {
 impl Tap for Monitor {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
+        self.rhythm.on_wire(at, telegram);
         self.order.on_wire(&self.sheet, at, telegram);
         if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
             self.torque.on_tpdo(at, &sample);
@@ -214,6 +217,7 @@ impl Tap for Monitor {
         let Self { sheet, torque, rhythm, order, age, violations, .. } = self;
         let Telegram { channel, frame } = *telegram;
         let since = age.on_sent(at, telegram);
+        rhythm.on_wire(at, telegram);
         if frame.cob_id == sync::COB_ID {
             age.on_sync(sheet, at, channel);
             if channel == Channel(0) {

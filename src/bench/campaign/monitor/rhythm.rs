@@ -4,12 +4,10 @@ use std::time::Duration;
 
 use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::{Command, Sheet};
+use crate::monitor::spacing::{Burst, Spacing};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use units::time::Instant;
-
-/// Number of SYNCs that are remembered.
-const REMEMBERED: usize = 10;
 
 /// Most periods from the SYNC of a cycle to its heartbeat.
 const MAX_HEARTBEAT_PERIODS: u32 = 2;
@@ -17,12 +15,10 @@ const MAX_HEARTBEAT_PERIODS: u32 = 2;
 /// Times of SYNCs and RPDOs.
 #[derive(Clone, Debug)]
 pub(super) struct Rhythm {
-    buses: Vec<Beat>,
+    buses: Vec<Spacing>,
     /// Number of each RPDO since the last SYNC of its bus.
     came: Vec<u32>,
     exemptions: Vec<Exemption>,
-    /// Time at which the last SYNC of each bus was sent.
-    given: Vec<Option<Instant>>,
 }
 
 /// An exemption from I5: targets may be missing or late.
@@ -34,29 +30,16 @@ pub enum Exemption {
     Process(Instant, Instant),
 }
 
-/// The last SYNCs of one bus, the newest last.
-#[derive(Clone, Copy, Debug, Default)]
-struct Beat {
-    last: [Option<Instant>; REMEMBERED],
-}
-
-impl Beat {
-    fn latest(&self) -> Option<Instant> {
-        self.last.last().copied().flatten()
-    }
-}
-
 impl Rhythm {
-    pub(super) fn new(sheet: &Sheet, buses: usize) -> Self {
+    pub(super) fn new(sheet: &Sheet) -> Self {
         Self {
-            buses: vec![Beat::default(); buses],
+            buses: sheet.bitrates.iter().map(|bitrate| Spacing::new(*bitrate)).collect(),
             came: vec![0; sheet.rpdos.len()],
             exemptions: Vec::new(),
-            given: vec![None; buses],
         }
     }
 
-    /// Exempts a bus or the process from I5; I10 holds all the same.
+    /// Exempts a bus or the process from I5. I10 holds all the same, but for SYNCs that a disturbed adapter held.
     pub(super) fn exempt(&mut self, exemption: Exemption) {
         self.exemptions.push(exemption);
     }
@@ -70,18 +53,27 @@ impl Rhythm {
         is_driven: bool,
     ) {
         let (sheet, at) = (moment.sheet, moment.at);
-        let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
+        let Some(bus) = self.buses.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
-            *given = Some(at);
+            let burst = bus.on_accepted(sheet.period, at);
+            burst.into_iter().for_each(|burst| report(moment, burst, "handed over"));
         } else if frame.cob_id == sheet.heartbeat
             && is_driven
-            && given.is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)
+            && bus
+                .latest_accepted()
+                .is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)
         {
             moment.violates(Invariant::Heartbeat, "a heartbeat without a SYNC before it");
         }
     }
 
-    /// Takes a frame on the wire that was sent at `since`.
+    /// Takes a frame of any sender on the wire.
+    pub(super) fn on_wire(&mut self, at: Instant, Telegram { channel, frame }: &Telegram) {
+        let bus = self.buses.get_mut(usize::from(channel.0));
+        bus.into_iter().for_each(|bus| bus.on_frame(at, frame));
+    }
+
+    /// Takes a frame on the wire that was accepted at `since`, after [`on_wire`](Self::on_wire).
     pub(super) fn on_sent(
         &mut self,
         moment: &mut Moment<'_>,
@@ -90,7 +82,7 @@ impl Rhythm {
     ) {
         let (sheet, at) = (moment.sheet, moment.at);
         if frame.cob_id == sync::COB_ID {
-            self.sync(moment, channel);
+            self.sync(moment, since, channel);
         } else if let Some((place, rpdo)) = sheet.rpdo(channel, frame)
             && rpdo.is_cyclic
         {
@@ -113,30 +105,21 @@ impl Rhythm {
     }
 
     /// Checks I5 of the last cycle, and I10.
-    fn sync(&mut self, moment: &mut Moment<'_>, channel: Channel) {
+    fn sync(&mut self, moment: &mut Moment<'_>, since: Instant, channel: Channel) {
         let (sheet, at) = (moment.sheet, moment.at);
-        let is_exempt = self.exemption(at, channel).is_some();
-        let Some(beat) = self.buses.get_mut(usize::from(channel.0)) else { return };
+        let exemption = self.exemption(at, channel);
+        let is_disturbed = matches!(exemption, Some(Exemption::Bus(..)));
+        let Some(bus) = self.buses.get_mut(usize::from(channel.0)) else { return };
         let rpdos = sheet.rpdos.iter().zip(&mut self.came);
         for (rpdo, came) in rpdos.filter(|(rpdo, _)| rpdo.channel == channel && rpdo.is_cyclic) {
-            if *came != 1 && beat.latest().is_some() && !is_exempt {
+            if *came != 1 && bus.latest().is_some() && exemption.is_none() {
                 let what = format!("{:03X}h came {came} times after one SYNC", rpdo.cob_id);
                 moment.violates(Invariant::OncePerSync, what);
             }
             *came = 0;
         }
-        let mut periods = 0;
-        for before in beat.last.iter().rev() {
-            periods += 1;
-            let Some(before) = before else { break };
-            if at.since(*before) <= burst_time(sheet.period, periods) {
-                let what = format!("{} SYNCs within {:?}", periods + 1, at.since(*before));
-                moment.violates(Invariant::NoBurst, what);
-                break;
-            }
-        }
-        beat.last.rotate_left(1);
-        beat.last.iter_mut().last().into_iter().for_each(|last| *last = Some(at));
+        let burst = bus.on_sync(sheet.period, [since, at], is_disturbed);
+        burst.into_iter().for_each(|burst| report(moment, burst, "on the wire"));
     }
 
     /// Returns whether the process does not run at a time.
@@ -161,13 +144,9 @@ impl Rhythm {
     }
 }
 
-/// Returns the time below which SYNCs `periods` apart are a burst. One may be nearly a period late. Two are sent at
-/// least half a period apart, of which six late targets of zero may take a quarter.
-fn burst_time(period: Duration, periods: u32) -> Duration {
-    match periods {
-        0 | 1 => period / 4,
-        periods => period * (periods - 1),
-    }
+/// Reports I10.
+fn report(moment: &mut Moment<'_>, Burst { syncs, within }: Burst, place: &str) {
+    moment.violates(Invariant::NoBurst, format!("{syncs} SYNCs {place} within {within:?}"));
 }
 
 /// Returns the latest time of a target after its SYNC: half a period late.

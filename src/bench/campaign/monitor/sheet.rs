@@ -27,6 +27,8 @@ pub(super) const ERROR_CONTROL: u16 = 0x700;
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) period: Duration,
+    /// Bitrate of each bus, in bit/s.
+    pub(super) bitrates: Vec<u32>,
     /// The TPDOs of all nodes.
     pub(super) tpdos: TpdoMap,
     pub(super) rpdos: Vec<Rpdo>,
@@ -105,8 +107,10 @@ impl Sheet {
             curve: TorqueCurve::new(&world::actuator(&joint.plant.actuator)),
             range: joint.plant.link.range,
         });
+        let bitrates = config.buses.iter().map(|bus| bus.bitrate).collect();
         let (arm, config) = (world::arm(&config.plant()), config.clone());
-        Self { period: config.period, tpdos, rpdos, nodes, joints, heartbeat, own, config, arm }
+        let period = config.period;
+        Self { period, bitrates, tpdos, rpdos, nodes, joints, heartbeat, own, config, arm }
     }
 
     /// Returns whether the node may send this frame.

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use super::*;
 use bus::Tap;
+use canopen::bits;
 use canopen::frame::Frame;
 use units::numbering::Joint;
 
@@ -469,6 +470,70 @@ fn i10_burst_of_cycles_is_reported_and_a_late_one_is_not() {
         (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
     }
     assert_eq!(bench.violated(), [Invariant::NoBurst], "nor at twice the rate");
+}
+
+/// A SYNC that is on the wire a tenth of a period before the next one is handed over. Other frames follow each other
+/// meanwhile, but for `gap` µs.
+fn held(mut bench: Bench, gap: u64) -> Bench {
+    bench.now = bench.now.next_multiple_of(PERIOD);
+    let next = bench.now + PERIOD;
+    let held = bench.taken(0x80, &[]);
+    bench.now += gap;
+    while bench.now < next - PERIOD / 10 {
+        let other = bench.telegram(0x300, &[0xAA; 8]);
+        bench.now += u64::from(bits::exact(&other.frame)) - 10;
+        bench.monitor.on_wire(Instant::from_micros(bench.now), &other);
+    }
+    bench.now += u64::from(bits::exact(&held.frame)) - 10;
+    bench.comes(held);
+    (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
+    assert!(bench.now < next);
+    bench.now = next;
+    bench.sent(0x80, &[]);
+    bench
+}
+
+/// A running bench whose adapter is disturbed.
+fn disturbed() -> Bench {
+    let mut bench = Bench::running();
+    let from = Instant::from_micros(bench.now);
+    bench.monitor.exempt(Exemption::Bus(Channel(0), from));
+    bench
+}
+
+#[test]
+fn i10_sync_held_by_the_wire_alone_is_no_burst() {
+    assert_eq!(held(Bench::running(), 0).violated(), []);
+    assert_eq!(held(Bench::running(), 20).violated(), [Invariant::NoBurst], "nothing held it");
+    assert_eq!(held(disturbed(), 20).violated(), [], "the adapter held it");
+}
+
+#[test]
+fn i10_syncs_handed_over_too_closely_are_a_burst() {
+    for mut bench in [Bench::running(), disturbed()] {
+        bench.now = bench.now.next_multiple_of(PERIOD);
+        let held = bench.taken(0x80, &[]);
+        bench.now += PERIOD / 2 - 20;
+        bench.taken(0x80, &[]);
+        assert_eq!(bench.violated(), [Invariant::NoBurst]);
+        let what = bench.monitor.violations().iter().map(|violation| violation.what.as_str());
+        assert_eq!(what.collect::<Vec<_>>(), ["2 SYNCs handed over within 990µs"]);
+        bench.comes(held);
+    }
+}
+
+#[test]
+fn i10_syncs_that_wait_together_are_a_burst() {
+    for mut bench in [Bench::running(), disturbed()] {
+        bench.now = bench.now.next_multiple_of(PERIOD);
+        let mut held = vec![bench.taken(0x80, &[])];
+        held.extend((1..=6).map(|node| bench.taken(0x200 + node, &[0x0F, 0, 0, 0])));
+        bench.now += PERIOD;
+        held.push(bench.taken(0x80, &[]));
+        assert_eq!(bench.violated(), []);
+        held.into_iter().for_each(|held| bench.comes(held));
+        assert!(bench.violated().contains(&Invariant::NoBurst), "{:?}", bench.violated());
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # soak.sh: ten million cycles in virtual time without a trip, with 1 % of the link's packets and 0.1 % of the
-# drives' samples lost, and each drive's torque behind a low pass of 10 ms and 5 % off, on all nine shipped
+# drives' samples lost, and each drive's torque behind a low pass of 10 ms and 5 % off, on all ten shipped
 # configurations in turn. A monitor checks the invariants of the bus.
 #
 # usage: scripts/soak.sh [CYCLES [SEED [OPTION...]]]      (options of frhc campaign)

@@ -6,7 +6,7 @@ use std::path::Path;
 macro_rules! tables {
     (hand_controllers: [$($hand:literal,)*], others: [$($other:literal,)*],) => {
         /// Configurations of hand controllers: those of the arms, and the complete ones of drives by their data sheets.
-        pub const HAND_CONTROLLERS: [&str; 9] = [$($hand,)*];
+        pub const HAND_CONTROLLERS: [&str; 10] = [$($hand,)*];
 
         /// Every file, as it was when the program was built.
         const FILES: &[(&str, &[u8])] = &[
@@ -21,6 +21,7 @@ tables! {
         "config/kraft_like.toml",
         "config/kraft_like_500hz.toml",
         "config/jpl_like.toml",
+        "config/jpl_like_1538hz.toml",
         "config/sixr_spherical.toml",
         "config/drives/elmo_gold.toml",
         "config/drives/ingenia_eve.toml",

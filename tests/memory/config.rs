@@ -38,10 +38,8 @@ fn with(number: usize, change: impl Fn(&str) -> String) -> String {
 
 #[test]
 fn shipped_configurations_are_accepted() {
-    for file in
-        [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"]
-    {
-        if let Err(invalid) = Config::load(Path::new(file)) {
+    for file in shipped() {
+        if let Err(invalid) = Config::load(Path::new(&file)) {
             panic!("{invalid}");
         }
     }

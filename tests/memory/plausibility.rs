@@ -257,7 +257,7 @@ fn shipped() -> Vec<String> {
     };
     let mut shipped = [files("config"), files("config/drives")].concat();
     shipped.sort();
-    assert!(shipped.len() >= 9, "{shipped:?}");
+    assert!(shipped.len() >= 10, "{shipped:?}");
     shipped
 }
 
@@ -295,6 +295,7 @@ fn promise_14_shipped_scenarios_never_stop_the_node() {
         ("jpl_like", "stiff-wall", 7.0),
         ("kraft_like_500hz", "stiff-wall", 7.0),
         ("jpl_like", "relaxed_10s", 5.0),
+        ("jpl_like_1538hz", "contact_10s", 5.0),
         ("sixr_spherical", "free", 6.0),
     ] {
         let config = config(&format!("config/{config_name}.toml"));

@@ -134,9 +134,8 @@ fn unknown_fact_is_refused_by_key() {
 
 #[test]
 fn shipped_files_accept_what_their_drives_lack() {
-    let mut files = ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"]
-        .map(|name| PathBuf::from(format!("config/{name}.toml")))
-        .to_vec();
+    let arms = ["kraft_like", "kraft_like_500hz", "jpl_like", "jpl_like_1538hz", "sixr_spherical"];
+    let mut files = arms.map(|name| PathBuf::from(format!("config/{name}.toml"))).to_vec();
     files.extend(fs::read_dir("config/drives").unwrap().map(|entry| entry.unwrap().path()));
     let (sign, scale, unit) = (Fact::Sign, Fact::PositionScale, Fact::TorqueUnit);
     for file in files {

@@ -37,7 +37,8 @@ fn compared(name: &str, stiffness: f64) -> Comparison {
 
 #[test]
 fn every_shipped_arm_meets_its_wall() {
-    for name in ["kraft_like", "kraft_like_500hz", "jpl_like", "sixr_spherical"] {
+    let arms = ["kraft_like", "kraft_like_500hz", "jpl_like", "jpl_like_1538hz", "sixr_spherical"];
+    for name in arms {
         let config = config(&format!("config/{name}.toml"));
         let config = comparison::surrounded(&config, &scenario("stiff-wall"));
         for config in [comparison::without_passivity(&config), config] {
@@ -55,6 +56,16 @@ fn passivity_layer_bounds_a_wall_too_stiff_for_the_loop() {
     assert!(without.reversals > 10 && without.lowest_energy_j < -0.5, "{comparison}");
     assert!(with.reversals < without.reversals / 2, "{comparison}");
     assert_eq!(comparison.verdict, Verdict::Bounded, "{comparison}");
+}
+
+#[test]
+fn layer_of_the_fast_cycle_bounds_a_wall_of_50_kn_per_m() {
+    for (name, expected) in
+        [("jpl_like", Verdict::NotBounded), ("jpl_like_1538hz", Verdict::Bounded)]
+    {
+        let comparison = compared(name, 50_000.0);
+        assert_eq!(comparison.verdict, expected, "{name}: {comparison}");
+    }
 }
 
 #[test]

@@ -104,6 +104,11 @@ fn jpl_like_is_carried_as_planned() {
 }
 
 #[test]
+fn jpl_like_1538hz_is_carried_as_planned() {
+    assert_carried_as_planned("config/jpl_like_1538hz.toml");
+}
+
+#[test]
 fn spherical_wrist_is_carried_as_planned() {
     assert_carried_as_planned("config/sixr_spherical.toml");
 }

@@ -31,8 +31,13 @@ use units::time::Instant;
 
 const FILE: &str = "config/kraft_like.toml";
 const TEXT: &str = include_str!("../../config/kraft_like.toml");
-const SHIPPED: [&str; 4] =
-    [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"];
+const SHIPPED: [&str; 5] = [
+    FILE,
+    "config/kraft_like_500hz.toml",
+    "config/jpl_like.toml",
+    "config/jpl_like_1538hz.toml",
+    "config/sixr_spherical.toml",
+];
 
 /// Asserts equality within the error of a supremum on a grid.
 #[track_caller]

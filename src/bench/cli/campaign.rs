@@ -44,7 +44,7 @@ pub struct Campaign {
     /// Number of faults to inject.
     #[arg(long, value_name = "N", default_value = "200")]
     faults: NonZero<usize>,
-    /// A configuration; repeatable. Default: the nine in config/ and config/drives/.
+    /// A configuration; repeatable. Default: the ten in config/ and config/drives/.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     /// Only kinds of fault whose name contains this.

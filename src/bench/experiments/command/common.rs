@@ -26,7 +26,7 @@ const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_
 /// Options of an experiment on configurations.
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// A configuration; repeatable. Default: those in config/.
+    /// A configuration; repeatable. Default: those in config/ up to 1 kHz.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     #[command(flatten)]

@@ -1,8 +1,8 @@
 //! Sending of target torques and controlwords: in time, or not at all.
 //!
 //! A target is as old as the SYNC of its samples. The process may stall between any two frames, so the clock is read
-//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods; zero targets and disable
-//! voltage are sent at any age.
+//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods, and on a bus that got no SYNC in
+//! this cycle; zero targets and disable voltage are sent at any age.
 //!
 //! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire: also
 //! those whose new target is zero, where a frame has the targets of several drives.
@@ -54,7 +54,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let mut out = std::mem::take(&mut self.wire.out);
         self.drives.rpdos.cyclic(&mut out);
         for telegram in out.drain(..) {
-            let in_time = if self.is_late(sync_at) {
+            let is_late = self.is_late(sync_at);
+            let in_time = if is_late || self.wire.lacks_sync(telegram.channel, sync_at) {
                 self.drives.rpdos.late(&telegram)
             } else {
                 Some(telegram)

@@ -94,6 +94,14 @@ impl Transmission {
         self.buses.iter().any(|bus| bus.channel == channel && bus.permission == Permission::Open)
     }
 
+    /// Returns whether an open bus was left without the SYNC sent at `sync_at` on others: its drives have a target for
+    /// their last SYNC already.
+    pub(super) fn lacks_sync(&self, channel: Channel, sync_at: Instant) -> bool {
+        let is_before = |bus: &BusState| bus.last_sync.is_some_and(|last| last < sync_at);
+        self.is_open(channel)
+            && self.buses.iter().any(|bus| bus.channel == channel && is_before(bus))
+    }
+
     /// Updates the transmit confirmation of each bus whose last SYNC has none. `confirmed_at` returns the time of the
     /// last SYNC confirmed on a bus, or `None` if the bus confirms none.
     pub(super) fn confirm(&mut self, mut confirmed_at: impl FnMut(Channel) -> Option<Instant>) {
@@ -249,6 +257,19 @@ mod tests {
         assert_eq!(cause, Some(Cause::TransmitUnconfirmed { channel: 0 }));
         assert_eq!(transmission.start(confirmed(9)), None, "raised once");
         assert!(!transmission.is_open(BUS), "a late confirmation does not open it");
+    }
+
+    #[test]
+    fn hazard_29_bus_left_without_a_sync_lacks_it_until_the_next() {
+        let mut transmission = both();
+        for bus in [BUS, OTHER] {
+            transmission.on_send(at(1), &sync(bus), Ok(()));
+        }
+        assert!(!transmission.lacks_sync(OTHER, at(1)));
+        transmission.on_send(at(2), &sync(BUS), Ok(()));
+        assert!(!transmission.lacks_sync(BUS, at(2)) && transmission.lacks_sync(OTHER, at(2)));
+        transmission.on_send(at(3), &sync(OTHER), Ok(()));
+        assert!(!transmission.lacks_sync(OTHER, at(3)));
     }
 
     #[test]

@@ -107,6 +107,11 @@ impl<B: Bus> Wire<B> {
         outcome.map_err(|_| NotSent::NotAccepted(at, cause))
     }
 
+    /// Returns whether an open bus was left without the SYNC sent at `sync_at` on others.
+    pub(super) fn lacks_sync(&self, channel: Channel, sync_at: Instant) -> bool {
+        self.transmission.lacks_sync(channel, sync_at)
+    }
+
     /// Starts a cycle of transmission; returns a cause if accepted SYNCs are not confirmed as transmitted.
     pub(super) fn watch_transmit_confirmation(&mut self) -> Option<Cause> {
         self.read_transmit_confirmation();

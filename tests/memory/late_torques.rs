@@ -54,6 +54,20 @@ impl Accepted {
         since.map(|(at, telegram)| (*at, telegram.frame)).collect()
     }
 
+    /// Returns, for each SYNC of a bus, the frames with torque from it to the next one.
+    fn torques_by_sync(&self, channel: Channel) -> Vec<Vec<Frame>> {
+        let all = self.0.borrow();
+        let mut torques = vec![Vec::new()];
+        for (_, telegram) in all.iter().filter(|(_, it)| it.channel == channel) {
+            match telegram.frame {
+                sync if sync.cob_id == 0x080 => torques.push(Vec::new()),
+                frame if asks(&frame) => torques.last_mut().unwrap().push(frame),
+                _ => {}
+            }
+        }
+        torques
+    }
+
     /// Returns the times of SYNC on a bus.
     fn syncs(&self, channel: Channel) -> Vec<Instant> {
         let all = self.0.borrow();
@@ -79,8 +93,18 @@ impl Run {
 
     /// The same with stops of another kind.
     fn planned(name: &str, stops: &[(u32, u16, u32)], kind: fn(u16) -> HostFault) -> Self {
+        Self::played(SCRIPT, name, stops, kind)
+    }
+
+    /// The same with another script.
+    fn played(
+        script: &str,
+        name: &str,
+        stops: &[(u32, u16, u32)],
+        kind: fn(u16) -> HostFault,
+    ) -> Self {
         let (config, accepted) = (config(name), Accepted::default());
-        let script = Scenario::parse(SCRIPT).unwrap();
+        let script = Scenario::parse(script).unwrap();
         let mut bench = Bench::new(&config, script, 1, false, accepted.clone());
         bench.bring_up().unwrap();
         while bench.elapsed() < Duration::from_millis(800) {
@@ -136,6 +160,38 @@ fn hazard_29_stall_between_two_buses_sends_no_burst_of_syncs() {
             let apart = syncs.windows(2).map(|pair| pair[1].since(pair[0])).min().unwrap();
             assert!(apart >= run.period / 2, "{tenths} tenths, {channel:?}: {apart:?}");
         }
+    }
+}
+
+#[test]
+fn hazard_29_bus_without_a_sync_gets_no_second_torque() {
+    // The arm is balanced: reflection gives torques, and a turn of the grip those of the second bus.
+    let script = SCRIPT
+        .replace("[[move]]", "[[switch]]\nat_s = 0.25\nreflection = true\n[[move]]")
+        .replace("duration_s = 2.0", "duration_s = 0.5\nto_rad = [0.3, 0.3, 0.3]");
+    for name in [TWO_BUSES, "config/jpl_like_1538hz.toml"] {
+        let mut skipped = 0;
+        for tenths in 1..40 {
+            let (stop, kind) = ((1, 0x080, tenths), HostFault::ProcessStoppedAfter);
+            let run = Run::played(&script, name, &[stop], kind).cycles(10);
+            let [first, second] = [Channel(0), Channel(1)].map(|it| run.accepted.syncs(it).len());
+            skipped += first - second;
+            for channel in [Channel(0), Channel(1)] {
+                let torques = run.accepted.torques_by_sync(channel);
+                assert!(torques.concat().len() > 100, "{name}: {channel:?} has torques");
+                for frames in torques {
+                    let mut senders: Vec<u16> = frames.iter().map(|frame| frame.cob_id).collect();
+                    senders.sort_unstable();
+                    senders.dedup();
+                    assert_eq!(
+                        senders.len(),
+                        frames.len(),
+                        "{name}, {tenths} tenths, {channel:?}: {frames:?}"
+                    );
+                }
+            }
+        }
+        assert!(skipped > 10, "{name}: {skipped} SYNCs of the second bus were left out");
     }
 }
 

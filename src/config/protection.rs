@@ -14,6 +14,7 @@ use canopen::watchdog::Awaited;
 use controller::Settings;
 use controller::arm::{JointKind, Link};
 use controller::stability::push::PushedHand;
+use units::math;
 
 /// Returns the tolerance of a timer: transmission of its frame, and its own resolution.
 pub const fn timer_tolerance(awaited: Awaited) -> Duration {
@@ -60,7 +61,7 @@ impl Parameters {
                 JointKind::Revolute => 0.0,
                 JointKind::Prismatic => low.abs().max(high.abs()),
             };
-            a.hypot(d) + slides
+            math::hypot(a, d) + slides
         });
         links.sum::<f64>() + self.x_6_g.translation.vector.norm()
     }

@@ -9,6 +9,7 @@
 use nalgebra::{Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use units::math;
 use units::spatial::{Jacobian, Twist, Wrench};
 
 /// No length, mass or position is larger, so that the products of them stay finite.
@@ -351,7 +352,7 @@ impl Placed {
             JointKind::Revolute => (self.theta + position, self.d),
             JointKind::Prismatic => (self.theta, self.d + position),
         };
-        let (sin, cos) = (theta / 2.0).sin_cos();
+        let (sin, cos) = math::sin_cos(theta / 2.0);
         let about_z = nalgebra::Quaternion::new(cos, 0.0, 0.0, sin);
         self.fixed
             * Isometry3::from_parts(

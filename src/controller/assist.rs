@@ -129,6 +129,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::math;
     use units::spatial::rotation;
 
     const K_D: [f64; 6] = [6.0, 7.0, 8.0, 0.05, 0.06, 0.07];
@@ -250,7 +251,7 @@ mod tests {
         let along_x = |force| Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let fade = ContactFade::new(1.3).unwrap();
         for force in [0.1, 0.75, 1.3, 4.0] {
-            let printed = (1.0 + (force / 1.3_f64).powi(2)).recip();
+            let printed = (1.0 + math::powf(force / 1.3, 2.0)).recip();
             assert!((fade.share(&along_x(force), &along_x(2.0)) - printed).abs() < 1e-12);
         }
         assert!((fade.share(&Wrench::ZERO, &along_x(9.0)) - 1.0).abs() < 1e-12);

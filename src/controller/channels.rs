@@ -141,7 +141,8 @@ impl Channel {
 
     fn centring(&self, x: f64) -> f64 {
         let of_deadband = if self.plateau > 0.0 { x.abs() / self.deadband } else { 0.0 };
-        let share = if self.is_spring { of_deadband } else { of_deadband.min(1.0).powi(2) };
+        let within = of_deadband.min(1.0);
+        let share = if self.is_spring { of_deadband } else { within * within };
         let into_wall = (x.abs() - self.wall).max(0.0);
         -(self.plateau * share + self.stiffness * into_wall).copysign(x)
     }

@@ -6,6 +6,7 @@
 //! [`SMOOTHING`]. The observer counts what is really exerted, so damping that is late or too long is not lost but
 //! booked.
 
+use units::math;
 use units::spatial::Twist;
 
 /// Time in which the damper rises from zero to its maximum, in s.
@@ -33,7 +34,7 @@ impl Damper {
     pub(crate) fn next(&mut self, dt: f64, wanted: f64, most: f64, v_g: &Twist, is_engaged: bool) {
         let rise = (most / ATTACK).min(ONSET / v_g.linear.norm());
         let highest = self.damping + rise * dt;
-        let lowest = self.damping * (-dt / FADE).exp();
+        let lowest = self.damping * math::exp(-dt / FADE);
         let wanted = if is_engaged { wanted } else { 0.0 };
         let damping = wanted.min(highest).max(lowest).min(most);
         self.damping = damping;
@@ -110,7 +111,7 @@ mod tests {
     fn damper_fades_after_the_contact() {
         let mut damper = Damper { damping: MOST, v_g: along(0.1) };
         damper.next(DT, MOST, MOST, &along(0.1), false);
-        assert!((damper.damping() - MOST * (-DT / FADE).exp()).abs() < 1e-9);
+        assert!((damper.damping() - MOST * math::exp(-DT / FADE)).abs() < 1e-9);
         (0..300).for_each(|_| damper.next(DT, MOST, MOST, &along(0.1), false));
         assert!(damper.damping() < 0.01 * MOST);
     }

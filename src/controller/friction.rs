@@ -20,6 +20,7 @@ use thiserror::Error;
 use crate::JointVector;
 use crate::friction_bound::GripLoad;
 use crate::self_drive::SelfDrive;
+use units::math;
 use units::numbering::Joint;
 
 /// Part by which identified friction may exceed the real one: it changes with load, temperature and wear.
@@ -136,7 +137,7 @@ impl FrictionCompensation {
 fn turned(z: f64, dq: f64, x_s: f64) -> f64 {
     // A position that is not finite leaves no memory.
     let end = if dq.is_finite() { dq.signum() } else { return 0.0 };
-    end - (end - z) * (-dq.abs() / x_s).exp()
+    end - (end - z) * math::exp(-dq.abs() / x_s)
 }
 
 #[cfg(test)]
@@ -198,7 +199,7 @@ mod tests {
     fn reversal_turns_the_torque_over_the_presliding_distance() {
         let there = || (0..100).map(|k| 1e-3 * f64::from(k));
         // From z = 1, halfway: 2 exp(-x/x_s) = 1.
-        let back = 0.099 - X_S * 2.0_f64.ln();
+        let back = 0.099 - X_S * std::f64::consts::LN_2;
         assert!(along(there().chain([back])).abs() < 1e-9);
         let back = (0..10_u32).map(|k| 0.099 - 2e-3 * f64::from(k));
         assert!((along(there().chain(back)) + 0.7 * F_C).abs() < 1e-3);

@@ -7,6 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use units::math;
 use units::spatial::rotation;
 
 /// Distance from the jump of the numbers at which the command is held, in rad (decision 4): 10°.
@@ -79,8 +80,8 @@ impl Orientation {
 
 /// `E⁻ᵀ μ`, written out. Its denominator cos β vanishes at β = ±90° only; it is kept off zero.
 fn euler_moment(conjugate: &Vector3<f64>, angles: &Vector3<f64>) -> Vector3<f64> {
-    let (sin_gamma, cos_gamma) = angles.x.sin_cos();
-    let (sin_beta, cos_beta) = angles.y.sin_cos();
+    let (sin_gamma, cos_gamma) = math::sin_cos(angles.x);
+    let (sin_beta, cos_beta) = math::sin_cos(angles.y);
     let about_alpha = (conjugate.z + conjugate.x * sin_beta) / cos_beta.max(1e-9);
     Vector3::new(
         conjugate.x,
@@ -187,7 +188,8 @@ mod tests {
     fn round_a_closed_loop_the_moment_gives_off_no_work() {
         // The loop of the oracle `euler_moment_loop_work`; a constant conjugate, as on the plateau.
         let phi = |t: f64| {
-            Vector3::new(0.5 + 0.35 * t.cos(), 0.6 + 0.35 * t.sin(), 0.5 + 0.35 * (2.0 * t).sin())
+            Vector3::new(0.5, 0.6, 0.5)
+                + Vector3::new(math::cos(t), math::sin(t), math::sin(2.0 * t)) * 0.35
         };
         let mu = Vector3::new(-0.3, -0.3, -0.3);
         let (mut conjugate, mut literal) = (0.0, 0.0);

@@ -169,6 +169,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::math;
 
     fn curve() -> TorqueCurve {
         TorqueCurve::new([300.0, -5.468_75, 0.878_906_25], 4.0).unwrap()
@@ -192,7 +193,7 @@ mod tests {
         fn a_curve_is_accepted_exactly_if_it_rises_everywhere(
             c1 in -50.0..200.0_f64, c3 in -50.0..50.0_f64, c5 in -5.0..5.0_f64, max in 0.1..6.0_f64
         ) {
-            let slope = |t: f64| c1 + 3.0 * c3 * t * t + 5.0 * c5 * t.powi(4);
+            let slope = |t: f64| c1 + 3.0 * c3 * t * t + 5.0 * c5 * math::powf(t, 4.0);
             let samples = (0..=2_000).map(|i| max * f64::from(i) / 2_000.0);
             let lowest = samples.map(slope).fold(f64::INFINITY, f64::min);
             match TorqueCurve::new([c1, c3, c5], max) {
@@ -211,7 +212,7 @@ mod tests {
         fn the_least_slope_is_met_and_nowhere_undercut(
             c3 in -50.0..50.0_f64, c5 in -5.0..5.0_f64, max in 0.1..6.0_f64
         ) {
-            let slope = |t: f64| 200.0 + 3.0 * c3 * t * t + 5.0 * c5 * t.powi(4);
+            let slope = |t: f64| 200.0 + 3.0 * c3 * t * t + 5.0 * c5 * math::powf(t, 4.0);
             if let Ok(curve) = TorqueCurve::new([200.0, c3, c5], max) {
                 let (least, torque) = curve.least_slope();
                 prop_assert!(least > 0.0 && (0.0..=max).contains(&torque));

@@ -178,6 +178,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::math;
 
     const SURFACE: Surface = Surface { stiffness: 2_000.0, damping: 20.0, friction: 0.0 };
 
@@ -284,7 +285,7 @@ mod tests {
 
     /// Returns a closed path with rotation, near all solids.
     fn round(middle: [f64; 3], reach: [f64; 6], share: f64) -> Isometry3<f64> {
-        let wave = |times: f64, reach: f64| reach * (TAU * times * share).sin();
+        let wave = |times: f64, reach: f64| reach * math::sin(TAU * times * share);
         let [x, y, z, a, b, c] = reach;
         let [mx, my, mz] = middle;
         let place = [mx + wave(1.0, x), my + wave(2.0, y), mz + wave(3.0, z)];

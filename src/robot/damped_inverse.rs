@@ -135,6 +135,7 @@ mod tests {
 
     use super::*;
     use crate::testing::{eight_r, joints, puma};
+    use units::math;
 
     fn twist() -> impl Strategy<Value = Twist> {
         prop::array::uniform6(-1.0..1.0_f64).prop_map(Twist::from_components)
@@ -189,7 +190,7 @@ mod tests {
     fn stretched_arm_does_not_move_beyond_its_reach() {
         // The elbow of the PUMA is straight where the wrist is farthest from the shoulder.
         let (chain, inverse) = (puma(), DampedInverse::default());
-        let straight = -0.4318_f64.atan2(0.0203);
+        let straight = -math::atan2(0.4318, 0.0203);
         for bend in [0.0, 1e-3, 1e-2, 0.05, 0.2, -0.2] {
             let q = Joints::from([0.3, 0.8, straight + bend, 0.2, 0.9, 0.1, 0.0, 0.0, 0.0]);
             let (_, j_m) = chain.forward_and_jacobian(&q);
@@ -209,7 +210,7 @@ mod tests {
             );
             // Of a speed of 1 it moves (σ/σ_0)², so nothing at its reach.
             let rates = solved.rates(&outwards);
-            let part = (sigma / inverse.threshold()).powi(2).min(1.0);
+            let part = math::powf(sigma / inverse.threshold(), 2.0).min(1.0);
             let moved = lost.dot(&(scaled * rates));
             assert!((moved - part).abs() < 1e-6, "moves by {moved}, not {part}, at {bend} rad");
             assert!((rates.norm() * sigma.max(1e-9) - part).abs() < 1e-6, "{bend} rad: {rates}");

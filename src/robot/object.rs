@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use crate::following_arm::FollowingArm;
 use crate::interaction::{Interaction, ToolState};
+use units::math;
 use units::spatial::{Motion, Twist, Wrench};
 
 /// Maximum distance from the base, in m.
@@ -61,7 +62,7 @@ impl Servo {
 
     /// Returns the fraction of a distance that is covered in `dt` s.
     fn part(&self, dt: f64) -> f64 {
-        if self.time_constant > 0.0 { -(-dt / self.time_constant).exp_m1() } else { 1.0 }
+        if self.time_constant > 0.0 { -math::exp_m1(-dt / self.time_constant) } else { 1.0 }
     }
 
     /// Scales the twist to the speed limits; keeps its direction.
@@ -331,7 +332,7 @@ mod tests {
         for _ in 0..100 {
             object.step(1e-3, &Motion::Rate(v_m), &Wrench::ZERO);
         }
-        assert!((object.twist().linear.x - (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
+        assert!((object.twist().linear.x - (1.0 - math::exp(-1.0))).abs() < 1e-9);
     }
 
     #[test]

@@ -101,7 +101,8 @@ impl ResolvedRate {
         for (rate, (limit, q)) in rates.iter_mut().zip(joints) {
             let [low, high] = limit.range;
             let u = ((2.0 * q - low - high) / (high - low)).clamp(-WALL, WALL);
-            let slope = u / (1.0 - u * u).powi(2);
+            let room = 1.0 - u * u;
+            let slope = u / (room * room);
             let most = CENTRING_SHARE * limit.max_rate;
             *rate = (-self.centring * slope).clamp(-most, most);
         }

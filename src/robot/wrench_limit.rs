@@ -51,8 +51,10 @@ impl WrenchLimit {
         let linear = unopposed(&v.linear, &f.force, self.force);
         let angular = unopposed(&v.angular, &f.moment, self.moment);
         let v = Twist { linear, angular };
-        let along =
-            Twist { linear: f.force / self.force.powi(2), angular: f.moment / self.moment.powi(2) };
+        let along = Twist {
+            linear: f.force / (self.force * self.force),
+            angular: f.moment / (self.moment * self.moment),
+        };
         v + along * (-f.power(&v).min(0.0) / f.power(&along))
     }
 

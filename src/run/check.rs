@@ -14,6 +14,7 @@ use config::robots::RobotArm;
 use config::{BusSettings, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::stability::finding::Verdict;
+use units::math;
 
 /// `frhc check`.
 #[derive(Debug, Args)]
@@ -44,7 +45,7 @@ pub fn run(args: &Check) -> Result<(), Failure> {
 /// Describes strength and direction of gravity. A base mounted upside down is valid, but must be visible.
 fn gravity(config: &Config) -> String {
     let [x, y, z] = config.gravity;
-    let strength = x.hypot(y).hypot(z);
+    let strength = math::hypot(math::hypot(x, y), z);
     if strength <= 0.0 {
         return "gravity 0: the arm is balanced by springs or counterweights".to_owned();
     }

@@ -73,6 +73,7 @@ impl Shaking {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use units::math;
 
     /// Returns the shaking of `force` of each of 2,000 cycles of 1 ms.
     fn shaking(force: impl Fn(u32) -> f64) -> Shaking {
@@ -100,7 +101,7 @@ mod tests {
         let forces: [fn(u32) -> f64; 5] = [
             |_| 5.0,
             |cycle| 5.0 + alternating(cycle),
-            |cycle| 3.0 * (f64::from(cycle) * 0.05).sin(),
+            |cycle| 3.0 * math::sin(f64::from(cycle) * 0.05),
             |cycle| if cycle.is_multiple_of(200) { 100.0 } else { 0.0 },
             |_| f64::NAN,
         ];

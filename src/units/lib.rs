@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod drive;
+pub mod math;
 pub mod numbering;
 pub mod spatial;
 pub mod time;

@@ -15,6 +15,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 
 use crate::object::Object;
+use units::math;
 
 /// SI unit of an object: exponent of ten, numerator, denominator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +36,7 @@ impl SiUnit {
             (REVOLUTION, 0) => 1.0,
             _ => return None,
         };
-        Some(angle / 10_f64.powi(exponent.cast_signed().into()))
+        Some(angle / power_of_ten(exponent))
     }
 
     /// Returns how many revolutions per minute the unit is; `None` for anything but revolutions per time.
@@ -46,8 +47,12 @@ impl SiUnit {
             (REVOLUTION, SECOND) => 60.0,
             _ => return None,
         };
-        Some(time * 10_f64.powi(exponent.cast_signed().into()))
+        Some(time * power_of_ten(exponent))
     }
+}
+
+fn power_of_ten(exponent: u8) -> f64 {
+    math::powf(10.0, exponent.cast_signed().into())
 }
 
 /// `FF410000h (10^-1 °)`; the number alone for other units.

@@ -7,6 +7,8 @@
 
 use std::f64::consts::PI;
 
+use units::math;
+
 /// Contact felt through a rate command: the impedance at the hand is `Z(s) = G / (s (s + a))`. Its real part is
 /// negative at every frequency, so some damping is always needed; without accommodation none is enough
 /// (Parker, Salcudean and Lawrence 1993).
@@ -51,7 +53,7 @@ pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
 /// late: `a T < 2 cos(n π/(2n + 1))`.
 pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
     let n = f64::from(delay);
-    2.0 * (n * PI / (2.0 * n + 1.0)).cos() / period
+    2.0 * math::cos(n * PI / (2.0 * n + 1.0)) / period
 }
 
 /// Bound on accommodation of an object whose servo lags by `lag` s, the surface's damper `d_e` counted
@@ -61,7 +63,7 @@ pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
 ///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
 /// ```
 pub fn most_given_way(period: f64, lag: f64) -> f64 {
-    if lag > 0.0 { (period / (2.0 * lag)).tanh().recip() } else { 1.0 }
+    if lag > 0.0 { math::tanh(period / (2.0 * lag)).recip() } else { 1.0 }
 }
 
 /// Maximum `K_FA m`, in s, of an arm whose servo lags by `lag` s and that yields to the inertia of its payload `m`, too:
@@ -83,7 +85,7 @@ pub fn fastest_without_swinging(lag: f64) -> f64 {
 /// The strongest damper that a bare mass `M` bears: `2 tan(π/(4(n + 1))) M/T`. It is computed from the mean
 /// speed of the last period and held for one; stronger, it swings the mass faster and faster.
 pub fn strongest_damper(mass: f64, period: f64, delay: u32) -> f64 {
-    2.0 * (PI / (4.0 * f64::from(delay + 1))).tan() * mass / period
+    2.0 * math::tan(PI / (4.0 * f64::from(delay + 1))) * mass / period
 }
 
 #[cfg(test)]
@@ -98,7 +100,7 @@ mod tests {
             stiffness in 10.0..1e4_f64, damping in 0.0..100.0_f64, lag in 0.0..0.02_f64
         ) {
             let period = 1e-3;
-            let part = if lag > 0.0 { 1.0 - (-period / lag).exp() } else { 1.0 };
+            let part = if lag > 0.0 { 1.0 - math::exp(-period / lag) } else { 1.0 };
             let bound = most_given_way(period, lag) / (stiffness * period / 2.0 + damping);
             for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
                 let (mut x, mut v) = (1e-3_f64, 0.0);
@@ -117,7 +119,7 @@ mod tests {
             mass in 0.1..10.0_f64, lag in 0.0..0.05_f64
         ) {
             let period = 1e-3;
-            let part = if lag > 0.0 { 1.0 - (-period / lag).exp() } else { 1.0 };
+            let part = if lag > 0.0 { 1.0 - math::exp(-period / lag) } else { 1.0 };
             let bound = most_yielded_inertia(period, lag) / mass;
             for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
                 let (mut v, mut before) = (1e-3_f64, 0.0);

@@ -5,10 +5,11 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::Complex;
+use nalgebra::ComplexField;
 
 use crate::stability::polynomial::Polynomial;
 use crate::stability::sampled_loop::{Loop, SampledLoop};
+use units::math;
 
 /// Range in which a bound is searched, as multiples of the gain, with its steps per doubling.
 const DOUBLINGS: [i32; 2] = [-6, 10];
@@ -52,12 +53,12 @@ pub(super) fn refined<'a>(
 
 /// Returns the angle ωT at which the loop comes nearest to a swing that neither grows nor decays: `L = -1`.
 fn swing([open, added]: &[Polynomial; 2], multiple: f64) -> f64 {
-    let ratio = (PI / LEAST_ANGLE).powf(f64::from(ANGLES).recip());
+    let ratio = math::powf(PI / LEAST_ANGLE, f64::from(ANGLES).recip());
     let angles = std::iter::successors(Some(LEAST_ANGLE), |angle| Some(angle * ratio));
     let distances = angles.take_while(|angle| *angle <= PI).map(|angle| {
-        let w = Complex::cis(-angle);
+        let w = math::cis(-angle);
         let (open, added) = (open.at(w), added.at(w) * multiple);
-        ((open + added).norm() / (open.norm() + added.norm()), angle)
+        ((open + added).modulus() / (open.modulus() + added.modulus()), angle)
     });
     distances.min_by(|(a, _), (b, _)| a.total_cmp(b)).map_or(PI, |(_, angle)| angle)
 }
@@ -73,7 +74,7 @@ pub(super) fn bound([open, added]: &[Polynomial; 2], most: f64) -> f64 {
     }
     let [lowest, highest] = DOUBLINGS.map(|doublings| doublings * STEPS_PER_DOUBLING);
     let steps = (lowest..=highest)
-        .map(|step| 2.0_f64.powf(f64::from(step) / f64::from(STEPS_PER_DOUBLING)));
+        .map(|step| math::powf(2.0, f64::from(step) / f64::from(STEPS_PER_DOUBLING)));
     let mut low = 0.0;
     for high in steps {
         if !is_stable(&high) {

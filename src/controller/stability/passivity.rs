@@ -15,6 +15,8 @@ use std::f64::consts::PI;
 
 use nalgebra::Complex;
 
+use units::math;
+
 /// The lowest angle ωT looked at: far below any pole of a law in use, in rad.
 const LOWEST: f64 = 1e-9;
 
@@ -108,12 +110,12 @@ impl SampledLaw {
     /// `T/2 (Re H - cot(ωT/2) Im H)` at the angle ωT.
     fn condition(&self, angle: f64) -> f64 {
         let h = self.response(angle);
-        self.period / 2.0 * (h.re - h.im / (angle / 2.0).tan())
+        self.period / 2.0 * (h.re - h.im / math::tan(angle / 2.0))
     }
 
     /// `H(exp(j angle))`.
     fn response(&self, angle: f64) -> Complex<f64> {
-        let (sin, cos) = (angle / 2.0).sin_cos();
+        let (sin, cos) = math::sin_cos(angle / 2.0);
         let z_less_one = Complex::new(-2.0 * sin * sin, 2.0 * sin * cos); // exact at small angles
         let z = z_less_one + 1.0;
         let part = self.part();
@@ -128,18 +130,18 @@ impl SampledLaw {
                 moved * gain / (z_less_one + moved * giving_way)
             }
         };
-        undelayed * Complex::cis(-angle * f64::from(self.delay))
+        undelayed * math::cis(-angle * f64::from(self.delay))
     }
 
     /// The part of its way a servo goes in a period.
     fn part(&self) -> f64 {
-        if self.lag > 0.0 { -(-self.period / self.lag).exp_m1() } else { 1.0 }
+        if self.lag > 0.0 { -math::exp_m1(-self.period / self.lag) } else { 1.0 }
     }
 }
 
 /// Angles within 0 and π, the last included.
 fn angles(delay: u32) -> Vec<f64> {
-    let ratio = (PI / LOWEST).powf(f64::from(RATIOS).recip());
+    let ratio = math::powf(PI / LOWEST, f64::from(RATIOS).recip());
     let mut angle = LOWEST;
     let mut angles = Vec::new();
     for _ in 0..RATIOS {
@@ -199,7 +201,7 @@ mod tests {
         fn a_servo_costs_its_lag(k in 1.0..1e4_f64, lag in 1e-3..1e-1_f64) {
             let period = 1e-3;
             let law = SampledLaw { lag, ..SampledLaw::impedance(k, 0.0, period) };
-            let late = period / (period / lag).exp_m1();
+            let late = period / math::exp_m1(period / lag);
             prop_assert!(near(law.required_damping(), k * (period / 2.0 + late)));
         }
 
@@ -243,7 +245,7 @@ mod tests {
             ratio in 0.0..2.0_f64, period in 1e-4..1e-2_f64, lag in 0.0..2e-2_f64, is_direct in any::<bool>()
         ) {
             let lag = if is_direct { 0.0 } else { lag };
-            let part = if is_direct { 1.0 } else { 1.0 - (-period / lag).exp() };
+            let part = if is_direct { 1.0 } else { 1.0 - math::exp(-period / lag) };
             // The bound of Jury's test is at a ratio of 1.
             let giving_way = ratio * 2.0 * (2.0 - part) / (part * period);
             let law = Law::Rate { gain: 50.0, giving_way };
@@ -272,8 +274,8 @@ mod tests {
     /// Growth of a swing after many periods, of a mass so heavy that the sampled spring
     /// `k` swings it in 63 periods, with damping `b`: exact between the samples.
     fn growth(k: f64, period: f64, delay: u32, b: f64) -> f64 {
-        let mass = k * (period / 0.1).powi(2);
-        let decay = -(-period * b / mass).exp_m1();
+        let mass = k * math::powf(period / 0.1, 2.0);
+        let decay = -math::exp_m1(-period * b / mass);
         let (mut x, mut v) = (1.0_f64, 0.0);
         let mut late = std::collections::VecDeque::from(vec![1.0; usize::try_from(delay).unwrap()]);
         let mut largest = [0.0_f64; 2];
@@ -296,7 +298,7 @@ mod tests {
                 let law = Law::Rate { gain: 1.0, giving_way };
                 SampledLaw { law, period: 1e-3, lag, delay: 0 }.settles()
             };
-            let part = if lag > 0.0 { 1.0 - (-1e-3 / lag).exp() } else { 1.0 };
+            let part = if lag > 0.0 { 1.0 - math::exp(-1e-3 / lag) } else { 1.0 };
             let bound = 2.0 * (2.0 - part) / (part * 1e-3);
             assert!(settles(bound * (1.0 - 1e-9)), "{lag} s");
             assert!(!settles(bound * (1.0 + 1e-9)), "{lag} s");

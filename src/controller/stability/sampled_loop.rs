@@ -20,6 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::stability::axis::{Axis, Impedance, Timing};
 use crate::stability::grip_dynamics::ReducedGrip;
 use crate::stability::polynomial::Polynomial;
+use units::math;
 
 /// Halvings of the period before the exponential's series, and terms of the series.
 const HALVINGS: i32 = 6;
@@ -128,7 +129,7 @@ impl SampledLoop<'_> {
     /// p, the part of its way that the servo goes in a period.
     fn part(&self) -> f64 {
         let timing = self.axis.timing;
-        if timing.servo_lag <= 0.0 { 1.0 } else { -(-timing.period / timing.servo_lag).exp_m1() }
+        if timing.servo_lag <= 0.0 { 1.0 } else { -math::exp_m1(-timing.period / timing.servo_lag) }
     }
 
     /// `(T + τ) - τ w`.
@@ -157,7 +158,7 @@ fn spring(stiffness: f64, damping: f64, period: f64) -> Polynomial {
 
 /// The exponential of a matrix: its series at a small part of it, squared again and again.
 fn exponential(matrix: &Matrix3<f64>) -> Matrix3<f64> {
-    let small = matrix * 2.0_f64.powi(-HALVINGS);
+    let small = matrix / f64::from(1 << HALVINGS);
     let (mut sum, mut term) = (Matrix3::identity(), Matrix3::identity());
     for number in 1..=TERMS {
         term = term * small / f64::from(number);

@@ -115,6 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::math;
     use units::spatial::Twist;
 
     const CYCLE: Duration = Duration::from_millis(1);
@@ -126,7 +127,7 @@ mod tests {
         (0..1_000_u64).find(|ms| {
             let phase = f64::from(u32::try_from(*ms).unwrap()) * 1e-3 * hertz * 2.0;
             let mut v = [0.0; 6];
-            v[axis] = speed * growth.powf(phase) * (phase * std::f64::consts::PI).sin();
+            v[axis] = speed * math::powf(growth, phase) * math::sin(phase * std::f64::consts::PI);
             let now = Instant::from_micros(ms * 1_000);
             let motion = Motion::new(CYCLE, &Twist::from_components(v), power * 1e-3);
             instability.check(now, &motion).is_some()

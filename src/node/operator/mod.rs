@@ -153,6 +153,7 @@ mod tests {
     use controller::switches::{Mode as CommandMode, Switches};
     use controller::{Controller, Input};
     use units::drive::Counts;
+    use units::math;
     use units::numbering::Joint;
     use units::spatial::Wrench;
 
@@ -266,7 +267,7 @@ mod tests {
         fn hazard_45_oscillation_with_lost_samples_trips(
             hertz in 6.0..30.0_f64, speed in 0.7..1.5_f64, joint in joint(), apart in 3..99_u32
         ) {
-            let angle = |s: f64| speed / (TAU * hertz) * (TAU * hertz * s).sin();
+            let angle = |s: f64| speed / (TAU * hertz) * math::sin(TAU * hertz * s);
             let q = |s| START + JointVector::from([0.0, 0.0, angle(s), 0.0, 0.0, 0.0]);
             let (all, lossy) = (trips(q, |_| None), trips(q, every(apart, joint)));
             prop_assert!(all.is_some_and(|ms| ms <= 400), "{all:?}");

@@ -103,6 +103,7 @@ mod tests {
     use super::*;
     use crate::joint_reading::JointReading;
     use controller::arm::JointKind;
+    use units::math;
 
     fn joints(second: f64) -> JointVector {
         JointVector::from([0.0, second, 0.0, 0.0, 0.0, 0.0])
@@ -193,7 +194,7 @@ mod tests {
         let mut monitor = UncommandedMotion::default();
         for ms in 0..1_000_u32 {
             // 5 Hz, 40 mrad to either side.
-            let dq = 0.04 * 31.4 * 1e-3 * (31.4e-3 * f64::from(ms)).cos();
+            let dq = 0.04 * 31.4 * 1e-3 * math::cos(31.4e-3 * f64::from(ms));
             assert_eq!(monitor.check(1e-3, true, &joints(1.0), &joints(dq), &[true; 6]), None);
         }
     }

@@ -71,6 +71,7 @@ mod tests {
     use crate::plausibility::torque_range::TARGET_CYCLES;
     use canopen::pdo::DriveSample;
     use units::drive::PerMille;
+    use units::math;
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -157,7 +158,7 @@ mod tests {
             targets in prop::collection::vec(-1_500..1_500_i16, 1_000), late in 1..=TARGET_CYCLES,
             time_constant in 0.1..10.0_f64, gain in 0.95..1.05_f64
         ) {
-            let pass = 1.0 - (-1.0 / time_constant).exp();
+            let pass = 1.0 - math::exp(-1.0 / time_constant);
             let filter = |output: &mut f64, target: &i16| {
                 *output += pass * (f64::from(*target) - *output);
                 Some((gain * *output).round())

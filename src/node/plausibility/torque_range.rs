@@ -15,6 +15,7 @@
 
 use std::time::Duration;
 
+use units::math;
 use units::numbering::Joint;
 
 /// Cycles before a reading in which its target may have been sent.
@@ -54,7 +55,7 @@ impl TorqueRange {
 
     /// Returns ranges that follow the targets, all zero, of cycles of `period`.
     pub(super) fn following(period: Duration) -> Self {
-        let release = -(-period.as_secs_f64() / TIME_CONSTANT.as_secs_f64()).exp_m1();
+        let release = -math::exp_m1(-period.as_secs_f64() / TIME_CONSTANT.as_secs_f64());
         Self::new(release, SHARE, OFFSET)
     }
 

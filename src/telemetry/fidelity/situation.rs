@@ -122,6 +122,7 @@ mod tests {
 
     use super::*;
     use crate::fidelity::sample::Parts;
+    use units::math;
     use units::spatial::Wrench;
     use units::time::Instant;
 
@@ -176,7 +177,7 @@ mod tests {
     #[test]
     fn tremor_is_no_motion() {
         let mut classifier = Classifier::default();
-        let place = |ms: u64| 0.5e-3 * (0.06 * f64::from(u32::try_from(ms).unwrap())).sin();
+        let place = |ms: u64| 0.5e-3 * math::sin(0.06 * f64::from(u32::try_from(ms).unwrap()));
         let last = (0..600).map(|ms| classifier.next(&sample(ms, place(ms), 5.0))).last().unwrap();
         assert_eq!(last.map(|(_, situation)| situation), Some(Situation::StillContact));
     }

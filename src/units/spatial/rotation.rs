@@ -2,19 +2,21 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use crate::math;
+
 /// Limit of |cos β| below which α and γ are one rotation; α is then zero (Craig 1989, 2.8).
 const DEGENERATE: f64 = 1e-9;
 
 /// Returns the angles (γ, β, α) of `R = Rz(α) Ry(β) Rx(γ)`, in rad; β within ±π/2.
 pub fn euler_zyx(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let r = rotation.to_rotation_matrix();
-    let cos_beta = r[(0, 0)].hypot(r[(1, 0)]);
-    let beta = (-r[(2, 0)]).atan2(cos_beta);
+    let cos_beta = math::hypot(r[(0, 0)], r[(1, 0)]);
+    let beta = math::atan2(-r[(2, 0)], cos_beta);
     if cos_beta < DEGENERATE {
-        let gamma = beta.signum() * r[(0, 1)].atan2(r[(1, 1)]);
+        let gamma = beta.signum() * math::atan2(r[(0, 1)], r[(1, 1)]);
         return Vector3::new(gamma, beta, 0.0);
     }
-    Vector3::new(r[(2, 1)].atan2(r[(2, 2)]), beta, r[(1, 0)].atan2(r[(0, 0)]))
+    Vector3::new(math::atan2(r[(2, 1)], r[(2, 2)]), beta, math::atan2(r[(1, 0)], r[(0, 0)]))
 }
 
 /// Returns the orientation `Rz(α) Ry(β) Rx(γ)` of angles (γ, β, α) in rad.
@@ -27,8 +29,8 @@ pub fn from_euler_zyx(angles: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// Returns the matrix E of Eq. 5, which maps rates of (γ, β, α) to angular velocity in the rotated frame. Its
 /// determinant is cos β.
 pub fn euler_rates(angles: &Vector3<f64>) -> Matrix3<f64> {
-    let (sin_gamma, cos_gamma) = angles.x.sin_cos();
-    let (sin_beta, cos_beta) = angles.y.sin_cos();
+    let (sin_gamma, cos_gamma) = math::sin_cos(angles.x);
+    let (sin_beta, cos_beta) = math::sin_cos(angles.y);
     Matrix3::new(
         1.0,
         0.0,
@@ -58,8 +60,8 @@ pub fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     let (first, second) = if angle < SMALL {
         (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
     } else {
-        let half = (angle / 2.0).sin() / angle;
-        (2.0 * half * half, (angle - angle.sin()) / angle.powi(3))
+        let half = math::sin(angle / 2.0) / angle;
+        (2.0 * half * half, (angle - math::sin(angle)) / (angle * angle * angle))
     };
     Matrix3::identity() + cross * first + cross * cross * second
 }
@@ -73,7 +75,7 @@ pub fn left_jacobian_inverse(vector: &Vector3<f64>) -> Matrix3<f64> {
     let second = if angle < SMALL {
         1.0 / 12.0 + angle * angle / 720.0
     } else {
-        (1.0 / angle - 0.5 / (angle / 2.0).tan()) / angle
+        (1.0 / angle - 0.5 / math::tan(angle / 2.0)) / angle
     };
     Matrix3::identity() - cross * 0.5 + cross * cross * second
 }
@@ -114,7 +116,7 @@ mod tests {
 
         #[test]
         fn determinant_of_euler_rates_is_cos_beta(angles in vector(1.5)) {
-            prop_assert!((euler_rates(&angles).determinant() - angles.y.cos()).abs() < 1e-14);
+            prop_assert!((euler_rates(&angles).determinant() - math::cos(angles.y)).abs() < 1e-14);
         }
 
         #[test]
@@ -141,7 +143,7 @@ mod tests {
 
         #[test]
         fn left_jacobian_inverse_inverts(r in vector(1.7), scale in 0.0..1.0_f64) {
-            let r = r * scale.powi(8);
+            let r = r * math::powf(scale, 8.0);
             let product = left_jacobian(&r) * left_jacobian_inverse(&r);
             prop_assert!((product - Matrix3::identity()).norm() < 1e-12);
         }

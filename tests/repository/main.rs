@@ -4,6 +4,7 @@ mod architecture;
 mod book;
 mod citations;
 mod claims;
+mod clippy;
 mod hazards;
 mod keys;
 mod link_page;

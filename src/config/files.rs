@@ -1,18 +1,63 @@
 //! Reading of configuration files from disk, or of the copies shipped inside the program for `frhc demo`.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
 
 use nix::libc::{O_NOCTTY, O_NONBLOCK};
 
-use crate::problem::{Invalid, Problem};
 use crate::shipped;
 use crate::trust::{InspectedFile, Trust};
 
 /// Maximum size of a configuration or an EDS, in bytes.
 const MAX_SIZE: u64 = 4 << 20;
+
+/// Contents of files, by the paths that lead to them.
+pub type Copies = BTreeMap<PathBuf, Arc<[u8]>>;
+
+/// Files that a configuration consists of. Each is read once; its content is kept for a recording.
+#[derive(Clone, Debug)]
+pub struct Files {
+    /// Required protection of files on disk; `None` where only copies are read.
+    trust: Option<Trust>,
+    read: Rc<RefCell<Copies>>,
+}
+
+impl Files {
+    /// Returns files on disk, or shipped ones.
+    pub fn on_disk(trust: Trust) -> Self {
+        Self { trust: Some(trust), read: Rc::default() }
+    }
+
+    /// Returns copies: nothing on disk is read.
+    pub fn copied(copies: Copies) -> Self {
+        Self { trust: None, read: Rc::new(RefCell::new(copies)) }
+    }
+
+    /// Returns everything that was read.
+    pub fn copies(&self) -> Copies {
+        self.read.borrow().clone()
+    }
+
+    /// Returns the content of a file.
+    ///
+    /// # Errors
+    /// As [`read_by`]; or there is no copy of it.
+    pub fn read(&self, path: &Path) -> io::Result<Arc<[u8]>> {
+        if let Some(known) = self.read.borrow().get(path) {
+            return Ok(Arc::clone(known));
+        }
+        let trust = self.trust.ok_or(io::ErrorKind::NotFound)?;
+        let content: Arc<[u8]> = read_by(trust, path)?.into();
+        self.read.borrow_mut().insert(path.to_path_buf(), Arc::clone(&content));
+        Ok(content)
+    }
+}
 
 /// Returns the bytes of the file on disk, or else of the shipped copy of that name.
 ///
@@ -95,19 +140,6 @@ fn guarded(path: &Path) -> io::Result<File> {
     let file = open(path)?;
     inspected.verify(&file.metadata()?)?;
     Ok(file)
-}
-
-/// Returns the text of a file with the required protection.
-///
-/// # Errors
-/// As [`read_by`], as a problem of a configuration.
-pub fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
-    let alone = |reason: String| {
-        let file = file.to_path_buf();
-        Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
-    };
-    let bytes = read_by(trust, file).map_err(|error| alone(error.to_string()))?;
-    String::from_utf8(bytes).map_err(|error| alone(error.to_string()))
 }
 
 /// Resolves `name`, as written in `file`, from that file's folder. Links are not followed for `..`.

@@ -95,6 +95,7 @@ use ::remote::site::Virtual;
 use toml::de::DeTable;
 
 use crate::control::Given;
+use crate::files::Files;
 use crate::problem::{Problems, Sheet};
 use crate::robots::RobotArm;
 use crate::section::{Section, Table};
@@ -138,7 +139,15 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load_by(trust: Trust, file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &files::text(trust, file)?, trust, loads::check)
+        Self::load_from(&Files::on_disk(trust), file)
+    }
+
+    /// Reads and checks one of these files, and those that it names.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn load_from(files: &Files, file: &Path) -> Result<Self, Invalid> {
+        Self::checked(file, &problem::text(files, file)?, files, loads::check)
     }
 
     /// Checks `text`, which stands in `file`; names of other files are seen from there.
@@ -146,7 +155,7 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        Self::checked(file, text, Trust::Any, loads::check)
+        Self::checked(file, text, &Files::on_disk(Trust::Any), loads::check)
     }
 
     /// As [`load`](Self::load), but buses may carry too much. Only for planning: such a network cannot
@@ -155,17 +164,18 @@ impl Config {
     /// # Errors
     /// Everything else that is wrong with it.
     pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &files::text(Trust::Any, file)?, Trust::Any, |_, _, _| {})
+        let files = Files::on_disk(Trust::Any);
+        Self::checked(file, &problem::text(&files, file)?, &files, |_, _, _| {})
     }
 
     /// `text` as a configuration that also passes `check`.
     fn checked(
         file: &Path,
         text: &str,
-        trust: Trust,
+        files: &Files,
         check: fn(&Parameters, &raw::File, &mut Problems<'_>),
     ) -> Result<Self, Invalid> {
-        let mut problems = Problems::new(file, text, trust);
+        let mut problems = Problems::new(file, text, files);
         let raw = read(text, &mut problems);
         let converted = raw.as_ref().and_then(|raw| convert(file, raw, &mut problems));
         if let Some((raw, (parameters, _))) = raw.as_ref().zip(converted.as_ref()) {

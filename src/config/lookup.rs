@@ -5,8 +5,8 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::files::Files;
 use crate::problem::{Problems, Sheet};
-use crate::trust::Trust;
 use crate::value::Value;
 use crate::{files, raw};
 use canopen::NodeId;
@@ -49,7 +49,7 @@ pub(super) fn eds(
 ) -> Option<Arc<Eds>> {
     let path = files::beside(file, value.as_ref()?);
     let known = problems.sheets().get(&path).cloned();
-    let sheet = known.unwrap_or_else(|| read(problems.trust(), &path));
+    let sheet = known.unwrap_or_else(|| read(problems.files(), &path));
     problems.sheets().insert(path, sheet.clone());
     match sheet {
         Ok(sheet) => Some(sheet.eds),
@@ -61,9 +61,9 @@ pub(super) fn eds(
 }
 
 /// Reads a file, or returns why it cannot be used.
-fn read(trust: Trust, path: &Path) -> Result<Sheet, String> {
+fn read(files: &Files, path: &Path) -> Result<Sheet, String> {
     let named = |reason: &dyn fmt::Display| format!("{}: {reason}", path.display());
-    let bytes = files::read_by(trust, path).map_err(|error| {
+    let bytes = files.read(path).map_err(|error| {
         let is_missing = error.kind() == ErrorKind::NotFound;
         let hint = "; a path starts at the folder of the configuration";
         named(&format_args!("{error}{}", if is_missing { hint } else { "" }))

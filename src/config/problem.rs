@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::trust::Trust;
+use crate::files::Files;
 use crate::value::{Placed, Value};
 use canopen::eds::{Eds, Finding};
 use toml_input::List;
@@ -56,6 +56,19 @@ impl fmt::Display for Invalid {
 
 impl std::error::Error for Invalid {}
 
+/// Returns the text of a file.
+///
+/// # Errors
+/// It cannot be read, or is not UTF-8.
+pub fn text(files: &Files, file: &Path) -> Result<String, Invalid> {
+    let alone = |reason: String| {
+        let file = file.to_path_buf();
+        Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
+    };
+    let content = files.read(file).map_err(|error| alone(error.to_string()))?;
+    str::from_utf8(&content).map(str::to_owned).map_err(|error| alone(error.to_string()))
+}
+
 /// Collects the problems of one file.
 #[derive(Debug)]
 pub struct Problems<'t> {
@@ -63,7 +76,7 @@ pub struct Problems<'t> {
     text: &'t str,
     /// Byte offsets of line ends.
     ends: Vec<usize>,
-    trust: Trust,
+    files: Files,
     found: Vec<Problem>,
     /// Problems of nodes, with the names of these; equal ones of several joints become one.
     of_nodes: Vec<(String, Problem)>,
@@ -83,10 +96,10 @@ pub struct Sheet {
 
 impl<'t> Problems<'t> {
     /// Returns an empty collection for `file` with the content `text`.
-    pub fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
+    pub fn new(file: &Path, text: &'t str, files: &Files) -> Self {
         let ends = text.match_indices('\n').map(|(end, _)| end).collect();
-        let (file, sheets) = (file.to_path_buf(), Sheets::new());
-        Self { file, text, ends, trust, found: Vec::new(), of_nodes: Vec::new(), sheets }
+        let (file, sheets, files) = (file.to_path_buf(), Sheets::new(), files.clone());
+        Self { file, text, ends, files, found: Vec::new(), of_nodes: Vec::new(), sheets }
     }
 
     /// Returns the EDS files read so far: joints share them.
@@ -94,9 +107,9 @@ impl<'t> Problems<'t> {
         &mut self.sheets
     }
 
-    /// Returns the required write protection of the files it names.
-    pub const fn trust(&self) -> Trust {
-        self.trust
+    /// Returns the files from which it reads those that it names.
+    pub const fn files(&self) -> &Files {
+        &self.files
     }
 
     /// Adds a problem at a place.

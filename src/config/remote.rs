@@ -143,7 +143,7 @@ fn body(
         problems.add(given, reason);
     }
     let file = files::beside(named_in, name);
-    match RobotArm::load_by(problems.trust(), &file) {
+    match RobotArm::load_from(problems.files(), &file) {
         Ok(arm) => Some((arm.following().pose(), Some(arm))),
         Err(invalid) => {
             problems.add(&raw.robot, format_args!("{} is not usable", file.display()));

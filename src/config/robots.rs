@@ -13,8 +13,8 @@ use ::robot::resolved_rate::ResolvedRate;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use toml::de::DeTable;
 
-use crate::files;
-use crate::problem::{Invalid, Problems};
+use crate::files::Files;
+use crate::problem::{self, Invalid, Problems};
 use crate::raw_robot as raw;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
@@ -71,15 +71,15 @@ impl RobotArm {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::load_by(Trust::Any, file)
+        Self::load_from(&Files::on_disk(Trust::Any), file)
     }
 
-    /// The same of a file with this trust.
+    /// Reads and checks one of these files.
     ///
     /// # Errors
     /// Everything that is wrong with it.
-    pub(super) fn load_by(trust: Trust, file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(trust, file)?)
+    pub fn load_from(files: &Files, file: &Path) -> Result<Self, Invalid> {
+        Self::parse(file, &problem::text(files, file)?)
     }
 
     /// Checks `text`, which stands in `file`.
@@ -87,7 +87,7 @@ impl RobotArm {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        let mut problems = Problems::new(file, text, Trust::Any);
+        let mut problems = Problems::new(file, text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
         let raw = document.ok().map(|document| {
             let table = Table::root(&document, &problems);

@@ -313,6 +313,7 @@ mod tests {
     use toml_input::List;
 
     use super::*;
+    use crate::files::Files;
     use crate::trust::Trust;
     use crate::value::Optional;
 
@@ -343,7 +344,7 @@ mod tests {
 
     /// The file as read, and every problem on a line of its own.
     fn read(text: &str) -> (Whole, String) {
-        let mut problems = Problems::new(Path::new("a.toml"), text, Trust::Any);
+        let mut problems = Problems::new(Path::new("a.toml"), text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).unwrap();
         let whole = Whole::from_table(&Table::root(&document, &problems), &mut problems);
         (whole, problems.finish().map_or_else(|invalid| invalid.to_string(), |()| String::new()))

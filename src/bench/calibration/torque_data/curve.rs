@@ -20,7 +20,8 @@ use std::path::Path;
 use crate::fit::Sample;
 use crate::torque_data::readings::{self, Readings};
 use config::Invalid;
-use config::files;
+use config::files::Files;
+use config::problem;
 use config::trust::Trust;
 
 /// Readings of one file.
@@ -53,7 +54,7 @@ impl TorqueData {
     /// # Errors
     /// The first 20 problems of the file, with line and column.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(Trust::Any, file)?)
+        Self::parse(file, &problem::text(&Files::on_disk(Trust::Any), file)?)
     }
 
     /// Parses `text`, the content of `file`.

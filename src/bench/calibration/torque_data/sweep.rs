@@ -22,7 +22,8 @@ use std::path::{Path, PathBuf};
 use crate::fit::Direction;
 use crate::torque_data::readings::{self, Readings};
 use config::Invalid;
-use config::files;
+use config::files::Files;
+use config::problem;
 use config::trust::Trust;
 
 /// Sweeps of one file.
@@ -75,7 +76,7 @@ impl SweepData {
     /// # Errors
     /// The first 20 problems of the file, with line and column.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(Trust::Any, file)?)
+        Self::parse(file, &problem::text(&Files::on_disk(Trust::Any), file)?)
     }
 
     /// Parses `text`, the content of `file`.

@@ -9,8 +9,8 @@ use toml::de::DeTable;
 
 use crate::dual_peg::settings_file as raw;
 use config::Config;
-use config::files;
-use config::problem::{Invalid, Problems};
+use config::files::{self, Files};
+use config::problem::{self, Invalid, Problems};
 use config::robots::RobotArm;
 use config::section::{Section, Table};
 use config::trust::Trust;
@@ -90,7 +90,7 @@ impl DualPeg {
         let shipped = (file == Path::new(SHIPPED) && !file.exists()).then_some(TEXT);
         match shipped {
             Some(text) => Self::parse(file, text),
-            None => Self::parse(file, &files::text(Trust::Any, file)?),
+            None => Self::parse(file, &problem::text(&Files::on_disk(Trust::Any), file)?),
         }
     }
 
@@ -99,7 +99,7 @@ impl DualPeg {
     /// # Errors
     /// Everything that is wrong with it, and with the files that it names.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        let mut problems = Problems::new(file, text, Trust::Any);
+        let mut problems = Problems::new(file, text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
         let raw = document.ok().map(|document| {
             let table = Table::root(&document, &problems);

@@ -26,6 +26,11 @@ impl<W: Write> LogWriter<W> {
         Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new() }
     }
 
+    /// Returns the writer.
+    pub fn into_inner(self) -> W {
+        self.to
+    }
+
     /// Writes a frame.
     ///
     /// # Errors

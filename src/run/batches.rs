@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::record_sink::RecordSink;
 use canopen::frame::Telegram;
+use inputs::Input;
 use node::record::Record;
 use units::time::Instant;
 
@@ -16,6 +17,8 @@ const KEPT: usize = 16;
 pub(super) struct Batch {
     entries: Vec<Entry>,
     records: Vec<Record>,
+    /// Inputs of the node, in an order of their own.
+    inputs: Vec<Input>,
 }
 
 /// A frame, or the next record.
@@ -37,9 +40,19 @@ impl Batch {
         self.records.push(*record);
     }
 
-    /// Returns the number of entries.
+    /// Adds an input of the node.
+    pub(super) fn push_input(&mut self, input: Input) {
+        self.inputs.push(input);
+    }
+
+    /// Returns the number of frames and cycles.
     pub(super) fn len(&self) -> usize {
         self.entries.len()
+    }
+
+    /// Returns the number of inputs.
+    pub(super) fn inputs(&self) -> usize {
+        self.inputs.len()
     }
 
     /// Passes all entries to `sink`.
@@ -51,11 +64,13 @@ impl Batch {
                 Entry::Cycle => records.next().into_iter().for_each(|record| sink.on_cycle(record)),
             }
         }
+        self.inputs.iter().for_each(|input| sink.on_input(input));
     }
 
     fn clear(&mut self) {
         self.entries.clear();
         self.records.clear();
+        self.inputs.clear();
     }
 }
 
@@ -70,7 +85,7 @@ pub(super) struct Batches {
 impl Batches {
     /// Returns the batch that was filled, unless it is empty.
     pub(super) fn take(&mut self) -> Option<Arc<Batch>> {
-        if self.filling.len() == 0 {
+        if self.filling.len() == 0 && self.filling.inputs() == 0 {
             return None;
         }
         let is_free = self.handed_out.front().is_some_and(|batch| Arc::strong_count(batch) == 1);

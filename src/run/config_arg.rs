@@ -1,11 +1,12 @@
 //! `--config`, the option that nearly every command has.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use crate::exit::{Failure, Kind, OrFail};
 use config::Config;
+use config::files::{Copies, Files};
 use config::trust::Trust;
 
 /// Path of the configuration.
@@ -27,12 +28,19 @@ pub struct TrustedConfigArg {
 }
 
 impl TrustedConfigArg {
-    /// Loads and validates the configuration.
-    pub(super) fn load(&self) -> Result<Config, Failure> {
+    /// Returns the path of the configuration.
+    pub(super) fn path(&self) -> &Path {
+        &self.configured.config
+    }
+
+    /// Loads and validates the configuration. Returns the contents of all files that were read, too.
+    pub(super) fn load(&self) -> Result<(Config, Copies), Failure> {
         if self.insecure {
             tracing::warn!("--insecure: any user who can write the configuration controls the arm");
         }
         let trust = if self.insecure { Trust::Any } else { Trust::Guarded };
-        Config::load_by(trust, &self.configured.config).or_fail(Kind::Configuration)
+        let files = Files::on_disk(trust);
+        let config = Config::load_from(&files, self.path()).or_fail(Kind::Configuration)?;
+        Ok((config, files.copies()))
     }
 }

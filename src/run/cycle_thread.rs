@@ -13,11 +13,15 @@ use crate::stopping;
 use crate::{print, threads};
 use bus::realtime::{self, Granted};
 use bus::{Bus, Traced};
-use node::{BringUpError, Node, Request};
+use inputs::{InputSink, RecordedNode};
+use node::{BringUpError, Request};
 use remote::Remote;
 
 /// Time allowed for the end of the latch, so that a disk that hangs does not keep the process.
 const LATCH_TIMEOUT: Duration = Duration::from_millis(300);
+
+/// The node of a run, whose frames and inputs go to the recorder thread.
+type TracedNode<B, R, S> = RecordedNode<Traced<B, EntryProducer>, R, S>;
 
 /// Result of the cycle thread.
 #[derive(Debug)]
@@ -35,8 +39,8 @@ impl Ended {
 }
 
 /// Runs the cycle thread: priority, bring-up, cycles, stop. Removes the latch after an orderly end.
-pub(super) fn run<B: Bus, R: Remote>(
-    mut node: Node<Traced<B, EntryProducer>, R>,
+pub(super) fn run<B: Bus, R: Remote, S: InputSink + Clone>(
+    mut node: TracedNode<B, R, S>,
     mut requests: RequestReceiver,
     signals: &StopSignals,
     mut latch: Latch,
@@ -94,8 +98,8 @@ fn within<T: Send + 'static>(
 }
 
 /// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
-pub fn run_node<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, EntryProducer>, R>,
+pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
+    node: &mut TracedNode<B, R, S>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
@@ -105,19 +109,19 @@ pub fn run_node<B: Bus, R: Remote>(
         requests.answer_during_boot();
         stopping()
     };
-    let booted = match latch.cause() {
+    let booted = match latch.awaits() {
         None => node.bring_up(&mut give_up),
-        Some(cause) => node.bring_up_unpowered(cause, &mut give_up),
+        Some(reason) => node.bring_up_unpowered(reason, &mut give_up),
     };
     match booted {
-        Ok(()) if latch.cause().is_some() => {
+        Ok(()) if latch.awaits().is_some() => {
             tracing::warn!("waiting for `frhc ctl reset`: no drive is enabled");
         }
         // The recorder thread logs that the drives are enabled, behind the events of the boot.
         Ok(()) => {}
         Err(error) => return boot_failure(node, error),
     }
-    requests.end_boot(node.bus().now());
+    requests.end_boot(node.now());
     while !stopping() {
         execute_requests(node, requests, latch, stopping);
         // Events of a cycle are behind its record, which is pushed at its end; those of a boot are pushed at once.
@@ -140,8 +144,8 @@ pub fn run_node<B: Bus, R: Remote>(
 }
 
 /// Returns the result of a failed boot. If no drive was enabled, the end is orderly and latches nothing.
-fn boot_failure<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, EntryProducer>, R>,
+fn boot_failure<B: Bus, R: Remote, S: InputSink + Clone>(
+    node: &mut TracedNode<B, R, S>,
     error: BringUpError,
 ) -> Ended {
     match error {
@@ -163,14 +167,14 @@ fn boot_failure<B: Bus, R: Remote>(
 }
 
 /// Runs one cycle and queues its record.
-fn run_cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
+fn run_cycle<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TracedNode<B, R, S>) {
     let record = node.cycle();
     node.bus_mut().tap_mut().push_record(&record);
 }
 
 /// Executes a pending disarm, and then at most one other request.
-pub fn execute_requests<B: Bus, R: Remote>(
-    node: &mut Node<B, R>,
+pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
+    node: &mut RecordedNode<B, R, S>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
@@ -180,7 +184,7 @@ pub fn execute_requests<B: Bus, R: Remote>(
         let mode = node.request(Request::Disarm, &mut || false).unwrap_or(node.mode());
         requests.complete_disarm(disarm, mode);
     }
-    let Some(accepted) = requests.next(node.bus().now()) else { return };
+    let Some(accepted) = requests.next(node.now()) else { return };
     let AcceptedRequest { request, .. } = accepted;
     let mut has_booted = false;
     if request == Request::Reset
@@ -195,7 +199,7 @@ pub fn execute_requests<B: Bus, R: Remote>(
         stopping()
     });
     if has_booted {
-        requests.end_boot(node.bus().now());
+        requests.end_boot(node.now());
     }
     if request == Request::Reset {
         match &outcome {
@@ -212,7 +216,7 @@ pub fn execute_requests<B: Bus, R: Remote>(
 }
 
 /// Queues events on the network for the recorder thread.
-fn forward_events<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
+fn forward_events<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TracedNode<B, R, S>) {
     while let Some(event) = node.notice() {
         node.bus_mut().tap_mut().push_event(event);
     }

@@ -22,6 +22,7 @@ use crate::run_recorder::RunRecorder;
 use crate::session::Session;
 use crate::threads;
 use canopen::frame::Telegram;
+use inputs::Input;
 use node::record::Record;
 use telemetry::summary::Summary;
 use units::time::Instant;
@@ -61,6 +62,11 @@ impl DiskWriters {
         self.batches.filling.push_cycle(record);
     }
 
+    /// Adds an input of the node to the batch.
+    pub(super) fn push_input(&mut self, input: Input) {
+        self.batches.filling.push_input(input);
+    }
+
     /// Hands the batch to the writers, to the fault records first. Never blocks.
     pub(super) fn flush(&mut self) {
         let Some(batch) = self.batches.take() else { return };
@@ -69,6 +75,10 @@ impl DiskWriters {
         let of_session = self.session.as_ref().map_or(Ok(()), |writer| writer.send(&batch));
         self.lost.add_fault_records(lost(&of_faults));
         self.lost.add_session(lost(&of_session));
+        if of_session.is_err() {
+            let inputs = u64::try_from(batch.inputs()).unwrap_or(u64::MAX);
+            self.batches.filling.push_input(Input::Lost(inputs));
+        }
     }
 
     /// Returns the next message to log, if there is one.

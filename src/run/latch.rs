@@ -16,7 +16,7 @@ use nix::unistd::Group;
 
 use crate::results::{self, Access};
 use crate::state;
-use node::cause::{Cause, ResetReason};
+use node::cause::ResetReason;
 
 /// Group whose members may enable drives.
 const GROUP: &str = "frhc";
@@ -90,9 +90,9 @@ impl Latch {
         self
     }
 
-    /// Returns the stop in which the node starts, if it does.
-    pub fn cause(&self) -> Option<Cause> {
-        self.awaits.map(|reason| Cause::AwaitsReset { reason })
+    /// Returns the reason why the node starts in a stop, if it does.
+    pub const fn awaits(&self) -> Option<ResetReason> {
+        self.awaits
     }
 
     /// Returns the description of that stop, with the path.
@@ -245,7 +245,7 @@ mod tests {
     fn hazard_27_only_an_orderly_end_removes_the_latch() {
         let folder = scratch("latch");
         let latch = set(&folder, "can0");
-        assert_eq!((latch.cause(), latch.remark()), (None, None));
+        assert_eq!((latch.awaits(), latch.remark()), (None, None));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o7777;
         let file = folder.join("running-can0");
         assert_eq!((mode(&folder), mode(&file)), (0o2770, 0o660));
@@ -253,9 +253,9 @@ mod tests {
         drop(latch);
         let latch = set(&folder, "can0");
         let reason = ResetReason::UncleanEnd;
-        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+        assert_eq!(latch.awaits(), Some(reason));
         assert!(latch.remark().unwrap().contains("did not end in order"));
-        assert_eq!(set(&folder, "can1").cause(), None, "another arm");
+        assert_eq!(set(&folder, "can1").awaits(), None, "another arm");
         // Ended without a reset: the latch stays.
         assert_eq!(latch.end(Ok(())), None);
         let mut latch = set(&folder, "can0");
@@ -292,7 +292,7 @@ mod tests {
         fs::write(&folder, "").unwrap();
         let latch = set(&folder, "can0");
         let reason = ResetReason::NoLatch;
-        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+        assert_eq!(latch.awaits(), Some(reason));
         let refused = latch.before_reset().unwrap_err();
         for part in ["running-can0 cannot be written: ", "install -d -o root -g frhc -m 2770 /"] {
             assert!(refused.contains(part) && latch.remark().unwrap().contains(part), "{refused}");
@@ -328,7 +328,7 @@ mod tests {
         fs::create_dir_all(folder.join("running-can0")).unwrap();
         let latch = set(&folder, "can0");
         let reason = ResetReason::UncleanEnd;
-        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+        assert_eq!(latch.awaits(), Some(reason));
         assert!(latch.remark().unwrap().contains("unreadable: "), "{:?}", latch.remark());
         assert!(latch.before_reset().is_err(), "it cannot be written either");
         fs::remove_dir_all(&folder).unwrap();
@@ -339,14 +339,14 @@ mod tests {
         let (folder, home) = (scratch("latch-shared"), scratch("latch-home"));
         let set = || Latch::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()]);
         let latch = set();
-        assert_eq!((latch.cause(), latch.end(Ok(()))), (None, None), "no home, no latch");
+        assert_eq!((latch.awaits(), latch.end(Ok(()))), (None, None), "no home, no latch");
         fs::create_dir_all(&home).unwrap();
         fs::write(home.join("running-can0"), "stopped by joint 3\n").unwrap();
         for _ in 0..2 {
             // Another user, without this home, finds it as well once it was found.
             let latch = set();
             let reason = ResetReason::UncleanEnd;
-            assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
+            assert_eq!(latch.awaits(), Some(reason));
             assert!(latch.remark().unwrap().ends_with("stopped by joint 3"));
             assert_eq!(latch.end(Ok(())), None);
             assert!(fs::read_to_string(folder.join("running-can0")).unwrap().contains("joint 3"));
@@ -356,7 +356,7 @@ mod tests {
         latch.release();
         assert!(!home.join("running-can0").exists());
         assert_eq!(latch.end(Ok(())), None);
-        assert_eq!(set().cause(), None);
+        assert_eq!(set().awaits(), None);
         [folder, home].iter().for_each(|it| fs::remove_dir_all(it).unwrap());
     }
 

@@ -5,6 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use crate::disk_writers::DiskWriters;
+use crate::input_ring::InputConsumer;
 use crate::latest_status::LatestStatus;
 use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
 use crate::{log_time, provenance};
@@ -42,13 +43,17 @@ const LINES_AT_ONCE: u32 = 20;
 /// Records entries until the cycle thread has ended; returns the summary of the run.
 pub(super) fn run(
     mut entries: EntryConsumer,
+    mut inputs: InputConsumer,
     mut recorder: Recorder<'_>,
     lost: &LossCounters,
 ) -> Summary {
     loop {
         // Read before the last `take`, so that entries pushed before the end are not missed.
         let is_over = entries.is_abandoned();
-        while entries.take(MAX_BATCH, &mut recorder) > 0 {
+        while entries.take(MAX_BATCH, &mut recorder)
+            + inputs.take(MAX_BATCH, |input| recorder.writers.push_input(input))
+            > 0
+        {
             recorder.flush(lost);
         }
         recorder.log_messages();

@@ -1,7 +1,8 @@
 //! `frhc run`: the node on SocketCAN. Separate threads run the cycle, the recorder, stderr and signals; the main thread
 //! serves the console.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, Scope, ScopedJoinHandle};
@@ -16,6 +17,7 @@ use crate::config_arg::TrustedConfigArg;
 use crate::console::{RequestHandler, Socket, default_socket, request_queue};
 use crate::disk_writers::DiskWriters;
 use crate::exit::{Failure, Kind, OrFail};
+use crate::input_ring::input_ring;
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
 use crate::latest_status::LatestStatus;
@@ -23,6 +25,7 @@ use crate::provenance::{self, Provenance};
 use crate::realtime_args::RealtimeArgs;
 use crate::recorder_thread::{self, Recorder};
 use crate::run_recorder::RunRecorder;
+use crate::sources::Sources;
 use crate::stop_signals::StopSignals;
 use crate::{
     check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session,
@@ -30,8 +33,10 @@ use crate::{
 };
 use bus::Traced;
 use config::Config;
-use node::Node;
+use config::files::Copies;
+use inputs::RecordedNode;
 use remote::link::LinkThread;
+use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
 use units::time::Instant;
@@ -49,9 +54,13 @@ pub struct Run {
     pub config: TrustedConfigArg,
     #[command(flatten)]
     pub interfaces: Interfaces,
-    /// Record bus.log (candump format), summary.json and faults/ in a new folder DIR/NNN-UTC.
+    /// Record the session in a new folder DIR/NNN-UTC: bus.log (candump format), the inputs of the node for frhc replay,
+    /// copies of all files, summary.json and faults/.
     #[arg(short, long, value_name = "DIR")]
     pub record: Option<PathBuf>,
+    /// Leave host name and folders out of the session's description.
+    #[arg(long, requires = "record")]
+    pub anonymise: bool,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
 }
@@ -63,7 +72,7 @@ pub struct Run {
 pub fn run(args: &Run) -> Result<(), Failure> {
     args.realtime.check()?;
     let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
-    let config = args.config.load()?;
+    let (config, copies) = args.config.load()?;
     check::refuse_simulated_link(&config, "run")?;
     gains::warn(&config);
     commission::warn(&config);
@@ -81,17 +90,16 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let clock = bus.clock();
     let origin = Origin::from_micros(bus.epoch_micros());
     tracing::info!("time counts from {origin}");
-    let recorder = open_recorder(args.record.as_deref(), &Provenance::of(&config, &names, origin))?;
+    let recorder = open_recorder(args, copies, &Provenance::of(&config, &names, origin))?;
 
     let (producer, entries, lost) = rings::rings();
+    let (input_producer, input_consumer) = input_ring(recorder.has_session());
     let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
-    let node = Node::new(&config, Traced::new(bus, producer), side);
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
     let latest = LatestStatus::new(provenance::joint_labels(&config));
     let latch = Latch::set(&names);
-    let remark = latch.remark().map(str::to_owned);
-    remark.iter().for_each(|remark| tracing::warn!("{remark}"));
+    let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
     let status = link.as_ref().map(LinkThread::latest);
     let handler = RequestHandler::new(sender, latest.clone(), clock, remark).with_link(status);
     let handler = Arc::new(handler);
@@ -100,11 +108,15 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let recorder = Recorder::new(&config, &mut writers, latest);
-        let recording =
-            spawn(threads, "recorder", move || recorder_thread::run(entries, recorder, &lost))?;
+        let recording = spawn(threads, "recorder", move || {
+            recorder_thread::run(entries, input_consumer, recorder, &lost)
+        })?;
         let signals = &signals;
         link.map(|link| spawn_link(threads, link, clock, has_ended)).transpose()?;
+        let config = &config;
         spawn(threads, "cycle", move || {
+            let bus = Traced::new(bus, producer);
+            let node = RecordedNode::new(config, bus, side, Rc::new(input_producer));
             let outcome = cycle_thread::run(node, requests, signals, latch, &args.realtime);
             has_ended.store(true, Ordering::Relaxed);
             // The main thread may have ended first.
@@ -168,12 +180,27 @@ fn close(
     finished.or_fail(Kind::Bus)
 }
 
-/// Opens the recordings: fault records and, if `parent` is given, a session in a numbered folder of it.
-fn open_recorder(parent: Option<&Path>, provenance: &Provenance) -> Result<RunRecorder, Failure> {
-    let Some(parent) = parent else { return Ok(RunRecorder::fault_records_only(provenance)) };
+/// Opens the recordings: fault records and, if one is asked for, a session in a numbered folder, with these copies of files.
+fn open_recorder(
+    args: &Run,
+    copies: Copies,
+    provenance: &Provenance,
+) -> Result<RunRecorder, Failure> {
+    let Some(parent) = &args.record else {
+        return Ok(RunRecorder::fault_records_only(provenance));
+    };
     let folder = session::create_numbered(parent, provenance.origin).or_fail(Kind::Bus)?;
     tracing::info!("recording in {}", folder.display());
-    RunRecorder::with_session(&folder, provenance).or_fail(Kind::Bus)
+    let sources = Sources {
+        kind: SessionKind::Run,
+        configuration: args.config.path().to_path_buf(),
+        robot: None,
+        scenario: None,
+        without_passivity: false,
+        copies,
+        is_anonymous: args.anonymise,
+    };
+    RunRecorder::with_session(&folder, provenance, &sources).or_fail(Kind::Bus)
 }
 
 /// Serves the console until the cycle thread ends.

@@ -6,7 +6,9 @@ use crate::fault_records::{self, FaultRecords};
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
 use crate::session::{self, Session};
+use crate::sources::Sources;
 use canopen::frame::Telegram;
+use inputs::Input;
 use node::record::Record;
 use telemetry::summary::Summary;
 use units::time::Instant;
@@ -24,8 +26,12 @@ impl RunRecorder {
     ///
     /// # Errors
     /// When the session's files cannot be created.
-    pub fn with_session(folder: &Path, provenance: &Provenance) -> anyhow::Result<Self> {
-        let session = Session::create(folder, provenance)?;
+    pub fn with_session(
+        folder: &Path,
+        provenance: &Provenance,
+        sources: &Sources,
+    ) -> anyhow::Result<Self> {
+        let session = Session::create(folder, provenance, sources)?;
         let faults = Some(folder.join(session::FAULTS));
         Ok(Self { session: Some(session), ..Self::with_fault_records_in(faults, provenance) })
     }
@@ -69,6 +75,18 @@ impl RunRecorder {
         }
     }
 
+    /// Returns whether a session is recorded.
+    pub const fn has_session(&self) -> bool {
+        self.session.is_some()
+    }
+
+    /// Records an input of the node.
+    pub fn on_input(&mut self, input: &Input) {
+        if let Some(session) = &mut self.session {
+            session.on_input(input);
+        }
+    }
+
     /// Returns the next message to log: the place of a fault record, or why a recording has failed.
     pub fn next_message(&mut self) -> Option<String> {
         let message = self.message.take();
@@ -92,7 +110,7 @@ mod tests {
 
     use super::*;
     use crate::scratch::any_record;
-    use crate::scratch::path as scratch;
+    use crate::scratch::{no_sources, path as scratch};
     use canopen::frame::{Channel, Frame};
     use node::cause::Cause;
     use node::record::Mode;
@@ -119,7 +137,8 @@ mod tests {
     #[test]
     fn session_holds_the_log_the_summary_and_its_fault_records() {
         let folder = scratch("recorder");
-        let mut recorder = RunRecorder::with_session(&folder, &provenance()).unwrap();
+        let mut recorder =
+            RunRecorder::with_session(&folder, &provenance(), &no_sources()).unwrap();
         record_trip(&mut recorder);
         let fault = folder.join("faults/001-2-samples-missing");
         assert_eq!(recorder.next_message(), Some(format!("fault record: {}", fault.display())));
@@ -167,8 +186,8 @@ mod tests {
     #[test]
     fn session_in_an_occupied_folder_is_an_error() {
         let folder = scratch("recorder-twice");
-        RunRecorder::with_session(&folder, &provenance()).unwrap();
-        assert!(RunRecorder::with_session(&folder, &provenance()).is_err());
+        RunRecorder::with_session(&folder, &provenance(), &no_sources()).unwrap();
+        assert!(RunRecorder::with_session(&folder, &provenance(), &no_sources()).is_err());
         fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -5,12 +5,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use std::{env, fs, process};
 
+use crate::sources::Sources;
 use bus::{Bus, SendError, Wake};
 use canopen::frame::Telegram;
 use config::Config;
+use config::files::Copies;
 use node::Node;
 use node::record::Record;
 use remote::site::VirtualSite;
+use telemetry::manifest::SessionKind;
 use units::time::Instant;
 
 /// Returns the path of a folder that does not exist; every call returns another.
@@ -50,4 +53,17 @@ pub(crate) fn any_record() -> Record {
     let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
     let site = VirtualSite::new(&config.remote, config.period);
     Node::new(&config, SilentBus(Instant::default()), site).cycle()
+}
+
+/// Returns the sources of a session that copies no file.
+pub(crate) fn no_sources() -> Sources {
+    Sources {
+        kind: SessionKind::Run,
+        configuration: PathBuf::from("arm.toml"),
+        robot: None,
+        scenario: None,
+        without_passivity: false,
+        copies: Copies::new(),
+        is_anonymous: false,
+    }
 }

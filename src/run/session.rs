@@ -1,5 +1,5 @@
-//! The folder of a session: `bus.log`, `summary.json` and fault records, readable by their owner only. A session never
-//! overwrites another.
+//! The folder of a session, readable by its owner only: `session.json` and the copied files, `bus.log`, `inputs.bin`,
+//! `summary.json` and fault records. A session never overwrites another.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
@@ -9,12 +9,15 @@ use anyhow::Context;
 
 use crate::exit::{Failure, Kind, OrFail};
 use crate::fault_records;
+use crate::inputs_file::{self, InputsFile};
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
 use crate::results::{self, Access, Force};
+use crate::sources::{self, Sources};
 use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
+use inputs::Input;
 use node::record::Record;
 use telemetry::origin::Origin;
 use telemetry::session::{Brief, SessionLog};
@@ -31,7 +34,8 @@ pub(super) const FAULTS: &str = "faults";
 pub(super) struct Session {
     folder: PathBuf,
     log: SessionLog<BufWriter<LogFile>>,
-    /// The failure of the log was reported.
+    inputs: Option<InputsFile>,
+    /// The failure of a file was reported.
     is_reported: bool,
 }
 
@@ -40,22 +44,30 @@ impl Session {
     ///
     /// # Errors
     /// When the folder cannot be created, or has a log already.
-    pub(super) fn create(folder: &Path, provenance: &Provenance) -> anyhow::Result<Self> {
-        let create = || -> io::Result<File> {
+    pub(super) fn create(
+        folder: &Path,
+        provenance: &Provenance,
+        sources: &Sources,
+    ) -> anyhow::Result<Self> {
+        let create = || -> io::Result<(File, InputsFile)> {
             results::private_folder(folder)?;
-            results::private_file(&folder.join(LOG))
+            let log = results::private_file(&folder.join(LOG))?;
+            let inputs = InputsFile::onto(results::private_file(&folder.join(inputs_file::NAME))?)?;
+            sources.write(folder, provenance)?;
+            Ok((log, inputs))
         };
-        let file = create().with_context(|| format!("session {}", folder.display()))?;
-        Ok(Self::onto(file, folder, provenance))
+        let created = create().with_context(|| format!("session {}", folder.display()));
+        let (log, inputs) = created?;
+        Ok(Self { inputs: Some(inputs), ..Self::onto(log, folder, provenance) })
     }
 
-    /// Returns a session whose log is written to `file`.
+    /// Returns a session that has only a log, which is written to `file`.
     pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
         let Provenance { interfaces, origin, .. } = provenance;
         let file = BufWriter::new(LogFile::onto(file));
         let writer = LogWriter::new(file, interfaces, origin.as_micros());
         let folder = folder.to_path_buf();
-        Self { folder, log: SessionLog::new(writer), is_reported: false }
+        Self { folder, log: SessionLog::new(writer), inputs: None, is_reported: false }
     }
 
     /// Returns its folder.
@@ -65,9 +77,10 @@ impl Session {
 
     /// Closes the log and writes the summary, even if the log has failed.
     pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
-        let Self { folder, log, is_reported } = self;
+        let Self { folder, log, inputs, is_reported } = self;
         let named = || format!("session {}", folder.display());
-        let ended = log.finish().map_err(|error| match is_reported {
+        let inputs = inputs.map_or(Ok(()), InputsFile::finish);
+        let ended = log.finish().and(inputs).map_err(|error| match is_reported {
             true => anyhow::anyhow!("{}: incomplete", named()),
             false => anyhow::anyhow!("{}: incomplete: {error}", named()),
         });
@@ -90,13 +103,16 @@ pub(super) fn create_numbered(parent: &Path, origin: Origin) -> anyhow::Result<P
 /// # Errors
 /// An earlier session exists and `--force` is not given, or cannot be removed.
 pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
-    let names = [LOG, SUMMARY, FAULTS].into_iter();
+    let names = [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION, sources::FILES, FAULTS];
+    let names = names.into_iter();
     names.map(|name| folder.join(name)).try_for_each(|path| results::ensure_free(&path, force))?;
     let gone = |file| match fs::remove_file(folder.join(file)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         Ok(()) | Err(_) => Ok(()),
     };
-    let cleared = [LOG, SUMMARY].into_iter().try_for_each(gone);
+    let files = [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION].into_iter();
+    let cleared = files.into_iter().try_for_each(gone);
+    let cleared = cleared.and_then(|()| sources::clear(folder));
     let cleared = cleared.and_then(|()| fault_records::clear(&folder.join(FAULTS)));
     cleared.with_context(|| format!("session {}", folder.display())).or_fail(Kind::File)
 }
@@ -110,9 +126,14 @@ impl RecordSink for Session {
         self.log.cycle(&Brief::from(record));
     }
 
-    /// Returns the write error that has ended the log, once.
+    fn on_input(&mut self, input: &Input) {
+        self.inputs.iter_mut().for_each(|inputs| inputs.write(input));
+    }
+
+    /// Returns the write error that has ended a file, once.
     fn next_message(&mut self) -> Option<String> {
-        let error = self.log.failure().filter(|_| !self.is_reported)?;
+        let of_inputs = self.inputs.as_ref().and_then(InputsFile::failure);
+        let error = self.log.failure().or(of_inputs).filter(|_| !self.is_reported)?;
         self.is_reported = true;
         Some(format!("session {}: the recording has stopped: {error}", self.folder.display()))
     }
@@ -127,7 +148,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::scratch::path as scratch;
+    use crate::scratch::{no_sources, path as scratch};
     use canopen::frame::{Channel, Frame};
 
     const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
@@ -148,7 +169,7 @@ mod tests {
     #[test]
     fn session_has_log_and_summary_for_its_owner_only() {
         let folder = scratch("session");
-        let mut session = Session::create(&folder, &provenance()).unwrap();
+        let mut session = Session::create(&folder, &provenance(), &no_sources()).unwrap();
         session.on_frame(Instant::from_micros(7), &sync());
         assert_eq!(session.next_message(), None);
         let mut summary = Summary::default();
@@ -166,11 +187,11 @@ mod tests {
     #[test]
     fn session_never_overwrites_the_log_of_an_earlier_one() {
         let folder = scratch("session-twice");
-        let mut first = Session::create(&folder, &provenance()).unwrap();
+        let mut first = Session::create(&folder, &provenance(), &no_sources()).unwrap();
         first.on_frame(Instant::ZERO, &sync());
         first.finish(&Summary::default()).unwrap();
         let log = fs::read(folder.join(LOG)).unwrap();
-        let error = Session::create(&folder, &provenance()).unwrap_err();
+        let error = Session::create(&folder, &provenance(), &no_sources()).unwrap_err();
         assert!(format!("{error:#}").contains("exists"), "{error:#}");
         assert_eq!(fs::read(folder.join(LOG)).unwrap(), log);
         fs::remove_dir_all(&folder).unwrap();

@@ -14,6 +14,7 @@ pub mod fault_record;
 pub mod fidelity;
 pub mod link_report;
 pub mod losses;
+pub mod manifest;
 pub mod origin;
 pub mod session;
 pub mod shaking;

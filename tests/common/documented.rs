@@ -142,6 +142,7 @@ pub(crate) const ROWS: &[Row] = &[
         &[REAL_INTERFACE, ("sudo install", "changes the machine")],
     ),
     row("docs/operation.md", "frhc ctl", Lane::Vcan(STOPPED)),
+    row("docs/sessions.md", "frhc demo", Lane::AnyMachine),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),

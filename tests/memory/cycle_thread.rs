@@ -11,9 +11,10 @@ use canopen::frame::{Channel, Frame, Telegram};
 use canopen_device::station::Station;
 use config::Config;
 use controller::switches::Mode as CommandMode;
+use inputs::RecordedNode;
 use memory_bus::Memory;
+use node::Request;
 use node::record::Mode;
-use node::{Node, Request};
 use remote::site::VirtualSite;
 use run::console::request_queue::{self, Phase, RequestReceiver, RequestSender};
 use run::cycle_thread::{self, Ended};
@@ -27,7 +28,7 @@ use units::time::Instant;
 
 /// A node without threads, on an in-memory bus.
 struct Bench<S> {
-    node: Node<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
+    node: RecordedNode<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
     sender: RequestSender,
     requests: RequestReceiver,
     latch: Latch,
@@ -49,7 +50,8 @@ impl<S: Station> Bench<S> {
         let config = config();
         let (producer, consumer, _) = rings::rings();
         let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), producer);
-        let node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
+        let side = VirtualSite::new(&config.remote, config.period);
+        let node = RecordedNode::new(&config, bus, side, ());
         let (sender, requests) = request_queue::channel();
         Self { node, sender, requests, latch, folder, _consumer: consumer }
     }
@@ -170,15 +172,15 @@ fn disarm_precedes_queued_requests() {
 #[test]
 fn reset_boots_releases_the_latch_and_voids_queued_requests() {
     let mut bench = bench("run-reset", true);
-    let cause = bench.latch.cause().unwrap();
-    bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+    let reason = bench.latch.awaits().unwrap();
+    bench.node.bring_up_unpowered(reason, &mut || false).unwrap();
     let begun = bench.node.bus().now();
     bench.requests.end_boot(begun);
     let reset = bench.sender.send(Request::Reset, begun, &Arc::default()).unwrap();
     let arm = bench.sender.send(Request::Arm, begun, &Arc::default()).unwrap();
     bench.execute_requests();
     assert_eq!(reset.blocking_recv().unwrap().unwrap(), Mode::Ready);
-    assert_eq!(bench.latch.cause(), None);
+    assert_eq!(bench.latch.awaits(), None);
     assert!(arm.blocking_recv().unwrap().unwrap_err().to_string().contains("booting"));
     bench.execute_requests();
     assert_eq!(bench.node.mode(), Mode::Ready);
@@ -187,8 +189,8 @@ fn reset_boots_releases_the_latch_and_voids_queued_requests() {
 #[test]
 fn failed_reset_leaves_the_latch() {
     let mut bench = bench("run-reset-fails", true);
-    let cause = bench.latch.cause().unwrap();
-    bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+    let reason = bench.latch.awaits().unwrap();
+    bench.node.bring_up_unpowered(reason, &mut || false).unwrap();
     bench.requests.end_boot(bench.node.bus().now());
     let now = bench.node.bus().now();
     let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
@@ -197,7 +199,7 @@ fn failed_reset_leaves_the_latch() {
         true
     });
     assert!(reset.blocking_recv().unwrap().is_err());
-    assert_eq!(bench.latch.cause(), Some(cause));
+    assert_eq!(bench.latch.awaits(), Some(reason));
     assert!(bench.node.mode().is_stopped() && bench.node.is_off());
 }
 
@@ -207,15 +209,15 @@ fn hazard_27_reset_without_a_writable_latch_enables_no_drive() {
     fs::remove_dir_all(&bench.folder).unwrap();
     // Not a folder.
     fs::write(&bench.folder, "").unwrap();
-    let cause = bench.latch.cause().unwrap();
-    bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+    let reason = bench.latch.awaits().unwrap();
+    bench.node.bring_up_unpowered(reason, &mut || false).unwrap();
     let now = bench.node.bus().now();
     bench.requests.end_boot(now);
     let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
     bench.execute_requests();
     let refused = reset.blocking_recv().unwrap().unwrap_err().to_string();
     assert!(refused.contains("cannot be written"), "{refused}");
-    assert_eq!(bench.latch.cause(), Some(cause));
+    assert_eq!(bench.latch.awaits(), Some(reason));
     assert!(bench.node.mode().is_stopped() && bench.node.is_off());
     fs::remove_file(&bench.folder).unwrap();
 }

@@ -18,6 +18,7 @@ mod no_switch_box;
 mod plan;
 mod readme;
 mod refused;
+mod replay;
 mod robot_process;
 mod robot_refused;
 mod robots;

@@ -12,4 +12,5 @@ mod pages;
 mod rack_alone;
 mod ranges;
 mod scripts;
+mod sessions;
 mod steps;

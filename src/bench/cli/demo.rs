@@ -15,22 +15,27 @@ use bus::Tap;
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use config::Config;
+use config::files::Files;
 use config::robots::RobotArm;
+use config::trust::Trust;
 use experiments::command::require_switch_box;
 use experiments::comparison::{self, Comparison};
+use inputs::{Input, InputSink};
 use node::cause::Cause;
 use node::record::Record;
 use run::check::{contact, refuse_far_side};
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
 use run::run_recorder::RunRecorder;
+use run::sources::Sources;
 use run::{gains, print, session};
 use sim::scenario::Scenario;
 use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
-use testbench::bench::Bench;
+use testbench::bench::{Bench, Course};
 use testbench::robot_site::{Equipment, RobotSite};
 use testbench::side::Side;
 use testbench::truth::Truth;
@@ -41,13 +46,27 @@ const BAR_EVERY: u64 = 500;
 
 /// Runs the scenario and prints its summary.
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
-    let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
+    let files = Files::on_disk(Trust::Any);
+    let config = Config::load_from(&files, &args.config).or_fail(Kind::Configuration)?;
     refuse_far_side(&config, "demo")?;
     let config = match &args.robot {
-        Some(file) => config.with_robot(RobotArm::load(file).or_fail(Kind::Configuration)?),
+        Some(file) => {
+            config.with_robot(RobotArm::load_from(&files, file).or_fail(Kind::Configuration)?)
+        }
         None => config,
     };
-    let scenario = scenario::load(&args.scenario)?;
+    let (scenario, path, text) = scenario::load_with_text(&args.scenario)?;
+    let mut copies = files.copies();
+    copies.insert(path.clone(), text.as_bytes().into());
+    let sources = Sources {
+        kind: SessionKind::Demo,
+        configuration: args.config.clone(),
+        robot: args.robot.clone(),
+        scenario: Some(path),
+        without_passivity: false,
+        copies,
+        is_anonymous: false,
+    };
     quirks::check(&config, scenario.quirks())?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
     if scenario.needs_switch_box() {
@@ -59,11 +78,12 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     gains::warn(&config);
     contact::warn(&config);
     if scenario.compares_passivity() {
-        return compare(args, quiet, &config, &scenario, seconds);
+        return compare(args, quiet, &config, &scenario, seconds, &sources);
     }
     let out = args.out.as_deref();
     out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
-    let summary = play(args, out, quiet, &config, scenario, seconds)?;
+    let play = Play { args, quiet, config: &config, seconds, sources: &sources };
+    let summary = play.recorded(out, scenario)?;
     if args.json {
         print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
     } else {
@@ -94,6 +114,7 @@ fn compare(
     config: &Config,
     scenario: &Scenario,
     seconds: f64,
+    sources: &Sources,
 ) -> Result<(), Failure> {
     if config.controller.extensions.passivity.is_none() {
         let reason = "the scenario compares passivity layers; add [controller.passivity]";
@@ -105,14 +126,18 @@ fn compare(
     for folder in ["without", "with"].into_iter().filter_map(folder) {
         session::make_room(&folder, args.force)?;
     }
-    let run = |config, name| {
-        let summary =
-            play(args, folder(name).as_deref(), quiet, config, scenario.clone(), seconds)?;
+    let run = |config, name, without_passivity| {
+        let sources = &Sources { without_passivity, ..sources.clone() };
+        let play = Play { args, quiet, config, seconds, sources };
+        let summary = play.recorded(folder(name).as_deref(), scenario.clone())?;
         refuse_interrupted(&summary).map(|()| summary)
     };
     let wall_stiffness = config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness);
-    let comparison =
-        Comparison::new(wall_stiffness, run(&without, "without")?, run(config, "with")?);
+    let comparison = Comparison::new(
+        wall_stiffness,
+        run(&without, "without", true)?,
+        run(config, "with", false)?,
+    );
     if args.json {
         print::line(&serde_json::to_string(&comparison).or_fail(Kind::Bus)?);
     } else {
@@ -120,30 +145,6 @@ fn compare(
     }
     let verdict = comparison.verdict;
     if verdict.is_good() { Ok(()) } else { Err(Failure::new(Kind::Negative, verdict.to_string())) }
-}
-
-/// Runs the scenario once, and records it in `folder` if given.
-fn play(
-    args: &Demo,
-    folder: Option<&Path>,
-    quiet: bool,
-    config: &Config,
-    scenario: Scenario,
-    seconds: f64,
-) -> Result<Summary, Failure> {
-    let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let provenance = Provenance::of(config, &interfaces, Origin::default());
-    let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance));
-    let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
-    let interrupt = folder.map(|_| Interrupt::watch()).transpose();
-    let interrupt = interrupt.context("cannot receive signals").or_fail(Kind::Bus)?;
-    let interrupt = interrupt.unwrap_or_default();
-    let play = Play { args, quiet, config, seconds, interrupt };
-    let summary = play.simulate(scenario, &mut recorder)?;
-    let (records, finished) = recorder.finish(&summary);
-    records.iter().for_each(|line| print::note(line));
-    finished.or_fail(Kind::Bus)?;
-    Ok(summary)
 }
 
 /// Returns the robot of a configuration, simulated; its tool and scene are those of the free object.
@@ -159,12 +160,33 @@ struct Play<'a> {
     quiet: bool,
     config: &'a Config,
     seconds: f64,
-    interrupt: Interrupt,
+    sources: &'a Sources,
 }
 
 impl Play<'_> {
-    fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
-        let Self { args, quiet, config, seconds, interrupt } = self;
+    /// Runs the scenario once, and records it in `folder` if given.
+    fn recorded(&self, folder: Option<&Path>, scenario: Scenario) -> Result<Summary, Failure> {
+        let Self { config, sources, .. } = self;
+        let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
+        let provenance = Provenance::of(config, &interfaces, Origin::default());
+        let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance, sources));
+        let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
+        let interrupt = folder.map(|_| Interrupt::watch()).transpose();
+        let interrupt = interrupt.context("cannot receive signals").or_fail(Kind::Bus)?;
+        let summary = self.simulate(scenario, &mut recorder, &interrupt.unwrap_or_default())?;
+        let (records, finished) = recorder.finish(&summary);
+        records.iter().for_each(|line| print::note(line));
+        finished.or_fail(Kind::Bus)?;
+        Ok(summary)
+    }
+
+    fn simulate(
+        &self,
+        scenario: Scenario,
+        recorder: &mut RunRecorder,
+        interrupt: &Interrupt,
+    ) -> Result<Summary, Failure> {
+        let Self { args, quiet, config, seconds, .. } = self;
         let cycles = cycles(config, *seconds)?;
         let bar = progress(cycles, *quiet);
         let recorder = RefCell::new(recorder);
@@ -180,7 +202,8 @@ impl Play<'_> {
             Some(_) => robot(config, args.seed)?,
             None => Side::of(config),
         };
-        let mut bench = Bench::with_side(config, side, scenario, args.seed, args.realtime, tap);
+        let course = Course { scenario, seed: args.seed, in_real_time: args.realtime };
+        let mut bench = Bench::recorded(config, side, course, tap, Inputs(&recorder));
         bench.bring_up().or_fail(Kind::Drive)?;
         is_booting.set(false);
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
@@ -241,6 +264,20 @@ struct Observer<'a, 'r> {
     bar: ProgressBar,
 }
 
+/// Records the inputs of the node in the session, if there is one.
+#[derive(Clone, Copy)]
+struct Inputs<'a, 'r>(&'a RefCell<&'r mut RunRecorder>);
+
+impl InputSink for Inputs<'_, '_> {
+    fn is_recording(&self) -> bool {
+        self.0.borrow().has_session()
+    }
+
+    fn on_input(&self, input: Input) {
+        self.0.borrow_mut().on_input(&input);
+    }
+}
+
 impl Tap for Observer<'_, '_> {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.recorder.borrow_mut().on_frame(at, telegram);
@@ -258,7 +295,11 @@ impl Tap for Observer<'_, '_> {
 }
 
 /// Prints faults injected since the last cycle, a mode change, and events on the network.
-fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, record: &Record) {
+fn print_cycle<T: Tap, S: InputSink + Clone>(
+    narrator: &mut EventNarrator,
+    bench: &mut Bench<T, S>,
+    record: &Record,
+) {
     while let Some(notice) = bench.fault_notice() {
         print::note(&narrator.fault(bench.begun(), &notice));
     }
@@ -282,7 +323,10 @@ fn overspeed(record: &Record, config: &Config) -> String {
 }
 
 /// Prints events that the node has detected on the network.
-fn print_events<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>) {
+fn print_events<T: Tap, S: InputSink + Clone>(
+    narrator: &mut EventNarrator,
+    bench: &mut Bench<T, S>,
+) {
     narrator.scenario_start(bench.begun()).iter().for_each(|line| print::note(line));
     let now = bench.now();
     while let Some(event) = bench.notice() {

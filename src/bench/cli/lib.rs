@@ -16,6 +16,7 @@ pub mod lss;
 pub mod nmt;
 pub mod plan;
 mod quirks;
+pub mod replay;
 mod rig;
 mod robot;
 pub mod scan;
@@ -35,6 +36,7 @@ use crate::export::Export;
 use crate::lss::Lss;
 use crate::nmt::Nmt;
 use crate::plan::Plan;
+use crate::replay::ReplayArgs;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
 use experiments::command::{self as experiment, Experiment};
@@ -109,6 +111,14 @@ pub enum Command {
             frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
     )]
     Decode(Decode),
+    /// Computes a recorded session again from its inputs, and compares every frame that the node sends.
+    #[command(
+        after_help = "A session is a folder of `frhc run --record` or `frhc demo --out`. It needs neither drives nor robot. \
+            The exit code is 1 where a frame differs.\n\nExamples:\n  \
+            frhc replay sessions/001-20261122T071243Z --verify\n  \
+            frhc replay /tmp/session --emit sent.log --from 4000 --to 4100"
+    )]
+    Replay(ReplayArgs),
     /// Writes a DBC file of the buses, or DCF files of the nodes.
     #[command(
         subcommand,
@@ -138,6 +148,7 @@ impl Command {
             Self::Nmt(args) => nmt::run(args),
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
+            Self::Replay(args) => replay::run(args),
             Self::Export(args) => export::run(args),
         }
     }

@@ -11,6 +11,11 @@ use sim::scenario::Scenario;
 
 /// Reads a scenario by its name, or from the file `name` if that ends in `.toml`.
 pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
+    load_with_text(name).map(|(scenario, ..)| scenario)
+}
+
+/// As [`load`], with the path of the scenario and its text.
+pub(super) fn load_with_text(name: &str) -> Result<(Scenario, PathBuf, String), Failure> {
     let is_file = name.ends_with(".toml");
     let path = if is_file { PathBuf::from(name) } else { shipped::path(name) };
     let wrong =
@@ -24,7 +29,8 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
         if is_unknown { unknown(name) } else { wrong(error.to_string()) }
     })?;
     let text = String::from_utf8(bytes).map_err(|error| wrong(error.to_string()))?;
-    Scenario::parse(&text).map_err(|error| wrong(error.to_string()))
+    let scenario = Scenario::parse(&text).map_err(|error| wrong(error.to_string()))?;
+    Ok((scenario, path, text))
 }
 
 /// Returns the failure for an unknown name, with the known ones by folder.

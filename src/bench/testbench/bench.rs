@@ -14,9 +14,10 @@ use canopen::master::event::Event;
 use config::Config;
 use controller::switches::Mode as CommandMode;
 use faults::{Fault, Kind, LinkFault};
+use inputs::{InputSink, RecordedNode};
 use memory_bus::Memory;
 use node::record::{Mode, Record};
-use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
+use node::{BringUpError, NotConfirmed, Request, RequestError};
 use sim::fault::Notice;
 use sim::scenario::{ConsoleRequest, Scenario};
 use sim::world::World;
@@ -32,10 +33,13 @@ pub struct Carried {
     pub percent: f64,
 }
 
+/// The node of a bench, whose inputs go to `S`.
+pub type BenchNode<T, S> = RecordedNode<Memory<World, T>, Disturbed<Delayed<Side>>, S>;
+
 /// A node, its drives, its operator and its object.
 #[derive(Clone, Debug)]
-pub struct Bench<T> {
-    node: Node<Memory<World, T>, Disturbed<Delayed<Side>>>,
+pub struct Bench<T, S = ()> {
+    node: BenchNode<T, S>,
     /// Requests of the scenario to the console, and their times in s after the first SYNC.
     requests: VecDeque<(f64, Request)>,
     bitrates: Vec<u32>,
@@ -85,6 +89,17 @@ fn notices(fault: &Fault) -> impl Iterator<Item = Notice> + use<> {
     [Notice { at: fault.start, fault, is_over: false }].into_iter().chain(end)
 }
 
+/// Script of a bench.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// Operator, faults and requests.
+    pub scenario: Scenario,
+    /// Seed of the operator's tremor.
+    pub seed: u64,
+    /// Bounds the speed of virtual time by that of the wall clock.
+    pub in_real_time: bool,
+}
+
 impl<T: Tap> Bench<T> {
     /// A bench of `config`, whose operator follows `scenario` with the tremor of `seed`. `tap` receives every frame.
     /// `in_real_time` bounds the speed of virtual time by that of the wall clock.
@@ -101,7 +116,7 @@ impl<T: Tap> Bench<T> {
         in_real_time: bool,
         tap: T,
     ) -> Self {
-        Self::of_parts(config, config, side, scenario, seed, in_real_time, tap)
+        Self::recorded(config, side, Course { scenario, seed, in_real_time }, tap, ())
     }
 
     /// As [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
@@ -113,19 +128,26 @@ impl<T: Tap> Bench<T> {
         in_real_time: bool,
         tap: T,
     ) -> Self {
-        let side = Side::of(config);
-        Self::of_parts(world, config, side, scenario, seed, in_real_time, tap)
+        let course = Course { scenario, seed, in_real_time };
+        Self::of_parts(world, config, Side::of(config), course, tap, ())
+    }
+}
+
+impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
+    /// A bench of `config` with this commanded side. `tap` receives every frame, and `sink` the inputs of the node.
+    pub fn recorded(config: &Config, side: Side, course: Course, tap: T, sink: S) -> Self {
+        Self::of_parts(config, config, side, course, tap, sink)
     }
 
     fn of_parts(
         world: &Config,
         config: &Config,
         side: Side,
-        scenario: Scenario,
-        seed: u64,
-        in_real_time: bool,
+        course: Course,
         tap: T,
+        sink: S,
     ) -> Self {
+        let Course { scenario, seed, in_real_time } = course;
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
         let host_faults = HostFaults::of(&scenario, Duration::ZERO);
@@ -133,7 +155,7 @@ impl<T: Tap> Bench<T> {
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
         let side = Disturbed::new(Delayed::by(side, config.link.simulated));
-        let node = Node::new(config, bus, side);
+        let node = RecordedNode::new(config, bus, side, sink);
         Self { node, requests, bitrates, begun: None, host_faults }
     }
 
@@ -252,7 +274,7 @@ impl<T: Tap> Bench<T> {
     }
 
     /// The node.
-    pub const fn node(&self) -> &Node<Memory<World, T>, Disturbed<Delayed<Side>>> {
+    pub const fn node(&self) -> &BenchNode<T, S> {
         &self.node
     }
 

@@ -7,6 +7,7 @@ use crate::bench::Bench;
 use bus::Tap;
 use config::Config;
 use controller::torque_delay::TorqueDelay;
+use inputs::InputSink;
 use node::record::Record;
 use telemetry::fidelity::command::AtGrip;
 use telemetry::fidelity::{Commanded, Parts, Sample};
@@ -26,7 +27,11 @@ impl Truth {
     }
 
     /// Returns the sample of the cycle that `bench` has just run; `None` while reflection is off or ramps.
-    pub fn sample<T: Tap>(&mut self, bench: &Bench<T>, record: &Record) -> Option<Sample> {
+    pub fn sample<T: Tap, S: InputSink + Clone>(
+        &mut self,
+        bench: &Bench<T, S>,
+        record: &Record,
+    ) -> Option<Sample> {
         let acted = self.delay.acted();
         self.delay.push(self.commanded.sample(record));
         let acted = acted?;

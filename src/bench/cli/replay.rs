@@ -1,0 +1,229 @@
+//! `frhc replay`: a recorded session, computed again from its inputs.
+
+use std::io::{BufWriter, IntoInnerError};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+use tempfile::NamedTempFile;
+
+use crate::interrupt::Interrupt;
+use ::replay::{Difference, End, Outcome, Replay, Session};
+use bus::log_writer::LogWriter;
+use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
+use config::Config;
+use config::files::Files;
+use config::problem;
+use config::robots::RobotArm;
+use experiments::comparison;
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
+use sim::scenario::Scenario;
+use telemetry::manifest::Manifest;
+use units::time::Instant;
+
+/// `frhc replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// Folder of the session.
+    #[arg(value_name = "SESSION")]
+    session: PathBuf,
+    /// Fail as well where the recording ends early or has a gap: exit code 1.
+    #[arg(long)]
+    verify: bool,
+    /// Write the frames that the node sends into this file, in candump's format.
+    #[arg(long, value_name = "FILE")]
+    emit: Option<PathBuf>,
+    /// First cycle whose frames are written.
+    #[arg(long, value_name = "CYCLE", requires = "emit", default_value_t = 0)]
+    from: u64,
+    /// Last cycle that is replayed [default: the last one].
+    #[arg(long, value_name = "CYCLE")]
+    to: Option<u64>,
+    /// Print the result as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Replays a session, compares what the node sends, and prints the result.
+pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
+    let session = Session::open(&args.session).or_fail(Kind::File)?;
+    let config = configuration(&session)?;
+    let mut replay = session.replay(&config).or_fail(Kind::File)?;
+    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
+    let mut emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
+    let mut emitted = emitted.take().transpose()?;
+    loop {
+        let cycle = replay.outcome().cycles;
+        if let Some(emitted) = emitted.as_mut().filter(|_| cycle >= args.from) {
+            emitted.write(replay.sent())?;
+        }
+        if replay.outcome().end.is_some() || args.to.is_some_and(|last| cycle >= last) {
+            break;
+        }
+        if interrupt.is_set() {
+            let reason = format!("interrupted after {cycle} cycles");
+            return Err(Failure::new(Kind::Interrupted, reason));
+        }
+        replay.step();
+    }
+    emitted.map_or(Ok(()), Emitted::finish)?;
+    report(args, &session, &replay)
+}
+
+/// Returns the configuration that the node of a session had.
+fn configuration(session: &Session) -> Result<Config, Failure> {
+    let (manifest, files) = (session.manifest(), Files::copied(session.copies().clone()));
+    let config = Config::load_from(&files, Path::new(&manifest.configuration));
+    let config = config.or_fail(Kind::Configuration)?;
+    let config = match &manifest.robot {
+        Some(robot) => {
+            let robot = RobotArm::load_from(&files, Path::new(robot));
+            config.with_robot(robot.or_fail(Kind::Configuration)?)
+        }
+        None => config,
+    };
+    let config = match &manifest.scenario {
+        Some(path) => {
+            let text = problem::text(&files, Path::new(path)).or_fail(Kind::Configuration)?;
+            let scenario = Scenario::parse(&text);
+            comparison::surrounded(&config, &scenario.or_fail(Kind::Configuration)?)
+        }
+        None => config,
+    };
+    let is_without = manifest.without_passivity;
+    Ok(if is_without { comparison::without_passivity(&config) } else { config })
+}
+
+/// Prints the result; a difference is a failure.
+fn report(args: &ReplayArgs, session: &Session, replay: &Replay) -> Result<(), Failure> {
+    let outcome = replay.outcome();
+    let end = end(session, replay)?;
+    if args.json {
+        let intermediate = outcome
+            .intermediate
+            .map(|(cycle, name)| serde_json::json!({ "cycle": cycle, "name": name }));
+        let document = serde_json::json!({
+            "cycles": outcome.cycles,
+            "frames": outcome.frames,
+            "is_equal": is_equal(outcome),
+            "is_complete": is_complete(outcome),
+            "end": end,
+            "intermediate": intermediate,
+        });
+        print::line(&document.to_string());
+    } else {
+        let manifest = session.manifest();
+        print::line(&format!("session   {}, {}", manifest.configuration, manifest.program));
+        print::line(&format!(
+            "replayed  {} cycles, {} frames: {end}",
+            outcome.cycles, outcome.frames
+        ));
+        if let Some((cycle, name)) = outcome.intermediate {
+            print::line(&format!(
+                "law       {name} is the first intermediate that differs, in cycle {cycle}"
+            ));
+        }
+    }
+    let is_negative = !is_equal(outcome) || args.verify && !is_complete(outcome);
+    if is_negative { Err(Failure::new(Kind::Negative, end)) } else { Ok(()) }
+}
+
+/// Returns whether every compared frame was equal.
+const fn is_equal(outcome: &Outcome) -> bool {
+    !matches!(outcome.end, Some(End::Differs(_)))
+}
+
+/// Returns whether the whole session was replayed, or as much of it as was to be.
+const fn is_complete(outcome: &Outcome) -> bool {
+    matches!(outcome.end, None | Some(End::Complete))
+}
+
+/// Returns the end of a replay in words.
+fn end(session: &Session, replay: &Replay) -> Result<String, Failure> {
+    let cycles = replay.outcome().cycles;
+    Ok(match &replay.outcome().end {
+        None | Some(End::Complete) => "all as recorded".to_owned(),
+        Some(End::Cut) => format!("as recorded; the recording ends in cycle {}", cycles + 1),
+        Some(End::Lost(inputs)) => {
+            format!(
+                "as recorded; {inputs} inputs are missing after cycle {cycles}, so the rest cannot be replayed"
+            )
+        }
+        Some(End::Unreadable(error)) => format!("as recorded until cycle {cycles}; {error}"),
+        Some(End::Differs(difference)) => differing(session, replay, difference)?,
+    })
+}
+
+/// Returns a difference in words, with its first frame.
+fn differing(
+    session: &Session,
+    replay: &Replay,
+    difference: &Difference,
+) -> Result<String, Failure> {
+    let recorded = session.frames_of_cycle(difference.cycle).or_fail(Kind::File)?;
+    let sent = replay.sent().iter().map(|(_, telegram)| telegram);
+    let frame = first_difference(&recorded, sent.copied().collect()).map(|(was, is)| {
+        let text = |telegram: Option<Telegram>| match telegram {
+            Some(telegram) => shown(session.manifest(), &telegram),
+            None => "nothing".to_owned(),
+        };
+        format!("; recorded {}, now {}", text(was), text(is))
+    });
+    Ok(format!("{difference}{}", frame.unwrap_or_default()))
+}
+
+/// Returns the first frame that is sent now and was not then, with the one recorded in its place.
+fn first_difference(
+    recorded: &[Telegram],
+    sent: Vec<Telegram>,
+) -> Option<(Option<Telegram>, Option<Telegram>)> {
+    let mut recorded = recorded.to_vec();
+    for telegram in sent {
+        let key = |of: &Telegram| (of.channel, of.frame.cob_id);
+        match recorded.iter().position(|it| key(it) == key(&telegram)) {
+            Some(place) if recorded.get(place) == Some(&telegram) => _ = recorded.remove(place),
+            Some(place) => return Some((recorded.get(place).copied(), Some(telegram))),
+            None => return Some((None, Some(telegram))),
+        }
+    }
+    None
+}
+
+/// Returns a frame as candump writes it.
+fn shown(manifest: &Manifest, Telegram { channel: Channel(place), frame }: &Telegram) -> String {
+    let interface = manifest.interfaces.get(usize::from(*place)).map_or("can?", String::as_str);
+    let mut text = [0; TEXT_LENGTH];
+    format!("{interface} {}", String::from_utf8_lossy(frame.text(&mut text)))
+}
+
+/// File of the frames that the node sends. It has its name once it is complete.
+struct Emitted {
+    path: PathBuf,
+    log: LogWriter<BufWriter<NamedTempFile>>,
+}
+
+impl Emitted {
+    fn create(path: &Path, manifest: &Manifest) -> Result<Self, Failure> {
+        if path.symlink_metadata().is_ok() {
+            return Err(Failure::new(Kind::File, format!("{}: exists", path.display())));
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let file = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
+        let file = file.with_context(|| path.display().to_string()).or_fail(Kind::File)?;
+        let log = LogWriter::new(BufWriter::new(file), &manifest.interfaces, manifest.origin_us);
+        Ok(Self { path: path.to_path_buf(), log })
+    }
+
+    fn write(&mut self, sent: &[(Instant, Telegram)]) -> Result<(), Failure> {
+        let written = sent.iter().try_for_each(|(at, telegram)| self.log.frame(*at, telegram));
+        written.with_context(|| self.path.display().to_string()).or_fail(Kind::File)
+    }
+
+    fn finish(self) -> Result<(), Failure> {
+        let Self { path, log } = self;
+        let file = log.into_inner().into_inner().map_err(IntoInnerError::into_error);
+        let named = file.and_then(|file| Ok(file.persist_noclobber(&path)?));
+        named.map(drop).with_context(|| path.display().to_string()).or_fail(Kind::File)
+    }
+}

@@ -1,0 +1,38 @@
+//! A commanded side that answers as recorded.
+
+use crate::source::{Source, answer};
+use inputs::Input;
+use remote::stated::Misfit;
+use remote::{Remote, Sensed, SideFault};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Commanded side of a recorded session.
+#[derive(Debug)]
+pub(super) struct ReplayedRemote(pub(super) Source);
+
+impl Remote for ReplayedRemote {
+    fn exchange(&mut self, _: Instant, _: &Motion) -> Option<Sensed> {
+        let sensed = self
+            .0
+            .take("exchanges a command for a sample", answer!(Input::Sensed(sensed) => *sensed));
+        sensed.flatten()
+    }
+
+    /// Returns one reason for each recorded one. The node asks only whether there are any.
+    fn misfits(&mut self, _: Instant) -> Vec<Misfit> {
+        let count = self.0.take(
+            "asks whether the commanded side fits",
+            answer!(Input::Misfits(reasons) => reasons.len()),
+        );
+        vec![Misfit::Unknown; count.unwrap_or(0)]
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        let fault = self.0.take(
+            "asks for a fault of the commanded side",
+            answer!(Input::SideFault(fault) => *fault),
+        );
+        fault.flatten()
+    }
+}

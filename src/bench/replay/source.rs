@@ -1,0 +1,140 @@
+//! Recorded inputs, handed out one by one to the node that asks for them.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::rc::Rc;
+
+use crate::reader::{InputReader, ReadError};
+use inputs::{Call, Input};
+
+/// Returns a function that picks the value of one kind of input.
+macro_rules! answer {
+    ($kind:pat $(if $is_one:expr)? => $value:expr) => {
+        |input: &Input| if let $kind = input $(&& $is_one)? { Some($value) } else { None }
+    };
+}
+pub(super) use answer;
+
+/// Recorded inputs, shared by the bus, the commanded side and the owner of the node.
+#[derive(Clone, Debug)]
+pub(super) struct Source(Rc<RefCell<State>>);
+
+#[derive(Debug)]
+struct State {
+    reader: InputReader<BufReader<File>>,
+    /// The next input, once it was looked at.
+    next: Option<Input>,
+    ended: Option<Ended>,
+}
+
+/// Reason why there are no more inputs for the node.
+#[derive(Debug)]
+pub(super) enum Ended {
+    /// All were used.
+    Complete,
+    /// The recording ends here, inside of a call.
+    Cut,
+    /// The rest cannot be read.
+    Unreadable(ReadError),
+    /// The recording has a gap of this many inputs.
+    Lost(u64),
+    /// The node asks for another input than the one recorded.
+    Other(Misstep),
+}
+
+/// Question of a node that the recording has no answer to.
+#[derive(Debug)]
+pub(super) struct Misstep {
+    /// Step of the node.
+    asked: &'static str,
+    /// Step of the recorded one.
+    recorded: &'static str,
+}
+
+impl fmt::Display for Misstep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the node {}, where the recorded one {}", self.asked, self.recorded)
+    }
+}
+
+impl Source {
+    pub(super) fn new(reader: InputReader<BufReader<File>>) -> Self {
+        Self(Rc::new(RefCell::new(State { reader, next: None, ended: None })))
+    }
+
+    /// Returns the next call of the owner; `None` at the end.
+    pub(super) fn call(&self) -> Option<Call> {
+        let found = self.take("returns", answer!(Input::Call(call) => *call));
+        let mut state = self.0.borrow_mut();
+        if matches!(state.ended, Some(Ended::Cut)) {
+            state.ended = Some(Ended::Complete);
+        }
+        found
+    }
+
+    /// Takes the next input if `pick` accepts it. Ends otherwise: `asked` says what the node does.
+    pub(super) fn take<T>(
+        &self,
+        asked: &'static str,
+        pick: impl Fn(&Input) -> Option<T>,
+    ) -> Option<T> {
+        let mut state = self.0.borrow_mut();
+        state.look();
+        let next = state.next.as_ref()?;
+        let picked = pick(next);
+        match picked {
+            Some(_) => state.next = None,
+            None => {
+                let recorded = description(next);
+                state.ended = Some(if let Input::Lost(inputs) = next {
+                    Ended::Lost(*inputs)
+                } else {
+                    Ended::Other(Misstep { asked, recorded })
+                });
+                state.next = None;
+            }
+        }
+        picked
+    }
+
+    /// Takes the reason of the end.
+    pub(super) fn take_end(&self) -> Option<Ended> {
+        self.0.borrow_mut().ended.take()
+    }
+}
+
+impl State {
+    /// Reads the next input, if none waits.
+    fn look(&mut self) {
+        if self.next.is_some() || self.ended.is_some() {
+            return;
+        }
+        match self.reader.read() {
+            Ok(Some(input)) => self.next = Some(input),
+            Ok(None) | Err(ReadError::Cut(_)) => self.ended = Some(Ended::Cut),
+            Err(error) => self.ended = Some(Ended::Unreadable(error)),
+        }
+    }
+}
+
+/// Returns what the recorded node did to get this input.
+const fn description(input: &Input) -> &'static str {
+    match input {
+        Input::Call(_) => "was called",
+        Input::Returned(..) => "returned",
+        Input::Now(_) => "read the clock",
+        Input::Wall(_) => "read the wall clock",
+        Input::Suspended(_) => "asked for the time of suspension",
+        Input::Confirmed(..) => "asked for a transmit confirmation",
+        Input::Sent(_) => "sent a frame",
+        Input::Woken(_) => "waited for a frame",
+        Input::Reopened(_) => "opened its buses again",
+        Input::Sensed(_) => "exchanged a command for a sample",
+        Input::SideFault(_) => "asked for a fault of the commanded side",
+        Input::Misfits(_) => "asked whether the commanded side fits",
+        Input::Polled(_) => "asked whether to end",
+        Input::Lost(_) => "has a gap",
+    }
+}

@@ -1,0 +1,36 @@
+//! Checksum of the frames that a node has sent in one call.
+
+use canopen::frame::{Channel, Telegram};
+
+/// FNV-1a, 32 bits, over each frame: channel u8, COB-ID u16, flag of a remote frame u8, length u8, data. It finds
+/// differences, and protects against none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Checksum(u32);
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self(0x811C_9DC5)
+    }
+}
+
+impl Checksum {
+    /// Adds a frame.
+    pub fn add(&mut self, telegram: &Telegram) {
+        let Telegram { channel: Channel(channel), frame } = telegram;
+        let [low, high] = frame.cob_id.to_le_bytes();
+        let head = [*channel, low, high, u8::from(frame.is_remote()), frame.length()];
+        for byte in head.iter().chain(frame.data()) {
+            self.0 = (self.0 ^ u32::from(*byte)).wrapping_mul(0x0100_0193);
+        }
+    }
+
+    /// Returns the checksum of this value.
+    pub const fn from_value(value: u32) -> Self {
+        Self(value)
+    }
+
+    /// Returns its value.
+    pub const fn value(self) -> u32 {
+        self.0
+    }
+}

@@ -1,0 +1,91 @@
+//! One input of a node, and where inputs go.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use crate::checksum::Checksum;
+use crate::intermediates::Digest;
+use bus::{ReopenError, SendError, Wake};
+use canopen::frame::Channel;
+use node::Request;
+use node::cause::ResetReason;
+use remote::{Sensed, SideFault};
+use units::time::Instant;
+
+/// Call of a node by its owner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Call {
+    /// [`Node::new`](node::Node::new).
+    New,
+    /// [`Node::bring_up`](node::Node::bring_up).
+    BringUp,
+    /// [`Node::bring_up_unpowered`](node::Node::bring_up_unpowered), which awaits a reset for this reason.
+    BringUpUnpowered(ResetReason),
+    /// [`Node::request`](node::Node::request).
+    Request(Request),
+    /// [`Node::cycle`](node::Node::cycle).
+    Cycle,
+    /// [`Node::stop`](node::Node::stop).
+    Stop,
+}
+
+/// Input of a node. Calls come from its owner, all others are answers to the node.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input {
+    /// A call begins.
+    Call(Call),
+    /// The call has returned, after it has sent these frames; a cycle with the digest of its control law.
+    Returned(Checksum, Option<Digest>),
+    /// Clock of the bus.
+    Now(Instant),
+    /// Wall clock: UTC since 1970.
+    Wall(Duration),
+    /// Total time of host suspension.
+    Suspended(Duration),
+    /// Time of the last SYNC seen on the wire.
+    Confirmed(Channel, Option<Instant>),
+    /// Answer of a bus to a frame: accepted or not.
+    Sent(Result<(), SendError>),
+    /// End of a wait.
+    Woken(Wake),
+    /// Answer of the buses to being opened again.
+    Reopened(Result<(), ReopenError>),
+    /// Answer of the commanded side to a command.
+    Sensed(Option<Sensed>),
+    /// Fault of the commanded side.
+    SideFault(Option<SideFault>),
+    /// Reasons against arming with this commanded side, as text.
+    Misfits(Vec<String>),
+    /// Answer of the owner to "is this to end?": in a boot, a reset's boot, or a stop.
+    Polled(bool),
+    /// This many inputs were lost, because the recording could not keep up.
+    Lost(u64),
+}
+
+/// Destination of recorded inputs. Never waits.
+pub trait InputSink {
+    /// Returns whether inputs are recorded at all.
+    fn is_recording(&self) -> bool;
+
+    /// Records an input.
+    fn on_input(&self, input: Input);
+}
+
+/// Records nothing.
+impl InputSink for () {
+    fn is_recording(&self) -> bool {
+        false
+    }
+
+    fn on_input(&self, _: Input) {}
+}
+
+impl<S: InputSink> InputSink for Rc<S> {
+    fn is_recording(&self) -> bool {
+        S::is_recording(self)
+    }
+
+    fn on_input(&self, input: Input) {
+        S::on_input(self, input);
+    }
+}

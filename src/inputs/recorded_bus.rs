@@ -1,0 +1,82 @@
+//! A bus whose answers are recorded.
+
+use std::time::Duration;
+
+use crate::checksum::Checksum;
+use crate::input::{Input, InputSink};
+use bus::{Bus, ReopenError, SendError, Wake};
+use canopen::frame::{Channel, Telegram};
+use canopen::master::event::Event;
+use units::time::Instant;
+
+/// Bus `B`; its answers go to `S`.
+#[derive(Clone, Debug)]
+pub struct RecordedBus<B, S> {
+    pub(super) bus: B,
+    sink: S,
+    /// Frames passed to the bus since the last [`take_sent`](Self::take_sent).
+    sent: Checksum,
+}
+
+impl<B, S> RecordedBus<B, S> {
+    pub(super) fn new(bus: B, sink: S) -> Self {
+        Self { bus, sink, sent: Checksum::default() }
+    }
+
+    /// Takes the checksum of the frames passed to the bus since the last call, accepted or not.
+    pub(super) fn take_sent(&mut self) -> Checksum {
+        std::mem::take(&mut self.sent)
+    }
+}
+
+impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
+    fn now(&self) -> Instant {
+        let now = self.bus.now();
+        self.sink.on_input(Input::Now(now));
+        now
+    }
+
+    fn wall(&self) -> Duration {
+        let wall = self.bus.wall();
+        self.sink.on_input(Input::Wall(wall));
+        wall
+    }
+
+    fn suspended(&self) -> Duration {
+        let suspended = self.bus.suspended();
+        self.sink.on_input(Input::Suspended(suspended));
+        suspended
+    }
+
+    fn transmit_confirmed_at(&mut self, channel: Channel) -> Option<Instant> {
+        let at = self.bus.transmit_confirmed_at(channel);
+        self.sink.on_input(Input::Confirmed(channel, at));
+        at
+    }
+
+    fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError> {
+        let outcome = self.bus.send_at(now, telegram);
+        if self.sink.is_recording() {
+            self.sent.add(&telegram);
+            self.sink.on_input(Input::Sent(outcome));
+        }
+        outcome
+    }
+
+    fn wait(&mut self, now: Instant, until: Instant) -> Wake {
+        let wake = self.bus.wait(now, until);
+        self.sink.on_input(Input::Woken(wake));
+        wake
+    }
+
+    fn reopen(&mut self) -> Result<(), ReopenError> {
+        let outcome = self.bus.reopen();
+        self.sink.on_input(Input::Reopened(outcome.clone()));
+        outcome
+    }
+
+    /// Passes an event to the observer of the bus, whose answer changes nothing that the node sends.
+    fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
+        self.bus.report(at, event)
+    }
+}

@@ -1,0 +1,178 @@
+//! A node whose inputs are recorded.
+
+use crate::input::{Call, Input, InputSink};
+use crate::intermediates::Digest;
+use crate::recorded_bus::RecordedBus;
+use crate::recorded_remote::RecordedRemote;
+use bus::Bus;
+use canopen::master::event::Event;
+use config::Config;
+use config::facts::Facts;
+use node::cause::{Cause, ResetReason};
+use node::proof_test::ProofTestReport;
+use node::record::{Mode, Record};
+use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
+use remote::Remote;
+use units::time::Instant;
+
+/// The node inside.
+type Inner<B, R, S> = Node<RecordedBus<B, S>, RecordedRemote<R, S>>;
+
+/// A [`Node`] whose inputs go to `S`. Every call that changes the node passes through here.
+#[derive(Clone, Debug)]
+pub struct RecordedNode<B, R, S = ()> {
+    node: Inner<B, R, S>,
+    sink: S,
+}
+
+impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
+    /// As [`Node::new`].
+    pub fn new(config: &Config, bus: B, remote: R, sink: S) -> Self {
+        sink.on_input(Input::Call(Call::New));
+        let bus = RecordedBus::new(bus, sink.clone());
+        let node = Node::new(config, bus, RecordedRemote::new(remote, sink.clone()));
+        let mut node = Self { node, sink };
+        node.returned(None);
+        node
+    }
+
+    /// As [`Node::bring_up`].
+    ///
+    /// # Errors
+    /// As [`Node::bring_up`].
+    pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.recorded(Call::BringUp, give_up, |node, give_up| node.bring_up(give_up))
+    }
+
+    /// As [`Node::bring_up_unpowered`], with the cause that awaits a reset.
+    ///
+    /// # Errors
+    /// As [`Node::bring_up_unpowered`].
+    pub fn bring_up_unpowered(
+        &mut self,
+        reason: ResetReason,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        let cause = Cause::AwaitsReset { reason };
+        let call = Call::BringUpUnpowered(reason);
+        self.recorded(call, give_up, |node, give_up| node.bring_up_unpowered(cause, give_up))
+    }
+
+    /// As [`Node::request`].
+    ///
+    /// # Errors
+    /// As [`Node::request`].
+    pub fn request(
+        &mut self,
+        request: Request,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<Mode, RequestError> {
+        let call = Call::Request(request);
+        self.recorded(call, give_up, |node, give_up| node.request(request, give_up))
+    }
+
+    /// As [`Node::cycle`].
+    pub fn cycle(&mut self) -> Record {
+        self.sink.on_input(Input::Call(Call::Cycle));
+        let record = self.node.cycle();
+        if self.sink.is_recording() {
+            let digest = Digest::of(&record.output);
+            self.returned(Some(digest));
+        }
+        record
+    }
+
+    /// As [`Node::stop`].
+    ///
+    /// # Errors
+    /// As [`Node::stop`].
+    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), NotConfirmed> {
+        self.recorded(Call::Stop, is_urgent, |node, is_urgent| node.stop(is_urgent))
+    }
+
+    /// Records a call, and the answers of its owner, around what the node does.
+    fn recorded<T>(
+        &mut self,
+        call: Call,
+        answer: &mut dyn FnMut() -> bool,
+        of_node: impl FnOnce(&mut Inner<B, R, S>, &mut dyn FnMut() -> bool) -> T,
+    ) -> T {
+        self.sink.on_input(Input::Call(call));
+        let sink = self.sink.clone();
+        let result = of_node(&mut self.node, &mut || {
+            let answer = answer();
+            sink.on_input(Input::Polled(answer));
+            answer
+        });
+        self.returned(None);
+        result
+    }
+
+    /// Records that a call has returned, and what it has sent.
+    fn returned(&mut self, digest: Option<Digest>) {
+        let sent = self.node.bus_mut().take_sent();
+        self.sink.on_input(Input::Returned(sent, digest));
+    }
+
+    /// As [`Node::notice`].
+    pub fn notice(&mut self) -> Option<Event> {
+        self.node.notice()
+    }
+
+    /// As [`Node::mode`].
+    pub const fn mode(&self) -> Mode {
+        self.node.mode()
+    }
+
+    /// As [`Node::cause`].
+    pub const fn cause(&self) -> Option<Cause> {
+        self.node.cause()
+    }
+
+    /// As [`Node::in_words`].
+    pub fn in_words(&self, cause: Cause) -> String {
+        self.node.in_words(cause)
+    }
+
+    /// As [`Node::is_off`].
+    pub fn is_off(&self) -> bool {
+        self.node.is_off()
+    }
+
+    /// As [`Node::proof_test_report`].
+    pub const fn proof_test_report(&self) -> &ProofTestReport {
+        self.node.proof_test_report()
+    }
+
+    /// As [`Node::facts`].
+    pub fn facts(&self) -> &[Facts] {
+        self.node.facts()
+    }
+
+    /// Returns the bus itself: its answers to others than the node are not recorded.
+    pub const fn bus(&self) -> &B {
+        &self.node.bus().bus
+    }
+
+    /// Returns the bus itself, as [`bus`](Self::bus).
+    pub const fn bus_mut(&mut self) -> &mut B {
+        &mut self.node.bus_mut().bus
+    }
+
+    /// Returns the commanded side itself.
+    pub const fn remote(&self) -> &R {
+        &self.node.remote().remote
+    }
+
+    /// Returns the commanded side itself.
+    pub const fn remote_mut(&mut self) -> &mut R {
+        &mut self.node.remote_mut().remote
+    }
+}
+
+impl<B: Bus, R: Remote, S: InputSink> RecordedNode<B, R, S> {
+    /// Returns the clock of the bus, for the owner: the reading is not recorded.
+    pub fn now(&self) -> Instant {
+        self.node.bus().bus.now()
+    }
+}

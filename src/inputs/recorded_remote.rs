@@ -1,0 +1,51 @@
+//! A commanded side whose answers are recorded.
+
+use crate::input::{Input, InputSink};
+use remote::stated::Misfit;
+use remote::{Remote, Sensed, SideFault};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Commanded side `R`; its answers go to `S`.
+#[derive(Clone, Debug)]
+pub struct RecordedRemote<R, S> {
+    pub(super) remote: R,
+    sink: S,
+}
+
+impl<R, S> RecordedRemote<R, S> {
+    pub(super) const fn new(remote: R, sink: S) -> Self {
+        Self { remote, sink }
+    }
+}
+
+impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        let sensed = self.remote.exchange(now, command);
+        self.sink.on_input(Input::Sensed(sensed));
+        sensed
+    }
+
+    fn begin_epoch(&mut self) {
+        self.remote.begin_epoch();
+    }
+
+    fn end_epoch(&mut self) {
+        self.remote.end_epoch();
+    }
+
+    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+        let misfits = self.remote.misfits(now);
+        if self.sink.is_recording() {
+            let texts = misfits.iter().map(ToString::to_string).collect();
+            self.sink.on_input(Input::Misfits(texts));
+        }
+        misfits
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        let fault = self.remote.fault();
+        self.sink.on_input(Input::SideFault(fault));
+        fault
+    }
+}

@@ -1,0 +1,277 @@
+//! Writes inputs, as docs/sessions.md describes them.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use crate::input::{Call, Input};
+use crate::table::{self, FORMAT, MAGIC};
+use bus::{BusEvent, BusFault, Received, ReopenError, SendError, Wake};
+use canopen::frame::{Channel, Frame};
+use controller::switches::Mode as CommandMode;
+use node::Request;
+use node::cause::ResetReason;
+use remote::{Sensed, SideFault};
+use units::time::Instant;
+
+/// Writer of a file of inputs.
+#[derive(Debug)]
+pub struct InputWriter<W> {
+    to: W,
+    last: Last,
+    entry: Vec<u8>,
+}
+
+/// Values that entries are written relative to.
+#[derive(Clone, Copy, Debug)]
+pub struct Last {
+    /// Last reading of the bus's clock, in µs.
+    pub now: u64,
+    /// Last time of host suspension.
+    pub suspended: Duration,
+    /// Sample time of the last sample, in µs, and its numbers as bits.
+    pub sensed: (u64, [u64; NUMBERS]),
+}
+
+/// Numbers of a sample: wrench (force, moment), position, quaternion (i, j, k, w).
+pub const NUMBERS: usize = 13;
+
+impl Default for Last {
+    fn default() -> Self {
+        Self { now: 0, suspended: Duration::ZERO, sensed: (0, [0; NUMBERS]) }
+    }
+}
+
+impl<W: Write> InputWriter<W> {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// The write fails.
+    pub fn begin(mut to: W) -> io::Result<Self> {
+        to.write_all(&MAGIC)?;
+        to.write_all(&FORMAT.to_le_bytes())?;
+        Ok(Self { to, last: Last::default(), entry: Vec::with_capacity(256) })
+    }
+
+    /// Writes an input.
+    ///
+    /// # Errors
+    /// The write fails.
+    pub fn write(&mut self, input: &Input) -> io::Result<()> {
+        self.entry.clear();
+        self.encode(input);
+        self.to.write_all(&self.entry)
+    }
+
+    /// Flushes the writer.
+    ///
+    /// # Errors
+    /// The flush fails.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+
+    fn encode(&mut self, input: &Input) {
+        match input {
+            Input::Call(call) => self.call(*call),
+            Input::Returned(sent, digest) => {
+                let is_cycle = digest.is_some();
+                self.tag(if is_cycle { table::RETURNED_FROM_CYCLE } else { table::RETURNED });
+                self.bytes(&sent.value().to_le_bytes());
+                digest.iter().for_each(|digest| self.bytes(&digest.0));
+            }
+            Input::Now(now) => self.now(*now),
+            Input::Wall(wall) => {
+                self.tag(table::WALL);
+                self.duration(*wall);
+            }
+            Input::Suspended(total) if *total == self.last.suspended => {
+                self.tag(table::SUSPENDED_AGAIN);
+            }
+            Input::Suspended(total) => {
+                self.last.suspended = *total;
+                self.tag(table::SUSPENDED);
+                self.duration(*total);
+            }
+            Input::Confirmed(Channel(channel), None) => self.bytes(&[table::UNCONFIRMED, *channel]),
+            Input::Confirmed(Channel(channel), Some(at)) => {
+                self.bytes(&[table::CONFIRMED, *channel]);
+                self.time(*at);
+            }
+            Input::Sent(outcome) => self.tag(match outcome {
+                Ok(()) => table::SENT,
+                Err(SendError::Full) => table::QUEUE_FULL,
+                Err(SendError::Down) => table::BUS_DOWN,
+            }),
+            Input::Woken(wake) => self.woken(wake),
+            Input::Reopened(outcome) => self.reopened(outcome),
+            Input::Sensed(sensed) => self.sensed(sensed.as_ref()),
+            Input::SideFault(fault) => self.side_fault(fault.as_ref()),
+            Input::Misfits(texts) => {
+                self.tag(table::MISFITS);
+                self.varint(length(texts.len()));
+                texts.iter().for_each(|text| self.text(text));
+            }
+            Input::Polled(answer) => self.tag(if *answer { table::END } else { table::GO_ON }),
+            Input::Lost(inputs) => {
+                self.tag(table::LOST);
+                self.varint(*inputs);
+            }
+        }
+    }
+
+    fn call(&mut self, call: Call) {
+        self.tag(match call {
+            Call::New => table::NEW,
+            Call::BringUp => table::BRING_UP,
+            Call::BringUpUnpowered(_) => table::BRING_UP_UNPOWERED,
+            Call::Request(Request::Arm) => table::ARM,
+            Call::Request(Request::Disarm) => table::DISARM,
+            Call::Request(Request::Reset) => table::RESET,
+            Call::Request(Request::Command(CommandMode::Rate)) => table::COMMAND_RATE,
+            Call::Request(Request::Command(CommandMode::Pose)) => table::COMMAND_POSE,
+            Call::Cycle => table::CYCLE,
+            Call::Stop => table::STOP,
+        });
+        if let Call::BringUpUnpowered(reason) = call {
+            self.tag(match reason {
+                ResetReason::UncleanEnd => 0,
+                ResetReason::NoLatch => 1,
+            });
+        }
+    }
+
+    fn now(&mut self, now: Instant) {
+        if now.as_micros() == self.last.now {
+            return self.tag(table::NOW_AGAIN);
+        }
+        self.tag(table::NOW);
+        self.reading(now);
+    }
+
+    fn woken(&mut self, Wake { now, received }: &Wake) {
+        let Some(Received { at, channel: Channel(channel), event }) = received else {
+            self.tag(table::WOKEN);
+            return self.reading(*now);
+        };
+        let tag = match event {
+            BusEvent::Frame(_) => table::FRAME,
+            BusEvent::Fault(_) => table::BUS_FAULT,
+        };
+        self.bytes(&[tag, *channel]);
+        self.reading(*now);
+        self.time(*at);
+        match event {
+            BusEvent::Frame(frame) => self.frame(frame),
+            BusEvent::Fault(fault) => self.tag(match fault {
+                BusFault::Warning => 0,
+                BusFault::Overrun => 1,
+                BusFault::Passive => 2,
+                BusFault::Off => 3,
+                BusFault::Down => 4,
+            }),
+        }
+    }
+
+    /// Writes COB-ID (bits 0 to 10), remote frame (bit 11) and length (bits 12 to 15), then the data.
+    fn frame(&mut self, frame: &Frame) {
+        let head =
+            frame.cob_id | u16::from(frame.is_remote()) << 11 | u16::from(frame.length()) << 12;
+        self.bytes(&head.to_le_bytes());
+        self.bytes(frame.data());
+    }
+
+    fn reopened(&mut self, outcome: &Result<(), ReopenError>) {
+        match outcome {
+            Ok(()) => self.tag(table::REOPENED),
+            Err(ReopenError::Gone(Channel(channel))) => {
+                self.bytes(&[table::NOT_REOPENED_GONE, *channel]);
+            }
+            Err(ReopenError::Unfit(reason)) => {
+                self.tag(table::NOT_REOPENED_UNFIT);
+                self.text(reason);
+            }
+        }
+    }
+
+    fn sensed(&mut self, sensed: Option<&Sensed>) {
+        let Some(sensed) = sensed else { return self.tag(table::NOT_SENSED) };
+        let (at, numbers) = (sensed.at.as_micros(), numbers(sensed));
+        if self.last.sensed == (at, numbers) {
+            return self.tag(table::SENSED_AGAIN);
+        }
+        self.tag(table::SENSED);
+        self.time(sensed.at);
+        let (_, before) = std::mem::replace(&mut self.last.sensed, (at, numbers));
+        let changed = (0..).zip(numbers.iter().zip(before));
+        let changed = changed.filter(|(_, (number, before))| *number != before);
+        let mask = changed.clone().fold(0_u16, |mask, (place, _)| mask | 1 << place);
+        self.bytes(&mask.to_le_bytes());
+        changed.for_each(|(_, (number, _))| self.bytes(&number.to_le_bytes()));
+    }
+
+    fn side_fault(&mut self, fault: Option<&SideFault>) {
+        match fault {
+            None => self.tag(table::NO_SIDE_FAULT),
+            Some(SideFault::Holds(reason)) => self.bytes(&[table::SIDE_HOLDS, reason.code()]),
+            Some(SideFault::Slow { p99_us, stated_us }) => {
+                self.tag(table::SIDE_SLOW);
+                self.bytes(&p99_us.to_le_bytes());
+                self.bytes(&stated_us.to_le_bytes());
+            }
+        }
+    }
+
+    /// Writes a reading of the clock, which later times are relative to.
+    fn reading(&mut self, now: Instant) {
+        self.time(now);
+        self.last.now = now.as_micros();
+    }
+
+    /// Writes a time as its difference to the last reading of the clock, in µs.
+    fn time(&mut self, at: Instant) {
+        let difference = at.as_micros().wrapping_sub(self.last.now).cast_signed();
+        self.varint((difference << 1 ^ difference >> 63).cast_unsigned());
+    }
+
+    fn duration(&mut self, duration: Duration) {
+        self.varint(duration.as_secs());
+        self.varint(duration.subsec_nanos().into());
+    }
+
+    fn text(&mut self, text: &str) {
+        self.varint(length(text.len()));
+        self.bytes(text.as_bytes());
+    }
+
+    /// Writes seven bits a byte, the lowest first; bit 7 says that more follow.
+    fn varint(&mut self, mut value: u64) {
+        loop {
+            let [low, ..] = (value & 0x7F).to_le_bytes();
+            value >>= 7;
+            self.entry.push(low | u8::from(value > 0) << 7);
+            if value == 0 {
+                return;
+            }
+        }
+    }
+
+    fn tag(&mut self, tag: u8) {
+        self.entry.push(tag);
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.entry.extend_from_slice(bytes);
+    }
+}
+
+/// Returns the bits of the numbers of a sample.
+fn numbers(sensed: &Sensed) -> [u64; NUMBERS] {
+    let [f0, f1, f2, m0, m1, m2] = sensed.f_s.components();
+    let [x, y, z] = sensed.x_b_m.translation.vector.into();
+    let [i, j, k, w] = sensed.x_b_m.rotation.coords.into();
+    [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w].map(f64::to_bits)
+}
+
+fn length(length: usize) -> u64 {
+    u64::try_from(length).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,95 @@
+//! Lock-free ring of the node's inputs, from the cycle thread to the recorder thread. Only a recorded session has one.
+//!
+//! As with the [rings](crate::rings) of frames and records, the producer never waits: inputs that do not fit are counted,
+//! and the count is an input itself, so that a replay ends where its inputs do.
+
+use std::cell::{Cell, RefCell};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use inputs::{Input, InputSink};
+
+/// Capacity in inputs: a second of two buses at 1 kHz.
+const CAPACITY: usize = 1 << 15;
+
+/// The producer, owned by the cycle thread.
+#[derive(Debug, Default)]
+pub struct InputProducer {
+    ring: Option<RefCell<Producer<Input>>>,
+    /// Inputs lost since the last one that fitted.
+    lost: Cell<u64>,
+}
+
+/// The consumer, which the recorder thread polls.
+#[derive(Debug, Default)]
+pub struct InputConsumer(Option<Consumer<Input>>);
+
+/// Returns both ends of a ring; of none if nothing is recorded. Allocates all memory.
+pub fn input_ring(is_recorded: bool) -> (InputProducer, InputConsumer) {
+    if !is_recorded {
+        return Default::default();
+    }
+    let (producer, consumer) = RingBuffer::new(CAPACITY);
+    let producer = InputProducer { ring: Some(RefCell::new(producer)), lost: Cell::new(0) };
+    (producer, InputConsumer(Some(consumer)))
+}
+
+impl InputSink for InputProducer {
+    fn is_recording(&self) -> bool {
+        self.ring.is_some()
+    }
+
+    fn on_input(&self, input: Input) {
+        // One thread, which does not come back here before the borrow ends.
+        let Some(Ok(mut ring)) = self.ring.as_ref().map(RefCell::try_borrow_mut) else { return };
+        let lost = self.lost.get();
+        if lost > 0 && ring.push(Input::Lost(lost)).is_ok() {
+            self.lost.set(0);
+        }
+        if self.lost.get() > 0 || ring.push(input).is_err() {
+            self.lost.set(self.lost.get() + 1);
+        }
+    }
+}
+
+impl InputConsumer {
+    /// Passes up to `max` inputs to `handler`, oldest first; returns their number.
+    pub fn take(&mut self, max: usize, mut handler: impl FnMut(Input)) -> usize {
+        let Some(ring) = &mut self.0 else { return 0 };
+        let waiting = ring.slots().min(max);
+        for _ in 0..waiting {
+            ring.pop().into_iter().for_each(&mut handler);
+        }
+        waiting
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn taken(consumer: &mut InputConsumer) -> Vec<Input> {
+        let mut inputs = Vec::new();
+        consumer.take(usize::MAX, |input| inputs.push(input));
+        inputs
+    }
+
+    #[test]
+    fn lost_inputs_are_counted_where_they_are_missing() {
+        let (producer, mut consumer) = input_ring(true);
+        for at in 0..CAPACITY + 3 {
+            producer.on_input(Input::Polled(at == 0));
+        }
+        assert_eq!(taken(&mut consumer).len(), CAPACITY);
+        producer.on_input(Input::Polled(true));
+        assert_eq!(taken(&mut consumer), [Input::Lost(3), Input::Polled(true)]);
+    }
+
+    #[test]
+    fn run_without_a_session_records_no_inputs() {
+        let (producer, mut consumer) = input_ring(false);
+        assert!(!producer.is_recording());
+        producer.on_input(Input::Polled(true));
+        assert_eq!(taken(&mut consumer), []);
+    }
+}

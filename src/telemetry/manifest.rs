@@ -1,0 +1,72 @@
+//! Description of a recorded session, `session.json`: what it is a recording of, and copies of all files that the node's
+//! configuration consists of.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of a session's folder; docs/sessions.md describes it.
+pub const FORMAT: u16 = 1;
+
+/// Description of a session.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the folder.
+    pub format: u16,
+    /// Program and version.
+    pub program: String,
+    /// Command that recorded it.
+    pub kind: SessionKind,
+    /// Time zero of the session, in µs since 1970; zero in virtual time.
+    pub origin_us: u64,
+    /// Interfaces of the buses, in the order of the channels.
+    pub interfaces: Vec<String>,
+    /// Names of the joints, base first.
+    pub joints: Vec<String>,
+    /// Path of the configuration, one of `files`.
+    pub configuration: String,
+    /// Path of a robot file that replaces the configuration's, one of `files`.
+    pub robot: Option<String>,
+    /// Path of the scenario, one of `files`.
+    pub scenario: Option<String>,
+    /// The passivity layer of the configuration was left out.
+    pub without_passivity: bool,
+    /// Copies of the files.
+    pub files: Vec<FileCopy>,
+    /// Facts about the host.
+    pub host: Host,
+}
+
+/// Command that recorded a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SessionKind {
+    /// `frhc run`.
+    Run,
+    /// `frhc demo`.
+    Demo,
+}
+
+/// Copy of a file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileCopy {
+    /// Path by which the session has read it.
+    pub path: String,
+    /// Name of the copy in the folder of the session.
+    pub copy: String,
+    /// SHA-256 of the content, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Facts about a host.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Host {
+    /// Host name; `None` if it was dropped.
+    pub name: Option<String>,
+    /// Release of the kernel.
+    pub kernel: String,
+    /// Architecture.
+    pub machine: String,
+    /// Model of the processor.
+    pub processor: String,
+    /// Number of processors.
+    pub processors: usize,
+}

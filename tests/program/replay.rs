@@ -1,0 +1,276 @@
+//! `frhc replay` as a program: sessions of every configuration and scenario, and sessions that were changed.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::common::cli::{Ended, folder, frhc};
+use canopen_tools::candump::Line;
+use config::shipped::HAND_CONTROLLERS;
+
+/// Records a session of `demo` with these arguments.
+fn session(name: &str, args: &[&str]) -> PathBuf {
+    let session = folder("replay", name).join("session");
+    let out = ["-q", "demo", "--out", session.to_str().unwrap()];
+    let ended = frhc(&[&out[..], args].concat());
+    assert!([0, 6].contains(&ended.code), "{args:?}: {}", ended.stderr);
+    session
+}
+
+fn short_session(name: &str) -> PathBuf {
+    session(name, &["--scenario", "contact_10s", "--seconds", "6"])
+}
+
+fn replay(session: &Path, args: &[&str]) -> Ended {
+    frhc(&[&["replay", session.to_str().unwrap()], args].concat())
+}
+
+fn replayed(session: &Path) -> Value {
+    let ended = replay(session, &["--verify", "--json"]);
+    assert_eq!(ended.code, 0, "{}: {}{}", session.display(), ended.stdout, ended.stderr);
+    serde_json::from_str(&ended.stdout).unwrap()
+}
+
+/// Returns the failure of a session that cannot be replayed: one line, exit code 4.
+fn refused(session: &Path) -> String {
+    let ended = replay(session, &[]);
+    assert_eq!((ended.code, ended.stdout.as_str()), (4, ""), "{}", ended.stderr);
+    assert_eq!(ended.stderr.lines().count(), 1, "{}", ended.stderr);
+    ended.stderr
+}
+
+#[test]
+fn session_of_every_configuration_is_replayed_bit_for_bit() {
+    for file in HAND_CONTROLLERS {
+        let name = file.replace('/', "-");
+        let result = replayed(&session(&name, &["--config", file, "--seconds", "5"]));
+        let cycles = result["cycles"].as_u64().unwrap();
+        assert!(
+            cycles >= 2_500 && result["frames"].as_u64().unwrap() > 2 * cycles,
+            "{file}: {result}"
+        );
+        assert_eq!(result["intermediate"], Value::Null, "{file}");
+    }
+}
+
+#[test]
+fn session_of_every_scenario_is_replayed_bit_for_bit() {
+    for kind in ["faults", "quirks"] {
+        for entry in fs::read_dir(format!("config/scenarios/{kind}")).unwrap() {
+            let file = entry.unwrap().path();
+            let scenario = file.to_str().unwrap();
+            // Scenarios that need another configuration, or end before a cycle, have no session to replay.
+            let session = folder("replay", kind).join("session");
+            let out = ["-q", "demo", "--out", session.to_str().unwrap(), "--scenario", scenario];
+            let ended = frhc(&out);
+            if [2, 3, 5].contains(&ended.code) {
+                continue;
+            }
+            assert!(replayed(&session)["cycles"].as_u64().unwrap() > 100, "{scenario}");
+        }
+    }
+}
+
+#[test]
+fn session_with_a_robot_is_replayed_with_its_file() {
+    let robot = ["--robot", "config/robots/puma560.toml", "--seconds", "5"];
+    let session = session("robot", &robot);
+    replayed(&session);
+    let description = fs::read_to_string(session.join("session.json")).unwrap();
+    assert!(description.contains("config/robots/puma560.toml"), "{description}");
+}
+
+#[test]
+fn session_without_passivity_layer_is_replayed_without_it() {
+    let session = session("comparison", &["--scenario", "stiff-wall"]);
+    for of in ["without", "with"] {
+        replayed(&session.join(of));
+    }
+}
+
+#[test]
+fn emitted_frames_are_those_that_the_node_has_sent() {
+    let session = short_session("emitted");
+    let emitted = session.join("sent.log");
+    let ended = replay(&session, &["--emit", emitted.to_str().unwrap()]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let frames = |path: &Path, of: &dyn Fn(&Line<'_>) -> bool| {
+        let log = fs::read_to_string(path).unwrap();
+        let lines = log.lines().map(|line| (Line::parse(line).unwrap(), line));
+        let frames = lines.filter(|(line, _)| of(line));
+        frames.map(|(_, line)| line.split_once(' ').unwrap().1.to_owned()).collect::<Vec<_>>()
+    };
+    let sent = frames(&emitted, &|_| true);
+    // SYNC, both groups of torques, and the heartbeat: only the node sends them. The last ones may not be on the wire yet.
+    for cob_id in [0x80, 0x201, 0x204, 0x77F] {
+        let is_one = |line: &Line<'_>| line.id == cob_id;
+        let (sent, on_the_wire) =
+            (frames(&emitted, &is_one), frames(&session.join("bus.log"), &is_one));
+        assert!(on_the_wire.len() > 100 && sent.len() - on_the_wire.len() <= 2, "{cob_id:03X}h");
+        assert_eq!(sent[..on_the_wire.len()], on_the_wire, "{cob_id:03X}h");
+    }
+    let part = session.join("part.log");
+    let bounds = ["--emit", part.to_str().unwrap(), "--from", "1000", "--to", "1010"];
+    assert_eq!(replay(&session, &bounds).code, 0);
+    let part = frames(&part, &|_| true);
+    assert!(part.len() >= 30 && sent.windows(part.len()).any(|window| window == part), "{part:?}");
+    let again = replay(&session, &["--emit", emitted.to_str().unwrap()]);
+    assert!(again.code == 4 && again.stderr.contains("exists"), "{}", again.stderr);
+}
+
+/// Changes the copy of a file, and its checksum.
+fn change_copy(session: &Path, name: &str, change: impl Fn(String) -> String) {
+    let copy = fs::read_dir(session.join("files")).unwrap().map(|entry| entry.unwrap().path());
+    let copy = copy.into_iter().find(|path| path.to_str().unwrap().ends_with(name)).unwrap();
+    let hash = |path: &Path| {
+        let digest = Sha256::digest(fs::read(path).unwrap());
+        digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>()
+    };
+    let before = hash(&copy);
+    let text = fs::read_to_string(&copy).unwrap();
+    let changed = change(text.clone());
+    assert_ne!(changed, text);
+    fs::write(&copy, changed).unwrap();
+    let file = session.join("session.json");
+    let description = fs::read_to_string(&file).unwrap();
+    fs::write(file, description.replace(&before, &hash(&copy))).unwrap();
+}
+
+#[test]
+fn gain_changed_by_a_millionth_is_named_where_it_acts() {
+    let session = short_session("gain");
+    change_copy(&session, "kraft_like.toml", |text| {
+        text.replace("damping_ns_per_m = [8.0, 8.0", "damping_ns_per_m = [8.000008, 8.0")
+    });
+    let ended = replay(&session, &["--json"]);
+    let result: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(result["intermediate"]["name"], "f_g_damping", "{result}");
+}
+
+#[test]
+fn other_torque_is_named_by_cycle_and_frame() {
+    let session = short_session("torque");
+    change_copy(&session, "kraft_like.toml", |text| {
+        text.replace("wrench_gain = [0.3, 0.3, 0.3", "wrench_gain = [0.4, 0.4, 0.4")
+    });
+    let ended = replay(&session, &[]);
+    assert_eq!(ended.code, 1, "{}", ended.stdout);
+    let line = ended.stdout.lines().find(|line| line.starts_with("replayed")).unwrap();
+    assert!(line.contains(": cycle ") && line.contains("recorded vcan0 201#"), "{line}");
+    assert!(
+        ended.stdout.contains("f_g_task is the first intermediate that differs"),
+        "{}",
+        ended.stdout
+    );
+}
+
+#[test]
+fn edited_copy_is_refused_by_its_checksum() {
+    let session = short_session("edited");
+    let copy = session.join("files/01-kraft_like.toml");
+    let text = fs::read_to_string(&copy).unwrap();
+    fs::write(&copy, text + "#").unwrap();
+    let reason = refused(&session);
+    assert!(
+        reason.contains("files/01-kraft_like.toml: not the file that was recorded"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn single_bit_of_the_inputs_is_found_or_changes_no_frame() {
+    let session = short_session("bits");
+    let file = session.join("inputs.bin");
+    let inputs = fs::read(&file).unwrap();
+    let mut found = 0;
+    for edit in 0..100 {
+        // Behind the header, over the whole file.
+        let place = 8 + (inputs.len() - 8) * edit / 100;
+        let mut edited = inputs.clone();
+        edited[place] ^= 1 << (edit % 8);
+        fs::write(&file, edited).unwrap();
+        let ended = replay(&session, &["--verify", "--json"]);
+        if ended.code == 4 {
+            assert!(edit == 0 && ended.stderr.contains("no call of the node"), "{}", ended.stderr);
+            continue;
+        }
+        let result: Value = serde_json::from_str(&ended.stdout).unwrap();
+        assert!([0, 1].contains(&ended.code), "byte {place}: {}", ended.stderr);
+        if ended.code == 0 {
+            assert_eq!((&result["is_equal"], &result["is_complete"]), (&true.into(), &true.into()));
+        } else {
+            let end = result["end"].as_str().unwrap();
+            assert!(end.contains("cycle") || end.contains("byte"), "byte {place}: {end}");
+            found += 1;
+        }
+    }
+    assert!(found > 50, "{found} of 100");
+}
+
+#[test]
+fn recording_that_ends_anywhere_is_replayed_until_there() {
+    let session = short_session("cut");
+    let file = session.join("inputs.bin");
+    let inputs = fs::read(&file).unwrap();
+    let mut before = 0;
+    for part in [30, 60, 90] {
+        fs::write(&file, &inputs[..inputs.len() * part / 100]).unwrap();
+        let ended = replay(&session, &["--json"]);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        let result: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let end = result["end"].as_str().unwrap();
+        assert!(end.contains("the recording ends in cycle"), "{end}");
+        let cycles = result["cycles"].as_u64().unwrap();
+        assert!(cycles > before, "{cycles} after {before}");
+        before = cycles;
+        assert_eq!(replay(&session, &["--verify"]).code, 1);
+    }
+}
+
+#[test]
+fn session_that_is_none_is_refused_in_one_line() {
+    let session = short_session("refused");
+    let description = session.join("session.json");
+    let text = fs::read_to_string(&description).unwrap();
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from));
+        fs::write(&description, text.replacen(from, to, 1)).unwrap();
+        refused(&session)
+    };
+    assert!(
+        with("\"format\": 1", "\"format\": 2").contains("format 2; this program reads format 1")
+    );
+    assert!(with("{", "[").contains("session.json: "));
+    assert!(with("files/01-", "../01-").contains("which is not in the session's folder"));
+    assert!(with("files/01-", "files/99-").contains("99-kraft_like.toml: No such file"));
+    fs::write(&description, &text).unwrap();
+
+    let inputs = session.join("inputs.bin");
+    let bytes = fs::read(&inputs).unwrap();
+    let mut later = bytes.clone();
+    later[6] += 1;
+    for (content, reason) in [
+        (&b"(0.1) can0 080#"[..], "not a file of inputs"),
+        (&later, "inputs of format 2"),
+        (&bytes[..8], "no call of the node was recorded"),
+    ] {
+        fs::write(&inputs, content).unwrap();
+        let found = refused(&session);
+        assert!(found.contains("inputs.bin: ") && found.contains(reason), "{found}");
+    }
+    fs::remove_file(&inputs).unwrap();
+    assert!(refused(&session).contains("inputs.bin: No such file"));
+    let elsewhere = session.with_file_name("inputs.bin");
+    fs::write(&elsewhere, &bytes).unwrap();
+    symlink(&elsewhere, &inputs).unwrap();
+    assert!(refused(&session).contains("inputs.bin: must be a regular file"));
+    assert!(refused(&session.join("absent")).contains("session.json: No such file"));
+}

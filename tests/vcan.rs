@@ -17,6 +17,8 @@ mod far_side;
 mod link_peer;
 #[path = "vcan/realtime.rs"]
 mod realtime;
+#[path = "vcan/sessions.rs"]
+mod sessions;
 
 use std::fs;
 use std::io::{BufRead, Read, Write};

@@ -5,11 +5,14 @@ use canopen::frame::{Channel, Telegram};
 /// FNV-1a, 32 bits, over each frame: channel u8, COB-ID u16, flag of a remote frame u8, length u8, data. It finds
 /// differences, and protects against none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Checksum(u32);
+pub struct Checksum {
+    value: u32,
+    frames: u32,
+}
 
 impl Default for Checksum {
     fn default() -> Self {
-        Self(0x811C_9DC5)
+        Self { value: 0x811C_9DC5, frames: 0 }
     }
 }
 
@@ -20,17 +23,18 @@ impl Checksum {
         let [low, high] = frame.cob_id.to_le_bytes();
         let head = [*channel, low, high, u8::from(frame.is_remote()), frame.length()];
         for byte in head.iter().chain(frame.data()) {
-            self.0 = (self.0 ^ u32::from(*byte)).wrapping_mul(0x0100_0193);
+            self.value = (self.value ^ u32::from(*byte)).wrapping_mul(0x0100_0193);
         }
-    }
-
-    /// Returns the checksum of this value.
-    pub const fn from_value(value: u32) -> Self {
-        Self(value)
+        self.frames = self.frames.saturating_add(1);
     }
 
     /// Returns its value.
-    pub const fn value(self) -> u32 {
-        self.0
+    pub const fn value(&self) -> u32 {
+        self.value
+    }
+
+    /// Returns the number of frames.
+    pub const fn frames(&self) -> u32 {
+        self.frames
     }
 }

@@ -3,7 +3,6 @@
 use std::rc::Rc;
 use std::time::Duration;
 
-use crate::checksum::Checksum;
 use crate::intermediates::Digest;
 use bus::{ReopenError, SendError, Wake};
 use canopen::frame::Channel;
@@ -34,8 +33,11 @@ pub enum Call {
 pub enum Input {
     /// A call begins.
     Call(Call),
-    /// The call has returned, after it has sent these frames; a cycle with the digest of its control law.
-    Returned(Checksum, Option<Digest>),
+    /// The call has returned, after it has sent frames of this [checksum](crate::Checksum).
+    Returned(u32),
+    /// Digest of the control law in the cycle of this number: no input, but what a replay is compared with. It comes some
+    /// cycles before or behind the inputs of its cycle.
+    Intermediates(u64, Digest),
     /// Clock of the bus.
     Now(Instant),
     /// Wall clock: UTC since 1970.
@@ -44,8 +46,8 @@ pub enum Input {
     Suspended(Duration),
     /// Time of the last SYNC seen on the wire.
     Confirmed(Channel, Option<Instant>),
-    /// Answer of a bus to a frame: accepted or not.
-    Sent(Result<(), SendError>),
+    /// The bus has not accepted a frame: its number among those of the call, from 1. Frames without this were accepted.
+    NotSent(u32, SendError),
     /// End of a wait.
     Woken(Wake),
     /// Answer of the buses to being opened again.

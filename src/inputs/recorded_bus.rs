@@ -58,7 +58,9 @@ impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
         let outcome = self.bus.send_at(now, telegram);
         if self.sink.is_recording() {
             self.sent.add(&telegram);
-            self.sink.on_input(Input::Sent(outcome));
+            if let Err(error) = outcome {
+                self.sink.on_input(Input::NotSent(self.sent.frames(), error));
+            }
         }
         outcome
     }

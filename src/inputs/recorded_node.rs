@@ -1,7 +1,6 @@
 //! A node whose inputs are recorded.
 
 use crate::input::{Call, Input, InputSink};
-use crate::intermediates::Digest;
 use crate::recorded_bus::RecordedBus;
 use crate::recorded_remote::RecordedRemote;
 use bus::Bus;
@@ -32,7 +31,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         let bus = RecordedBus::new(bus, sink.clone());
         let node = Node::new(config, bus, RecordedRemote::new(remote, sink.clone()));
         let mut node = Self { node, sink };
-        node.returned(None);
+        node.returned();
         node
     }
 
@@ -75,10 +74,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
     pub fn cycle(&mut self) -> Record {
         self.sink.on_input(Input::Call(Call::Cycle));
         let record = self.node.cycle();
-        if self.sink.is_recording() {
-            let digest = Digest::of(&record.output);
-            self.returned(Some(digest));
-        }
+        self.returned();
         record
     }
 
@@ -104,14 +100,14 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
             sink.on_input(Input::Polled(answer));
             answer
         });
-        self.returned(None);
+        self.returned();
         result
     }
 
     /// Records that a call has returned, and what it has sent.
-    fn returned(&mut self, digest: Option<Digest>) {
+    fn returned(&mut self) {
         let sent = self.node.bus_mut().take_sent();
-        self.sink.on_input(Input::Returned(sent, digest));
+        self.sink.on_input(Input::Returned(sent.value()));
     }
 
     /// As [`Node::notice`].

@@ -28,7 +28,7 @@ tags! {
     CYCLE = 0x09;
     STOP = 0x0A;
     RETURNED = 0x10;
-    RETURNED_FROM_CYCLE = 0x11;
+    INTERMEDIATES = 0x11;
     NOW_AGAIN = 0x20;
     NOW = 0x21;
     WALL = 0x22;
@@ -36,7 +36,6 @@ tags! {
     SUSPENDED = 0x24;
     UNCONFIRMED = 0x25;
     CONFIRMED = 0x26;
-    SENT = 0x30;
     QUEUE_FULL = 0x31;
     BUS_DOWN = 0x32;
     WOKEN = 0x40;

@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use crate::input::{Call, Input};
+use crate::intermediates::Digest;
 use crate::table::{self, FORMAT, MAGIC};
 use bus::{BusEvent, BusFault, Received, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
@@ -73,11 +74,14 @@ impl<W: Write> InputWriter<W> {
     fn encode(&mut self, input: &Input) {
         match input {
             Input::Call(call) => self.call(*call),
-            Input::Returned(sent, digest) => {
-                let is_cycle = digest.is_some();
-                self.tag(if is_cycle { table::RETURNED_FROM_CYCLE } else { table::RETURNED });
-                self.bytes(&sent.value().to_le_bytes());
-                digest.iter().for_each(|digest| self.bytes(&digest.0));
+            Input::Returned(sent) => {
+                self.tag(table::RETURNED);
+                self.bytes(&sent.to_le_bytes());
+            }
+            Input::Intermediates(cycle, Digest(bytes)) => {
+                self.tag(table::INTERMEDIATES);
+                self.varint(*cycle);
+                self.bytes(bytes);
             }
             Input::Now(now) => self.now(*now),
             Input::Wall(wall) => {
@@ -97,11 +101,13 @@ impl<W: Write> InputWriter<W> {
                 self.bytes(&[table::CONFIRMED, *channel]);
                 self.time(*at);
             }
-            Input::Sent(outcome) => self.tag(match outcome {
-                Ok(()) => table::SENT,
-                Err(SendError::Full) => table::QUEUE_FULL,
-                Err(SendError::Down) => table::BUS_DOWN,
-            }),
+            Input::NotSent(number, error) => {
+                self.tag(match error {
+                    SendError::Full => table::QUEUE_FULL,
+                    SendError::Down => table::BUS_DOWN,
+                });
+                self.varint((*number).into());
+            }
             Input::Woken(wake) => self.woken(wake),
             Input::Reopened(outcome) => self.reopened(outcome),
             Input::Sensed(sensed) => self.sensed(sensed.as_ref()),

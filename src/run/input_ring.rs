@@ -43,10 +43,11 @@ impl InputSink for InputProducer {
         // One thread, which does not come back here before the borrow ends.
         let Some(Ok(mut ring)) = self.ring.as_ref().map(RefCell::try_borrow_mut) else { return };
         let lost = self.lost.get();
-        if lost > 0 && ring.push(Input::Lost(lost)).is_ok() {
+        let is_pushed = (lost == 0 || ring.push(Input::Lost(lost)).is_ok()) && {
             self.lost.set(0);
-        }
-        if self.lost.get() > 0 || ring.push(input).is_err() {
+            ring.push(input).is_ok()
+        };
+        if !is_pushed {
             self.lost.set(self.lost.get() + 1);
         }
     }

@@ -18,6 +18,7 @@ use crate::sources::{self, Sources};
 use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use inputs::Input;
+use inputs::intermediates::Digest;
 use node::record::Record;
 use telemetry::origin::Origin;
 use telemetry::session::{Brief, SessionLog};
@@ -124,6 +125,8 @@ impl RecordSink for Session {
 
     fn on_cycle(&mut self, record: &Record) {
         self.log.cycle(&Brief::from(record));
+        let digest = Digest::of(&record.output);
+        self.on_input(&Input::Intermediates(record.cycle, digest));
     }
 
     fn on_input(&mut self, input: &Input) {

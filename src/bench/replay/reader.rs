@@ -12,7 +12,7 @@ use contract::Reason;
 use controller::switches::Mode as CommandMode;
 use inputs::intermediates::{COUNT, Digest};
 use inputs::table::{self, FORMAT, MAGIC};
-use inputs::{Call, Checksum, Input, Last, NUMBERS};
+use inputs::{Call, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
 use remote::{Sensed, SideFault};
@@ -88,10 +88,10 @@ impl<R: BufRead> InputReader<R> {
         let tag = self.byte()?;
         match tag {
             table::NEW..=table::STOP => self.call(tag).map(Input::Call),
-            table::RETURNED => Ok(Input::Returned(self.checksum()?, None)),
-            table::RETURNED_FROM_CYCLE => {
-                let sent = self.checksum()?;
-                Ok(Input::Returned(sent, Some(Digest(self.bytes::<COUNT>()?))))
+            table::RETURNED => Ok(Input::Returned(u32::from_le_bytes(self.bytes()?))),
+            table::INTERMEDIATES => {
+                let cycle = self.varint()?;
+                Ok(Input::Intermediates(cycle, Digest(self.bytes::<COUNT>()?)))
             }
             table::NOT_SENSED..=table::MISFITS => self.of_commanded_side(tag),
             table::GO_ON => Ok(Input::Polled(false)),
@@ -135,9 +135,8 @@ impl<R: BufRead> InputReader<R> {
             }
             table::UNCONFIRMED => Input::Confirmed(self.channel()?, None),
             table::CONFIRMED => Input::Confirmed(self.channel()?, Some(self.time()?)),
-            table::SENT => Input::Sent(Ok(())),
-            table::QUEUE_FULL => Input::Sent(Err(SendError::Full)),
-            table::BUS_DOWN => Input::Sent(Err(SendError::Down)),
+            table::QUEUE_FULL => Input::NotSent(self.number()?, SendError::Full),
+            table::BUS_DOWN => Input::NotSent(self.number()?, SendError::Down),
             table::WOKEN => Input::Woken(Wake { now: self.reading()?, received: None }),
             table::FRAME => self.received(|reader| reader.frame().map(BusEvent::Frame))?,
             table::BUS_FAULT => self.received(|reader| reader.bus_fault().map(BusEvent::Fault))?,
@@ -173,11 +172,6 @@ impl<R: BufRead> InputReader<R> {
             }
             _ => return self.malformed("unknown tag"),
         })
-    }
-
-    /// Reads the checksum of the sent frames.
-    fn checksum(&mut self) -> Result<Checksum, ReadError> {
-        Ok(Checksum::from_value(u32::from_le_bytes(self.bytes()?)))
     }
 
     /// Reads a wait that ended with an event: bus, clock, receive time, event.
@@ -294,6 +288,11 @@ impl<R: BufRead> InputReader<R> {
             }
         }
         self.malformed("a number of more than 64 bits")
+    }
+
+    fn number(&mut self) -> Result<u32, ReadError> {
+        let number = u32::try_from(self.varint()?);
+        number.or_else(|_| self.malformed("a number of more than 32 bits"))
     }
 
     fn channel(&mut self) -> Result<Channel, ReadError> {
@@ -413,7 +412,7 @@ mod tests {
     fn input() -> impl Strategy<Value = Input> {
         let duration =
             || (any::<u64>(), 0..1_000_000_000_u32).prop_map(|(s, ns)| Duration::new(s, ns));
-        let digest = prop::option::of(any::<[u8; COUNT]>().prop_map(Digest));
+        let digest = any::<[u8; COUNT]>().prop_map(Digest);
         let reopened = prop_oneof![
             Just(Ok(())),
             (0..8_u8).prop_map(|channel| Err(ReopenError::Gone(Channel(channel)))),
@@ -426,15 +425,15 @@ mod tests {
         ];
         prop_oneof![
             call().prop_map(Input::Call),
-            (any::<u32>(), digest)
-                .prop_map(|(sent, digest)| Input::Returned(Checksum::from_value(sent), digest)),
+            any::<u32>().prop_map(Input::Returned),
+            (any::<u64>(), digest).prop_map(|(cycle, digest)| Input::Intermediates(cycle, digest)),
             time().prop_map(Input::Now),
             duration().prop_map(Input::Wall),
             duration().prop_map(Input::Suspended),
             (0..8_u8, prop::option::of(time()))
                 .prop_map(|(bus, at)| Input::Confirmed(Channel(bus), at)),
-            prop_oneof![Just(Ok(())), Just(Err(SendError::Full)), Just(Err(SendError::Down))]
-                .prop_map(Input::Sent),
+            (any::<u32>(), prop_oneof![Just(SendError::Full), Just(SendError::Down)])
+                .prop_map(|(number, error)| Input::NotSent(number, error)),
             (time(), prop::option::of(received()))
                 .prop_map(|(now, received)| Input::Woken(Wake { now, received })),
             reopened.prop_map(Input::Reopened),

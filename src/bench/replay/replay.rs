@@ -1,5 +1,6 @@
 //! Runs the node of a session with its recorded inputs, and compares what it sends.
 
+use std::collections::VecDeque;
 use std::fmt;
 
 use crate::reader::ReadError;
@@ -8,6 +9,7 @@ use crate::replayed_remote::ReplayedRemote;
 use crate::source::{Ended, Source, answer};
 use canopen::frame::Telegram;
 use config::Config;
+use controller::Output;
 use inputs::{Call, Input};
 use node::Node;
 use node::cause::Cause;
@@ -22,7 +24,12 @@ pub struct Replay {
     outcome: Outcome,
     /// Frames sent in the last call, and the clock then.
     sent: Vec<(Instant, Telegram)>,
+    /// Cycles whose digests were not read yet, and their intermediates.
+    outputs: VecDeque<(u64, Output)>,
 }
+
+/// Maximum number of cycles by which a digest comes behind its cycle.
+const MAX_OUTPUTS: usize = 4_096;
 
 /// Result of a replay so far.
 #[derive(Debug, Default)]
@@ -92,7 +99,13 @@ impl Replay {
         let Some(Call::New) = source.call() else { return None };
         let bus = ReplayedBus::new(source.clone());
         let node = Node::new(config, bus, ReplayedRemote(source.clone()));
-        let mut replay = Self { node, source, outcome: Outcome::default(), sent: Vec::new() };
+        let mut replay = Self {
+            node,
+            source,
+            outcome: Outcome::default(),
+            sent: Vec::new(),
+            outputs: VecDeque::new(),
+        };
         replay.compare(Call::New, None);
         Some(replay)
     }
@@ -147,22 +160,35 @@ impl Replay {
     fn compare(&mut self, call: Call, record: Option<&Record>) {
         let (sent, checksum) = self.node.bus_mut().take_sent();
         self.sent = sent;
-        let returned =
-            self.source.take("returns", answer!(Input::Returned(sent, digest) => (*sent, *digest)));
-        let Some((recorded, digest)) = returned else { return self.end(call) };
-        let names =
-            digest.zip(record).map(|(digest, record)| digest.first_difference(&record.output));
-        if let (None, Some(name)) = (self.outcome.intermediate, names.flatten()) {
-            self.outcome.intermediate = Some((self.outcome.cycles + 1, name));
-        }
-        if recorded != checksum {
+        self.outputs.extend(record.map(|record| (record.cycle, record.output)));
+        let returned = self.source.take("returns", answer!(Input::Returned(sent) => *sent));
+        let Some(recorded) = returned else { return self.end(call) };
+        self.compare_intermediates();
+        if recorded != checksum.value() {
             return self.differs(call, None);
         }
         self.outcome.cycles += u64::from(call == Call::Cycle);
         self.outcome.frames += u64::try_from(self.sent.len()).unwrap_or(u64::MAX);
     }
 
+    /// Compares the cycles whose digests were read by now.
+    fn compare_intermediates(&mut self) {
+        while let Some((cycle, output)) = self.outputs.front() {
+            let digest = self.source.take_digest(*cycle);
+            let name = digest.and_then(|digest| digest.first_difference(output));
+            if let (None, Some(name)) = (self.outcome.intermediate, name) {
+                self.outcome.intermediate = Some((*cycle, name));
+            }
+            if digest.is_none() && self.outputs.len() < MAX_OUTPUTS {
+                return;
+            }
+            self.outputs.pop_front();
+        }
+    }
+
     fn differs(&mut self, call: Call, misstep: Option<String>) {
+        self.source.read_digests();
+        self.compare_intermediates();
         let cycle = self.outcome.cycles + u64::from(call == Call::Cycle);
         self.outcome.end = Some(End::Differs(Difference { call, cycle, misstep }));
     }

@@ -1,13 +1,18 @@
 //! Recorded inputs, handed out one by one to the node that asks for them.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
 use std::rc::Rc;
 
 use crate::reader::{InputReader, ReadError};
+use inputs::intermediates::Digest;
 use inputs::{Call, Input};
+
+/// Maximum number of entries that are read on for digests: those of a hundred cycles.
+const MAX_AHEAD: usize = 4_096;
 
 /// Returns a function that picks the value of one kind of input.
 macro_rules! answer {
@@ -26,6 +31,8 @@ struct State {
     reader: InputReader<BufReader<File>>,
     /// The next input, once it was looked at.
     next: Option<Input>,
+    /// Digests of cycles that were read on the way, in their order.
+    digests: VecDeque<(u64, Digest)>,
     ended: Option<Ended>,
 }
 
@@ -61,7 +68,12 @@ impl fmt::Display for Misstep {
 
 impl Source {
     pub(super) fn new(reader: InputReader<BufReader<File>>) -> Self {
-        Self(Rc::new(RefCell::new(State { reader, next: None, ended: None })))
+        Self(Rc::new(RefCell::new(State {
+            reader,
+            next: None,
+            digests: VecDeque::new(),
+            ended: None,
+        })))
     }
 
     /// Returns the next call of the owner; `None` at the end.
@@ -72,6 +84,15 @@ impl Source {
             state.ended = Some(Ended::Complete);
         }
         found
+    }
+
+    /// Takes the next input if `pick` accepts it, and leaves it otherwise.
+    pub(super) fn take_if_next<T>(&self, pick: impl Fn(&Input) -> Option<T>) -> Option<T> {
+        let mut state = self.0.borrow_mut();
+        state.look();
+        let picked = state.next.as_ref().and_then(pick)?;
+        state.next = None;
+        Some(picked)
     }
 
     /// Takes the next input if `pick` accepts it. Ends otherwise: `asked` says what the node does.
@@ -99,6 +120,33 @@ impl Source {
         picked
     }
 
+    /// Takes the digest of a cycle, if it was read by now; drops those of earlier ones.
+    pub(super) fn take_digest(&self, cycle: u64) -> Option<Digest> {
+        let mut state = self.0.borrow_mut();
+        while let Some((of, digest)) = state.digests.front().copied().filter(|(of, _)| *of <= cycle)
+        {
+            state.digests.pop_front();
+            if of == cycle {
+                return Some(digest);
+            }
+        }
+        None
+    }
+
+    /// Reads the digests that come behind the inputs of their cycles, at most `MAX_AHEAD` entries on.
+    pub(super) fn read_digests(&self) {
+        let mut state = self.0.borrow_mut();
+        for _ in 0..MAX_AHEAD {
+            match state.reader.read() {
+                Ok(Some(Input::Intermediates(cycle, digest))) => {
+                    state.digests.push_back((cycle, digest));
+                }
+                Ok(Some(_)) => {}
+                Ok(None) | Err(_) => return,
+            }
+        }
+    }
+
     /// Takes the reason of the end.
     pub(super) fn take_end(&self) -> Option<Ended> {
         self.0.borrow_mut().ended.take()
@@ -108,13 +156,15 @@ impl Source {
 impl State {
     /// Reads the next input, if none waits.
     fn look(&mut self) {
-        if self.next.is_some() || self.ended.is_some() {
-            return;
-        }
-        match self.reader.read() {
-            Ok(Some(input)) => self.next = Some(input),
-            Ok(None) | Err(ReadError::Cut(_)) => self.ended = Some(Ended::Cut),
-            Err(error) => self.ended = Some(Ended::Unreadable(error)),
+        while self.next.is_none() && self.ended.is_none() {
+            match self.reader.read() {
+                Ok(Some(Input::Intermediates(cycle, digest))) => {
+                    self.digests.push_back((cycle, digest));
+                }
+                Ok(Some(input)) => self.next = Some(input),
+                Ok(None) | Err(ReadError::Cut(_)) => self.ended = Some(Ended::Cut),
+                Err(error) => self.ended = Some(Ended::Unreadable(error)),
+            }
         }
     }
 }
@@ -123,12 +173,13 @@ impl State {
 const fn description(input: &Input) -> &'static str {
     match input {
         Input::Call(_) => "was called",
-        Input::Returned(..) => "returned",
+        Input::Returned(_) => "returned",
+        Input::Intermediates(..) => "has intermediates",
         Input::Now(_) => "read the clock",
         Input::Wall(_) => "read the wall clock",
         Input::Suspended(_) => "asked for the time of suspension",
         Input::Confirmed(..) => "asked for a transmit confirmation",
-        Input::Sent(_) => "sent a frame",
+        Input::NotSent(..) => "sent a frame that was not accepted",
         Input::Woken(_) => "waited for a frame",
         Input::Reopened(_) => "opened its buses again",
         Input::Sensed(_) => "exchanged a command for a sample",

@@ -7,8 +7,9 @@ import contact
 import link
 import robots
 import runner
+import sessions
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

@@ -173,6 +173,32 @@ fn other_torque_is_named_by_cycle_and_frame() {
 }
 
 #[test]
+fn torques_of_another_configuration_are_compared_in_open_loop() {
+    let session = short_session("with");
+    let text = fs::read_to_string("config/kraft_like.toml").unwrap();
+    let other = session.join("other.toml");
+    let other_gain = text.replace("wrench_gain = [0.3, 0.3, 0.3", "wrench_gain = [0.4, 0.4, 0.4");
+    fs::write(
+        &other,
+        other_gain.replace("../eds/", &format!("{}/eds/", env!("CARGO_MANIFEST_DIR"))),
+    )
+    .unwrap();
+    let ended = replay(&session, &["--with", other.to_str().unwrap()]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let first = ended.stdout.lines().next().unwrap();
+    assert!(first.starts_with("open loop: "), "{first}");
+    let with = ["--with", other.to_str().unwrap(), "--json"];
+    let result: Value = serde_json::from_str(&replay(&session, &with).stdout).unwrap();
+    assert!(result["cycles"].as_u64().unwrap() > 5_000, "{result}");
+    let max = |joint: usize| result["torque_difference"][joint]["max"].as_f64().unwrap();
+    assert!((0..6).any(|joint| max(joint) > 0.01), "{result}");
+    let same = ["--with", "config/kraft_like.toml", "--json"];
+    let result: Value = serde_json::from_str(&replay(&session, &same).stdout).unwrap();
+    let joints = result["torque_difference"].as_array().unwrap();
+    assert!(joints.iter().all(|joint| joint["max"].as_f64() == Some(0.0)), "{result}");
+}
+
+#[test]
 fn edited_copy_is_refused_by_its_checksum() {
     let session = short_session("edited");
     let copy = session.join("files/01-kraft_like.toml");

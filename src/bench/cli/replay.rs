@@ -1,15 +1,16 @@
 //! `frhc replay`: a recorded session, computed again from its inputs.
 
-use std::io::{BufWriter, IntoInnerError};
+mod emitted;
+mod open_loop;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use tempfile::NamedTempFile;
 
 use crate::interrupt::Interrupt;
+use crate::replay::emitted::Emitted;
 use ::replay::{Difference, End, Outcome, Replay, Session};
-use bus::log_writer::LogWriter;
 use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
 use config::Config;
 use config::files::Files;
@@ -20,7 +21,6 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use sim::scenario::Scenario;
 use telemetry::manifest::Manifest;
-use units::time::Instant;
 
 /// `frhc replay`.
 #[derive(Debug, Args)]
@@ -40,6 +40,10 @@ pub struct ReplayArgs {
     /// Last cycle that is replayed [default: the last one].
     #[arg(long, value_name = "CYCLE")]
     to: Option<u64>,
+    /// Compute the torques of another configuration beside those of the session: open loop, since the recorded person and arm
+    /// did not feel them.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["verify", "emit"])]
+    with: Option<PathBuf>,
     /// Print the result as one JSON object.
     #[arg(long)]
     json: bool,
@@ -49,6 +53,10 @@ pub struct ReplayArgs {
 pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let session = Session::open(&args.session).or_fail(Kind::File)?;
     let config = configuration(&session)?;
+    if let Some(file) = &args.with {
+        let other = Config::load(file).or_fail(Kind::Configuration)?;
+        return open_loop::compare(args, &session, &config, &equipped(&session, other)?);
+    }
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
     let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
     let mut emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
@@ -73,9 +81,14 @@ pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
 
 /// Returns the configuration that the node of a session had.
 fn configuration(session: &Session) -> Result<Config, Failure> {
+    let files = Files::copied(session.copies().clone());
+    let config = Config::load_from(&files, Path::new(&session.manifest().configuration));
+    equipped(session, config.or_fail(Kind::Configuration)?)
+}
+
+/// Returns a configuration with the robot and the surroundings of a session.
+fn equipped(session: &Session, config: Config) -> Result<Config, Failure> {
     let (manifest, files) = (session.manifest(), Files::copied(session.copies().clone()));
-    let config = Config::load_from(&files, Path::new(&manifest.configuration));
-    let config = config.or_fail(Kind::Configuration)?;
     let config = match &manifest.robot {
         Some(robot) => {
             let robot = RobotArm::load_from(&files, Path::new(robot));
@@ -195,35 +208,4 @@ fn shown(manifest: &Manifest, Telegram { channel: Channel(place), frame }: &Tele
     let interface = manifest.interfaces.get(usize::from(*place)).map_or("can?", String::as_str);
     let mut text = [0; TEXT_LENGTH];
     format!("{interface} {}", String::from_utf8_lossy(frame.text(&mut text)))
-}
-
-/// File of the frames that the node sends. It has its name once it is complete.
-struct Emitted {
-    path: PathBuf,
-    log: LogWriter<BufWriter<NamedTempFile>>,
-}
-
-impl Emitted {
-    fn create(path: &Path, manifest: &Manifest) -> Result<Self, Failure> {
-        if path.symlink_metadata().is_ok() {
-            return Err(Failure::new(Kind::File, format!("{}: exists", path.display())));
-        }
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let file = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
-        let file = file.with_context(|| path.display().to_string()).or_fail(Kind::File)?;
-        let log = LogWriter::new(BufWriter::new(file), &manifest.interfaces, manifest.origin_us);
-        Ok(Self { path: path.to_path_buf(), log })
-    }
-
-    fn write(&mut self, sent: &[(Instant, Telegram)]) -> Result<(), Failure> {
-        let written = sent.iter().try_for_each(|(at, telegram)| self.log.frame(*at, telegram));
-        written.with_context(|| self.path.display().to_string()).or_fail(Kind::File)
-    }
-
-    fn finish(self) -> Result<(), Failure> {
-        let Self { path, log } = self;
-        let file = log.into_inner().into_inner().map_err(IntoInnerError::into_error);
-        let named = file.and_then(|file| Ok(file.persist_noclobber(&path)?));
-        named.map(drop).with_context(|| path.display().to_string()).or_fail(Kind::File)
-    }
 }

@@ -26,6 +26,7 @@ pub struct Replay {
     sent: Vec<(Instant, Telegram)>,
     /// Cycles whose digests were not read yet, and their intermediates.
     outputs: VecDeque<(u64, Output)>,
+    is_compared: bool,
 }
 
 /// Maximum number of cycles by which a digest comes behind its cycle.
@@ -95,7 +96,7 @@ const fn name(call: Call) -> &'static str {
 
 impl Replay {
     /// Starts the node of a session; `None` if not even its start was recorded.
-    pub(super) fn new(config: &Config, source: Source) -> Option<Self> {
+    pub(super) fn new(config: &Config, source: Source, is_compared: bool) -> Option<Self> {
         let Some(Call::New) = source.call() else { return None };
         let bus = ReplayedBus::new(source.clone());
         let node = Node::new(config, bus, ReplayedRemote(source.clone()));
@@ -105,6 +106,7 @@ impl Replay {
             outcome: Outcome::default(),
             sent: Vec::new(),
             outputs: VecDeque::new(),
+            is_compared,
         };
         replay.compare(Call::New, None);
         Some(replay)
@@ -164,7 +166,7 @@ impl Replay {
         let returned = self.source.take("returns", answer!(Input::Returned(sent) => *sent));
         let Some(recorded) = returned else { return self.end(call) };
         self.compare_intermediates();
-        if recorded != checksum.value() {
+        if self.is_compared && recorded != checksum.value() {
             return self.differs(call, None);
         }
         self.outcome.cycles += u64::from(call == Call::Cycle);

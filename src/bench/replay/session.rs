@@ -99,13 +99,25 @@ impl Session {
     /// # Errors
     /// The inputs cannot be read.
     pub fn replay(&self, config: &Config) -> Result<Replay, SessionError> {
+        self.started(config, true)
+    }
+
+    /// The same without comparing what it sends: with another configuration than that of the session.
+    ///
+    /// # Errors
+    /// As [`replay`](Self::replay).
+    pub fn open_loop(&self, config: &Config) -> Result<Replay, SessionError> {
+        self.started(config, false)
+    }
+
+    fn started(&self, config: &Config, is_compared: bool) -> Result<Replay, SessionError> {
         let file = self.folder.join(INPUTS);
         let opened = open(&file)?;
         let reader = match InputReader::begin(BufReader::new(opened)) {
             Ok(reader) => reader,
             Err(error) => return Err(SessionError::Inputs { file, error }),
         };
-        Replay::new(config, Source::new(reader)).ok_or(SessionError::Empty { file })
+        Replay::new(config, Source::new(reader), is_compared).ok_or(SessionError::Empty { file })
     }
 
     /// Returns the frames of a cycle in `bus.log`, in their order. That of `demo` has frames when they are on the wire,

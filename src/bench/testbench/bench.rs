@@ -162,7 +162,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// Boots the network and enables the drives.
     ///
     /// # Errors
-    /// As [`Node::bring_up`].
+    /// As [`RecordedNode::bring_up`].
     pub fn bring_up(&mut self) -> Result<(), BringUpError> {
         self.node.bring_up(&mut || false)
     }
@@ -170,7 +170,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// Boots the network, and gives up after `limit` of virtual time.
     ///
     /// # Errors
-    /// As [`Node::bring_up`].
+    /// As [`RecordedNode::bring_up`].
     pub fn bring_up_within(&mut self, limit: Duration) -> Result<(), BringUpError> {
         let end = self.now() + limit;
         let watch = self.node.bus_mut().watch();
@@ -252,7 +252,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// Makes a request to the node between two cycles.
     ///
     /// # Errors
-    /// As [`Node::request`].
+    /// As [`RecordedNode::request`].
     pub fn ask(&mut self, request: Request) -> Result<Mode, RequestError> {
         self.node.request(request, &mut || false)
     }
@@ -268,7 +268,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// Stops the node in order: torque off, drives off, confirmed.
     ///
     /// # Errors
-    /// As [`Node::stop`].
+    /// As [`RecordedNode::stop`].
     pub fn stop(&mut self) -> Result<(), NotConfirmed> {
         self.node.stop(&mut || false)
     }

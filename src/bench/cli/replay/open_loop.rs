@@ -1,0 +1,78 @@
+//! `frhc replay --with`: the torques that another configuration would have asked for, from the same inputs.
+
+use serde::Serialize;
+
+use crate::replay::{ReplayArgs, end};
+use ::replay::Session;
+use config::Config;
+use controller::JointVector;
+use controller::arm::JointKind;
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
+
+/// First line of the result.
+const OPEN_LOOP: &str = "open loop: the recorded person and arm did not feel these torques";
+
+/// Difference of the torques of one joint, in N·m or N.
+#[derive(Debug, Default, Serialize)]
+struct JointDifference {
+    name: String,
+    unit: &'static str,
+    rms: f64,
+    max: f64,
+    /// Cycle of the maximum.
+    cycle: u64,
+}
+
+/// Computes a session with both configurations, and prints by how much the torques differ.
+pub(super) fn compare(
+    args: &ReplayArgs,
+    session: &Session,
+    recorded: &Config,
+    other: &Config,
+) -> Result<(), Failure> {
+    let mut base = session.replay(recorded).or_fail(Kind::File)?;
+    let mut changed = session.open_loop(other).or_fail(Kind::File)?;
+    let mut joints = recorded.joints.each_ref().map(|joint| JointDifference {
+        name: joint.name.clone(),
+        unit: match joint.plant.link.kind {
+            JointKind::Revolute => "N·m",
+            JointKind::Prismatic => "N",
+        },
+        ..JointDifference::default()
+    });
+    let (mut squares, mut compared) = (JointVector::zeros(), 0_u32);
+    while base.outcome().end.is_none() && changed.outcome().end.is_none() {
+        if args.to.is_some_and(|last| base.outcome().cycles >= last) {
+            break;
+        }
+        let Some((was, is)) = base.step().zip(changed.step()) else { continue };
+        let difference = is.output.tau - was.output.tau;
+        squares += difference.component_mul(&difference);
+        compared = compared.saturating_add(1);
+        for (joint, torque) in joints.iter_mut().zip(&difference) {
+            if torque.abs() > joint.max {
+                (joint.max, joint.cycle) = (torque.abs(), was.cycle);
+            }
+        }
+    }
+    for (joint, squares) in joints.iter_mut().zip(&squares) {
+        joint.rms = (squares / f64::from(compared.max(1))).sqrt();
+    }
+    let end = end(session, &changed)?;
+    if args.json {
+        let document = serde_json::json!({
+            "remark": OPEN_LOOP, "cycles": compared, "torque_difference": joints, "end": end,
+        });
+        print::line(&document.to_string());
+        return Ok(());
+    }
+    print::line(OPEN_LOOP);
+    print::line(&format!("computed  {compared} cycles: {end}"));
+    for JointDifference { name, unit, rms, max, cycle } in &joints {
+        let torque = format!("{rms:8.4} {unit} rms, {max:8.4} {unit} at most");
+        let place = if *max > 0.0 { format!(", in cycle {cycle}") } else { String::new() };
+        print::line(&format!("{name:16} {torque}{place}"));
+    }
+    Ok(())
+}

@@ -7,6 +7,7 @@ use std::cell::{Cell, RefCell};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use crate::rings::LossCounters;
 use inputs::{Input, InputSink};
 
 /// Capacity in inputs: a second of two buses at 1 kHz.
@@ -16,8 +17,9 @@ const CAPACITY: usize = 1 << 15;
 #[derive(Debug, Default)]
 pub struct InputProducer {
     ring: Option<RefCell<Producer<Input>>>,
-    /// Inputs lost since the last one that fitted.
+    /// Inputs lost since the last one that fitted, and of the run.
     lost: Cell<u64>,
+    counters: LossCounters,
 }
 
 /// The consumer, which the recorder thread polls.
@@ -25,12 +27,13 @@ pub struct InputProducer {
 pub struct InputConsumer(Option<Consumer<Input>>);
 
 /// Returns both ends of a ring; of none if nothing is recorded. Allocates all memory.
-pub fn input_ring(is_recorded: bool) -> (InputProducer, InputConsumer) {
+pub fn input_ring(is_recorded: bool, counters: LossCounters) -> (InputProducer, InputConsumer) {
     if !is_recorded {
         return Default::default();
     }
     let (producer, consumer) = RingBuffer::new(CAPACITY);
-    let producer = InputProducer { ring: Some(RefCell::new(producer)), lost: Cell::new(0) };
+    let ring = Some(RefCell::new(producer));
+    let producer = InputProducer { ring, lost: Cell::new(0), counters };
     (producer, InputConsumer(Some(consumer)))
 }
 
@@ -49,6 +52,7 @@ impl InputSink for InputProducer {
         };
         if !is_pushed {
             self.lost.set(self.lost.get() + 1);
+            self.counters.add_input();
         }
     }
 }
@@ -77,18 +81,20 @@ mod tests {
 
     #[test]
     fn lost_inputs_are_counted_where_they_are_missing() {
-        let (producer, mut consumer) = input_ring(true);
+        let counters = LossCounters::default();
+        let (producer, mut consumer) = input_ring(true, counters.clone());
         for at in 0..CAPACITY + 3 {
             producer.on_input(Input::Polled(at == 0));
         }
         assert_eq!(taken(&mut consumer).len(), CAPACITY);
         producer.on_input(Input::Polled(true));
         assert_eq!(taken(&mut consumer), [Input::Lost(3), Input::Polled(true)]);
+        assert_eq!(counters.snapshot().to_string(), "3 inputs");
     }
 
     #[test]
     fn run_without_a_session_records_no_inputs() {
-        let (producer, mut consumer) = input_ring(false);
+        let (producer, mut consumer) = input_ring(false, LossCounters::default());
         assert!(!producer.is_recording());
         producer.on_input(Input::Polled(true));
         assert_eq!(taken(&mut consumer), []);

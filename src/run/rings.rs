@@ -70,6 +70,7 @@ pub struct LossCounters(Arc<Counters>);
 struct Counters {
     frames: AtomicU64,
     records: AtomicU64,
+    inputs: AtomicU64,
     events: AtomicU64,
     of_session: AtomicU64,
     of_faults: AtomicU64,
@@ -78,15 +79,21 @@ struct Counters {
 impl LossCounters {
     /// Returns the losses so far.
     pub fn snapshot(&self) -> Losses {
-        let Counters { frames, records, events, of_session, of_faults } = &*self.0;
+        let Counters { frames, records, inputs, events, of_session, of_faults } = &*self.0;
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Losses {
             frames: count(frames),
             records: count(records),
+            inputs: count(inputs),
             events: count(events),
             of_session: count(of_session),
             of_faults: count(of_faults),
         }
+    }
+
+    /// Adds an input that the recorder thread was too slow for.
+    pub(super) fn add_input(&self) {
+        self.0.inputs.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Adds entries that the session's disk was too slow for.

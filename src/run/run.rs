@@ -93,7 +93,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let recorder = open_recorder(args, copies, &Provenance::of(&config, &names, origin))?;
 
     let (producer, entries, lost) = rings::rings();
-    let (input_producer, input_consumer) = input_ring(recorder.has_session());
+    let (input_producer, input_consumer) = input_ring(recorder.has_session(), lost.clone());
     let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();

@@ -104,15 +104,15 @@ pub(super) fn create_numbered(parent: &Path, origin: Origin) -> anyhow::Result<P
 /// # Errors
 /// An earlier session exists and `--force` is not given, or cannot be removed.
 pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
-    let names = [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION, sources::FILES, FAULTS];
-    let names = names.into_iter();
+    let names =
+        [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION, sources::FILES, FAULTS].into_iter();
     names.map(|name| folder.join(name)).try_for_each(|path| results::ensure_free(&path, force))?;
     let gone = |file| match fs::remove_file(folder.join(file)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         Ok(()) | Err(_) => Ok(()),
     };
-    let files = [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION].into_iter();
-    let cleared = files.into_iter().try_for_each(gone);
+    let cleared =
+        [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION].into_iter().try_for_each(gone);
     let cleared = cleared.and_then(|()| sources::clear(folder));
     let cleared = cleared.and_then(|()| fault_records::clear(&folder.join(FAULTS)));
     cleared.with_context(|| format!("session {}", folder.display())).or_fail(Kind::File)

@@ -11,6 +11,8 @@ pub struct Losses {
     pub frames: u64,
     /// Records of cycles lost before the recorder: in no log and no summary.
     pub records: u64,
+    /// Inputs of the node lost before the recorder: a replay ends at the first.
+    pub inputs: u64,
     /// Network events lost before the recorder: not shown.
     pub events: u64,
     /// Frames and cycles that the session's disk was too slow for.
@@ -32,6 +34,7 @@ impl fmt::Display for Losses {
         let kinds = [
             (self.frames, "frames"),
             (self.records, "records"),
+            (self.inputs, "inputs"),
             (self.events, "events"),
             (self.of_session, "entries of the session"),
             (self.of_faults, "entries of fault records"),

@@ -55,6 +55,8 @@ const PRINTING: &[&str] = &[
     "export dcf --config config/kraft_like.toml --out FOLDER/dcf",
     "sim --config config/kraft_like.toml --calibrate elbow",
     "sim --config config/kraft_like.toml --calibrate-friction elbow",
+    "replay SESSION --to 10",
+    "replay SESSION --with config/kraft_like.toml --to 10",
 ];
 
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
@@ -98,7 +100,12 @@ fn printing(test: &str) -> Vec<Vec<String>> {
     let sweep = sweep.to_str().unwrap();
     let swept = frhc(&["sim", "--config", KRAFT, "--calibrate-friction", "elbow", "--out", sweep]);
     assert_eq!(swept.code, 0, "{}", swept.stderr);
+    let session = folder.join("session");
+    let session = session.to_str().unwrap();
+    let recorded = frhc(&["-q", "demo", "--seconds", "0.1", "--out", session]);
+    assert_eq!(recorded.code, 0, "{}", recorded.stderr);
     let known = [
+        ("SESSION", session),
         ("SOCKET", socket.to_str().unwrap()),
         ("FOLDER", folder.to_str().unwrap()),
         ("DATA", data),

@@ -47,10 +47,10 @@ fn replay_sends_what_candump_saw_beside_the_run() {
     let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording, "--anonymise"]);
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;
-    // Contact, another mode, and an arm that was disarmed in between.
+    // Contact, another mode, and a request that is refused because the deadman is closed.
     candump.until(|line| line.nanos > armed + seconds(6.0));
-    for request in ["mode pose", "disarm", "arm"] {
-        scratch.ctl(request).succeeds();
+    for (request, code) in [("mode pose", 0), ("disarm", 0), ("arm", 1)] {
+        assert_eq!(scratch.ctl(request).code, Some(code), "{request}");
         let now = candump.last_nanos();
         candump.until(|line| line.nanos > now + seconds(0.3));
     }

@@ -27,6 +27,8 @@ pub struct Replay {
     /// Cycles whose digests were not read yet, and their intermediates.
     outputs: VecDeque<(u64, Output)>,
     is_compared: bool,
+    /// Number of the last cycle, as the node counts them: with those of its boots.
+    cycle: u64,
 }
 
 /// Maximum number of cycles by which a digest comes behind its cycle.
@@ -107,6 +109,7 @@ impl Replay {
             sent: Vec::new(),
             outputs: VecDeque::new(),
             is_compared,
+            cycle: 0,
         };
         replay.compare(Call::New, None);
         Some(replay)
@@ -144,6 +147,7 @@ impl Replay {
             Call::Stop => self.node.stop(&mut answer).map_or(None, |()| None),
         };
         while self.node.notice().is_some() {}
+        self.cycle = record.as_ref().map_or(self.cycle, |record| record.cycle);
         self.compare(call, record.as_ref());
         record.filter(|_| self.outcome.end.is_none())
     }
@@ -191,7 +195,7 @@ impl Replay {
     fn differs(&mut self, call: Call, misstep: Option<String>) {
         self.source.read_digests();
         self.compare_intermediates();
-        let cycle = self.outcome.cycles + u64::from(call == Call::Cycle);
+        let cycle = self.cycle;
         self.outcome.end = Some(End::Differs(Difference { call, cycle, misstep }));
     }
 

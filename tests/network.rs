@@ -30,7 +30,7 @@ fn sh_blocks_of_the_documentation_run_as_written() {
     let scratch = Scratch::new("documented-network");
     let count = documented::run(scratch.path("").as_ref(), |lane| match lane {
         Lane::Network(before) => Some(before),
-        Lane::AnyMachine | Lane::Vcan(_) | Lane::NotRun(_) => None,
+        Lane::AnyMachine | Lane::Session | Lane::Vcan(_) | Lane::NotRun(_) => None,
     });
     assert_eq!(count, 1);
 }

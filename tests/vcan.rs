@@ -825,7 +825,7 @@ fn sh_blocks_of_the_documentation_run_as_written() {
     let scratch = Scratch::new("documented");
     let count = documented::run(scratch.path("").as_ref(), |lane| match lane {
         Lane::Vcan(before) => Some(before),
-        Lane::AnyMachine | Lane::Network(_) | Lane::NotRun(_) => None,
+        Lane::AnyMachine | Lane::Session | Lane::Network(_) | Lane::NotRun(_) => None,
     });
     assert!(count > 10, "{count}");
 }

@@ -26,6 +26,13 @@ pub struct Force {
     pub(super) force: bool,
 }
 
+impl Force {
+    /// Returns whether existing results may be replaced.
+    pub const fn is_given(self) -> bool {
+        self.force
+    }
+}
+
 /// Permissions of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Access {

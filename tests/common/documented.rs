@@ -12,6 +12,8 @@ use crate::common::sh_blocks::{ShBlock, blocks};
 pub(crate) enum Lane {
     /// On any machine.
     AnyMachine,
+    /// On any machine, where `/tmp/session` is a recorded session of ten seconds.
+    Session,
     /// On vcan0, after these commands.
     Vcan(&'static str),
     /// On vcan0 with `frhc-link`, after these commands.
@@ -59,6 +61,9 @@ const RECORDING: &str =
 const WITHOUT_A_ROBOT: &str = r#"sed -e 's|"../eds/|"eds/|' -e 's/^kind = "virtual"/kind = "link"/' -e '/^.remote.wall/,/^.safety/{//!d}' \
   -e 's/^.remote.wall./[remote.link]\nround_trip_ms = 5.0\nstiffest_contact_n_per_m = 2000.0\n/' config/kraft_like.toml > my_link.toml
 frhc sim --config my_link.toml --scenario contact_10s & frhc run --config my_link.toml &"#;
+
+/// The session of `Lane::Session`.
+pub(crate) const SESSION: &str = "frhc -q demo --scenario contact_10s --out session > /dev/null";
 
 const BUILDS: &str = "builds the program, or runs its tests";
 const INTERFACES: (&str, &str) = ("scripts/vcan_setup.sh", "the test has its interfaces");
@@ -143,6 +148,7 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     row("docs/operation.md", "frhc ctl", Lane::Vcan(STOPPED)),
     row("docs/sessions.md", "frhc demo", Lane::AnyMachine),
+    row("docs/sessions.md", "frhc signals", Lane::Session),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),

@@ -25,6 +25,7 @@ pub(crate) mod oracle;
 pub(crate) mod process;
 pub(crate) mod rest;
 pub(crate) mod rig;
+pub(crate) mod sessions;
 pub(crate) mod sh_blocks;
 
 /// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.

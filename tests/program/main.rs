@@ -22,6 +22,7 @@ mod replay;
 mod robot_process;
 mod robot_refused;
 mod robots;
+mod signals;
 mod stability;
 mod stated;
 mod terminal;

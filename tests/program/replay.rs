@@ -10,9 +10,9 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 use crate::common::cli::{Ended, folder, frhc};
+use crate::common::sessions::change_copy;
 use canopen_tools::candump::Line;
 use config::shipped::HAND_CONTROLLERS;
 
@@ -124,24 +124,6 @@ fn emitted_frames_are_those_that_the_node_has_sent() {
     assert!(part.len() >= 30 && sent.windows(part.len()).any(|window| window == part), "{part:?}");
     let again = replay(&session, &["--emit", emitted.to_str().unwrap()]);
     assert!(again.code == 4 && again.stderr.contains("exists"), "{}", again.stderr);
-}
-
-/// Changes the copy of a file, and its checksum.
-fn change_copy(session: &Path, name: &str, change: impl Fn(String) -> String) {
-    let copy = fs::read_dir(session.join("files")).unwrap().map(|entry| entry.unwrap().path());
-    let copy = copy.into_iter().find(|path| path.to_str().unwrap().ends_with(name)).unwrap();
-    let hash = |path: &Path| {
-        let digest = Sha256::digest(fs::read(path).unwrap());
-        digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>()
-    };
-    let before = hash(&copy);
-    let text = fs::read_to_string(&copy).unwrap();
-    let changed = change(text.clone());
-    assert_ne!(changed, text);
-    fs::write(&copy, changed).unwrap();
-    let file = session.join("session.json");
-    let description = fs::read_to_string(&file).unwrap();
-    fs::write(file, description.replace(&before, &hash(&copy))).unwrap();
 }
 
 #[test]

@@ -7,7 +7,6 @@ mod decoded;
 mod input;
 mod json;
 mod malformed_lines;
-mod recorder_line;
 mod text;
 mod timestamps;
 mod transcriber;

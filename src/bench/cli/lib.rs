@@ -14,6 +14,7 @@ mod interrupt;
 pub mod live_bus;
 pub mod lss;
 pub mod nmt;
+mod os_signals;
 pub mod plan;
 mod quirks;
 pub mod replay;
@@ -22,8 +23,11 @@ mod robot;
 pub mod scan;
 mod scenario;
 pub mod sdo;
-mod signals;
+mod session_config;
+pub mod signal_list;
 mod sim;
+mod span;
+mod whole_file;
 
 use clap::Subcommand;
 
@@ -39,6 +43,7 @@ use crate::plan::Plan;
 use crate::replay::ReplayArgs;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
+use crate::signal_list::SignalList;
 use experiments::command::{self as experiment, Experiment};
 use run::exit::Failure;
 
@@ -119,11 +124,18 @@ pub enum Command {
             frhc replay /tmp/session --emit sent.log --from 4000 --to 4100"
     )]
     Replay(ReplayArgs),
-    /// Writes a DBC file of the buses, or DCF files of the nodes.
+    /// Lists the signals of a recorded session, with unit and frame.
+    #[command(
+        after_help = "Signals are what `frhc plot` and `frhc export csv` take. Those of the replay need its inputs.\n\nExamples:\n  \
+            frhc signals /tmp/session | less\n  frhc signals --json | jq -r .name"
+    )]
+    Signals(SignalList),
+    /// Writes a DBC file of the buses, DCF files of the nodes, or tables of a recorded session.
     #[command(
         subcommand,
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
-            frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
+            frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf\n  \
+            frhc export csv /tmp/session q tau"
     )]
     Export(Export),
 }
@@ -149,6 +161,7 @@ impl Command {
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
             Self::Replay(args) => replay::run(args),
+            Self::Signals(args) => signal_list::run(args),
             Self::Export(args) => export::run(args),
         }
     }

@@ -3,23 +3,19 @@
 mod emitted;
 mod open_loop;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
 
 use crate::interrupt::Interrupt;
 use crate::replay::emitted::Emitted;
+use crate::session_config::{configuration, equipped};
 use ::replay::{Difference, End, Outcome, Replay, Session};
 use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
 use config::Config;
-use config::files::Files;
-use config::problem;
-use config::robots::RobotArm;
-use experiments::comparison;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use sim::scenario::Scenario;
 use telemetry::manifest::Manifest;
 
 /// `frhc replay`.
@@ -77,35 +73,6 @@ pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
     }
     emitted.map_or(Ok(()), Emitted::finish)?;
     report(args, &session, &replay)
-}
-
-/// Returns the configuration that the node of a session had.
-fn configuration(session: &Session) -> Result<Config, Failure> {
-    let files = Files::copied(session.copies().clone());
-    let config = Config::load_from(&files, Path::new(&session.manifest().configuration));
-    equipped(session, config.or_fail(Kind::Configuration)?)
-}
-
-/// Returns a configuration with the robot and the surroundings of a session.
-fn equipped(session: &Session, config: Config) -> Result<Config, Failure> {
-    let (manifest, files) = (session.manifest(), Files::copied(session.copies().clone()));
-    let config = match &manifest.robot {
-        Some(robot) => {
-            let robot = RobotArm::load_from(&files, Path::new(robot));
-            config.with_robot(robot.or_fail(Kind::Configuration)?)
-        }
-        None => config,
-    };
-    let config = match &manifest.scenario {
-        Some(path) => {
-            let text = problem::text(&files, Path::new(path)).or_fail(Kind::Configuration)?;
-            let scenario = Scenario::parse(&text);
-            comparison::surrounded(&config, &scenario.or_fail(Kind::Configuration)?)
-        }
-        None => config,
-    };
-    let is_without = manifest.without_passivity;
-    Ok(if is_without { comparison::without_passivity(&config) } else { config })
 }
 
 /// Prints the result; a difference is a failure.

@@ -2,9 +2,9 @@
 
 use std::io::{self, BufRead};
 
+use crate::recorder_line::RecorderLine;
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen_tools::candump::{Content, Line};
-use telemetry::session::NODE;
 
 /// Returns the frames between the line that ends the cycle before `first`, and the one that ends `last`.
 pub(super) fn frames_of_cycles(
@@ -34,11 +34,11 @@ pub(super) fn frames_of_cycles(
 
 /// Returns the number of the cycle that a line ends.
 fn cycle_ended(line: &Line<'_>) -> Option<u64> {
-    let (interface, id) = NODE;
     let Content::Fd(_, data) = line.content else { return None };
-    let is_node = line.interface == interface && line.id == id;
-    let &[_, _, _, _, c0, c1, c2, c3] = &*data else { return None };
-    is_node.then(|| u32::from_le_bytes([c0, c1, c2, c3]).into())
+    match RecorderLine::read(line, &data)? {
+        RecorderLine::Wrench(_) => None,
+        RecorderLine::Cycle { number, .. } => Some(number.into()),
+    }
 }
 
 fn telegram(line: &Line<'_>, interfaces: &[String]) -> Option<Telegram> {

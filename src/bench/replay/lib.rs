@@ -9,6 +9,7 @@
 
 mod bus_log;
 mod reader;
+pub mod recorder_line;
 mod replay;
 mod replayed_bus;
 mod replayed_remote;

@@ -1,7 +1,7 @@
 //! The folder of a recorded session, read again.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Component, Path, PathBuf};
 
@@ -130,11 +130,22 @@ impl Session {
             SessionKind::Run => cycle,
             SessionKind::Demo => cycle + 1,
         };
-        let file = self.folder.join(BUS_LOG);
-        let log = open(&file)?;
         let interfaces = &self.manifest.interfaces;
-        let found = bus_log::frames_of_cycles(BufReader::new(log), interfaces, cycle, last);
-        found.map_err(|error| SessionError::Unreadable { file, error })
+        let found = bus_log::frames_of_cycles(self.bus_log()?, interfaces, cycle, last);
+        found.map_err(|error| unreadable(&self.folder.join(BUS_LOG), error))
+    }
+
+    /// Opens the log of the buses.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn bus_log(&self) -> Result<impl BufRead + 'static, SessionError> {
+        open(&self.folder.join(BUS_LOG)).map(BufReader::new)
+    }
+
+    /// Returns its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 }
 

@@ -1,6 +1,6 @@
 //! A decoded line of a log, from which text and JSON are written.
 
-use crate::decode::recorder_line::RecorderLine;
+use ::replay::recorder_line::RecorderLine;
 use canopen_tools::decode::Annotation;
 use canopen_tools::decode::error_frame::ErrorFrame;
 

@@ -6,8 +6,8 @@ use std::io::{self, Write};
 use serde_json::to_writer;
 
 use crate::decode::decoded::Decoded;
-use crate::decode::recorder_line::RecorderLine;
 use crate::decode::timestamps::GoesBack;
+use ::replay::recorder_line::RecorderLine;
 use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
 use canopen_tools::candump::{Content, Line, NotALine};

@@ -4,9 +4,9 @@ use std::io::{self, BufReader, Read, Write};
 
 use crate::decode::decoded::Decoded;
 use crate::decode::input::read_line;
-use crate::decode::recorder_line::RecorderLine;
 use crate::decode::timestamps::Timestamps;
 use crate::decode::{json, text};
+use ::replay::recorder_line::RecorderLine;
 use canopen::frame::Channel;
 use canopen_tools::candump::{Content, Line, NotALine};
 use canopen_tools::decode::error_frame::ErrorFrame;

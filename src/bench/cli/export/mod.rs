@@ -1,5 +1,6 @@
-//! `frhc export`: DBC and DCF files of a configuration, for other tools.
+//! `frhc export`: DBC and DCF files of a configuration, and tables of a session, for other tools.
 
+pub mod csv;
 pub mod dbc;
 pub mod dcf;
 
@@ -10,6 +11,14 @@ use run::exit::Failure;
 /// `frhc export`.
 #[derive(Debug, Subcommand)]
 pub enum Export {
+    /// Writes signals of a recorded session as a table, a row for each cycle.
+    #[command(
+        after_help = "Columns are the number of the cycle, the time in s since time zero, and the signals; `frhc signals SESSION` \
+            lists these. A value that is absent is empty.\n\nExamples:\n  \
+            frhc export csv /tmp/session -o all.csv\n  \
+            frhc export csv /tmp/session q tau f_s.fx --every 10 --from 5s --to 8s | head"
+    )]
+    Csv(csv::Csv),
     /// Writes a DBC file of the buses, with SI scaling and joint names.
     #[command(
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
@@ -27,6 +36,7 @@ pub enum Export {
 /// Executes the export.
 pub(super) fn run(export: &Export) -> Result<(), Failure> {
     match export {
+        Export::Csv(args) => csv::run(args),
         Export::Dbc(args) => dbc::run(args),
         Export::Dcf(args) => dcf::run(args),
     }

@@ -16,11 +16,11 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use crate::args::Robot;
+use crate::os_signals::{self, StatusSignals};
 use crate::robot::clock::Clock;
 use crate::robot::cycle::Requests;
 use crate::robot::outlet::{Message, Outlet};
 use crate::robot::report::Report;
-use crate::signals::{self, StatusSignals};
 use config::robots::RobotArm;
 use config::{Config, FarSide};
 use far_socket::FarSocket;
@@ -127,7 +127,7 @@ async fn serve(
     requests: &Requests,
     args: &Robot,
 ) {
-    let ended = signals::wait_for_stop();
+    let ended = os_signals::wait_for_stop();
     tokio::pin!(ended);
     loop {
         tokio::select! {

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 
 use crate::args::Sim;
 use crate::event_narrator::EventNarrator;
-use crate::signals::{self, StatusSignals};
+use crate::os_signals::{self, StatusSignals};
 use crate::{quirks, rig, scenario};
 use bus::{SocketCan, realtime};
 use canopen::frame::Channel;
@@ -132,7 +132,7 @@ async fn serve(
     narrator: &EventNarrator,
     print_report: impl Fn(&Report),
 ) {
-    let ended = signals::wait_for_stop();
+    let ended = os_signals::wait_for_stop();
     tokio::pin!(ended);
     loop {
         tokio::select! {

@@ -9,7 +9,7 @@ use telemetry::session::{NODE, WRENCH};
 
 /// A line of the session recorder.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum RecorderLine {
+pub enum RecorderLine {
     /// The wrench on the object at {S}: force in N, moment in N·m.
     Wrench([f64; 6]),
     /// The end of a cycle.
@@ -27,7 +27,7 @@ pub(super) enum RecorderLine {
 
 impl RecorderLine {
     /// Parses a line; `None` if the recorder has not written it.
-    pub(super) fn read(line: &Line<'_>, data: &[u8]) -> Option<Self> {
+    pub fn read(line: &Line<'_>, data: &[u8]) -> Option<Self> {
         if (line.interface, line.id) == WRENCH {
             let (numbers, rest) = data.as_chunks::<8>();
             let numbers: &[[u8; 8]; 6] = numbers.try_into().ok().filter(|_| rest.is_empty())?;
@@ -43,7 +43,7 @@ impl RecorderLine {
     }
 
     /// Returns the name of the line's kind.
-    pub(super) const fn name(&self) -> &'static str {
+    pub const fn name(&self) -> &'static str {
         match self {
             Self::Wrench(_) => "wrench",
             Self::Cycle { .. } => "cycle",

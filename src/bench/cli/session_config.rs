@@ -1,0 +1,41 @@
+//! Configuration of a recorded session, from the files that the session copied.
+
+use std::path::Path;
+
+use ::replay::Session;
+use config::Config;
+use config::files::Files;
+use config::problem;
+use config::robots::RobotArm;
+use experiments::comparison;
+use run::exit::{Failure, Kind, OrFail};
+use sim::scenario::Scenario;
+
+/// Returns the configuration that the node of a session had.
+pub(super) fn configuration(session: &Session) -> Result<Config, Failure> {
+    let files = Files::copied(session.copies().clone());
+    let config = Config::load_from(&files, Path::new(&session.manifest().configuration));
+    equipped(session, config.or_fail(Kind::Configuration)?)
+}
+
+/// Returns a configuration with the robot and the surroundings of a session.
+pub(super) fn equipped(session: &Session, config: Config) -> Result<Config, Failure> {
+    let (manifest, files) = (session.manifest(), Files::copied(session.copies().clone()));
+    let config = match &manifest.robot {
+        Some(robot) => {
+            let robot = RobotArm::load_from(&files, Path::new(robot));
+            config.with_robot(robot.or_fail(Kind::Configuration)?)
+        }
+        None => config,
+    };
+    let config = match &manifest.scenario {
+        Some(path) => {
+            let text = problem::text(&files, Path::new(path)).or_fail(Kind::Configuration)?;
+            let scenario = Scenario::parse(&text);
+            comparison::surrounded(&config, &scenario.or_fail(Kind::Configuration)?)
+        }
+        None => config,
+    };
+    let is_without = manifest.without_passivity;
+    Ok(if is_without { comparison::without_passivity(&config) } else { config })
+}

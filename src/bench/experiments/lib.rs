@@ -11,7 +11,6 @@ pub mod fidelity;
 pub mod no_trial;
 pub mod ntrfc;
 mod opening;
-pub mod picture;
 mod pool;
 pub mod return_to_centre;
 pub mod torque_curves;

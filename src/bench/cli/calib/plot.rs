@@ -2,7 +2,7 @@
 //! polynomial; below, the residuals of the measurements.
 
 use calibration::fit::{Calibrated, Direction, Sample};
-use experiments::picture::{self, Ink, Panel, Series};
+use picture::{self, Ink, Panel, Series};
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::digits::significant;
 

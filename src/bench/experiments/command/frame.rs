@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::command::common::Results;
 use crate::command::runner;
 use crate::command::table::{self, Table};
-use crate::picture::{self, Panel};
+use picture::{self, Panel};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results;

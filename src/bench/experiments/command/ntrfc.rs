@@ -13,8 +13,8 @@ use crate::command::table::{self, Column, Table};
 use crate::contact_bounds;
 use crate::no_trial::NoTrial;
 use crate::ntrfc::{Press, Row};
-use crate::picture::{Ink, Panel, Series};
 use config::Config;
+use picture::{Ink, Panel, Series};
 use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 

@@ -6,8 +6,8 @@ use crate::delay::link::Link;
 use crate::delay::measured::Outcome;
 use crate::delay::script::Commanded;
 use crate::delay::trial::Row;
-use crate::picture::{Ink, Panel, Series};
 use crate::pool;
+use picture::{Ink, Panel, Series};
 
 /// Names of the columns of runs.csv.
 const HEAD: &str = "part,led,commanded,delay_ms,jitter_ms,loss_percent,max_age_ms,k_t,has_layer,is_accepted,outcome,\

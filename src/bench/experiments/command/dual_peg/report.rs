@@ -5,7 +5,7 @@ use crate::command::table::{self, Column, Table};
 use crate::dual_peg::condition::Condition;
 use crate::dual_peg::pooled::{Pooled, Ratio};
 use crate::dual_peg::trial::Trial;
-use crate::picture::{Ink, Panel, Series as Curve};
+use picture::{Ink, Panel, Series as Curve};
 
 /// Work of the three operators of Table I without and with force information, in units that the paper does not state.
 const PAPER: [[f64; 3]; 2] = [[1.66, 2.55, 1.51], [0.59, 0.61, 0.42]];

@@ -12,7 +12,7 @@ use crate::fidelity::experiment::{Condition, Row};
 use crate::fidelity::pooled::Pooled;
 use crate::fidelity::script::{Course, HANDS, Hand};
 use crate::no_trial::NoTrial;
-use crate::picture::{Ink, Panel, Series};
+use picture::{Ink, Panel, Series};
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::fidelity::Sample;
 use units::spatial::Wrench;

@@ -1,10 +1,10 @@
 //! Table, CSV and picture of the return to centre.
 
 use crate::command::table::{self, Column, Table};
-use crate::picture::{Ink, Panel, Series};
 use crate::return_to_centre::curve::Point;
 use crate::return_to_centre::figures::Figures;
 use crate::return_to_centre::trial::Row;
+use picture::{Ink, Panel, Series};
 
 /// Meaning of the columns, below the table.
 const NOTE: &str = "plateau, deadband: as configured; at the hand: mean of the way out and back, edge of the parabola that fits it best; \

@@ -1,13 +1,13 @@
 //! Tables, CSV and picture of the torque curves.
 
 use crate::command::table::{self, Column, Table};
-use crate::picture::{Ink, Panel, Series};
 use crate::pool;
 use crate::torque_curves::calibration::{Bench, Row};
 use crate::torque_curves::test_force::{self, Feeling, TEST_FORCE, TEST_MOMENT};
 use calibration::fit::Direction;
 use config::JointParameters;
 use controller::calibration::TorqueCurve;
+use picture::{Ink, Panel, Series};
 
 /// Names of the columns of joints.csv.
 const JOINTS_HEAD: &str = "configuration,joint,seed,unit,range_n_or_nm,friction_n_or_nm,line_rms_percent,line_max_percent,\

@@ -1,4 +1,4 @@
-//! Pictures of experiments and calibrations: line charts in panels, as SVG.
+//! Charts of experiments and calibrations: lines, marks and areas in panels, in rows.
 
 use std::ops::Range;
 
@@ -10,6 +10,8 @@ use plotters::prelude::{
     BLACK, Cartesian2d, ChartBuilder, ChartContext, Color, DashedLineSeries, DrawingArea,
     IntoDrawingArea, IntoFont, IntoTextStyle, RGBColor, SVGBackend, SeriesLabelPosition, WHITE,
 };
+
+use crate::theme::standalone;
 
 /// Width and height of a panel, in px.
 const PANEL: [u32; 2] = [560, 320];
@@ -104,11 +106,16 @@ impl Panel {
 /// A chart that is being drawn.
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Returns the panels as one SVG picture, in rows of `columns`.
+/// Returns the panels as one SVG picture, in rows of `columns`, with its stylesheet.
 ///
 /// # Errors
 /// When it cannot be drawn.
 pub fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
+    Ok(standalone(&plain(panels, columns)?))
+}
+
+/// Returns the picture without a stylesheet.
+pub(crate) fn plain(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
     let columns = columns.clamp(1, panels.len().max(1));
     let rows = panels.len().div_ceil(columns).max(1);
     let [width, height] = PANEL;

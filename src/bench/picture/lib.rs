@@ -1,0 +1,29 @@
+//! Pictures: the one module that draws. Charts of experiments, and what a session needs: time series with their extremes,
+//! modes and events over one time axis, histograms. Pictures are SVG; PNG is the same picture, rendered.
+//!
+//! ```
+//! use picture::strip::{Curve, Extent, Plot, Strip};
+//!
+//! let felt = (0..5).map(f64::from).map(|at| Extent { from: at, to: at + 1.0, min: -at, max: at });
+//! let mut strip = Strip::new("Force felt", 0.0..5.0);
+//! strip.plots.push(Plot::new("force", "N", [Curve::new("fx", felt)]));
+//! let svg = picture::standalone(&strip.svg(900.0));
+//! assert!(svg.starts_with("<svg"));
+//! ```
+#![forbid(unsafe_code)]
+
+mod axis;
+mod chart;
+mod curve;
+pub mod histogram;
+mod ink;
+mod legend;
+mod raster;
+pub mod strip;
+mod theme;
+mod trace;
+
+pub use chart::{Ink, Panel, Series, svg};
+pub use ink::escaped;
+pub use raster::{RasterError, png};
+pub use theme::{STYLE, standalone};

@@ -176,3 +176,35 @@ fn wrong_names_and_places_are_refused_in_one_line() {
     let nowhere = export(&session, &["q", "-o", "/nonexistent/table.csv"]);
     assert_eq!((nowhere.code, nowhere.stderr.lines().count()), (4, 1), "{}", nowhere.stderr);
 }
+
+#[test]
+fn plot_has_modes_and_curves_of_its_signals() {
+    let session = session("plot");
+    let folder = session.parent().unwrap();
+    let plot = |out: &Path, signals: &[&str]| {
+        let args = ["plot", session.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        frhc(&[&args[..], signals].concat())
+    };
+    let svg = folder.join("felt.svg");
+    let ended = plot(&svg, &["f_s", "q.elbow"]);
+    assert_eq!((ended.code, &*ended.stderr), (0, ""), "{}", ended.stderr);
+    let text = fs::read_to_string(&svg).unwrap();
+    for word in ["engaged", "f_s at {S}: wrench of the environment", "f_s.mz", "q.elbow: position"]
+    {
+        assert!(text.contains(word), "{word}");
+    }
+    assert!(!text.contains("NaN") && text.len() < 300_000, "{}", text.len());
+    let png = folder.join("felt.png");
+    assert_eq!(plot(&png, &["f_s"]).code, 0);
+    assert!(fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
+    let csv = folder.join("felt.csv");
+    assert_eq!(plot(&csv, &["f_s.fx"]).code, 0);
+    assert!(fs::read_to_string(&csv).unwrap().starts_with("cycle,time,f_s.fx\n"));
+    for (out, reason) in [("felt.jpg", ".svg, .png or .csv"), ("felt.svg", "--force")] {
+        let ended = plot(&folder.join(out), &["f_s"]);
+        assert!(ended.code == 2 && ended.stderr.contains(reason), "{}", ended.stderr);
+    }
+    let nothing = plot(&folder.join("late.svg"), &["f_s", "--from", "99s"]);
+    assert!(nothing.code == 2 && nothing.stderr.contains("no cycle"), "{}", nothing.stderr);
+    assert!(!folder.join("late.svg").exists());
+}

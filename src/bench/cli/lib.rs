@@ -16,6 +16,7 @@ pub mod lss;
 pub mod nmt;
 mod os_signals;
 pub mod plan;
+pub mod plot;
 mod quirks;
 pub mod replay;
 mod rig;
@@ -40,6 +41,7 @@ use crate::export::Export;
 use crate::lss::Lss;
 use crate::nmt::Nmt;
 use crate::plan::Plan;
+use crate::plot::Plot;
 use crate::replay::ReplayArgs;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
@@ -124,6 +126,14 @@ pub enum Command {
             frhc replay /tmp/session --emit sent.log --from 4000 --to 4100"
     )]
     Replay(ReplayArgs),
+    /// Draws signals of a recorded session over time, or writes them as a table.
+    #[command(
+        after_help = "A quantity has a plot for each of its units; a curve shows smallest and largest value of each pixel. Modes \
+            and stops are above.\n\nExamples:\n  \
+            frhc plot /tmp/session f_s f_g_task -o felt.svg\n  \
+            frhc plot /tmp/session '*.elbow' --from 5s --to 8s -o elbow.png"
+    )]
+    Plot(Plot),
     /// Lists the signals of a recorded session, with unit and frame.
     #[command(
         after_help = "Signals are what `frhc plot` and `frhc export csv` take. Those of the replay need its inputs.\n\nExamples:\n  \
@@ -161,6 +171,7 @@ impl Command {
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
             Self::Replay(args) => replay::run(args),
+            Self::Plot(args) => plot::run(args),
             Self::Signals(args) => signal_list::run(args),
             Self::Export(args) => export::run(args),
         }

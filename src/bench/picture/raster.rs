@@ -32,6 +32,7 @@ impl std::error::Error for RasterError {}
 /// It is not SVG, or too large.
 pub fn png(svg: &str) -> Result<Vec<u8>, RasterError> {
     let svg = if svg.contains("<style>") { svg.to_owned() } else { theme::standalone(svg) };
+    let svg = theme::light(&svg);
     let mut fonts = Database::new();
     fonts.load_font_data(dejavu::sans::regular().to_vec());
     fonts.set_sans_serif_family(FAMILY);

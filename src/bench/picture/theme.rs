@@ -58,6 +58,16 @@ pub fn standalone(svg: &str) -> String {
     }
 }
 
+/// Returns a picture without its colours for the dark, which a renderer of PNG does not know. They end a stylesheet.
+pub(crate) fn light(svg: &str) -> String {
+    match (svg.find("@media"), svg.find("</style>")) {
+        (Some(begin), Some(end)) if begin < end => {
+            [svg.get(..begin), svg.get(end..)].into_iter().flatten().collect()
+        }
+        _ => svg.to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,5 +95,7 @@ mod tests {
         assert!(text.starts_with("<svg class=\"pic\"><style>.pic"), "{text}");
         assert_eq!(text.matches("<style>").count(), 1);
         assert_eq!(standalone("no picture"), "no picture");
+        let text = light(&text);
+        assert!(!text.contains("@media") && text.contains("</style><path/>"), "{text}");
     }
 }

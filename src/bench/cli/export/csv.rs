@@ -48,41 +48,62 @@ pub(super) fn run(args: &Csv) -> Result<(), Failure> {
         [] => all,
         names => chosen(&all, names).or_fail(Kind::Usage)?,
     };
-    let mut cycles = recording.cycles().or_fail(Kind::File)?;
+    let cycles = recording.cycles().or_fail(Kind::File)?;
     let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
-    let mut file = WholeFile::create(args.out.as_deref(), args.force)?;
-    match write(&mut file, &signals, &mut cycles, args, &interrupt) {
-        Err(error) => return file.abandon(error),
-        Ok(()) if interrupt.is_set() => {
-            return Err(Failure::new(Kind::Interrupted, "interrupted: no table was written"));
-        }
-        Ok(()) => file.finish()?,
-    }
-    remarks(cycles.findings()).iter().for_each(|remark| print::note(remark));
-    Ok(())
+    let file = WholeFile::create(args.out.as_deref(), args.force)?;
+    let table = Table { signals: &signals, span: args.span, every: args.every.get() };
+    table.write(file, cycles, &interrupt)
 }
 
-fn write(
-    file: &mut WholeFile,
-    signals: &[Signal],
-    cycles: &mut Cycles,
-    args: &Csv,
-    interrupt: &Interrupt,
-) -> io::Result<()> {
-    let mut table = csv::Writer::from_writer(file);
-    let names = signals.iter().map(|signal| &*signal.name);
-    table.write_record(["cycle", "time"].into_iter().chain(names))?;
-    let mut row = csv::ByteRecord::new();
-    while let Some(cycle) = cycles.next() {
-        if args.span.is_behind(&cycle) || interrupt.is_set() {
-            break;
+/// A table of signals.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Table<'a> {
+    pub(crate) signals: &'a [Signal],
+    pub(crate) span: Span,
+    /// Every Nth cycle is written.
+    pub(crate) every: u64,
+}
+
+impl Table<'_> {
+    /// Writes a row for each cycle, and notes what is missing.
+    pub(crate) fn write(
+        &self,
+        mut file: WholeFile,
+        mut cycles: Cycles,
+        interrupt: &Interrupt,
+    ) -> Result<(), Failure> {
+        match self.rows(&mut file, &mut cycles, interrupt) {
+            Err(error) => return file.abandon(error),
+            Ok(()) if interrupt.is_set() => {
+                return Err(Failure::new(Kind::Interrupted, "interrupted: no table was written"));
+            }
+            Ok(()) => file.finish()?,
         }
-        if !args.span.is_before(&cycle) && cycle.number.is_multiple_of(args.every.get()) {
-            fill(&mut row, signals, &cycle)?;
-            table.write_byte_record(&row)?;
-        }
+        remarks(cycles.findings()).iter().for_each(|remark| print::note(remark));
+        Ok(())
     }
-    table.flush()
+
+    fn rows(
+        &self,
+        file: &mut WholeFile,
+        cycles: &mut Cycles,
+        interrupt: &Interrupt,
+    ) -> io::Result<()> {
+        let mut table = csv::Writer::from_writer(file);
+        let names = self.signals.iter().map(|signal| &*signal.name);
+        table.write_record(["cycle", "time"].into_iter().chain(names))?;
+        let mut row = csv::ByteRecord::new();
+        while let Some(cycle) = cycles.next() {
+            if self.span.is_behind(&cycle) || interrupt.is_set() {
+                break;
+            }
+            if !self.span.is_before(&cycle) && cycle.number.is_multiple_of(self.every) {
+                fill(&mut row, self.signals, &cycle)?;
+                table.write_byte_record(&row)?;
+            }
+        }
+        table.flush()
+    }
 }
 
 /// Fills a row: cycle, time in s since time zero, and the values; an absent one is empty.
@@ -107,7 +128,7 @@ fn fill(row: &mut csv::ByteRecord, signals: &[Signal], cycle: &Cycle<'_>) -> io:
 }
 
 /// Returns what a pass over a session has found, a line each; empty where everything is there.
-pub(super) fn remarks(findings: &Findings) -> Vec<String> {
+pub(crate) fn remarks(findings: &Findings) -> Vec<String> {
     let verdict = findings.verdict.as_ref().and_then(|verdict| match verdict {
         ReplayVerdict::Equal => None,
         ReplayVerdict::EndsEarly(reason) => Some(format!("the replay ends early: {reason}")),

@@ -14,6 +14,7 @@ mod ended;
 mod experiments;
 mod explain;
 mod layouts;
+mod long_work;
 mod no_switch_box;
 mod plan;
 mod readme;

@@ -7,7 +7,6 @@ use std::{fs, thread};
 
 use anyhow::Context;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -24,6 +23,7 @@ use config::Config;
 use config::shipped::HAND_CONTROLLERS;
 use experiments::command::require_switch_box;
 use node::record::Record;
+use progress::Progress;
 use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
@@ -104,10 +104,13 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         };
         return Err(Failure::new(Kind::Usage, reason));
     }
-    let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
-    let verdicts = cases.run(threads(args), &|| bar.inc(1)).or_fail(Kind::Drive)?;
-    let seconds = bar.elapsed().as_secs_f64();
-    bar.finish_and_clear();
+    let total = u64::try_from(cases.cases().len()).unwrap_or(u64::MAX);
+    let progress = Progress::start(total, "faults", quiet).or_fail(Kind::Bus)?;
+    let on_case = || progress.advance(1);
+    let verdicts = progress.abandonable(print::error, || cases.run(threads(args), &on_case));
+    let verdicts = verdicts.or_fail(Kind::Drive)?;
+    let seconds = progress.elapsed().as_secs_f64();
+    progress.finish();
     let table = Table::of(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
     if args.json {
@@ -294,10 +297,11 @@ fn folder(args: &Campaign) -> Result<PathBuf, Failure> {
 }
 
 fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result<(), Failure> {
-    let bar = bar(cycles, "cycles", quiet);
-    let laps = soak::soak(args.seed, configs, cycles, threads(args), &|cycles| bar.inc(cycles));
-    let laps = laps.or_fail(Kind::Drive)?;
-    bar.finish_and_clear();
+    let progress = Progress::start(cycles, "cycles", quiet).or_fail(Kind::Bus)?;
+    let on_lap = |cycles| progress.advance(cycles);
+    let laps = || soak::soak(args.seed, configs, cycles, threads(args), &on_lap);
+    let laps = progress.abandonable(print::error, laps).or_fail(Kind::Drive)?;
+    progress.finish();
     let played: u64 = laps.iter().map(|lap| lap.cycles).sum();
     let bad: Vec<_> = laps.iter().filter(|lap| !lap.is_good()).collect();
     for lap in bad.iter().take(MAX_LOGS) {
@@ -343,17 +347,4 @@ fn thread_count(word: &str) -> Result<NonZero<usize>, String> {
 fn threads(args: &Campaign) -> NonZero<usize> {
     let all = || thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     args.threads.unwrap_or_else(all)
-}
-
-/// Returns a progress bar, which is shown on a terminal alone.
-fn bar(length: u64, of: &str, quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    if quiet {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    let style = format!("{{bar:40}} {{percent:>3}} %  {{pos}}/{{len}} {of}  {{elapsed}}");
-    if let Ok(style) = ProgressStyle::with_template(&style) {
-        bar.set_style(style);
-    }
-    bar
 }

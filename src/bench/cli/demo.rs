@@ -4,12 +4,8 @@ use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::Context;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-
 use crate::args::Demo;
 use crate::event_narrator::EventNarrator;
-use crate::interrupt::Interrupt;
 use crate::{quirks, scenario};
 use bus::Tap;
 use canopen::frame::Telegram;
@@ -23,6 +19,7 @@ use experiments::comparison::{self, Comparison};
 use inputs::{Input, InputSink};
 use node::cause::Cause;
 use node::record::Record;
+use progress::Progress;
 use run::check::{contact, refuse_far_side};
 use run::exit::{Failure, Kind, OrFail};
 use run::provenance::Provenance;
@@ -41,8 +38,8 @@ use testbench::side::Side;
 use testbench::truth::Truth;
 use units::time::Instant;
 
-/// Cycles between two updates of the progress bar.
-const BAR_EVERY: u64 = 500;
+/// Cycles between two updates of the mode beside the progress bar.
+const MODE_EVERY: u64 = 500;
 
 /// Runs the scenario and prints its summary.
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
@@ -171,24 +168,17 @@ impl Play<'_> {
         let provenance = Provenance::of(config, &interfaces, Origin::default());
         let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance, sources));
         let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
-        let interrupt = folder.map(|_| Interrupt::watch()).transpose();
-        let interrupt = interrupt.context("cannot receive signals").or_fail(Kind::Bus)?;
-        let summary = self.simulate(scenario, &mut recorder, &interrupt.unwrap_or_default())?;
+        let summary = self.simulate(scenario, &mut recorder)?;
         let (records, finished) = recorder.finish(&summary);
         records.iter().for_each(|line| print::note(line));
         finished.or_fail(Kind::Bus)?;
         Ok(summary)
     }
 
-    fn simulate(
-        &self,
-        scenario: Scenario,
-        recorder: &mut RunRecorder,
-        interrupt: &Interrupt,
-    ) -> Result<Summary, Failure> {
+    fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
         let Self { args, quiet, config, seconds, .. } = self;
         let cycles = cycles(config, *seconds)?;
-        let bar = progress(cycles, *quiet);
+        let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::Bus)?;
         let recorder = RefCell::new(recorder);
         let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let is_booting = Cell::new(true);
@@ -196,7 +186,7 @@ impl Play<'_> {
             recorder: &recorder,
             narrator: narrator.clone(),
             is_booting: &is_booting,
-            bar: bar.clone(),
+            progress,
         };
         let side = match &args.robot {
             Some(_) => robot(config, args.seed)?,
@@ -217,25 +207,25 @@ impl Play<'_> {
             at_hand.add(truth.sample(&bench, &record).as_ref());
             let is_too_fast = record.cause == Some(Cause::GripOverspeed);
             if is_too_fast && !std::mem::replace(&mut was_too_fast, is_too_fast) {
-                bar.suspend(|| print::note(&overspeed(&record, config)));
+                progress.suspend(|| print::note(&overspeed(&record, config)));
             }
             if let Some(narrator) = &mut narrator {
-                bar.suspend(|| print_cycle(narrator, &mut bench, &record));
+                progress.suspend(|| print_cycle(narrator, &mut bench, &record));
             }
             recorder.borrow_mut().on_cycle(&record);
             while let Some(message) = recorder.borrow_mut().next_message() {
-                bar.suspend(|| print::note(&message));
+                progress.suspend(|| print::note(&message));
             }
-            if cycle % BAR_EVERY == 0 || cycle == cycles {
-                bar.set_position(cycle);
-                bar.set_message(record.mode.name());
+            progress.advance(1);
+            if cycle % MODE_EVERY == 0 {
+                progress.set_state(record.mode.name());
             }
-            if interrupt.is_set() {
+            if progress.is_interrupted() {
                 summary.is_interrupted = true;
                 break;
             }
         }
-        bar.finish_and_clear();
+        progress.finish();
         summary.fidelity = at_hand.report();
         let carried = bench.carried();
         summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
@@ -261,7 +251,7 @@ struct Observer<'a, 'r> {
     recorder: &'a RefCell<&'r mut RunRecorder>,
     narrator: Option<EventNarrator>,
     is_booting: &'a Cell<bool>,
-    bar: ProgressBar,
+    progress: &'a Progress,
 }
 
 /// Records the inputs of the node in the session, if there is one.
@@ -288,7 +278,7 @@ impl Tap for Observer<'_, '_> {
             return Some(event);
         }
         if let Some(narrator) = &self.narrator {
-            self.bar.suspend(|| print::note(&narrator.event(at, &event)));
+            self.progress.suspend(|| print::note(&narrator.event(at, &event)));
         }
         None
     }
@@ -332,17 +322,4 @@ fn print_events<T: Tap, S: InputSink + Clone>(
     while let Some(event) = bench.notice() {
         print::note(&narrator.event(now, &event));
     }
-}
-
-/// Returns a progress bar, which is shown only on a terminal.
-fn progress(cycles: u64, quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::new(cycles);
-    if quiet {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    let style = "{bar:40} {percent:>3} %  {pos}/{len} cycles  {msg}  {elapsed}";
-    if let Ok(style) = ProgressStyle::with_template(style) {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -10,7 +10,6 @@ mod event_narrator;
 pub mod explain;
 pub mod export;
 mod faults;
-mod interrupt;
 pub mod live_bus;
 pub mod lss;
 pub mod nmt;
@@ -25,6 +24,7 @@ pub mod scan;
 mod scenario;
 pub mod sdo;
 mod session_config;
+mod session_progress;
 pub mod signal_list;
 mod sim;
 mod span;
@@ -170,10 +170,10 @@ impl Command {
             Self::Nmt(args) => nmt::run(args),
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
-            Self::Replay(args) => replay::run(args),
-            Self::Plot(args) => plot::run(args),
+            Self::Replay(args) => replay::run(args, is_quiet),
+            Self::Plot(args) => plot::run(args, is_quiet),
             Self::Signals(args) => signal_list::run(args),
-            Self::Export(args) => export::run(args),
+            Self::Export(args) => export::run(args, is_quiet),
         }
     }
 }

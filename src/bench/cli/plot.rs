@@ -3,12 +3,11 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::Args;
 
 use crate::export::csv::{Table, remarks};
-use crate::interrupt::Interrupt;
 use crate::session_config::configuration;
+use crate::session_progress;
 use crate::span::{Span, seconds};
 use crate::whole_file::WholeFile;
 use ::replay::Session;
@@ -76,29 +75,31 @@ impl Form {
 }
 
 /// Draws the signals, or writes them as a table.
-pub(super) fn run(args: &Plot) -> Result<(), Failure> {
+pub(super) fn run(args: &Plot, is_quiet: bool) -> Result<(), Failure> {
     let form = Form::of(args.out.as_deref())?;
     let session = Session::open(&args.session).or_fail(Kind::File)?;
     let config = configuration(&session)?;
     let recording = Recording::new(&session, &config);
     let signals = chosen(&catalogue(&recording), &args.signals).or_fail(Kind::Usage)?;
     let mut cycles = recording.cycles().or_fail(Kind::File)?;
-    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
     let mut file = WholeFile::create(args.out.as_deref(), args.force)?;
+    let progress = session_progress::start(&args.session, None, is_quiet)?;
     if form == Form::Csv {
         let table = Table { signals: &signals, span: args.span, every: 1 };
-        return table.write(file, cycles, &interrupt);
+        return table.write(file, cycles, &progress);
     }
     let mut curves = Curves::new(signals);
     while let Some(cycle) = cycles.next() {
-        if args.span.is_behind(&cycle) || interrupt.is_set() {
+        if args.span.is_behind(&cycle) || progress.is_interrupted() {
             break;
         }
+        progress.advance(1);
         if !args.span.is_before(&cycle) {
             curves.add(&cycle);
         }
     }
-    if interrupt.is_set() {
+    progress.finish();
+    if progress.is_interrupted() {
         return Err(Failure::new(Kind::Interrupted, "interrupted: no picture was written"));
     }
     let manifest = session.manifest();

@@ -5,12 +5,11 @@ mod open_loop;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
-use crate::interrupt::Interrupt;
 use crate::replay::emitted::Emitted;
 use crate::session_config::{configuration, equipped};
+use crate::session_progress;
 use ::replay::{Difference, End, Outcome, Replay, Session};
 use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
 use config::Config;
@@ -46,17 +45,17 @@ pub struct ReplayArgs {
 }
 
 /// Replays a session, compares what the node sends, and prints the result.
-pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     let session = Session::open(&args.session).or_fail(Kind::File)?;
     let config = configuration(&session)?;
     if let Some(file) = &args.with {
         let other = Config::load(file).or_fail(Kind::Configuration)?;
-        return open_loop::compare(args, &session, &config, &equipped(&session, other)?);
+        return open_loop::compare(args, is_quiet, &session, &config, &equipped(&session, other)?);
     }
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
-    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
     let mut emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
     let mut emitted = emitted.take().transpose()?;
+    let progress = session_progress::start(&args.session, args.to, is_quiet)?;
     loop {
         let cycle = replay.outcome().cycles;
         if let Some(emitted) = emitted.as_mut().filter(|_| cycle >= args.from) {
@@ -65,12 +64,11 @@ pub(super) fn run(args: &ReplayArgs) -> Result<(), Failure> {
         if replay.outcome().end.is_some() || args.to.is_some_and(|last| cycle >= last) {
             break;
         }
-        if interrupt.is_set() {
-            let reason = format!("interrupted after {cycle} cycles");
-            return Err(Failure::new(Kind::Interrupted, reason));
-        }
+        progress.check().or_fail(Kind::Interrupted)?;
         replay.step();
+        progress.advance(replay.outcome().cycles - cycle);
     }
+    progress.finish();
     emitted.map_or(Ok(()), Emitted::finish)?;
     report(args, &session, &replay)
 }

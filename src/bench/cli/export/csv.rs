@@ -1,17 +1,17 @@
 //! `frhc export csv`: signals of a session at full rate, a row for each cycle.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::num::NonZero;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
-use crate::interrupt::Interrupt;
 use crate::session_config::configuration;
+use crate::session_progress;
 use crate::span::{Span, seconds};
 use crate::whole_file::WholeFile;
 use ::replay::Session;
+use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::Force;
@@ -39,7 +39,7 @@ pub struct Csv {
 }
 
 /// Writes the table.
-pub(super) fn run(args: &Csv) -> Result<(), Failure> {
+pub(super) fn run(args: &Csv, is_quiet: bool) -> Result<(), Failure> {
     let session = Session::open(&args.session).or_fail(Kind::File)?;
     let config = configuration(&session)?;
     let recording = Recording::new(&session, &config);
@@ -49,10 +49,12 @@ pub(super) fn run(args: &Csv) -> Result<(), Failure> {
         names => chosen(&all, names).or_fail(Kind::Usage)?,
     };
     let cycles = recording.cycles().or_fail(Kind::File)?;
-    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
     let file = WholeFile::create(args.out.as_deref(), args.force)?;
+    // Rows on the terminal show the progress themselves.
+    let is_quiet = is_quiet || args.out.is_none() && io::stdout().is_terminal();
+    let progress = session_progress::start(&args.session, None, is_quiet)?;
     let table = Table { signals: &signals, span: args.span, every: args.every.get() };
-    table.write(file, cycles, &interrupt)
+    table.write(file, cycles, &progress)
 }
 
 /// A table of signals.
@@ -70,11 +72,13 @@ impl Table<'_> {
         &self,
         mut file: WholeFile,
         mut cycles: Cycles,
-        interrupt: &Interrupt,
+        progress: &Progress,
     ) -> Result<(), Failure> {
-        match self.rows(&mut file, &mut cycles, interrupt) {
+        let written = self.rows(&mut file, &mut cycles, progress);
+        progress.finish();
+        match written {
             Err(error) => return file.abandon(error),
-            Ok(()) if interrupt.is_set() => {
+            Ok(()) if progress.is_interrupted() => {
                 return Err(Failure::new(Kind::Interrupted, "interrupted: no table was written"));
             }
             Ok(()) => file.finish()?,
@@ -87,16 +91,17 @@ impl Table<'_> {
         &self,
         file: &mut WholeFile,
         cycles: &mut Cycles,
-        interrupt: &Interrupt,
+        progress: &Progress,
     ) -> io::Result<()> {
         let mut table = csv::Writer::from_writer(file);
         let names = self.signals.iter().map(|signal| &*signal.name);
         table.write_record(["cycle", "time"].into_iter().chain(names))?;
         let mut row = csv::ByteRecord::new();
         while let Some(cycle) = cycles.next() {
-            if self.span.is_behind(&cycle) || interrupt.is_set() {
+            if self.span.is_behind(&cycle) || progress.is_interrupted() {
                 break;
             }
+            progress.advance(1);
             if !self.span.is_before(&cycle) && cycle.number.is_multiple_of(self.every) {
                 fill(&mut row, self.signals, &cycle)?;
                 table.write_byte_record(&row)?;

@@ -33,10 +33,10 @@ pub enum Export {
     Dcf(dcf::Dcf),
 }
 
-/// Executes the export.
-pub(super) fn run(export: &Export) -> Result<(), Failure> {
+/// Executes the export; `is_quiet` hides the progress bar.
+pub(super) fn run(export: &Export, is_quiet: bool) -> Result<(), Failure> {
     match export {
-        Export::Csv(args) => csv::run(args),
+        Export::Csv(args) => csv::run(args, is_quiet),
         Export::Dbc(args) => dbc::run(args),
         Export::Dcf(args) => dcf::run(args),
     }

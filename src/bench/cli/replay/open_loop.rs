@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::replay::{ReplayArgs, end};
+use crate::session_progress;
 use ::replay::Session;
 use config::Config;
 use controller::JointVector;
@@ -27,6 +28,7 @@ struct JointDifference {
 /// Computes a session with both configurations, and prints by how much the torques differ.
 pub(super) fn compare(
     args: &ReplayArgs,
+    is_quiet: bool,
     session: &Session,
     recorded: &Config,
     other: &Config,
@@ -42,11 +44,16 @@ pub(super) fn compare(
         ..JointDifference::default()
     });
     let (mut squares, mut compared) = (JointVector::zeros(), 0_u32);
+    let progress = session_progress::start(&args.session, args.to, is_quiet)?;
     while base.outcome().end.is_none() && changed.outcome().end.is_none() {
         if args.to.is_some_and(|last| base.outcome().cycles >= last) {
             break;
         }
-        let Some((was, is)) = base.step().zip(changed.step()) else { continue };
+        progress.check().or_fail(Kind::Interrupted)?;
+        let before = base.outcome().cycles;
+        let stepped = base.step().zip(changed.step());
+        progress.advance(base.outcome().cycles - before);
+        let Some((was, is)) = stepped else { continue };
         let difference = is.output.tau - was.output.tau;
         squares += difference.component_mul(&difference);
         compared = compared.saturating_add(1);
@@ -56,6 +63,7 @@ pub(super) fn compare(
             }
         }
     }
+    progress.finish();
     for (joint, squares) in joints.iter_mut().zip(&squares) {
         joint.rms = (squares / f64::from(compared.max(1))).sqrt();
     }

@@ -82,7 +82,19 @@ impl<'a> Frame<'a> {
         jobs: &[J],
         play: impl Fn(&J) -> Result<R, Failure> + Sync,
     ) -> Result<Vec<R>, Failure> {
-        runner::play_all(jobs, self.is_quiet, play).into_iter().collect()
+        runner::play_all(jobs, self.is_quiet, play)
+    }
+
+    /// Computes what the jobs need; `name` is shown meanwhile.
+    ///
+    /// # Errors
+    /// Signals cannot be received.
+    pub(super) fn prepare<R: Send>(
+        &self,
+        name: &str,
+        compute: impl FnOnce() -> R + Send,
+    ) -> Result<R, Failure> {
+        runner::prepare(name, self.is_quiet, compute)
     }
 
     /// Prints the report, and writes its files to the folder of `--out`, all or none.

@@ -1,38 +1,44 @@
-//! Runs of an experiment on all cores, with a progress bar.
+//! Runs of an experiment on all cores, with their progress. They write no file: a signal ends the process at once.
 
 use std::num::NonZero;
 use std::thread;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-
+use progress::Progress;
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
 use testbench::threads::each;
 
 /// Plays all jobs on all cores; the results are in the order of the jobs, however long each takes.
+///
+/// # Errors
+/// That of the first job that fails.
 pub(super) fn play_all<J: Sync, R: Send>(
     jobs: &[J],
     is_quiet: bool,
-    play: impl Fn(&J) -> R + Sync,
-) -> Vec<R> {
-    let bar = bar(jobs.len(), is_quiet);
+    play: impl Fn(&J) -> Result<R, Failure> + Sync,
+) -> Result<Vec<R>, Failure> {
+    let total = u64::try_from(jobs.len()).unwrap_or(u64::MAX);
+    let progress = Progress::start(total, "runs", is_quiet).or_fail(Kind::Bus)?;
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let results = each(cores, jobs, |job| {
+    let play_counted = |job: &J| {
         let result = play(job);
-        bar.inc(1);
+        progress.advance(1);
         result
-    });
-    bar.finish_and_clear();
-    results
+    };
+    let results = progress.abandonable(print::error, || each(cores, jobs, play_counted));
+    results.into_iter().collect()
 }
 
-/// Returns a progress bar, which is shown on a terminal alone.
-fn bar(length: usize, is_quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::new(u64::try_from(length).unwrap_or(u64::MAX));
-    if is_quiet {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    let style = "{bar:40} {percent:>3} %  {pos}/{len} runs  {elapsed}";
-    if let Ok(style) = ProgressStyle::with_template(style) {
-        bar.set_style(style);
-    }
-    bar
+/// Computes what the jobs need; `name` is shown meanwhile.
+///
+/// # Errors
+/// Signals cannot be received.
+pub(super) fn prepare<R: Send>(
+    name: &str,
+    is_quiet: bool,
+    compute: impl FnOnce() -> R + Send,
+) -> Result<R, Failure> {
+    let progress = Progress::start(None, "runs", is_quiet).or_fail(Kind::Bus)?;
+    progress.set_state(name);
+    Ok(progress.abandonable(print::error, compute))
 }

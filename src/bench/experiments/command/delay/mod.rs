@@ -91,7 +91,8 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     trial::ensure_playable(&config).map_err(refused)?;
     let arms = args.robots.load()?;
     let frame = Frame::new(&args.results, &FILES, is_quiet)?;
-    let figures = frame.play(&trials(args, &config, &arms), |(part, trial)| {
+    let trials = frame.prepare("largest accepted gains", || trials(args, &config, &arms))?;
+    let figures = frame.play(&trials, |(part, trial)| {
         trial.play(&config).map(|row| Figure { part: *part, row }).map_err(refused)
     })?;
     frame.conclude(Report {

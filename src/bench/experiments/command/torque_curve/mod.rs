@@ -53,7 +53,7 @@ struct Figures {
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
     let frame = Frame::new(&args.common.results, &FILES, is_quiet)?;
-    let motors = motors(args, &configs)?;
+    let motors = frame.prepare("torque curves", || motors(args, &configs))??;
     let each = motors.iter().flat_map(|motors| ARMS.map(|arm| (motors, arm)));
     let jobs = each.flat_map(|(motors, arm)| Curve::ALL.map(|curve| (motors, arm, curve)));
     let jobs: Vec<(&Motors<'_>, Arm, Curve)> = jobs.collect();

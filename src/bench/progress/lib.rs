@@ -1,0 +1,25 @@
+//! Progress of long work on stderr, with the time left, where stderr is a terminal; and its end by SIGINT or SIGTERM.
+//!
+//! A bar is drawn by a thread of its own: work only counts, and never waits for a terminal.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let is_quiet = false;
+//! let progress = progress::Progress::start(60_000, "cycles", is_quiet)?;
+//! for _ in 0..60_000 {
+//!     progress.check()?; // "interrupted after 1234 of 60000 cycles", exit code 130
+//!     progress.advance(1);
+//! }
+//! progress.finish();
+//! # Ok(())
+//! # }
+//! ```
+#![forbid(unsafe_code)]
+
+mod interrupt;
+mod shown;
+mod unit;
+
+pub use interrupt::{EXIT_CODE, Interrupt, NoSignals};
+pub use shown::{Interrupted, Progress};
+pub use unit::Unit;

@@ -4,7 +4,8 @@
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
-# far sides, that of examples/ and `frhc robot`; another one, with keys by openssl, judges the far side over a network. Runs
+# far sides, that of examples/ and `frhc robot`; another one, with keys by openssl, judges the far side over a network.
+# python-can with cantools is timed beside `frhc decode`, and a headless browser is tried on a page of known faults. Runs
 # all tests, or those whose names contain one of the NAMEs; with --bus only those on the bus and in its logs, with --no-bus
 # only the others.
 #
@@ -13,7 +14,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 part=
 case ${1:-} in --bus | --no-bus) part=$1; shift ;; esac
-scripts/setup.sh tools
+scripts/setup.sh tools browser
 python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --release

@@ -1,11 +1,14 @@
 #!/usr/bin/env bash
 # setup.sh: installs what the tests need beyond a Rust toolchain, on Debian and derivatives.
 #
-# usage: scripts/setup.sh [--missing] [tools|kernel|icount]...          (default: tools and kernel)
+# usage: scripts/setup.sh [--missing] [tools|browser|kernel|icount]...  (default: tools, browser and kernel)
 #
 #   tools    can-utils, iproute2, openssl, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
 #            (600 MB of disk, a minute)
+#   browser  what judges the pages that frhc writes: xmllint (libxml2-utils), and a headless browser with its driver for
+#            tests/interop/browser.py. Chromium or Google Chrome is used where it is installed with a chromedriver of its version;
+#            else chromium and chromium-driver from Debian (120 MB to fetch, 410 MB of disk, a minute; root or sudo)
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
@@ -22,11 +25,11 @@ parts=()
 for word in "$@"; do
   case $word in
     --missing) only_list=1 ;;
-    tools | kernel | icount) parts+=("$word") ;;
+    tools | browser | kernel | icount) parts+=("$word") ;;
     *) sed -n '2,/^set/s/^# \?//p' "$0" >&2; exit 2 ;;
   esac
 done
-((${#parts[@]})) || parts=(tools kernel)
+((${#parts[@]})) || parts=(tools browser kernel)
 wanted() { [[ " ${parts[*]} " == *" $1 "* ]]; }
 
 kernel=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}
@@ -41,6 +44,9 @@ rig=()
 for pair in qemu-system-x86_64:qemu-system-x86 busybox:busybox-static cpio:cpio valgrind:valgrind; do
   command -v "${pair%%:*}" >/dev/null || rig+=("${pair##*:}")
 done
+judges=()
+command -v xmllint >/dev/null || judges+=(libxml2-utils)
+python3 tests/interop/browser.py --which >/dev/null 2>&1 || judges+=(chromium chromium-driver)
 has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }
 
 if [[ -n $only_list ]]; then
@@ -49,6 +55,7 @@ if [[ -n $only_list ]]; then
     missing+=("${packages[@]}")
     has_venv || missing+=("$venv")
   fi
+  if wanted browser; then missing+=("${judges[@]}"); fi
   if wanted kernel && [[ ! -x $kernel ]]; then missing+=("$kernel"); fi
   if wanted icount; then missing+=("${rig[@]}"); fi
   ((${#missing[@]} == 0)) || { printf '%s\n' "${missing[@]}"; exit 1; }
@@ -65,6 +72,10 @@ if wanted tools && ! has_venv; then
   python3 -m venv "$venv"
   "$venv/bin/pip" install --quiet --disable-pip-version-check -r tests/interop/requirements.txt
   cp tests/interop/requirements.txt target/interop/installed.txt
+fi
+if wanted browser && ((${#judges[@]})); then
+  echo "setup: installing ${judges[*]} from Debian" >&2
+  scripts/apt.sh install "${judges[@]}"
 fi
 if wanted icount && ((${#rig[@]})); then
   echo "setup: installing ${rig[*]} from Debian" >&2

@@ -83,7 +83,7 @@ timed "build the tests" cargo test --workspace --locked --profile quick --no-run
 timed "unit tests and tests on the in-memory bus" cargo test --workspace --locked --profile quick
 timed "build the program" cargo build --locked --release
 # Without the tools only the tests on real vcan are left out.
-[[ -z $installs ]] || timed "install tools" scripts/setup.sh tools || true
+[[ -z $installs ]] || timed "install tools" scripts/setup.sh tools browser || true
 timed "demo" scripts/test_demo.sh
 [[ -z $installs ]] || timed "install the kernel of the tests on vcan, and what counts instructions" scripts/setup.sh kernel icount || true
 missing=$(scripts/setup.sh --missing | paste -sd ' ') || true

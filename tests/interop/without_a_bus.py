@@ -4,12 +4,14 @@ import contextlib
 import sys
 
 import contact
+import decode_speed
 import link
+import pages
 import robots
 import runner
 import sessions
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *decode_speed.TESTS, *pages.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

@@ -20,6 +20,7 @@ pub mod dbc;
 pub mod dcf;
 pub mod decode;
 pub mod diagnostics;
+pub mod fixed;
 pub mod lss;
 pub mod members;
 pub mod object_text;

@@ -21,7 +21,8 @@ use crate::candump::{
 /// # Errors
 /// The first invalid part.
 pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
-    if text.bytes().any(|byte| byte == b'#') && !text.contains(['[', '{']) {
+    let is_of_screen = |byte| matches!(byte, b'[' | b'{');
+    if text.contains('#') && !text.bytes().any(is_of_screen) {
         return Line::parse(text).map(|line| (Some(line.nanos), line));
     }
     let (stamp, rest) = leading_stamp(text)?;

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use canopen_tools::candump::Line;
+use canopen_tools::fixed::Fixed;
 use canopen_tools::object_text::Switches;
 use node::record::Mode;
 use telemetry::session::{NODE, WRENCH};
@@ -57,8 +58,10 @@ const SILENT: u8 = 0xFF;
 impl fmt::Display for RecorderLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Wrench([x, y, z, a, b, c]) => {
-                write!(f, "{x:8.3} {y:8.3} {z:8.3} N  {a:8.4} {b:8.4} {c:8.4} N·m")
+            Self::Wrench([forces @ .., a, b, c]) => {
+                let [x, y, z] = forces.map(|force| Fixed::new(force, 8, 3));
+                let [a, b, c] = [*a, *b, *c].map(|moment| Fixed::new(moment, 8, 4));
+                write!(f, "{x} {y} {z} N  {a} {b} {c} N·m")
             }
             Self::Cycle { mode, inputs, sampled, number } => {
                 write!(f, "{number} {mode}")?;

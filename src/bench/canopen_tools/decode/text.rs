@@ -8,6 +8,7 @@ use crate::decode::lss::Clock;
 use crate::decode::sdo::{Act, Side, Step, Value};
 use crate::decode::watch::{Change, Remark};
 use crate::decode::{Annotation, What, Who};
+use crate::fixed::Fixed;
 use crate::object_text::{self, Command, ObjectText, Status, Switches, ValueText};
 use crate::signals::{ACTUATOR_POSITION, PdoFrame, Signal};
 use canopen::drive::{Controlword, Statusword};
@@ -243,7 +244,8 @@ fn pdo(
         let raw = signal.raw(data);
         match (common, signal.measured()) {
             (Some(_), Some((measure, curve))) => {
-                write!(f, "{:8.4} /{:8.4}", measure.value(raw), curve.at(raw))?;
+                let [motor, joint] = [measure.value(raw), curve.at(raw)].map(torque);
+                write!(f, "{motor} /{joint}")?;
             }
             (None, _) | (_, None) => value(signal, raw, f)?,
         }
@@ -254,18 +256,23 @@ fn pdo(
     })
 }
 
+/// Returns a torque or force for its column.
+const fn torque(value: f64) -> Fixed {
+    Fixed::new(value, 8, 4)
+}
+
 /// Width of the longest state.
 const STATE: usize = 22;
 
 fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     if let Some((measure, curve)) = signal.measured() {
-        let (value, unit) = (measure.value(raw), measure.unit);
-        let (at, place) = (curve.at(raw), curve.place);
-        return write!(f, "{value:8.4} {unit} motor {at:8.4} {} {place}", curve.unit);
+        let (value, unit) = (torque(measure.value(raw)), measure.unit);
+        let (at, place) = (torque(curve.at(raw)), curve.place);
+        return write!(f, "{value} {unit} motor {at} {} {place}", curve.unit);
     }
     if let Some(measure) = &signal.measure {
         let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
-        return write!(f, "{:9.5} {}{place}", measure.value(raw), measure.unit);
+        return write!(f, "{} {}{place}", Fixed::new(measure.value(raw), 9, 5), measure.unit);
     }
     let [low, high, ..] = raw.to_le_bytes();
     let word = u16::from_le_bytes([low, high]);

@@ -116,7 +116,15 @@ fn text(
 }
 
 fn hex(data: &[u8], to: &mut impl Write) -> io::Result<()> {
-    data.iter().try_for_each(|byte| write!(to, "{byte:02X}"))
+    let digit = |value: u8| if value < 10 { b'0' + value } else { b'A' - 10 + value };
+    data.iter().try_for_each(|byte| to.write_all(&[digit(byte >> 4), digit(byte & 0xF)]))
+}
+
+/// Writes a number in the fewest digits that are read as the same number. A whole one has no point.
+fn number(value: f64, to: &mut impl Write) -> io::Result<()> {
+    // Most joints rest, and their zero needs no search for digits.
+    let is_zero = value.to_bits() == 0;
+    if is_zero { to.write_all(b"0") } else { write!(to, "{value}") }
 }
 
 /// Writes the members specific to the kind of frame.
@@ -181,11 +189,11 @@ fn signals(frame: &PdoFrame, data: [u8; 8], length: usize, to: &mut impl Write) 
 fn value(signal: &Signal, raw: i64, to: &mut impl Write) -> io::Result<()> {
     let name = &signal.name;
     if let Some(measure) = &signal.measure {
-        write!(to, "\"{name}\":{}", measure.value(raw))?;
-        return match &measure.curve {
-            Some(curve) => write!(to, ",\"{name}_at_{}\":{}", curve.place, curve.at(raw)),
-            None => Ok(()),
-        };
+        write!(to, "\"{name}\":")?;
+        number(measure.value(raw), to)?;
+        let Some(curve) = &measure.curve else { return Ok(()) };
+        write!(to, ",\"{name}_at_{}\":", curve.place)?;
+        return number(curve.at(raw), to);
     }
     write!(to, "\"{name}\":{raw}")?;
     let [low, high, ..] = raw.to_le_bytes();

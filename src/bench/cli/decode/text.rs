@@ -33,7 +33,7 @@ impl Columns {
 
     /// Widens the first column to eight data bytes after the identifier of `raw`.
     fn fit(&mut self, raw: &str) {
-        let end = match raw.find(['#', ']', '}']) {
+        let end = match raw.bytes().position(|byte| matches!(byte, b'#' | b']' | b'}')) {
             Some(hash) if raw.as_bytes().get(hash) == Some(&b'#') => {
                 hash + "#0011223344556677".len()
             }
@@ -67,6 +67,17 @@ pub(super) fn line(
     to.push('\n');
 }
 
+/// Appends this many spaces.
+fn push_spaces(to: &mut String, count: usize) {
+    const SPACES: &str = "                                                                ";
+    let mut left = count;
+    while left > 0 {
+        let part = SPACES.get(..left).unwrap_or(SPACES);
+        to.push_str(part);
+        left -= part.len();
+    }
+}
+
 fn write(
     raw: &str,
     decoded: &Decoded<'_>,
@@ -78,7 +89,9 @@ fn write(
     let colour = |colour: &'static str| if is_coloured { colour } else { "" };
     let plain = colour(PLAIN);
     let gap = column.saturating_sub(raw.len()).max(2);
-    write!(to, "{}{raw}{plain}{:gap$}{}", colour(DIM), "", colour(CYAN))?;
+    [colour(DIM), raw, plain].into_iter().for_each(|part| to.push_str(part));
+    push_spaces(to, gap);
+    to.push_str(colour(CYAN));
     let start = to.len();
     match decoded {
         Decoded::Frame(annotation) => write!(to, "{}", annotation.name())?,
@@ -87,7 +100,8 @@ fn write(
         Decoded::Other(what) => to.push_str(what),
     }
     let gap = width.saturating_sub(to.len() - start) + 1;
-    write!(to, "{plain}{:gap$}", "")?;
+    to.push_str(plain);
+    push_spaces(to, gap);
     match decoded {
         Decoded::Frame(annotation) if annotation.is_alarming() => {
             write!(to, "{}{annotation}{plain}", colour(RED))?;

@@ -52,13 +52,49 @@ fn session_of_every_configuration_is_replayed_bit_for_bit() {
     for file in HAND_CONTROLLERS {
         let name = file.replace('/', "-");
         let result = replayed(&session(&name, &["--config", file, "--seconds", "5"]));
-        let cycles = result["cycles"].as_u64().unwrap();
+        let cycles = result["cycle_count"].as_u64().unwrap();
         assert!(
-            cycles >= 2_500 && result["frames"].as_u64().unwrap() > 2 * cycles,
+            cycles >= 2_500 && result["frame_count"].as_u64().unwrap() > 2 * cycles,
             "{file}: {result}"
         );
         assert_eq!(result["intermediate"], Value::Null, "{file}");
     }
+}
+
+#[test]
+fn fault_record_is_replayed_where_its_session_was_recorded() {
+    let name = ["--scenario", "config/scenarios/faults/encoder_jump.toml"];
+    let session = session("fault", &name);
+    let record = fs::read_dir(session.join("faults")).unwrap().next().unwrap().unwrap().path();
+    let text = fs::read_to_string(record.join("fault.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    let emitted = session.join("sent.log");
+    let result = replay(&record, &["--json", "--emit", emitted.to_str().unwrap()]);
+    assert_eq!(result.code, 0, "{}{}", result.stdout, result.stderr);
+    let result: Value = serde_json::from_str(&result.stdout).unwrap();
+    assert_eq!(result["trip"]["cycle"], document["cycle"], "{result}");
+    assert_eq!(result["trip"]["cause"], document["cause"], "{result}");
+    assert_eq!(result["trip"]["replayed_cause"], document["cause"], "{result}");
+    // As many SYNCs as the record has, but for the one of its last moment.
+    let syncs = |log: &Path| stamps(log, " vcan0 080#").count();
+    let (sent, recorded) = (syncs(&emitted), syncs(&record.join("bus.log")));
+    assert!(recorded > 500 && sent.abs_diff(recorded) <= 1, "{sent} of {recorded}");
+    let shown = replay(&record, &[]);
+    let cycle = format!("trip      cycle {}, ", document["cycle"]);
+    assert!(shown.stdout.contains(&cycle), "{}", shown.stdout);
+
+    // Another cause than the recorded one, and a record that lies elsewhere.
+    let other = text.replace("\"cause\": \"", "\"cause\": \"another ");
+    fs::write(record.join("fault.json"), other).unwrap();
+    let ended = replay(&record, &[]);
+    assert!(
+        ended.code == 1 && ended.stderr.contains("the record has \"another "),
+        "{}",
+        ended.stderr
+    );
+    let elsewhere = session.with_file_name("elsewhere");
+    fs::rename(&record, &elsewhere).unwrap();
+    assert!(refused(&elsewhere).contains("`frhc report "));
 }
 
 #[test]
@@ -74,7 +110,7 @@ fn session_of_every_scenario_is_replayed_bit_for_bit() {
             if [2, 3, 5].contains(&ended.code) {
                 continue;
             }
-            assert!(replayed(&session)["cycles"].as_u64().unwrap() > 100, "{scenario}");
+            assert!(replayed(&session)["cycle_count"].as_u64().unwrap() > 100, "{scenario}");
         }
     }
 }
@@ -94,6 +130,25 @@ fn session_without_passivity_layer_is_replayed_without_it() {
     for of in ["without", "with"] {
         replayed(&session.join(of));
     }
+}
+
+/// Returns the stamps of the lines that contain a text.
+fn stamps(log: &Path, of: &str) -> impl Iterator<Item = String> {
+    let text = fs::read_to_string(log).unwrap();
+    let lines = text.lines().filter(|line| line.contains(of)).map(str::to_owned);
+    let lines: Vec<_> = lines.collect();
+    lines.into_iter().map(|line| line.split_once(' ').unwrap().0.to_owned())
+}
+
+/// Returns number and stamp of each cycle in the log of a session.
+fn numbered_cycles(session: &Path) -> impl Iterator<Item = (u64, String)> {
+    let log = fs::read_to_string(session.join("bus.log")).unwrap();
+    let cycle = |line: &str| {
+        let (stamp, data) = line.split_once(" node0 18FF0001##0")?;
+        let number = u32::from_str_radix(&data[8..16], 16).unwrap();
+        Some((u64::from(number.swap_bytes()), stamp.to_owned()))
+    };
+    log.lines().filter_map(cycle).collect::<Vec<_>>().into_iter()
 }
 
 #[test]
@@ -120,6 +175,12 @@ fn emitted_frames_are_those_that_the_node_has_sent() {
     let part = session.join("part.log");
     let bounds = ["--emit", part.to_str().unwrap(), "--from", "1000", "--to", "1010"];
     assert_eq!(replay(&session, &bounds).code, 0);
+    let syncs: Vec<_> = stamps(&part, " vcan0 080#").collect();
+    let ends = numbered_cycles(&session).filter(|(cycle, _)| (999..=1_010).contains(cycle));
+    let ends: Vec<_> = ends.map(|(_, stamp)| stamp).collect();
+    assert_eq!((syncs.len(), ends.len()), (11, 12));
+    let mut cycles = ends.windows(2).zip(&syncs);
+    assert!(cycles.all(|(ends, sync)| ends[0] < *sync && *sync < ends[1]), "{ends:?} {syncs:?}");
     let part = frames(&part, &|_| true);
     assert!(part.len() >= 30 && sent.windows(part.len()).any(|window| window == part), "{part:?}");
     let again = replay(&session, &["--emit", emitted.to_str().unwrap()]);
@@ -146,7 +207,7 @@ fn other_torque_is_named_by_cycle_and_frame() {
     let ended = replay(&session, &[]);
     assert_eq!(ended.code, 1, "{}", ended.stdout);
     let line = ended.stdout.lines().find(|line| line.starts_with("replayed")).unwrap();
-    assert!(line.contains(": cycle ") && line.contains("recorded vcan0 201#"), "{line}");
+    assert!(line.contains(" sent in cycle ") && line.contains("recorded vcan0 201#"), "{line}");
     assert!(
         ended.stdout.contains("f_g_task is the first intermediate that differs"),
         "{}",
@@ -171,7 +232,7 @@ fn torques_of_another_configuration_are_compared_in_open_loop() {
     assert!(first.starts_with("open loop: "), "{first}");
     let with = ["--with", other.to_str().unwrap(), "--json"];
     let result: Value = serde_json::from_str(&replay(&session, &with).stdout).unwrap();
-    assert!(result["cycles"].as_u64().unwrap() > 5_000, "{result}");
+    assert!(result["cycle_count"].as_u64().unwrap() > 5_000, "{result}");
     let max = |joint: usize| result["torque_difference"][joint]["max"].as_f64().unwrap();
     assert!((0..6).any(|joint| max(joint) > 0.01), "{result}");
     let same = ["--with", "config/kraft_like.toml", "--json"];
@@ -235,8 +296,11 @@ fn recording_that_ends_anywhere_is_replayed_until_there() {
         assert_eq!(ended.code, 0, "{}", ended.stderr);
         let result: Value = serde_json::from_str(&ended.stdout).unwrap();
         let end = result["end"].as_str().unwrap();
-        assert!(end.contains("the recording ends in cycle"), "{end}");
-        let cycles = result["cycles"].as_u64().unwrap();
+        let last = result["last_cycle"].as_u64().unwrap();
+        assert!(end.ends_with(&format!("the recording ends in cycle {}", last + 1)), "{end}");
+        let (first, _) = numbered_cycles(&session).next().unwrap();
+        assert_eq!(result["cycle_count"].as_u64().unwrap(), last + 1 - first, "{result}");
+        let cycles = result["cycle_count"].as_u64().unwrap();
         assert!(cycles > before, "{cycles} after {before}");
         before = cycles;
         assert_eq!(replay(&session, &["--verify"]).code, 1);

@@ -63,7 +63,7 @@ fn replay_sends_what_candump_saw_beside_the_run() {
     fs::rename(session.join("bus.log"), scratch.path("bus.log")).unwrap();
     let (session, sent) = (session.to_str().unwrap().to_owned(), scratch.path("sent.log"));
     let result = replayed(&scratch, &session, &["--emit", &sent]);
-    assert!(result["cycles"].as_u64().unwrap() > 6_500, "{result}");
+    assert!(result["cycle_count"].as_u64().unwrap() > 6_500, "{result}");
     assert_eq!(result["intermediate"], Value::Null, "{result}");
     let sent = fs::read_to_string(sent).unwrap();
     let (sent, seen) = (of_master(sent.lines()), of_master(seen.iter().map(String::as_str)));
@@ -94,5 +94,5 @@ fn killed_run_leaves_a_session_that_is_replayed_until_there() {
     replay.wait().succeeds();
     let result: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&result["is_equal"], &result["intermediate"]), (&true.into(), &Value::Null));
-    assert!(result["cycles"].as_u64().unwrap() > 1_500, "{result}");
+    assert!(result["cycle_count"].as_u64().unwrap() > 1_500, "{result}");
 }

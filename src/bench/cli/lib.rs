@@ -120,9 +120,10 @@ pub enum Command {
     Decode(Decode),
     /// Computes a recorded session again from its inputs, and compares every frame that the node sends.
     #[command(
-        after_help = "A session is a folder of `frhc run --record` or `frhc demo --out`. It needs neither drives nor robot. \
-            The exit code is 1 where a frame differs.\n\nExamples:\n  \
+        after_help = "A session is a folder of `frhc run --record`, `frhc demo --out` or `frhc campaign --replay`. It needs neither \
+            drives nor robot. Cycles have the numbers of bus.log. The exit code is 1 where a frame differs.\n\nExamples:\n  \
             frhc replay sessions/001-20261122T071243Z --verify\n  \
+            frhc replay sessions/001-20261122T071243Z/faults/001-4213-samples-missing\n  \
             frhc replay /tmp/session --emit sent.log --from 4000 --to 4100"
     )]
     Replay(ReplayArgs),

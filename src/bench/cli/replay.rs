@@ -1,38 +1,42 @@
-//! `frhc replay`: a recorded session, computed again from its inputs.
+//! `frhc replay`: a recorded session, or the part of it that a fault record is, computed again from its inputs.
 
+mod difference;
 mod emitted;
+mod extent;
 mod open_loop;
+mod trip;
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::replay::emitted::Emitted;
 use crate::session_config::{configuration, equipped};
 use crate::session_progress;
-use ::replay::{Difference, End, Outcome, Replay, Session};
-use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
+use crate::replay::difference::end;
+use crate::replay::emitted::Emitted;
+use crate::replay::extent::Extent;
+use crate::replay::trip::Trip;
+use ::replay::{FaultRecord, Replay, Session};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use telemetry::manifest::Manifest;
 
 /// `frhc replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// Folder of the session.
+    /// Folder of the session, or of a fault record in it.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
     /// Fail as well where the recording ends early or has a gap: exit code 1.
     #[arg(long)]
     verify: bool,
-    /// Write the frames that the node sends into this file, in candump's format.
+    /// Write the frames that the node sends into this file, in candump's format; those of a fault record from 2 s before it.
     #[arg(long, value_name = "FILE")]
     emit: Option<PathBuf>,
-    /// First cycle whose frames are written.
-    #[arg(long, value_name = "CYCLE", requires = "emit", default_value_t = 0)]
-    from: u64,
-    /// Last cycle that is replayed [default: the last one].
+    /// First cycle whose frames are written, by its number in bus.log.
+    #[arg(long, value_name = "CYCLE", requires = "emit")]
+    from: Option<u64>,
+    /// Last cycle that is replayed, by its number in bus.log [default: the last one].
     #[arg(long, value_name = "CYCLE")]
     to: Option<u64>,
     /// Compute the torques of another configuration beside those of the session: open loop, since the recorded person and arm
@@ -46,35 +50,51 @@ pub struct ReplayArgs {
 
 /// Replays a session, compares what the node sends, and prints the result.
 pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
-    let session = Session::open(&args.session).or_fail(Kind::File)?;
+    let fault = FaultRecord::open(&args.session).or_fail(Kind::File)?;
+    let folder = fault.as_ref().map_or(&args.session, |fault| &fault.session);
+    let session = Session::open(folder).or_fail(Kind::File)?;
     let config = configuration(&session)?;
+    let extent = Extent::new(args.from, args.to, fault.as_ref());
     if let Some(file) = &args.with {
         let other = Config::load(file).or_fail(Kind::Configuration)?;
-        return open_loop::compare(args, is_quiet, &session, &config, &equipped(&session, other)?);
+        let other = equipped(&session, other)?;
+        let progress = session_progress::start(session.folder(), None, is_quiet)?;
+        return open_loop::compare(&session, [&config, &other], &extent, args.json, &progress);
     }
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
-    let mut emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
-    let mut emitted = emitted.take().transpose()?;
-    let progress = session_progress::start(&args.session, args.to, is_quiet)?;
-    loop {
-        let cycle = replay.outcome().cycles;
-        if let Some(emitted) = emitted.as_mut().filter(|_| cycle >= args.from) {
+    let mut trip = fault.map(Trip::awaited);
+    let emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
+    let mut emitted = emitted.transpose()?;
+    let progress = session_progress::start(session.folder(), None, is_quiet)?;
+    let mut at = None;
+    while replay.outcome().end.is_none() {
+        let record = replay.step();
+        at = record.as_ref().map(|record| record.at).or(at);
+        let place = (replay.outcome().last_cycle, at);
+        if let Some(emitted) = emitted.as_mut().filter(|_| extent.is_begun(place)) {
             emitted.write(replay.sent())?;
         }
-        if replay.outcome().end.is_some() || args.to.is_some_and(|last| cycle >= last) {
+        for (trip, record) in trip.iter_mut().zip(&record) {
+            trip.on_cycle(record);
+        }
+        if extent.is_over(place) {
             break;
         }
         progress.check().or_fail(Kind::Interrupted)?;
-        replay.step();
-        progress.advance(replay.outcome().cycles - cycle);
+        progress.advance(u64::from(record.is_some()));
     }
     progress.finish();
     emitted.map_or(Ok(()), Emitted::finish)?;
-    report(args, &session, &replay)
+    report(args, &session, &replay, trip.as_ref())
 }
 
 /// Prints the result; a difference is a failure.
-fn report(args: &ReplayArgs, session: &Session, replay: &Replay) -> Result<(), Failure> {
+fn report(
+    args: &ReplayArgs,
+    session: &Session,
+    replay: &Replay,
+    trip: Option<&Trip>,
+) -> Result<(), Failure> {
     let outcome = replay.outcome();
     let end = end(session, replay)?;
     if args.json {
@@ -82,95 +102,33 @@ fn report(args: &ReplayArgs, session: &Session, replay: &Replay) -> Result<(), F
             .intermediate
             .map(|(cycle, name)| serde_json::json!({ "cycle": cycle, "name": name }));
         let document = serde_json::json!({
-            "cycles": outcome.cycles,
-            "frames": outcome.frames,
-            "is_equal": is_equal(outcome),
-            "is_complete": is_complete(outcome),
+            "cycle_count": outcome.cycles,
+            "frame_count": outcome.frames,
+            "last_cycle": outcome.last_cycle,
+            "is_equal": outcome.is_equal(),
+            "is_complete": outcome.is_complete(),
             "end": end,
             "intermediate": intermediate,
+            "trip": trip,
         });
         print::line(&document.to_string());
     } else {
         let manifest = session.manifest();
         print::line(&format!("session   {}, {}", manifest.configuration, manifest.program));
         print::line(&format!(
-            "replayed  {} cycles, {} frames: {end}",
-            outcome.cycles, outcome.frames
+            "replayed  {} cycles, the last is {}, and {} frames: {end}",
+            outcome.cycles, outcome.last_cycle, outcome.frames
         ));
         if let Some((cycle, name)) = outcome.intermediate {
             print::line(&format!(
                 "law       {name} is the first intermediate that differs, in cycle {cycle}"
             ));
         }
+        trip.iter().for_each(|trip| print::line(&trip.to_string()));
     }
-    let is_negative = !is_equal(outcome) || args.verify && !is_complete(outcome);
-    if is_negative { Err(Failure::new(Kind::Negative, end)) } else { Ok(()) }
-}
-
-/// Returns whether every compared frame was equal.
-const fn is_equal(outcome: &Outcome) -> bool {
-    !matches!(outcome.end, Some(End::Differs(_)))
-}
-
-/// Returns whether the whole session was replayed, or as much of it as was to be.
-const fn is_complete(outcome: &Outcome) -> bool {
-    matches!(outcome.end, None | Some(End::Complete))
-}
-
-/// Returns the end of a replay in words.
-fn end(session: &Session, replay: &Replay) -> Result<String, Failure> {
-    let cycles = replay.outcome().cycles;
-    Ok(match &replay.outcome().end {
-        None | Some(End::Complete) => "all as recorded".to_owned(),
-        Some(End::Cut) => format!("as recorded; the recording ends in cycle {}", cycles + 1),
-        Some(End::Lost(inputs)) => {
-            format!(
-                "as recorded; {inputs} inputs are missing after cycle {cycles}, so the rest cannot be replayed"
-            )
-        }
-        Some(End::Unreadable(error)) => format!("as recorded until cycle {cycles}; {error}"),
-        Some(End::Differs(difference)) => differing(session, replay, difference)?,
-    })
-}
-
-/// Returns a difference in words, with its first frame.
-fn differing(
-    session: &Session,
-    replay: &Replay,
-    difference: &Difference,
-) -> Result<String, Failure> {
-    let recorded = session.frames_of_cycle(difference.cycle).or_fail(Kind::File)?;
-    let sent = replay.sent().iter().map(|(_, telegram)| telegram);
-    let frame = first_difference(&recorded, sent.copied().collect()).map(|(was, is)| {
-        let text = |telegram: Option<Telegram>| match telegram {
-            Some(telegram) => shown(session.manifest(), &telegram),
-            None => "nothing".to_owned(),
-        };
-        format!("; recorded {}, now {}", text(was), text(is))
-    });
-    Ok(format!("{difference}{}", frame.unwrap_or_default()))
-}
-
-/// Returns the first frame that is sent now and was not then, with the one recorded in its place.
-fn first_difference(
-    recorded: &[Telegram],
-    sent: Vec<Telegram>,
-) -> Option<(Option<Telegram>, Option<Telegram>)> {
-    let mut recorded = recorded.to_vec();
-    for telegram in sent {
-        let key = |of: &Telegram| (of.channel, of.frame.cob_id);
-        match recorded.iter().position(|it| key(it) == key(&telegram)) {
-            Some(place) if recorded.get(place) == Some(&telegram) => _ = recorded.remove(place),
-            Some(place) => return Some((recorded.get(place).copied(), Some(telegram))),
-            None => return Some((None, Some(telegram))),
-        }
+    let is_complete = outcome.is_complete() || !args.verify;
+    if !outcome.is_equal() || !is_complete {
+        return Err(Failure::new(Kind::Negative, end));
     }
-    None
-}
-
-/// Returns a frame as candump writes it.
-fn shown(manifest: &Manifest, Telegram { channel: Channel(place), frame }: &Telegram) -> String {
-    let interface = manifest.interfaces.get(usize::from(*place)).map_or("can?", String::as_str);
-    let mut text = [0; TEXT_LENGTH];
-    format!("{interface} {}", String::from_utf8_lossy(frame.text(&mut text)))
+    trip.map_or(Ok(()), Trip::ensure_found)
 }

@@ -18,8 +18,8 @@ pub(super) fn frames_of_cycles(
         let line = line?;
         let Ok(line) = Line::parse(&line) else { continue };
         if let Some(ended) = cycle_ended(&line) {
-            // The log has 32 bits of its number.
-            if ended == last & 0xFFFF_FFFF {
+            // The log has 32 bits of its number. Cycles of a boot have no line.
+            if ended >= last & 0xFFFF_FFFF {
                 break;
             }
             if ended < first & 0xFFFF_FFFF {

@@ -8,6 +8,8 @@
 #![forbid(unsafe_code)]
 
 mod bus_log;
+mod fault_record;
+mod outcome;
 mod reader;
 pub mod recorder_line;
 mod replay;
@@ -16,6 +18,8 @@ mod replayed_remote;
 mod session;
 mod source;
 
+pub use fault_record::{FaultRecord, FaultRecordError};
+pub use outcome::{Difference, End, Outcome, Place};
 pub use reader::{InputReader, ReadError};
-pub use replay::{Difference, End, Outcome, Replay};
+pub use replay::Replay;
 pub use session::{Session, SessionError};

@@ -1,9 +1,8 @@
 //! Runs the node of a session with its recorded inputs, and compares what it sends.
 
 use std::collections::VecDeque;
-use std::fmt;
 
-use crate::reader::ReadError;
+use crate::outcome::{Difference, End, Outcome, Place};
 use crate::replayed_bus::ReplayedBus;
 use crate::replayed_remote::ReplayedRemote;
 use crate::source::{Ended, Source, answer};
@@ -27,74 +26,10 @@ pub struct Replay {
     /// Cycles whose digests were not read yet, and their intermediates.
     outputs: VecDeque<(u64, Output)>,
     is_compared: bool,
-    /// Number of the last cycle, as the node counts them: with those of its boots.
-    cycle: u64,
 }
 
 /// Maximum number of cycles by which a digest comes behind its cycle.
 const MAX_OUTPUTS: usize = 4_096;
-
-/// Result of a replay so far.
-#[derive(Debug, Default)]
-pub struct Outcome {
-    /// Cycles whose frames were compared.
-    pub cycles: u64,
-    /// Frames that were compared.
-    pub frames: u64,
-    /// First cycle with another intermediate of the control law, and the name of the first that differs. The frames may
-    /// be equal all the same.
-    pub intermediate: Option<(u64, &'static str)>,
-    /// Why the replay has ended; `None` while it goes on.
-    pub end: Option<End>,
-}
-
-/// Reason why a replay has ended.
-#[derive(Debug)]
-pub enum End {
-    /// All recorded calls were replayed.
-    Complete,
-    /// The recording ends inside of a call: what was recorded until then is equal.
-    Cut,
-    /// The recording has a gap of this many inputs.
-    Lost(u64),
-    /// The rest of the recording cannot be read.
-    Unreadable(ReadError),
-    /// The node sends other frames than the recorded one.
-    Differs(Difference),
-}
-
-/// First call with other frames.
-#[derive(Debug)]
-pub struct Difference {
-    /// The call.
-    pub call: Call,
-    /// Cycle before or in which it is, from 1; zero before the first.
-    pub cycle: u64,
-    /// Step of the node that the recorded one did not take; `None` if only frames differ.
-    pub misstep: Option<String>,
-}
-
-impl fmt::Display for Difference {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let after = if self.call == Call::Cycle { "" } else { " after cycle" };
-        write!(f, "{}{after} {}", name(self.call), self.cycle)?;
-        match &self.misstep {
-            Some(misstep) => write!(f, ": {misstep}"),
-            None => f.write_str(": other frames are sent"),
-        }
-    }
-}
-
-/// Returns a call in words.
-const fn name(call: Call) -> &'static str {
-    match call {
-        Call::New => "start",
-        Call::BringUp | Call::BringUpUnpowered(_) => "boot",
-        Call::Request(_) => "request",
-        Call::Cycle => "cycle",
-        Call::Stop => "stop",
-    }
-}
 
 impl Replay {
     /// Starts the node of a session; `None` if not even its start was recorded.
@@ -109,9 +44,8 @@ impl Replay {
             sent: Vec::new(),
             outputs: VecDeque::new(),
             is_compared,
-            cycle: 0,
         };
-        replay.compare(Call::New, None);
+        replay.compare(Place { call: Some(Call::New), cycle: 0 }, None);
         Some(replay)
     }
 
@@ -122,7 +56,7 @@ impl Replay {
             return None;
         }
         let Some(call) = self.source.call() else {
-            self.end(Call::Cycle);
+            self.end(Place { call: None, cycle: self.outcome.last_cycle });
             return None;
         };
         let source = self.source.clone();
@@ -147,8 +81,8 @@ impl Replay {
             Call::Stop => self.node.stop(&mut answer).map_or(None, |()| None),
         };
         while self.node.notice().is_some() {}
-        self.cycle = record.as_ref().map_or(self.cycle, |record| record.cycle);
-        self.compare(call, record.as_ref());
+        let cycle = record.as_ref().map_or(self.outcome.last_cycle, |record| record.cycle);
+        self.compare(Place { call: Some(call), cycle }, record.as_ref());
         record.filter(|_| self.outcome.end.is_none())
     }
 
@@ -168,17 +102,18 @@ impl Replay {
     }
 
     /// Compares the frames of a call that has returned, and the intermediates of a cycle.
-    fn compare(&mut self, call: Call, record: Option<&Record>) {
+    fn compare(&mut self, place: Place, record: Option<&Record>) {
         let (sent, checksum) = self.node.bus_mut().take_sent();
         self.sent = sent;
         self.outputs.extend(record.map(|record| (record.cycle, record.output)));
         let returned = self.source.take("returns", answer!(Input::Returned(sent) => *sent));
-        let Some(recorded) = returned else { return self.end(call) };
+        let Some(recorded) = returned else { return self.end(place) };
         self.compare_intermediates();
         if self.is_compared && recorded != checksum.value() {
-            return self.differs(call, None);
+            return self.differs(place, None);
         }
-        self.outcome.cycles += u64::from(call == Call::Cycle);
+        self.outcome.last_cycle = place.cycle;
+        self.outcome.cycles += u64::from(place.call == Some(Call::Cycle));
         self.outcome.frames += u64::try_from(self.sent.len()).unwrap_or(u64::MAX);
     }
 
@@ -197,21 +132,20 @@ impl Replay {
         }
     }
 
-    fn differs(&mut self, call: Call, misstep: Option<String>) {
+    fn differs(&mut self, place: Place, misstep: Option<String>) {
         self.source.read_digests();
         self.compare_intermediates();
-        let cycle = self.cycle;
-        self.outcome.end = Some(End::Differs(Difference { call, cycle, misstep }));
+        self.outcome.end = Some(End::Differs(Difference { place, misstep }));
     }
 
-    /// Ends in a call, because there are no more inputs for it.
-    fn end(&mut self, call: Call) {
+    /// Ends because there are no more inputs.
+    fn end(&mut self, place: Place) {
         self.outcome.end = Some(match self.source.take_end() {
             None | Some(Ended::Complete) => End::Complete,
-            Some(Ended::Cut) => End::Cut,
-            Some(Ended::Lost(inputs)) => End::Lost(inputs),
-            Some(Ended::Unreadable(error)) => End::Unreadable(error),
-            Some(Ended::Other(misstep)) => return self.differs(call, Some(misstep.to_string())),
+            Some(Ended::Cut) => End::Cut(place),
+            Some(Ended::Lost(inputs)) => End::Lost(place, inputs),
+            Some(Ended::Unreadable(error)) => End::Unreadable(place, error),
+            Some(Ended::Other(misstep)) => return self.differs(place, Some(misstep.to_string())),
         });
     }
 }

@@ -168,7 +168,7 @@ fn copied(
     Ok((PathBuf::from(path), content.into()))
 }
 
-fn read(file: &Path) -> Result<Vec<u8>, SessionError> {
+pub(super) fn read(file: &Path) -> Result<Vec<u8>, SessionError> {
     let mut content = Vec::new();
     let opened = open(file)?;
     match opened.take(MAX_SIZE + 1).read_to_end(&mut content) {

@@ -2,12 +2,13 @@
 
 use serde::Serialize;
 
-use crate::replay::{ReplayArgs, end};
-use crate::session_progress;
+use crate::replay::difference::end;
+use crate::replay::extent::Extent;
 use ::replay::Session;
 use config::Config;
 use controller::JointVector;
 use controller::arm::JointKind;
+use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
@@ -27,11 +28,11 @@ struct JointDifference {
 
 /// Computes a session with both configurations, and prints by how much the torques differ.
 pub(super) fn compare(
-    args: &ReplayArgs,
-    is_quiet: bool,
     session: &Session,
-    recorded: &Config,
-    other: &Config,
+    [recorded, other]: [&Config; 2],
+    extent: &Extent,
+    as_json: bool,
+    progress: &Progress,
 ) -> Result<(), Failure> {
     let mut base = session.replay(recorded).or_fail(Kind::File)?;
     let mut changed = session.open_loop(other).or_fail(Kind::File)?;
@@ -44,16 +45,10 @@ pub(super) fn compare(
         ..JointDifference::default()
     });
     let (mut squares, mut compared) = (JointVector::zeros(), 0_u32);
-    let progress = session_progress::start(&args.session, args.to, is_quiet)?;
     while base.outcome().end.is_none() && changed.outcome().end.is_none() {
-        if args.to.is_some_and(|last| base.outcome().cycles >= last) {
-            break;
-        }
         progress.check().or_fail(Kind::Interrupted)?;
-        let before = base.outcome().cycles;
-        let stepped = base.step().zip(changed.step());
-        progress.advance(base.outcome().cycles - before);
-        let Some((was, is)) = stepped else { continue };
+        let Some((was, is)) = base.step().zip(changed.step()) else { continue };
+        progress.advance(1);
         let difference = is.output.tau - was.output.tau;
         squares += difference.component_mul(&difference);
         compared = compared.saturating_add(1);
@@ -62,15 +57,18 @@ pub(super) fn compare(
                 (joint.max, joint.cycle) = (torque.abs(), was.cycle);
             }
         }
+        if extent.is_over((was.cycle, Some(was.at))) {
+            break;
+        }
     }
     progress.finish();
     for (joint, squares) in joints.iter_mut().zip(&squares) {
         joint.rms = (squares / f64::from(compared.max(1))).sqrt();
     }
     let end = end(session, &changed)?;
-    if args.json {
+    if as_json {
         let document = serde_json::json!({
-            "remark": OPEN_LOOP, "cycles": compared, "torque_difference": joints, "end": end,
+            "remark": OPEN_LOOP, "cycle_count": compared, "torque_difference": joints, "end": end,
         });
         print::line(&document.to_string());
         return Ok(());

@@ -1,0 +1,88 @@
+//! Part of a session: its first and last cycle, by number or by time.
+
+use ::replay::FaultRecord;
+use units::time::Instant;
+
+/// Part of a session that is replayed, and whose frames are written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    first: Bound,
+    last: Bound,
+}
+
+/// Bound of a part.
+#[derive(Clone, Copy, Debug)]
+enum Bound {
+    /// That of the session.
+    Session,
+    /// Cycle of this number, as in `bus.log`. What is sent between two cycles belongs to the one before.
+    Cycle(u64),
+    /// First cycle whose SYNC was sent at this time or later.
+    Time(Instant),
+}
+
+/// Number of a cycle, zero before the first, and time of its SYNC.
+pub(super) type Place = (u64, Option<Instant>);
+
+impl Extent {
+    /// Returns the part between two cycles. Without them it is the whole session, or as much of it as a fault record has.
+    pub(super) fn new(from: Option<u64>, to: Option<u64>, fault: Option<&FaultRecord>) -> Self {
+        let of = |cycle: Option<u64>, time: Option<Instant>| match (cycle, time) {
+            (Some(cycle), _) => Bound::Cycle(cycle),
+            (None, Some(time)) => Bound::Time(time),
+            (None, None) => Bound::Session,
+        };
+        let first = of(from, fault.map(FaultRecord::begin));
+        Self { first, last: of(to, fault.map(FaultRecord::end)) }
+    }
+
+    /// Returns whether the part has begun.
+    pub(super) fn is_begun(&self, place: Place) -> bool {
+        self.first.is_reached(place).unwrap_or(true)
+    }
+
+    /// Returns whether this is its last cycle.
+    pub(super) fn is_over(&self, place: Place) -> bool {
+        self.last.is_reached(place).unwrap_or(false)
+    }
+}
+
+impl Bound {
+    /// Returns `None` without a bound.
+    fn is_reached(self, (cycle, at): Place) -> Option<bool> {
+        match self {
+            Self::Session => None,
+            Self::Cycle(bound) => Some(cycle >= bound),
+            Self::Time(bound) => Some(at.unwrap_or(Instant::ZERO) >= bound),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extent_is_bounded_by_cycles_before_the_fault_record() {
+        let at = |micros| Some(Instant::from_micros(micros));
+        let fault = FaultRecord {
+            session: "session".into(),
+            cycle: 5_000,
+            cause: "late".to_owned(),
+            at: Instant::from_micros(5_000_000),
+            seconds: 2.0,
+            modes: ["engaged", "zero torque"].map(str::to_owned),
+        };
+        let whole = Extent::new(None, None, None);
+        assert!(whole.is_begun((0, None)) && !whole.is_over((u64::MAX, at(u64::MAX))));
+        let of_record = Extent::new(None, None, Some(&fault));
+        assert!(!of_record.is_begun((0, None)) && !of_record.is_begun((2_999, at(2_999_999))));
+        assert!(of_record.is_begun((3_000, at(3_000_000))));
+        assert!(
+            !of_record.is_over((5_999, at(5_999_999))) && of_record.is_over((6_000, at(6_000_000)))
+        );
+        let by_number = Extent::new(Some(10), Some(20), Some(&fault));
+        assert!(!by_number.is_begun((9, at(0))) && by_number.is_begun((10, at(0))));
+        assert!(!by_number.is_over((19, at(0))) && by_number.is_over((20, at(0))));
+    }
+}

@@ -1,0 +1,137 @@
+//! Result of a replay: how much was compared, and how it has ended.
+
+use std::fmt;
+
+use crate::reader::ReadError;
+use inputs::Call;
+
+/// Result of a replay so far.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Number of cycles whose frames were compared.
+    pub cycles: u64,
+    /// Number of frames that were compared.
+    pub frames: u64,
+    /// Number of the last cycle, as in `bus.log`: with those of boots, which have no line there. Zero before the first.
+    pub last_cycle: u64,
+    /// First cycle with another intermediate of the control law, and the name of the first that differs. The frames may
+    /// be equal all the same.
+    pub intermediate: Option<(u64, &'static str)>,
+    /// Why the replay has ended; `None` while it goes on.
+    pub end: Option<End>,
+}
+
+impl Outcome {
+    /// Returns whether every compared frame was equal.
+    pub const fn is_equal(&self) -> bool {
+        !matches!(self.end, Some(End::Differs(_)))
+    }
+
+    /// Returns whether the replay was not ended before the recording's own end.
+    pub const fn is_complete(&self) -> bool {
+        matches!(self.end, None | Some(End::Complete))
+    }
+}
+
+/// Reason why a replay has ended.
+#[derive(Debug)]
+pub enum End {
+    /// All recorded calls were replayed.
+    Complete,
+    /// The recording ends inside of a call: what was recorded until then is equal.
+    Cut(Place),
+    /// The recording has a gap of this many inputs.
+    Lost(Place, u64),
+    /// The rest of the recording cannot be read.
+    Unreadable(Place, ReadError),
+    /// The node sends other frames than the recorded one.
+    Differs(Difference),
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Complete => f.write_str("all as recorded"),
+            Self::Cut(place) => write!(f, "as recorded; the recording ends {place}"),
+            Self::Lost(place, inputs) => {
+                let rest = "so the rest cannot be replayed";
+                write!(f, "as recorded; {inputs} inputs are missing {place}, {rest}")
+            }
+            Self::Unreadable(place, error) => {
+                write!(f, "as recorded; the rest cannot be read {place}: {error}")
+            }
+            Self::Differs(difference) => difference.fmt(f),
+        }
+    }
+}
+
+/// Place in a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Call of the node; `None` between two calls.
+    pub call: Option<Call>,
+    /// Number of this cycle, as in `bus.log`; elsewhere that of the cycle before, zero before the first.
+    pub cycle: u64,
+}
+
+impl Place {
+    /// Returns the first cycle whose frames in `bus.log` contain those of this place.
+    pub const fn cycle_in_log(&self) -> u64 {
+        let is_cycle = matches!(self.call, Some(Call::Cycle));
+        if is_cycle { self.cycle } else { self.cycle.saturating_add(1) }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.call {
+            Some(Call::Cycle) => return write!(f, "in cycle {}", self.cycle),
+            Some(Call::New) => "in the start ",
+            Some(Call::BringUp | Call::BringUpUnpowered(_)) => "in the boot ",
+            Some(Call::Request(_)) => "in the request ",
+            Some(Call::Stop) => "in the stop ",
+            None => "",
+        };
+        f.write_str(name)?;
+        match self.cycle {
+            0 => f.write_str("before the first cycle"),
+            cycle => write!(f, "after cycle {cycle}"),
+        }
+    }
+}
+
+/// First call with other frames.
+#[derive(Debug)]
+pub struct Difference {
+    /// The call.
+    pub place: Place,
+    /// Step of the node that the recorded one did not take; `None` if only frames differ.
+    pub misstep: Option<String>,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { place, misstep } = self;
+        match misstep {
+            Some(misstep) => write!(f, "{place} {misstep}"),
+            None => write!(f, "other frames are sent {place}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use node::Request;
+
+    #[test]
+    fn place_is_named_by_its_call_and_the_number_in_the_log() {
+        let shown = |call, cycle| Place { call, cycle }.to_string();
+        assert_eq!(shown(Some(Call::Cycle), 4_257), "in cycle 4257");
+        assert_eq!(shown(Some(Call::Request(Request::Arm)), 7), "in the request after cycle 7");
+        assert_eq!(shown(Some(Call::BringUp), 0), "in the boot before the first cycle");
+        assert_eq!(shown(None, 7), "after cycle 7");
+        let in_log = |call| Place { call, cycle: 7 }.cycle_in_log();
+        assert_eq!((in_log(Some(Call::Cycle)), in_log(Some(Call::Stop)), in_log(None)), (7, 8, 8));
+    }
+}

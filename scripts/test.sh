@@ -75,7 +75,10 @@ drives() {
 }
 # Without its tools the rig is left out only where nothing is to be installed.
 instructions() { scripts/icount.sh ${without_install:+--optional}; }
-campaign() { target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1; }
+campaign() {
+  target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1 &&
+    target/release/frhc -q campaign --seed 2 --faults 300 --threads 1 --verify-replay
+}
 soak() { scripts/soak.sh 1000000 1 --threads 1; }
 
 missing=

@@ -71,6 +71,11 @@ impl<W: Write> InputWriter<W> {
         self.to.flush()
     }
 
+    /// Returns what was written to.
+    pub fn into_inner(self) -> W {
+        self.to
+    }
+
     fn encode(&mut self, input: &Input) {
         match input {
             Input::Call(call) => self.call(*call),

@@ -196,6 +196,7 @@ fn open_recorder(
         configuration: args.config.path().to_path_buf(),
         robot: None,
         scenario: None,
+        case: None,
         without_passivity: false,
         copies,
         is_anonymous: args.anonymise,

@@ -62,6 +62,7 @@ pub(crate) fn no_sources() -> Sources {
         configuration: PathBuf::from("arm.toml"),
         robot: None,
         scenario: None,
+        case: None,
         without_passivity: false,
         copies: Copies::new(),
         is_anonymous: false,

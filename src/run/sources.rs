@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::provenance::Provenance;
 use crate::results;
 use config::files::Copies;
-use telemetry::manifest::{self, FileCopy, Host, Manifest, SessionKind};
+use telemetry::manifest::{self, CampaignCase, FileCopy, Host, Manifest, SessionKind};
 
 /// Name of the description in the folder of a session, and of the folder of copies in it.
 pub(super) const DESCRIPTION: &str = "session.json";
@@ -26,6 +26,8 @@ pub struct Sources {
     pub robot: Option<PathBuf>,
     /// Path of the scenario.
     pub scenario: Option<PathBuf>,
+    /// Case of a campaign.
+    pub case: Option<CampaignCase>,
     /// The passivity layer of the configuration is left out.
     pub without_passivity: bool,
     /// All these files, and those that they name.
@@ -70,6 +72,7 @@ impl Sources {
             configuration: self.shown(&self.configuration),
             robot: self.robot.as_deref().map(|path| self.shown(path)),
             scenario: self.scenario.as_deref().map(|path| self.shown(path)),
+            case: self.case,
             without_passivity: self.without_passivity,
             files,
             host: self.host(),

@@ -27,6 +27,9 @@ pub struct Manifest {
     pub robot: Option<String>,
     /// Path of the scenario, one of `files`.
     pub scenario: Option<String>,
+    /// Case of a campaign.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub case: Option<CampaignCase>,
     /// The passivity layer of the configuration was left out.
     pub without_passivity: bool,
     /// Copies of the files.
@@ -43,6 +46,17 @@ pub enum SessionKind {
     Run,
     /// `frhc demo`.
     Demo,
+    /// `frhc campaign`.
+    Campaign,
+}
+
+/// Case of a campaign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CampaignCase {
+    /// Seed of the campaign.
+    pub seed: u64,
+    /// Number of the case, from 1.
+    pub number: u32,
 }
 
 /// Copy of a file.

@@ -123,6 +123,7 @@ pub(crate) const ROWS: &[Row] = &[
             ("frhc campaign --seed", "scripts/test.sh runs it"),
             ("frhc campaign -c", "takes seconds; the same on one configuration"),
             ("frhc campaign --only", "takes seconds; the same with one kind"),
+            ("frhc campaign --faults 60", "takes seconds; tests/memory/campaign.rs does the same"),
             ("scripts/soak.sh", "scripts/test.sh runs it"),
         ],
     ),

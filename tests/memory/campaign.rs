@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use crate::common::bench::{Wire, config};
 use campaign::case::Case;
-use campaign::run::Campaign;
+use campaign::run::{Campaign, Part};
 use campaign::situation::Situation;
 use campaign::table::Table;
 use campaign::verdict::{Outcome, Verdict};
@@ -67,10 +67,29 @@ fn replayed_case_has_the_same_verdict() {
     for verdict in verdicts {
         let one = Campaign::of_one(SEED, configs(), verdict.number).unwrap();
         let mut cycles = 0;
-        let (again, frames) = one.replay(&mut |_, _| cycles += 1).unwrap().unwrap();
+        let of_case = &mut |_: &mut _, _: &_, part| cycles += u32::from(part == Part::Case);
+        let (again, frames) = one.replay((), of_case).unwrap().unwrap();
         assert_eq!(format!("{again:?}"), format!("{verdict:?}"));
         assert!(cycles > 50 && frames.len() > 1_000);
     }
+}
+
+#[test]
+fn cases_of_all_files_are_replayed_from_their_own_boots() {
+    let configs = configs();
+    let mut files = [0; HAND_CONTROLLERS.len()];
+    // Ten rounds of the kinds, each on another file.
+    let count = catalogue::kinds().count() * HAND_CONTROLLERS.len();
+    for place in 0..60 {
+        let number = u32::try_from(1 + place * count / 60).unwrap();
+        let one = Campaign::of_one(SEED, configs.clone(), number).unwrap();
+        files[one.cases()[0].config] += 1;
+        let verdicts = one.run(threads(1), &|| {}).unwrap();
+        let [verified] = &*one.verify(&verdicts, threads(1), &|| {}).unwrap() else { panic!() };
+        assert_eq!((verified.case, verified.difference.as_deref()), (number, None));
+        assert!(verified.cycles > 100 && verified.frames > verified.cycles, "{verified:?}");
+    }
+    assert_eq!(files, [6; HAND_CONTROLLERS.len()]);
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod boot_variants;
 mod both_kinds;
 mod bus_hazards;
 mod campaign;
+mod changed_gains;
 mod compensated_push;
 mod config;
 mod control_law;

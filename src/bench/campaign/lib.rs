@@ -23,6 +23,7 @@
 //! | `table`       | the figures by kind                                               |
 //! | `timers`      | times within which the drives stop by themselves                  |
 //! | `verdict`     | the outcome of a case                                             |
+//! | `verification` | cases replayed from the recorded inputs of their nodes           |
 #![forbid(unsafe_code)]
 
 pub mod case;
@@ -43,3 +44,4 @@ pub mod stage;
 pub mod table;
 pub mod timers;
 pub mod verdict;
+pub mod verification;

@@ -11,6 +11,7 @@ use crate::timers;
 use crate::verdict::Observation;
 use config::Config;
 use faults::{Disturbance, Fault, Kind};
+use inputs::InputSink;
 use node::record::{Mode, Record};
 use sim::drive::Drive;
 use testbench::bench::Bench;
@@ -46,7 +47,10 @@ pub(super) struct Observer {
 
 impl Observer {
     /// Starts with the bench as it is; power stages may be on for `off_tolerance` after "drives off".
-    pub(super) fn new(bench: &Bench<Monitor>, off_tolerance: Duration) -> Self {
+    pub(super) fn new<S: InputSink + Clone>(
+        bench: &Bench<Monitor, S>,
+        off_tolerance: Duration,
+    ) -> Self {
         let grip = grip(bench);
         Self {
             before: bench.now(),
@@ -72,9 +76,9 @@ impl Observer {
     }
 
     /// Takes a cycle.
-    pub(super) fn update(
+    pub(super) fn update<S: InputSink + Clone>(
         &mut self,
-        bench: &Bench<Monitor>,
+        bench: &Bench<Monitor, S>,
         config: &Config,
         onset: Instant,
         record: &Record,
@@ -121,7 +125,11 @@ impl Observer {
     }
 
     /// Returns the observation, with times from the onset.
-    pub(super) fn finish(mut self, bench: &mut Bench<Monitor>, onset: Instant) -> Observation {
+    pub(super) fn finish<S: InputSink + Clone>(
+        mut self,
+        bench: &mut Bench<Monitor, S>,
+        onset: Instant,
+    ) -> Observation {
         let since = |at: Instant| at.since(onset);
         let torque_free = bench.node().bus().stations().zero_torque_since();
         let monitor = bench.tap_mut();
@@ -199,7 +207,7 @@ impl PowerStages {
     }
 }
 
-fn grip(bench: &Bench<Monitor>) -> Vector3<f64> {
+fn grip<S: InputSink + Clone>(bench: &Bench<Monitor, S>) -> Vector3<f64> {
     bench.node().bus().stations().plant().x_0_g().translation.vector
 }
 

@@ -12,20 +12,21 @@ use crate::stage::{StageError, make, make_requests, report_mode};
 use crate::verdict::Verdict;
 use config::Config;
 use faults::{Disturbance, Fault, HostFault, Kind, Target};
+use inputs::InputSink;
 use node::Request;
 use node::record::Record;
 use testbench::bench::Bench;
 use units::time::Instant;
 
 /// A function that is called after every cycle.
-pub(super) type OnCycle<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
+pub(super) type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record) + 'a;
 
 /// Plays a case on a bench in its situation, which cannot be used again.
-pub(super) fn play(
-    bench: &mut Bench<Monitor>,
+pub(super) fn play<S: InputSink + Clone>(
+    bench: &mut Bench<Monitor, S>,
     config: &Config,
     case: &Case,
-    on_cycle: &mut OnCycle<'_>,
+    on_cycle: &mut OnCycle<'_, S>,
 ) -> Result<Verdict, StageError> {
     bench.follow(case.scenario().map_err(StageError::Scenario)?, case.seed);
     bench.tap_mut().forget();

@@ -6,13 +6,17 @@ use crate::case::Case;
 use crate::monitor::Monitor;
 use crate::play;
 use crate::situation::Situation;
-use crate::stage::{self, StageError};
+use crate::stage::{self, Stage, StageError};
 use crate::verdict::Verdict;
+use crate::verification::{Recording, Verification};
 use canopen::frame::Telegram;
 use config::Config;
+use inputs::InputSink;
 use node::record::Record;
+use sim::quirks::Quirk;
 use testbench::bench::Bench;
 use testbench::threads::each;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// The cases of a seed on some hand controllers.
@@ -22,6 +26,18 @@ pub struct Campaign {
     configs: Vec<Config>,
     cases: Vec<Case>,
 }
+
+/// Part of a case that is played from its own boot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The way into its situation.
+    Situation,
+    /// The case itself.
+    Case,
+}
+
+/// Observes every cycle of a case that is played from its own boot.
+pub type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record, Part) + 'a;
 
 /// The verdict on a case, and every frame since the boot.
 pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
@@ -74,25 +90,81 @@ impl Campaign {
         verdicts.into_iter().collect()
     }
 
-    /// Plays the first case again by itself, with all its frames since the boot; `on_cycle` is called after every
-    /// cycle of the case.
+    /// Plays the first case again from its own boot, with all its frames since then. The inputs of its node go to `sink`.
     ///
     /// # Errors
     /// As [`run`](Self::run).
-    pub fn replay(
+    pub fn replay<S: InputSink + Clone>(
         &self,
-        on_cycle: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+        sink: S,
+        on_cycle: &mut OnCycle<'_, S>,
     ) -> Result<Option<Replayed>, StageError> {
-        let Some((case, config)) =
-            self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
+        let Some((case, config)) = self.cases.first().and_then(|case| self.with_config(case))
         else {
             return Ok(None);
         };
         let monitor = Monitor::new(config).keeping_frames();
-        let mut bench =
-            stage::bring_to(config, case.situation, self.seed, monitor, case.injection.quirk)?;
-        let verdict = play::play(&mut bench, config, case, on_cycle)?;
+        let (verdict, mut bench) = self.play_from_boot(case, config, monitor, sink, on_cycle)?;
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
+    }
+
+    /// Plays all cases from their own boots, and replays each from the recorded inputs of its node; `progress` is called
+    /// after each. `verdicts` are those on clones of benches, in order.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn verify(
+        &self,
+        verdicts: &[Verdict],
+        threads: NonZero<usize>,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Verification>, StageError> {
+        let cases: Vec<_> = self.cases.iter().zip(verdicts).collect();
+        let verified = each(threads, &cases, |(case, verdict)| {
+            let (case, config) = self.with_config(case).ok_or_else(|| without_stage(case))?;
+            let recording = Recording::new();
+            let sink = recording.clone();
+            let (again, _) = self.play_from_boot(
+                case,
+                config,
+                Monitor::new(config),
+                sink.clone(),
+                &mut |_, record, _| sink.on_cycle(record),
+            )?;
+            progress();
+            Ok(recording.verify(config, verdict, &again))
+        });
+        verified.into_iter().collect()
+    }
+
+    /// Plays a case from its own boot. Returns its bench.
+    fn play_from_boot<S: InputSink + Clone>(
+        &self,
+        case: &Case,
+        config: &Config,
+        monitor: Monitor,
+        sink: S,
+        on_cycle: &mut OnCycle<'_, S>,
+    ) -> Result<(Verdict, Bench<Monitor, S>), StageError> {
+        let stage = self.stage(case.situation, config, case.injection.quirk);
+        let mut before = |bench: &mut _, record: &_| on_cycle(bench, record, Part::Situation);
+        let mut bench = stage::bring_to(stage, monitor, sink, &mut before)?;
+        let mut during = |bench: &mut _, record: &_| on_cycle(bench, record, Part::Case);
+        let verdict = play::play(&mut bench, config, case, &mut during)?;
+        Ok((verdict, bench))
+    }
+
+    const fn stage<'c>(
+        &self,
+        situation: Situation,
+        config: &'c Config,
+        quirk: Option<(Joint, Quirk)>,
+    ) -> Stage<'c> {
+        Stage { config, situation, seed: self.seed, quirk }
+    }
+
+    fn with_config<'c>(&'c self, case: &'c Case) -> Option<(&'c Case, &'c Config)> {
+        Some((case, self.configs.get(case.config)?))
     }
 
     fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
@@ -100,15 +172,15 @@ impl Campaign {
         match (stage, self.configs.get(case.config)) {
             // A drive that differs since before its boot needs a boot of its own.
             (_, Some(config)) if case.injection.quirk.is_some() => {
-                let (monitor, quirk) = (Monitor::new(config), case.injection.quirk);
-                let mut bench = stage::bring_to(config, case.situation, self.seed, monitor, quirk)?;
-                play::play(&mut bench, config, case, &mut |_, _| {})
+                let monitor = Monitor::new(config);
+                let played = self.play_from_boot(case, config, monitor, (), &mut |_, _, _| {})?;
+                Ok(played.0)
             }
             (Some(Some(bench)), Some(config)) => {
                 play::play(&mut bench.clone(), config, case, &mut |_, _| {})
             }
             // Every case has a stage and a hand controller: both are made from the cases.
-            _ => Err(StageError::Violated(format!("case {} has no stage", case.number))),
+            _ => Err(without_stage(case)),
         }
     }
 
@@ -121,7 +193,8 @@ impl Campaign {
         });
         let reached = each(threads, &wanted, |(config, situation)| {
             let config = self.configs.get(*config)?;
-            Some(stage::bring_to(config, *situation, self.seed, Monitor::new(config), None))
+            let stage = self.stage(*situation, config, None);
+            Some(stage::bring_to(stage, Monitor::new(config), (), &mut |_, _| {}))
         });
         let mut stages: Stages = self.configs.iter().map(|_| [const { None }; 4]).collect();
         for ((config, situation), bench) in wanted.into_iter().zip(reached) {
@@ -132,6 +205,10 @@ impl Campaign {
         }
         Ok(stages)
     }
+}
+
+fn without_stage(case: &Case) -> StageError {
+    StageError::Violated(format!("case {} has no stage", case.number))
 }
 
 /// Largest number of cases among which one of each kind is found.

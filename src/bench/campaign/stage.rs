@@ -7,11 +7,13 @@ use thiserror::Error;
 use crate::monitor::{self, Answer, Monitor};
 use crate::situation::Situation;
 use config::Config;
-use node::record::Mode;
+use inputs::InputSink;
+use node::record::{Mode, Record};
 use node::{BringUpError, Request};
 use sim::quirks::Quirk;
 use sim::scenario::{Problem, Scenario};
-use testbench::bench::Bench;
+use testbench::bench::{Bench, Course};
+use testbench::side::Side;
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -41,21 +43,32 @@ pub enum StageError {
     Violated(String),
 }
 
-/// Brings a bench into a situation; `seed` is that of the hand's tremor. No drive may exert torque before it is armed,
-/// the proof test included (promise 9).
-pub(super) fn bring_to(
-    config: &Config,
-    situation: Situation,
-    seed: u64,
+/// A situation to be brought about.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stage<'a> {
+    pub(super) config: &'a Config,
+    pub(super) situation: Situation,
+    /// Seed of the hand's tremor.
+    pub(super) seed: u64,
+    /// A drive that differs since before its boot.
+    pub(super) quirk: Option<(Joint, Quirk)>,
+}
+
+/// Brings a bench into a situation; the inputs of its node go to `sink`. No drive may exert torque before it is armed, the
+/// proof test included (promise 9).
+pub(super) fn bring_to<S: InputSink + Clone>(
+    Stage { config, situation, seed, quirk }: Stage<'_>,
     monitor: Monitor,
-    quirk: Option<(Joint, Quirk)>,
-) -> Result<Bench<Monitor>, StageError> {
+    sink: S,
+    on_cycle: &mut dyn FnMut(&mut Bench<Monitor, S>, &Record),
+) -> Result<Bench<Monitor, S>, StageError> {
     let seconds = situation.reached_s() + 2.0;
     let mut scenario = Scenario::new(seconds, situation.entries()).map_err(StageError::Scenario)?;
     if let Some((joint, quirk)) = quirk {
         scenario.quirks_mut().add(joint, [quirk]);
     }
-    let mut bench = Bench::new(config, scenario, seed, false, monitor);
+    let course = Course { scenario, seed, in_real_time: false };
+    let mut bench = Bench::recorded(config, Side::of(config), course, monitor, sink);
     bring_up(&mut bench)?;
     let (mut last, mut is_unarmed) = (None, true);
     // Without a first SYNC the scenario never begins.
@@ -64,6 +77,7 @@ pub(super) fn bring_to(
         make_requests(&mut bench);
         let record = bench.cycle();
         report_mode(&mut bench, record.mode);
+        on_cycle(&mut bench, &record);
         is_unarmed &= matches!(record.mode, Mode::Boot | Mode::Ready);
         if is_unarmed && bench.node().bus().stations().zero_torque_since() != Some(Instant::ZERO) {
             return Err(StageError::Violated("a drive exerts torque, and is not armed".to_owned()));
@@ -87,7 +101,9 @@ pub(super) fn bring_to(
 ///
 /// # Errors
 /// When it does not come up, or is not up when [`BOOT_TIMEOUT`] is over.
-pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
+pub(super) fn bring_up<S: InputSink + Clone>(
+    bench: &mut Bench<Monitor, S>,
+) -> Result<(), StageError> {
     bench.bring_up_within(BOOT_TIMEOUT).map_err(|error| match error {
         BringUpError::GivenUp | BringUpError::LeftOn(_) => StageError::BootTimeout,
         error @ (BringUpError::Boot(_)
@@ -101,7 +117,7 @@ pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
 
 /// Makes the requests of the scenario that are due, and reports the node's answers to the monitor. Returns whether
 /// there was one.
-pub(super) fn make_requests(bench: &mut Bench<Monitor>) -> bool {
+pub(super) fn make_requests<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>) -> bool {
     let mut is_made = false;
     while let Some(request) = bench.due() {
         make(bench, request);
@@ -111,7 +127,7 @@ pub(super) fn make_requests(bench: &mut Bench<Monitor>) -> bool {
 }
 
 /// Makes a request, and reports its answer to the monitor.
-pub(super) fn make(bench: &mut Bench<Monitor>, request: Request) {
+pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request: Request) {
     let mode = bench.ask(request).ok();
     let now = bench.now();
     let answer = match (request, mode) {
@@ -124,7 +140,7 @@ pub(super) fn make(bench: &mut Bench<Monitor>, request: Request) {
 }
 
 /// Reports the mode of a cycle to the monitor.
-pub(super) fn report_mode(bench: &mut Bench<Monitor>, mode: Mode) {
+pub(super) fn report_mode<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, mode: Mode) {
     let now = bench.now();
     let mode = match mode {
         Mode::ZeroTorque | Mode::DrivesOff => monitor::mode::Mode::Stopped,

@@ -1,5 +1,8 @@
 //! `frhc campaign`: thousands of faults, with a verdict on each.
 
+mod recorded;
+mod verified;
+
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -10,10 +13,11 @@ use clap::Args;
 use serde_json::json;
 use tempfile::TempDir;
 
+use crate::campaign::recorded::CaseBench;
+use crate::campaign::verified::Verified;
 use crate::event_narrator::EventNarrator;
 use bus::log_writer::LogWriter;
 use campaign::case::Case;
-use campaign::monitor::Monitor;
 use campaign::run::Campaign as Cases;
 use campaign::table::Table;
 use campaign::verdict::Verdict;
@@ -29,7 +33,6 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
 use telemetry::fidelity::{Fidelity, Judged};
-use testbench::bench::Bench;
 use units::time::Instant;
 
 /// Most failed cases that leave a log.
@@ -50,9 +53,13 @@ pub struct Campaign {
     /// Only kinds of fault whose name contains this.
     #[arg(long, value_name = "KIND", conflicts_with_all = ["replay", "soak"])]
     only: Option<String>,
-    /// Plays one case again by itself, prints its events and leaves its log.
+    /// Plays one case again by itself, prints its events and leaves its session.
     #[arg(long, value_name = "CASE", conflicts_with_all = ["faults", "soak"])]
     replay: Option<u32>,
+    /// Plays each case once more from its own boot, and replays that from the recorded inputs of its node: every frame must be
+    /// the same.
+    #[arg(long, conflicts_with_all = ["replay", "soak"])]
+    verify_replay: bool,
     /// Plays this many cycles with lost samples and a bad link instead, in which nothing may stop.
     #[arg(long, value_name = "CYCLES", conflicts_with = "faults")]
     soak: Option<NonZero<u64>>,
@@ -111,13 +118,14 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     let verdicts = verdicts.or_fail(Kind::Drive)?;
     let seconds = progress.elapsed().as_secs_f64();
     progress.finish();
+    let verified = args.verify_replay.then(|| Verified::of(args, &cases, &verdicts, quiet));
+    let verified = verified.transpose()?;
     let table = Table::of(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
     if args.json {
         let failures: Vec<_> = bad.iter().map(|verdict| failure(args, verdict)).collect();
-        print::line(
-            &json!({ "seed": args.seed, "table": table, "failures": failures }).to_string(),
-        );
+        let document = json!({ "seed": args.seed, "table": table, "failures": failures, "replayed": verified });
+        print::line(&document.to_string());
     } else {
         let text = if args.markdown { table.markdown() } else { table.to_string() };
         print::line(&text);
@@ -128,15 +136,16 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
             "{count} faults of seed {seed} in {seconds:.1} s: {rate:.0} a second"
         ));
         bad.iter().for_each(|verdict| print::line(&description(args, verdict)));
+        verified.iter().for_each(|verified| print::line(&verified.to_string()));
     }
     if bad.is_empty() {
-        return Ok(());
+        return verified.map_or(Ok(()), |verified| verified.ensure_equal());
     }
     let folder = folder(args)?;
     for verdict in bad.iter().take(MAX_LOGS) {
         let one = Cases::of_one(args.seed, cases.configs().to_vec(), verdict.number);
         if let Some(one) = one {
-            export(&folder, args.force, &one, &mut |_, _| {})?;
+            export(&folder, args, &one, &mut |_, _| {})?;
         }
     }
     let count = bad.len();
@@ -197,17 +206,18 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
         let at = fault.start.as_secs_f64();
         print::line(&format!("scenario + {at:.6} s: {fault}"));
     }
-    let mut print_events = |bench: &mut Bench<Monitor>, record: &Record| {
+    let mut print_events = |bench: &mut CaseBench<'_, '_>, record: &Record| {
         if let Some(narrator) = &mut narrator {
             print_new(narrator, bench, record);
         }
     };
     let folder = folder(args)?;
-    let verdict = export(&folder, args.force, &cases, &mut print_events)?;
+    let verdict = export(&folder, args, &cases, &mut print_events)?;
     let Some(verdict) = verdict else { return Ok(()) };
     print::line(&description(args, &verdict));
     print::line(&figures(&verdict));
     print::line(&format!("log and scenario: {}", folder.display()));
+    print::line(&format!("session: {}", recorded::folder(&folder, number).display()));
     match verdict.is_good() {
         true => Ok(()),
         false => Err(Failure::new(Kind::Negative, format!("case {number}: {}", verdict.outcome))),
@@ -233,7 +243,7 @@ fn figures(verdict: &Verdict) -> String {
 }
 
 /// Prints the faults and the node's events since the last cycle.
-fn print_new(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &Record) {
+fn print_new(narrator: &mut EventNarrator, bench: &mut CaseBench<'_, '_>, record: &Record) {
     narrator.scenario_start(bench.begun()).into_iter().for_each(|line| print::line(&line));
     while let Some(notice) = bench.fault_notice() {
         print::line(&narrator.fault(bench.begun(), &notice));
@@ -246,16 +256,16 @@ fn print_new(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &
     lines.for_each(|line| print::line(&line));
 }
 
-/// Plays the only case again, and writes its frames and its scenario.
+/// Plays the only case again, and writes its session, its frames and its scenario.
 fn export(
     folder: &Path,
-    force: Force,
+    args: &Campaign,
     cases: &Cases,
-    on_cycle: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+    on_cycle: &mut dyn FnMut(&mut CaseBench<'_, '_>, &Record),
 ) -> Result<Option<Verdict>, Failure> {
-    let Some((verdict, frames)) = cases.replay(on_cycle).or_fail(Kind::Bus)? else {
-        return Ok(None);
-    };
+    let force = args.force;
+    let played = recorded::play(folder, (args.seed, force), cases, on_cycle)?;
+    let Some((verdict, frames)) = played else { return Ok(None) };
     let files = || -> anyhow::Result<_> {
         let name = format!("case-{}", verdict.number);
         let config = cases.configs().get(verdict.config);

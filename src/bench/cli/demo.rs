@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::args::Demo;
 use crate::event_narrator::EventNarrator;
+use crate::session_inputs::SessionInputs;
 use crate::{quirks, scenario};
 use bus::Tap;
 use canopen::frame::Telegram;
@@ -16,7 +17,7 @@ use config::robots::RobotArm;
 use config::trust::Trust;
 use experiments::command::require_switch_box;
 use experiments::comparison::{self, Comparison};
-use inputs::{Input, InputSink};
+use inputs::InputSink;
 use node::cause::Cause;
 use node::record::Record;
 use progress::Progress;
@@ -60,6 +61,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         configuration: args.config.clone(),
         robot: args.robot.clone(),
         scenario: Some(path),
+        case: None,
         without_passivity: false,
         copies,
         is_anonymous: false,
@@ -193,7 +195,7 @@ impl Play<'_> {
             None => Side::of(config),
         };
         let course = Course { scenario, seed: args.seed, in_real_time: args.realtime };
-        let mut bench = Bench::recorded(config, side, course, tap, Inputs(&recorder));
+        let mut bench = Bench::recorded(config, side, course, tap, SessionInputs(&recorder));
         bench.bring_up().or_fail(Kind::Drive)?;
         is_booting.set(false);
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
@@ -252,20 +254,6 @@ struct Observer<'a, 'r> {
     narrator: Option<EventNarrator>,
     is_booting: &'a Cell<bool>,
     progress: &'a Progress,
-}
-
-/// Records the inputs of the node in the session, if there is one.
-#[derive(Clone, Copy)]
-struct Inputs<'a, 'r>(&'a RefCell<&'r mut RunRecorder>);
-
-impl InputSink for Inputs<'_, '_> {
-    fn is_recording(&self) -> bool {
-        self.0.borrow().has_session()
-    }
-
-    fn on_input(&self, input: Input) {
-        self.0.borrow_mut().on_input(&input);
-    }
 }
 
 impl Tap for Observer<'_, '_> {

@@ -24,6 +24,7 @@ pub mod scan;
 mod scenario;
 pub mod sdo;
 mod session_config;
+mod session_inputs;
 mod session_progress;
 pub mod signal_list;
 mod sim;
@@ -59,9 +60,10 @@ pub enum Command {
     /// Injects many faults, one per simulated run, and checks the node's reaction to each.
     #[command(
         after_help = "The exit code is 1 when a fault was missed or detected late, a rule of the bus was violated, or the node \
-            stopped without need. --replay runs such a case again and writes its log.\n\nExamples:\n  \
+            stopped without need. --replay runs such a case again and leaves its session, for `frhc replay`.\n\nExamples:\n  \
             frhc campaign --seed 1 --faults 2000\n  \
             frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
+            frhc campaign --seed 1 --faults 60 --verify-replay\n  \
             frhc campaign --seed 1 --soak 1000000"
     )]
     Campaign(Campaign),

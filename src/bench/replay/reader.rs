@@ -1,5 +1,6 @@
 //! Reads inputs, as docs/sessions.md describes them. Any bytes are safe.
 
+use std::fmt;
 use std::io::{self, BufRead, Read};
 use std::time::Duration;
 
@@ -23,12 +24,17 @@ use units::time::Instant;
 const MAX_TEXT: u64 = 4_096;
 
 /// Reader of a file of inputs.
-#[derive(Debug)]
 pub struct InputReader<R> {
     from: R,
     last: Last,
     /// Bytes read so far.
     place: u64,
+}
+
+impl<R> fmt::Debug for InputReader<R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("InputReader").field("place", &self.place).finish_non_exhaustive()
+    }
 }
 
 /// Reasons why an input cannot be read.

@@ -1,8 +1,10 @@
 //! Runs the node of a session with its recorded inputs, and compares what it sends.
 
 use std::collections::VecDeque;
+use std::io::BufRead;
 
 use crate::outcome::{Difference, End, Outcome, Place};
+use crate::reader::{InputReader, ReadError};
 use crate::replayed_bus::ReplayedBus;
 use crate::replayed_remote::ReplayedRemote;
 use crate::source::{Ended, Source, answer};
@@ -32,6 +34,19 @@ pub struct Replay {
 const MAX_OUTPUTS: usize = 4_096;
 
 impl Replay {
+    /// Starts a node with this configuration on recorded inputs; `None` if not even its start was recorded.
+    ///
+    /// # Errors
+    /// They are no inputs, or those of another version.
+    pub fn of_inputs(
+        config: &Config,
+        inputs: impl BufRead + 'static,
+    ) -> Result<Option<Self>, ReadError> {
+        let inputs: Box<dyn BufRead> = Box::new(inputs);
+        let reader = InputReader::begin(inputs)?;
+        Ok(Self::new(config, Source::new(reader), true))
+    }
+
     /// Starts the node of a session; `None` if not even its start was recorded.
     pub(super) fn new(config: &Config, source: Source, is_compared: bool) -> Option<Self> {
         let Some(Call::New) = source.call() else { return None };

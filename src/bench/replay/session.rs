@@ -113,14 +113,15 @@ impl Session {
     fn started(&self, config: &Config, is_compared: bool) -> Result<Replay, SessionError> {
         let file = self.folder.join(INPUTS);
         let opened = open(&file)?;
-        let reader = match InputReader::begin(BufReader::new(opened)) {
+        let inputs: Box<dyn BufRead> = Box::new(BufReader::new(opened));
+        let reader = match InputReader::begin(inputs) {
             Ok(reader) => reader,
             Err(error) => return Err(SessionError::Inputs { file, error }),
         };
         Replay::new(config, Source::new(reader), is_compared).ok_or(SessionError::Empty { file })
     }
 
-    /// Returns the frames of a cycle in `bus.log`, in their order. That of `demo` has frames when they are on the wire,
+    /// Returns the frames of a cycle in `bus.log`, in their order. That of a simulation has frames when they are on the wire,
     /// which those of a cycle's end are in the next.
     ///
     /// # Errors
@@ -128,7 +129,7 @@ impl Session {
     pub fn frames_of_cycle(&self, cycle: u64) -> Result<Vec<Telegram>, SessionError> {
         let last = match self.manifest.kind {
             SessionKind::Run => cycle,
-            SessionKind::Demo => cycle + 1,
+            SessionKind::Demo | SessionKind::Campaign => cycle + 1,
         };
         let interfaces = &self.manifest.interfaces;
         let found = bus_log::frames_of_cycles(self.bus_log()?, interfaces, cycle, last);

@@ -3,8 +3,7 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::fmt;
-use std::fs::File;
-use std::io::BufReader;
+use std::io::BufRead;
 use std::rc::Rc;
 
 use crate::reader::{InputReader, ReadError};
@@ -29,7 +28,7 @@ pub(super) struct Source(Rc<RefCell<State>>);
 
 #[derive(Debug)]
 struct State {
-    reader: InputReader<BufReader<File>>,
+    reader: InputReader<Box<dyn BufRead>>,
     /// The next input, once it was looked at.
     next: Option<Input>,
     /// Digests of cycles that were read on the way, in their order.
@@ -70,7 +69,7 @@ impl fmt::Display for Misstep {
 }
 
 impl Source {
-    pub(super) fn new(reader: InputReader<BufReader<File>>) -> Self {
+    pub(super) fn new(reader: InputReader<Box<dyn BufRead>>) -> Self {
         Self(Rc::new(RefCell::new(State {
             reader,
             next: None,

@@ -1,0 +1,98 @@
+//! The session of one case, which is played from its own boot.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+
+use crate::session_inputs::SessionInputs;
+use campaign::case::Case;
+use campaign::monitor::Monitor;
+use campaign::run::{Campaign, Part, Replayed};
+use canopen::frame::Telegram;
+use config::Config;
+use config::files::Files;
+use config::trust::Trust;
+use node::record::Record;
+use run::exit::{Failure, Kind, OrFail};
+use run::provenance::Provenance;
+use run::results::Force;
+use run::run_recorder::RunRecorder;
+use run::session;
+use run::sources::Sources;
+use telemetry::manifest::{CampaignCase, SessionKind};
+use telemetry::origin::Origin;
+use telemetry::summary::Summary;
+use testbench::bench::Bench;
+use units::time::Instant;
+
+/// The bench of a case whose session is recorded.
+pub(super) type CaseBench<'a, 'r> = Bench<Monitor, SessionInputs<'a, 'r>>;
+
+/// Returns the folder of the session of a case.
+pub(super) fn folder(parent: &Path, number: u32) -> PathBuf {
+    parent.join(format!("case-{number}"))
+}
+
+/// Plays the only case of `cases` from its own boot, and records its session in a folder of `parent`. `on_cycle` is called
+/// after every cycle of the case.
+pub(super) fn play(
+    parent: &Path,
+    (seed, force): (u64, Force),
+    cases: &Campaign,
+    on_cycle: &mut dyn FnMut(&mut CaseBench<'_, '_>, &Record),
+) -> Result<Option<Replayed>, Failure> {
+    let of_case = cases.cases().first();
+    let Some((case, config)) =
+        of_case.and_then(|case| Some((case, cases.configs().get(case.config)?)))
+    else {
+        return Ok(None);
+    };
+    let folder = folder(parent, case.number);
+    session::make_room(&folder, force)?;
+    let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
+    let provenance = Provenance::of(config, &interfaces, Origin::default());
+    let sources = sources(seed, case, config)?;
+    let mut recorder =
+        RunRecorder::with_session(&folder, &provenance, &sources).or_fail(Kind::File)?;
+    let (mut summary, mut taken) = (Summary::default(), 0);
+    let recorded = RefCell::new(&mut recorder);
+    let played = cases.replay(SessionInputs(&recorded), &mut |bench, record, part| {
+        let frames = bench.tap_mut().frames();
+        on_frames(&mut recorded.borrow_mut(), frames.get(taken..).unwrap_or_default());
+        taken = frames.len();
+        recorded.borrow_mut().on_cycle(record);
+        summary.add(record);
+        if part == Part::Case {
+            on_cycle(bench, record);
+        }
+    });
+    let played = played.or_fail(Kind::Drive)?;
+    let frames = played.as_ref().map(|(_, frames)| &**frames).unwrap_or_default();
+    on_frames(&mut recorder, frames.get(taken..).unwrap_or_default());
+    let (_, finished) = recorder.finish(&summary);
+    finished.or_fail(Kind::File)?;
+    Ok(played)
+}
+
+fn on_frames(recorder: &mut RunRecorder, frames: &[(Instant, Telegram)]) {
+    frames.iter().for_each(|(at, telegram)| recorder.on_frame(*at, telegram));
+}
+
+/// Returns the files of a case: those of its hand controller, and its scenario.
+fn sources(seed: u64, case: &Case, config: &Config) -> Result<Sources, Failure> {
+    let files = Files::on_disk(Trust::Any);
+    Config::load_from(&files, &config.file).or_fail(Kind::Configuration)?;
+    let mut copies = files.copies();
+    let scenario = PathBuf::from(format!("case-{}.toml", case.number));
+    let text = case.scenario().or_fail(Kind::Configuration)?.to_toml();
+    copies.insert(scenario.clone(), text.into_bytes().into());
+    Ok(Sources {
+        kind: SessionKind::Campaign,
+        configuration: config.file.clone(),
+        robot: None,
+        scenario: Some(scenario),
+        case: Some(CampaignCase { seed, number: case.number }),
+        without_passivity: false,
+        copies,
+        is_anonymous: false,
+    })
+}

@@ -8,7 +8,11 @@ repeated: these mutants are not viable. Then the unit tests and the tests on the
 mutant, up to the first failure or the time limit.
 
 usage: scripts/mutants.sh [--count N] [--seed N] [--only TEXT] [--edits FILE] [--list] [--limit SECONDS]
-                          [--build]
+                          [--build] [--replay]
+
+With --replay no test runs. A session is recorded without mutant, and `frhc replay` computes it with each of
+scripts/mutants_of_the_law.json (or of --edits): it must name the first cycle and intermediate that differ, or find that the
+session does not exercise the mutant.
 """
 
 import argparse
@@ -20,6 +24,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -31,6 +36,7 @@ WORK = ROOT / "target" / "mutants"
 TREE = WORK / "tree"
 TARGET = WORK / "target"
 WHERE = ["src/node", "src/controller", "src/bench/calibration/fit", "src/canopen/exchange", "src/canopen/sdo"]
+LAW = "scripts/mutants_of_the_law.json"
 # Test targets that start no process and need no CAN interface.
 IN_MEMORY = ["memory", "no_alloc"]
 SWITCH = '''//! The switch of mutants: which of them is on, if any.
@@ -121,7 +127,7 @@ class Mutant:
         if len(old) > 60:
             old = old[:57] + "..."
         self.what = "`%s` -> `%s`" % (old, " ".join(new.split()) or "nothing")
-        self.result, self.by = None, ""
+        self.result, self.by, self.name = None, "", ""
 
     def __str__(self):
         return "%s:%d: %s" % (self.path, self.line, self.what)
@@ -166,9 +172,10 @@ def drawn(args):
 
 
 def by_hand(file):
-    """Returns the mutations listed in a file: [[path, old text, new text], ...]; the old text must occur once."""
+    """Returns the mutations listed in a file: [[name, path, old text, new text], ...], the name optional; the old text must
+    occur once."""
     mutants = []
-    for number, (path, old, new) in enumerate(json.loads(Path(file).read_text()), 1):
+    for number, (*name, path, old, new) in enumerate(json.loads(Path(file).read_text()), 1):
         text = (ROOT / path).read_text()
         if text.count(old) != 1:
             sys.exit("%s: %r must occur once in %s, occurs %d times" % (file, old, path, text.count(old)))
@@ -178,6 +185,7 @@ def by_hand(file):
         if not bodies:
             sys.exit("%s: %r is in no function" % (file, old))
         mutants.append(Mutant(number, Path(path), min(bodies), (at, at + len(old), new), text))
+        mutants[-1].name = name[0] if name else mutants[-1].what
     return mutants
 
 
@@ -349,6 +357,37 @@ def judged(mutant, steps):
     mutant.result = "survived"
 
 
+def replayed(mutants, program):
+    """Replays one session with each mutant, and prints a table. Returns how many are neither named nor not exercised."""
+    def run(number, *arguments):
+        environment = dict(os.environ, FRHC_MUTANT=str(number))
+        return subprocess.run([program, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True)
+
+    failed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        session = folder + "/session"
+        recorded = run(0, "-q", "demo", "--out", session)
+        original = run(0, "replay", session, "--verify")
+        if recorded.returncode != 0 or original.returncode != 0:
+            sys.exit("without any mutant: %s%s%s" % (recorded.stderr, original.stdout, original.stderr))
+        print(original.stdout)
+        print("| mutant | function in | first intermediate that differs | other frames |\n|---|---|---|---|")
+        for mutant in mutants:
+            if mutant.result:
+                print("| %s | `%s` | %s | |" % (mutant.name, mutant.path, mutant.result))
+                failed += 1
+                continue
+            found = json.loads(run(mutant.number, "replay", session, "--json").stdout)
+            law, frame = found["intermediate"], re.search(r"in cycle (\d+)", found["end"])
+            is_before = "before the first cycle" in found["end"]  # a boot computes no law
+            is_named = is_before or law is not None and (found["is_equal"] or frame and law["cycle"] <= int(frame[1]))
+            is_unused = law is None and found["is_equal"] and found["is_complete"]
+            failed += not (is_named or is_unused)
+            first = "`%s`, cycle %d" % (law["name"], law["cycle"]) if law else "none: in the boot" if is_before else "none: not exercised"
+            print("| %s | `%s` | %s | %s |" % (mutant.name, mutant.path, first, "none" if found["is_equal"] else found["end"]))
+    return failed
+
+
 def own(mutant):
     """Returns the room of the mutant and its module path there, whose own tests run first."""
     room, *parts = mutant.path.with_suffix("").relative_to("src/bench" if "src/bench" in map(str, mutant.path.parents) else "src").parts
@@ -364,8 +403,10 @@ def main():
     parser.add_argument("--list", action="store_true", help="print the sample without building or running")
     parser.add_argument("--build", action="store_true", help="build the program with all mutants without running")
     parser.add_argument("--limit", type=float, default=0, help="time limit of a test run in s (3 times that without mutant)")
+    parser.add_argument("--replay", action="store_true", help="replay a session with each mutant instead of the tests")
     args = parser.parse_args()
-    mutants = by_hand(args.edits) if args.edits else drawn(args)
+    edits = args.edits or (LAW if args.replay else None)
+    mutants = by_hand(ROOT / edits) if edits else drawn(args)
     if args.list:
         print("\n".join("%4d %s" % (mutant.number, mutant) for mutant in mutants))
         return 0
@@ -376,6 +417,10 @@ def main():
         print("\n".join("%4d %s%s" % (m.number, m, " (not viable)" if m.result else "") for m in mutants))
         print("FRHC_MUTANT=N %s" % executables["frhc", False])
         return 0
+    if args.replay:
+        failed = replayed(mutants, built(mutants, ["build"])["frhc", False])
+        print("%d of %d mutants named, or not exercised, in %.0f s" % (len(mutants) - failed, len(mutants), time.monotonic() - begun))
+        return 1 if failed else 0
     targets = IN_MEMORY
     rooms = {manifest.parent.name: str(manifest.parent.relative_to(ROOT)) for manifest in sorted(ROOT.glob("src/**/Cargo.toml"))}
     executables = built(mutants, ["test", "--no-run", "--workspace", "--lib"] + [word for name in targets for word in ("--test", name)])

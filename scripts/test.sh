@@ -75,6 +75,20 @@ drives() {
 }
 # Without its tools the rig is left out only where nothing is to be installed.
 instructions() { scripts/icount.sh ${without_install:+--optional}; }
+# Where the emulated machine is there: scripts/icount.sh says what is missing.
+other_processors() {
+  [[ -s target/icount/vmlinuz ]] || return 0
+  target/release/frhc -q demo --scenario contact_10s --seconds 10 --out "$work/session" >/dev/null 2>&1 &&
+    scripts/replay_on_cpus.sh "$work/session" Nehalem Haswell
+}
+# A session in wall-clock time under load, and one in virtual time.
+replayed() {
+  local virtual
+  for virtual in "" -v; do
+    # shellcheck disable=SC2086
+    VCAN_UML_CPU=$1 scripts/with_vcan.sh $virtual -t 600 -i vcan0 -- scripts/replay_under_load.sh 16 || return
+  done
+}
 campaign() {
   target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1 &&
     target/release/frhc -q campaign --seed 2 --faults 300 --threads 1 --verify-replay
@@ -96,7 +110,8 @@ last=$(($(nproc) - 1))
 if [[ -z $missing ]]; then
   timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults --test network
   { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0
-    lane "drives by their data sheets on real vcan" drives 0; } &
+    lane "drives by their data sheets on real vcan" drives 0
+    lane "sessions under load, replayed" replayed 0; } &
   first=$!
   # Two lanes of about the same length: where the first ends, the campaigns begin.
   { lane "faults on real vcan" on_vcan "$last" vcan_faults
@@ -110,6 +125,7 @@ if [[ -z $missing ]]; then
   third=$!
 fi
 lane "instructions of a cycle" instructions
+lane "a session on other processors" other_processors
 lane "campaign of two thousand faults" campaign
 lane "a million cycles without a false stop" soak
 wait ${second:-} ${third:-}

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# with_icount.sh [-i "vcan0 vcan1"] [-t SECONDS] [--] COMMAND [ARG...]
+# with_icount.sh [-i "vcan0 vcan1"] [-t SECONDS] [-c CPU] [--] COMMAND [ARG...]
 #
 # Runs COMMAND on an emulated machine on which every instruction takes one nanosecond, and exits with its status. Times
 # and costs are then counts of instructions, the kernel's included: a run repeats whatever else this machine does.
 #   -i NAMES    vcan interfaces that are up (default vcan0)
 #   -t SECONDS  kill the machine after this much wall-clock time (default 600; exit 124)
+#   -c CPU      model of its processor, as qemu-system-x86_64 -cpu help lists them (default max: all that QEMU can emulate)
 #
 # The machine is QEMU's with one CPU, without caches and pipelines; its kernel is Debian's, with Debian's modules for CAN.
 # Its root is this machine's file system, read only, so COMMAND finds the same paths and working directory; /tmp, /run
@@ -14,17 +15,18 @@
 # not installed. What is missing is said, with exit 69.
 set -euo pipefail
 
-interfaces=vcan0 limit=600
+interfaces=vcan0 limit=600 cpu=max
 while [[ $# -gt 0 ]]; do
   case $1 in
     -i) interfaces=$2; shift 2 ;;
     -t) limit=$2; shift 2 ;;
+    -c) cpu=$2; shift 2 ;;
     --) shift; break ;;
     -*) echo "with_icount: unknown option $1" >&2; exit 64 ;;
     *) break ;;
   esac
 done
-[[ $# -gt 0 ]] || { echo "usage: with_icount.sh [-i \"vcan0 vcan1\"] [-t SECONDS] [--] COMMAND [ARG...]" >&2; exit 64; }
+[[ $# -gt 0 ]] || { echo "usage: with_icount.sh [-i \"vcan0 vcan1\"] [-t SECONDS] [-c CPU] [--] COMMAND [ARG...]" >&2; exit 64; }
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 home=$here/../target/icount
@@ -98,7 +100,7 @@ COMMAND
 (cd "$run/initrd" && find . | cpio --quiet -o -H newc | gzip -1) >"$run/initrd.gz"
 
 status=0
-timeout "$limit" qemu-system-x86_64 -machine q35,accel=tcg -cpu max -smp 1 -m 2048 -icount shift=0,sleep=off \
+timeout "$limit" qemu-system-x86_64 -machine q35,accel=tcg -cpu "$cpu" -smp 1 -m 2048 -icount shift=0,sleep=off \
   -nographic -no-reboot -net none -kernel "$home/vmlinuz" -initrd "$run/initrd.gz" \
   -append "console=ttyS0 quiet mitigations=off clocksource=tsc tsc=reliable panic=-1" \
   -virtfs "local,path=/,mount_tag=files,security_model=none,readonly=on,multidevs=remap" \

@@ -150,6 +150,11 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/operation.md", "frhc ctl", Lane::Vcan(STOPPED)),
     row("docs/sessions.md", "frhc demo", Lane::AnyMachine),
     row("docs/sessions.md", "frhc signals", Lane::Session),
+    row(
+        "docs/sessions.md",
+        "scripts/mutants.sh",
+        Lane::NotRun("takes minutes; scripts/test.sh runs shorter sessions"),
+    ),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),

@@ -25,7 +25,7 @@ pub struct Verification {
     pub cycles: u64,
     /// Number of frames that its node has sent.
     pub frames: u64,
-    /// What is not as recorded; `None` if all is.
+    /// First difference to the recording, in words.
     pub difference: Option<String>,
 }
 

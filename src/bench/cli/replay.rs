@@ -10,12 +10,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::session_config::{configuration, equipped};
-use crate::session_progress;
 use crate::replay::difference::end;
 use crate::replay::emitted::Emitted;
 use crate::replay::extent::Extent;
 use crate::replay::trip::Trip;
+use crate::session_config::{configuration, equipped};
+use crate::session_config::{configuration, equipped};
+use crate::session_progress;
 use ::replay::{FaultRecord, Replay, Session};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};

@@ -63,7 +63,7 @@ pub enum FaultRecordError {
 }
 
 impl FaultRecord {
-    /// Reads a fault record; `None` if the folder is none.
+    /// Reads a fault record; `None` where the folder has none.
     ///
     /// # Errors
     /// Its description is invalid, or its session is not there.

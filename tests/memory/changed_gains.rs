@@ -144,7 +144,6 @@ fn gain_changed_by_a_millionth_is_named_by_its_intermediate() {
             first_difference(&changed, &inputs)
         });
         let first = first.collect::<Vec<_>>().join(" ");
-        println!("{key:24} {first}");
         found.push((key, first));
     }
     let expected = FIRST

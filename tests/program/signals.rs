@@ -98,7 +98,10 @@ fn signals_of_the_replay_end_where_it_differs() {
         text.replace("wrench_gain = [0.3, 0.3, 0.3", "wrench_gain = [0.4, 0.4, 0.4")
     });
     let (table, notes) = table(&session, &["q.elbow", "task.elbow", "f_s.fx", "load"]);
-    assert!(notes.contains("signals of the replay end where it differs: cycle "), "{notes}");
+    assert!(
+        notes.contains("the replay end where it differs: other frames are sent in cycle "),
+        "{notes}"
+    );
     assert!(notes.contains("f_g_task is the first intermediate that differs"), "{notes}");
     let known = |name: &str| table[name].iter().filter(|value| value.is_finite()).count();
     assert_eq!(known("q.elbow"), 6_000);

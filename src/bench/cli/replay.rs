@@ -17,6 +17,7 @@ use crate::replay::trip::Trip;
 use crate::session_config::{configuration, equipped};
 use crate::session_config::{configuration, equipped};
 use crate::session_progress;
+use crate::span::Place;
 use ::replay::{FaultRecord, Replay, Session};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
@@ -34,12 +35,12 @@ pub struct ReplayArgs {
     /// Write the frames that the node sends into this file, in candump's format; those of a fault record from 2 s before it.
     #[arg(long, value_name = "FILE")]
     emit: Option<PathBuf>,
-    /// First cycle whose frames are written, by its number in bus.log.
-    #[arg(long, value_name = "CYCLE", requires = "emit")]
-    from: Option<u64>,
-    /// Last cycle that is replayed, by its number in bus.log [default: the last one].
-    #[arg(long, value_name = "CYCLE")]
-    to: Option<u64>,
+    /// First cycle whose frames are written, by its number in bus.log, or the time since time zero in s, as `2.5s`.
+    #[arg(long, value_name = "PLACE", requires = "emit")]
+    from: Option<Place>,
+    /// Last cycle that is replayed, or its time [default: the last one].
+    #[arg(long, value_name = "PLACE")]
+    to: Option<Place>,
     /// Compute the torques of another configuration beside those of the session: open loop, since the recorded person and arm
     /// did not feel them.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["verify", "emit"])]
@@ -71,14 +72,14 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     while replay.outcome().end.is_none() {
         let record = replay.step();
         at = record.as_ref().map(|record| record.at).or(at);
-        let place = (replay.outcome().last_cycle, at);
-        if let Some(emitted) = emitted.as_mut().filter(|_| extent.is_begun(place)) {
+        let reached = (replay.outcome().last_cycle, at);
+        if let Some(emitted) = emitted.as_mut().filter(|_| extent.is_begun(reached)) {
             emitted.write(replay.sent())?;
         }
         for (trip, record) in trip.iter_mut().zip(&record) {
             trip.on_cycle(record);
         }
-        if extent.is_over(place) {
+        if extent.is_over(reached) {
             break;
         }
         progress.check().or_fail(Kind::Interrupted)?;

@@ -19,7 +19,7 @@ pub(super) struct Span {
 
 /// A cycle or a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Place {
+pub(super) enum Place {
     Cycle(u64),
     Seconds(f64),
 }

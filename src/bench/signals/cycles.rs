@@ -228,14 +228,16 @@ fn verdict(replay: &Replay) -> Option<ReplayVerdict> {
     let outcome = replay.outcome();
     Some(match outcome.end.as_ref()? {
         End::Complete => ReplayVerdict::Equal,
-        End::Cut => ReplayVerdict::EndsEarly("the inputs end inside a call of the node".to_owned()),
-        End::Lost(inputs) => ReplayVerdict::EndsEarly(format!("{inputs} inputs are missing")),
-        End::Unreadable(error) => ReplayVerdict::EndsEarly(error.to_string()),
+        End::Cut(place) => ReplayVerdict::EndsEarly(format!("the inputs end {place}")),
+        End::Lost(place, inputs) => {
+            ReplayVerdict::EndsEarly(format!("{inputs} inputs are missing {place}"))
+        }
+        End::Unreadable(place, error) => ReplayVerdict::EndsEarly(format!("{error}, {place}")),
         End::Differs(found) => {
             let law = outcome.intermediate.map_or_else(String::new, |(cycle, name)| {
                 format!("; {name} is the first intermediate that differs, in cycle {cycle}")
             });
-            ReplayVerdict::Differs { cycle: found.cycle, difference: format!("{found}{law}") }
+            ReplayVerdict::Differs { cycle: found.place.cycle, difference: format!("{found}{law}") }
         }
     })
 }

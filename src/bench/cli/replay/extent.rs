@@ -1,5 +1,8 @@
 //! Part of a session: its first and last cycle, by number or by time.
 
+use std::time::Duration;
+
+use crate::span::Place;
 use ::replay::FaultRecord;
 use units::time::Instant;
 
@@ -22,13 +25,14 @@ enum Bound {
 }
 
 /// Number of a cycle, zero before the first, and time of its SYNC.
-pub(super) type Place = (u64, Option<Instant>);
+pub(super) type Reached = (u64, Option<Instant>);
 
 impl Extent {
-    /// Returns the part between two cycles. Without them it is the whole session, or as much of it as a fault record has.
-    pub(super) fn new(from: Option<u64>, to: Option<u64>, fault: Option<&FaultRecord>) -> Self {
-        let of = |cycle: Option<u64>, time: Option<Instant>| match (cycle, time) {
-            (Some(cycle), _) => Bound::Cycle(cycle),
+    /// Returns the part between two places. Without them it is the whole session, or as much of it as a fault record has.
+    pub(super) fn new(from: Option<Place>, to: Option<Place>, fault: Option<&FaultRecord>) -> Self {
+        let of = |place: Option<Place>, time: Option<Instant>| match (place, time) {
+            (Some(Place::Cycle(cycle)), _) => Bound::Cycle(cycle),
+            (Some(Place::Seconds(seconds)), _) => Bound::Time(at(seconds)),
             (None, Some(time)) => Bound::Time(time),
             (None, None) => Bound::Session,
         };
@@ -37,25 +41,31 @@ impl Extent {
     }
 
     /// Returns whether the part has begun.
-    pub(super) fn is_begun(&self, place: Place) -> bool {
-        self.first.is_reached(place).unwrap_or(true)
+    pub(super) fn is_begun(&self, reached: Reached) -> bool {
+        self.first.is_reached(reached).unwrap_or(true)
     }
 
     /// Returns whether this is its last cycle.
-    pub(super) fn is_over(&self, place: Place) -> bool {
-        self.last.is_reached(place).unwrap_or(false)
+    pub(super) fn is_over(&self, reached: Reached) -> bool {
+        self.last.is_reached(reached).unwrap_or(false)
     }
 }
 
 impl Bound {
     /// Returns `None` without a bound.
-    fn is_reached(self, (cycle, at): Place) -> Option<bool> {
+    fn is_reached(self, (cycle, at): Reached) -> Option<bool> {
         match self {
             Self::Session => None,
             Self::Cycle(bound) => Some(cycle >= bound),
             Self::Time(bound) => Some(at.unwrap_or(Instant::ZERO) >= bound),
         }
     }
+}
+
+/// Returns a time since time zero; the greatest one for a time beyond.
+fn at(seconds: f64) -> Instant {
+    let since = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    Instant::ZERO + since
 }
 
 #[cfg(test)]
@@ -81,8 +91,11 @@ mod tests {
         assert!(
             !of_record.is_over((5_999, at(5_999_999))) && of_record.is_over((6_000, at(6_000_000)))
         );
-        let by_number = Extent::new(Some(10), Some(20), Some(&fault));
+        let between = [10, 20].map(|cycle| Some(Place::Cycle(cycle)));
+        let by_number = Extent::new(between[0], between[1], Some(&fault));
         assert!(!by_number.is_begun((9, at(0))) && by_number.is_begun((10, at(0))));
         assert!(!by_number.is_over((19, at(0))) && by_number.is_over((20, at(0))));
+        let by_time = Extent::new(Some(Place::Seconds(0.5)), None, None);
+        assert!(!by_time.is_begun((9, at(499_999))) && by_time.is_begun((9, at(500_000))));
     }
 }

@@ -15,7 +15,6 @@ use crate::replay::emitted::Emitted;
 use crate::replay::extent::Extent;
 use crate::replay::trip::Trip;
 use crate::session_config::{configuration, equipped};
-use crate::session_config::{configuration, equipped};
 use crate::session_progress;
 use crate::span::Place;
 use ::replay::{FaultRecord, Replay, Session};

@@ -18,12 +18,19 @@ pub struct LogWriter<W> {
     epoch_micros: u64,
     /// The line being written.
     line: Vec<u8>,
+    /// Bytes written.
+    written: u64,
 }
 
 impl<W: Write> LogWriter<W> {
     /// Writes to `to`, with one interface name per channel. Stamps are `epoch_micros` plus the bus time.
     pub fn new(to: W, interfaces: &[String], epoch_micros: u64) -> Self {
-        Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new() }
+        Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new(), written: 0 }
+    }
+
+    /// Returns the number of bytes written.
+    pub const fn written(&self) -> u64 {
+        self.written
     }
 
     /// Returns the writer.
@@ -81,7 +88,9 @@ impl<W: Write> LogWriter<W> {
     /// Ends the line, and writes it.
     fn end(&mut self) -> io::Result<()> {
         self.line.push(b'\n');
-        self.to.write_all(&self.line)
+        self.to.write_all(&self.line)?;
+        self.written += u64::try_from(self.line.len()).unwrap_or(u64::MAX);
+        Ok(())
     }
 }
 

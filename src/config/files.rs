@@ -9,7 +9,7 @@ use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use nix::libc::{O_NOCTTY, O_NONBLOCK};
+use nix::libc::{O_NOCTTY, O_NOFOLLOW, O_NONBLOCK};
 
 use crate::shipped;
 use crate::trust::{InspectedFile, Trust};
@@ -94,6 +94,20 @@ pub fn open(path: &Path) -> io::Result<File> {
     check_regular(&fs::metadata(path)?)?;
     let file = OpenOptions::new().read(true).custom_flags(O_NONBLOCK | O_NOCTTY).open(path)?;
     // The file may have been replaced since.
+    check_regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// Opens a regular file as [`open`] does, but never by a symbolic link.
+///
+/// # Errors
+/// As [`open`], and for a symbolic link.
+pub fn open_unlinked(path: &Path) -> io::Result<File> {
+    if !fs::symlink_metadata(path)?.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "must be a regular file"));
+    }
+    let flags = O_NONBLOCK | O_NOCTTY | O_NOFOLLOW;
+    let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
     check_regular(&file.metadata()?)?;
     Ok(file)
 }

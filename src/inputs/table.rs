@@ -1,7 +1,10 @@
 //! Tags of the entries in a file of inputs. docs/sessions.md has the table with their bytes; a test holds both equal.
 
 /// Version of the format.
-pub const FORMAT: u16 = 1;
+pub const FORMAT: u16 = 2;
+
+/// Version of files without the number of their part, which are a first part.
+pub const FORMAT_OF_ONE_PART: u16 = 1;
 
 /// First bytes of each file, before the version.
 pub const MAGIC: [u8; 6] = *b"frhcin";

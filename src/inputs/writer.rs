@@ -20,6 +20,10 @@ pub struct InputWriter<W> {
     to: W,
     last: Last,
     entry: Vec<u8>,
+    /// Entries written, those of earlier parts included.
+    entries: u64,
+    /// Bytes written.
+    written: u64,
 }
 
 /// Values that entries are written relative to.
@@ -43,14 +47,41 @@ impl Default for Last {
 }
 
 impl<W: Write> InputWriter<W> {
-    /// Begins a file.
+    /// Begins the only file, or that of the first part.
     ///
     /// # Errors
     /// The write fails.
-    pub fn begin(mut to: W) -> io::Result<Self> {
-        to.write_all(&MAGIC)?;
-        to.write_all(&FORMAT.to_le_bytes())?;
-        Ok(Self { to, last: Last::default(), entry: Vec::with_capacity(256) })
+    pub fn begin(to: W) -> io::Result<Self> {
+        Self::begin_part(to, 1, 0)
+    }
+
+    /// Begins the file of a part, behind this number of entries in the parts before.
+    ///
+    /// # Errors
+    /// The write fails.
+    pub fn begin_part(mut to: W, part: u32, entries: u64) -> io::Result<Self> {
+        let mut header = MAGIC.to_vec();
+        header.extend_from_slice(&FORMAT.to_le_bytes());
+        header.extend_from_slice(&part.to_le_bytes());
+        header.extend_from_slice(&entries.to_le_bytes());
+        to.write_all(&header)?;
+        let entry = Vec::with_capacity(256);
+        Ok(Self { to, last: Last::default(), entry, entries, written: length(header.len()) })
+    }
+
+    /// Returns the number of entries written, those of earlier parts included.
+    pub const fn entries(&self) -> u64 {
+        self.entries
+    }
+
+    /// Returns the number of bytes written to this file.
+    pub const fn written(&self) -> u64 {
+        self.written
+    }
+
+    /// Returns the destination.
+    pub const fn get_ref(&self) -> &W {
+        &self.to
     }
 
     /// Writes an input.
@@ -60,7 +91,10 @@ impl<W: Write> InputWriter<W> {
     pub fn write(&mut self, input: &Input) -> io::Result<()> {
         self.entry.clear();
         self.encode(input);
-        self.to.write_all(&self.entry)
+        self.to.write_all(&self.entry)?;
+        self.entries += 1;
+        self.written += length(self.entry.len());
+        Ok(())
     }
 
     /// Flushes the writer.

@@ -3,7 +3,7 @@
 use clap::Subcommand;
 
 use crate::exit::Failure;
-use crate::{check, commission, ctl, run};
+use crate::{check, commission, ctl, run, sessions};
 
 /// Commands that the rack needs.
 #[derive(Debug, Subcommand)]
@@ -28,6 +28,12 @@ pub enum Command {
     Check(check::Check),
     /// Boots the drives and tests that each one stops by its own timers when its master is lost.
     Commission(commission::Commission),
+    /// Lists recorded sessions, and packs them.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  frhc sessions list /var/lib/frhc\n  frhc sessions pack /var/lib/frhc"
+    )]
+    Sessions(sessions::Sessions),
 }
 
 impl Command {
@@ -41,6 +47,7 @@ impl Command {
             Self::Ctl(args) => ctl::run(args),
             Self::Check(args) => check::run(args),
             Self::Commission(args) => commission::run(args),
+            Self::Sessions(command) => sessions::run(command),
         }
     }
 

@@ -258,10 +258,12 @@ mod tests {
     use std::fs::{self, File};
     use std::io::{Read, pipe};
     use std::os::fd::OwnedFd;
+    use std::path::Path;
 
     use super::*;
     use crate::provenance::Provenance;
     use crate::scratch::any_record;
+    use crate::session_files::SessionFiles;
     use canopen::frame::{Channel, Frame};
     use node::cause::Cause;
     use node::record::Mode;
@@ -274,6 +276,10 @@ mod tests {
 
     fn provenance() -> Provenance {
         Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }
+    }
+
+    fn session_onto(file: File, folder: &Path) -> Session {
+        Session::of(SessionFiles::onto(file, folder, &provenance()), folder)
     }
 
     /// Pushes cycles of 1 ms with their frames, and flushes every fifth, as the recorder thread does.
@@ -298,7 +304,7 @@ mod tests {
         // A pipe without a reader accepts 64 kB and then blocks its writer, as a stalled disk does.
         let (mut unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
-        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let session = Some(session_onto(disk, &folder));
         let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
         let lost = LossCounters::default();
         let recorder = RunRecorder { session, faults, message: None };
@@ -336,7 +342,7 @@ mod tests {
         let folder = crate::scratch::path("hangs");
         let (unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
-        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let session = Some(session_onto(disk, &folder));
         let lost = LossCounters::default();
         let recorder = RunRecorder { session, ..RunRecorder::default() };
         let mut writers = DiskWriters::start(recorder, lost.clone()).unwrap();
@@ -354,7 +360,7 @@ mod tests {
         let folder = crate::scratch::path("hangs-at-end");
         let (unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
-        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let session = Some(session_onto(disk, &folder));
         let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
         let recorder = RunRecorder { session, faults, message: None };
         let mut writers = DiskWriters::start(recorder, LossCounters::default()).unwrap();

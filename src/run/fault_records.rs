@@ -216,6 +216,9 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
         "kind": hyphenated(&format!("{kind:?}")),
         "joint": joint.map(Joint::number),
         "joint_name": name,
+        // Relative to this record, which lies in `faults` of its session.
+        "session": provenance.session.as_ref().map(|_| "../.."),
+        "session_name": provenance.session,
         "cycle": trip.cycle,
         "seconds": trip.at.since(Instant::ZERO).as_secs_f64(),
         "origin": provenance.origin,

@@ -1,17 +1,22 @@
-//! The file of inputs of a session, `inputs.bin`. The first failed write ends it: what is there stays readable.
+//! The inputs of a session, `inputs.bin` and its further parts. The first failed write ends them: what is there stays readable.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
 
-use inputs::{Input, InputWriter};
+use inputs::{Call, Input, InputWriter};
 
-/// Name in the folder of the session.
-pub(super) const NAME: &str = "inputs.bin";
-
-/// File of inputs being written.
+/// Inputs being written.
 #[derive(Debug)]
 pub(super) struct InputsFile {
     writer: InputWriter<BufWriter<File>>,
+    /// The file of the next part, which begins before the next call.
+    next: Option<(u32, File)>,
+    /// Bytes of the parts before.
+    finished: u64,
+    is_in_cycle: bool,
+    /// Nothing more is to be written once the cycle has returned.
+    is_ending: bool,
+    has_ended: bool,
     failed: Option<io::Error>,
 }
 
@@ -21,26 +26,114 @@ impl InputsFile {
     /// # Errors
     /// The write fails.
     pub(super) fn onto(file: File) -> io::Result<Self> {
-        Ok(Self { writer: InputWriter::begin(BufWriter::new(file))?, failed: None })
+        let mut writer = InputWriter::begin(BufWriter::new(file))?;
+        // A run that is killed at once leaves a file that is one.
+        writer.flush()?;
+        Ok(Self {
+            writer,
+            next: None,
+            finished: 0,
+            is_in_cycle: false,
+            is_ending: false,
+            has_ended: false,
+            failed: None,
+        })
     }
 
     /// Writes an input.
     pub(super) fn write(&mut self, input: &Input) {
-        if self.failed.is_none() {
+        self.begin_next();
+        self.end_if_due();
+        if self.failed.is_none() && !self.has_ended {
             self.failed = self.writer.write(input).err();
+        }
+        match input {
+            Input::Call(Call::Cycle) => self.is_in_cycle = true,
+            // Behind a gap there may be no end of a cycle.
+            Input::Returned(_) | Input::Lost(_) => self.is_in_cycle = false,
+            Input::Call(_)
+            | Input::Intermediates(..)
+            | Input::Now(_)
+            | Input::Wall(_)
+            | Input::Suspended(_)
+            | Input::Confirmed(..)
+            | Input::NotSent(..)
+            | Input::Woken(_)
+            | Input::Reopened(_)
+            | Input::Sensed(_)
+            | Input::SideFault(_)
+            | Input::Misfits(_)
+            | Input::Polled(_) => {}
         }
     }
 
-    /// Returns the error that ended the file.
+    /// Goes on in the empty `file` of the next part, between two cycles.
+    pub(super) fn begin_part(&mut self, number: u32, file: File) {
+        self.next = Some((number, file));
+        self.begin_next();
+    }
+
+    /// Writes nothing more, from the end of this cycle.
+    pub(super) fn end(&mut self) {
+        self.is_ending = true;
+        self.end_if_due();
+    }
+
+    fn end_if_due(&mut self) {
+        if self.is_ending && !self.is_in_cycle && !self.has_ended {
+            self.has_ended = true;
+            if self.failed.is_none() {
+                self.failed = self.sync().err();
+            }
+        }
+    }
+
+    fn begin_next(&mut self) {
+        if self.is_in_cycle || self.failed.is_some() {
+            return;
+        }
+        if let Some((number, file)) = self.next.take() {
+            self.failed = self.turn(number, file).err();
+        }
+    }
+
+    fn turn(&mut self, number: u32, file: File) -> io::Result<()> {
+        self.sync()?;
+        self.finished += self.writer.written();
+        let entries = self.writer.entries();
+        self.writer = InputWriter::begin_part(BufWriter::new(file), number, entries)?;
+        self.writer.flush()
+    }
+
+    /// Writes this part to the disk.
+    fn sync(&mut self) -> io::Result<()> {
+        self.writer.flush()?;
+        self.writer.get_ref().get_ref().sync_data()
+    }
+
+    /// Returns whether the file of the next part has not begun.
+    pub(super) const fn is_turning(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// Returns the bytes written, those of earlier parts included.
+    pub(super) const fn written(&self) -> u64 {
+        self.finished + self.writer.written()
+    }
+
+    /// Returns the error that ended the inputs.
     pub(super) const fn failure(&self) -> Option<&io::Error> {
         self.failed.as_ref()
     }
 
-    /// Flushes the file.
+    /// Writes the last part to the disk.
     ///
     /// # Errors
     /// The write that failed.
     pub(super) fn finish(mut self) -> io::Result<()> {
-        self.failed.map_or_else(|| self.writer.flush(), Err)
+        match self.failed.take() {
+            Some(error) => Err(error),
+            None => self.sync(),
+        }
     }
 }

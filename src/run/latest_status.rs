@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use crate::recording_state::RecordingState;
 use node::record::Record;
 use telemetry::losses::Losses;
 use telemetry::status::{JointLabel, Status};
@@ -14,6 +15,8 @@ pub(super) struct LatestStatus {
     latest: Arc<Mutex<Latest>>,
     /// Names of the joints with their units, base first.
     joints: Arc<[JointLabel]>,
+    /// Report on the session, if one is recorded.
+    recording: Option<RecordingState>,
 }
 
 #[derive(Debug, Default)]
@@ -25,14 +28,15 @@ struct Latest {
 
 impl LatestStatus {
     /// Returns a status before the first cycle of these joints.
-    pub(super) fn new(joints: Vec<JointLabel>) -> Self {
-        Self { latest: Arc::default(), joints: joints.into() }
+    pub(super) fn new(joints: Vec<JointLabel>, recording: Option<RecordingState>) -> Self {
+        Self { latest: Arc::default(), joints: joints.into(), recording }
     }
 
     /// Returns the newest status, `None` before the first cycle.
     pub(super) fn get(&self) -> Option<Status> {
         let (record, missing_samples, lost) = self.lock().newest?;
-        Some(Status::of(&record, missing_samples, lost).with_joints(&self.joints))
+        let status = Status::of(&record, missing_samples, lost).with_joints(&self.joints);
+        Some(Status { recording: self.recording.as_ref().map(RecordingState::get), ..status })
     }
 
     /// Returns the time of the SYNC of the newest status.
@@ -43,6 +47,11 @@ impl LatestStatus {
     /// Returns the timing of all cycles since the boot.
     pub(super) fn timing(&self) -> TimingReport {
         self.lock().timing.report()
+    }
+
+    /// Returns the histograms of these times.
+    pub(super) fn histograms(&self) -> Timing {
+        self.lock().timing.clone()
     }
 
     /// Sets the newest record.

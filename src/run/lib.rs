@@ -1,10 +1,11 @@
-//! The commands that the rack needs (`run`, `commission`, `ctl`, `check`), with their output, recordings and exit codes.
+//! The commands that the rack needs (`run`, `commission`, `ctl`, `check`, `sessions`), with their output, recordings and exit codes.
 //!
 //! | module | command |
 //! |---|---|
 //! | [`mod@run`] | `frhc run`: separate threads for the cycle, signals, console and each recording |
 //! | [`ctl`] | `frhc ctl`: sends one request to a running node |
 //! | [`check`] | `frhc check`: checks configuration, EDS files and gains; opens no bus |
+//! | [`sessions`] | `frhc sessions`: lists recorded sessions, and packs them |
 //! | [`commission`] | `frhc commission`: proof test of each drive's own stop when its master is lost |
 //!
 //! [`command::Command`] lists the commands, [`exit`] the exit codes.
@@ -33,8 +34,10 @@ pub mod gains;
 pub mod input_ring;
 mod inputs_file;
 pub mod interfaces;
+pub mod interrupt;
 pub mod latch;
 mod latest_status;
+pub mod limits;
 mod log_file;
 pub mod log_time;
 pub mod panics;
@@ -43,6 +46,7 @@ pub mod provenance;
 pub mod realtime_args;
 mod record_sink;
 mod recorder_thread;
+mod recording_state;
 pub mod results;
 pub mod rings;
 pub mod run;
@@ -50,6 +54,8 @@ pub mod run_recorder;
 #[cfg(test)]
 mod scratch;
 pub mod session;
+mod session_files;
+pub mod sessions;
 pub mod signal_flag;
 pub mod sources;
 mod state;

@@ -1,5 +1,7 @@
 //! Metadata that every recording of a run contains.
 
+use std::path::Path;
+
 use config::{Config, JointParameters};
 use controller::arm::JointKind;
 use telemetry::origin::Origin;
@@ -14,12 +16,26 @@ pub struct Provenance {
     pub(super) joints: Vec<JointLabel>,
     /// Time from which all times of the run count.
     pub(super) origin: Origin,
+    /// Name of the session's folder, if one is recorded.
+    pub(super) session: Option<String>,
 }
 
 impl Provenance {
     /// Returns the metadata of a run of `config` on these interfaces.
     pub fn of(config: &Config, interfaces: &[String], origin: Origin) -> Self {
-        Self { interfaces: interfaces.to_vec(), joints: joint_labels(config), origin }
+        Self {
+            interfaces: interfaces.to_vec(),
+            joints: joint_labels(config),
+            origin,
+            session: None,
+        }
+    }
+
+    /// Returns the same with the folder of a session: its name, without the folders that it lies in.
+    pub(super) fn in_session(&self, folder: &Path) -> Self {
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+        let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
+        Self { session: name, ..self.clone() }
     }
 
     /// Returns the names of the joints, base first.

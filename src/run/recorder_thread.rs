@@ -168,6 +168,7 @@ impl<'a> Recorder<'a> {
         log_time::stamp_with(self.now, || self.event_log.log_suppressed());
         self.summary.lost = lost.snapshot();
         self.summary.timing = Some(self.latest.timing());
+        self.summary.histograms = Some(self.latest.histograms());
         self.summary.fidelity = self.fidelity.report();
         self.summary
     }

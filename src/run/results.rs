@@ -55,7 +55,10 @@ impl Access {
 }
 
 /// Creates a folder and its parents for their owner only; keeps an existing one as it is.
-pub(super) fn private_folder(folder: &Path) -> io::Result<()> {
+///
+/// # Errors
+/// When it cannot be created.
+pub fn private_folder(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
 }
 
@@ -141,11 +144,27 @@ pub fn export(path: &Path, content: &[u8], force: Force) -> Result<(), Failure> 
 /// # Errors
 /// As [`export`].
 pub fn export_all(files: &[(PathBuf, impl AsRef<[u8]>)], force: Force) -> Result<(), Failure> {
+    write_all(files, force, Access::Umask)
+}
+
+/// Writes several files of a recording, as [`export_all`] does, for their owner only.
+///
+/// # Errors
+/// As [`export`].
+pub fn record_all(files: &[(PathBuf, impl AsRef<[u8]>)], force: Force) -> Result<(), Failure> {
+    write_all(files, force, Access::Owner)
+}
+
+fn write_all(
+    files: &[(PathBuf, impl AsRef<[u8]>)],
+    force: Force,
+    access: Access,
+) -> Result<(), Failure> {
     files.iter().try_for_each(|(path, _)| ensure_free(path, force))?;
     let mut prepared = Vec::new();
     for (path, content) in files {
         let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };
-        let file = is_free.and_then(|()| prepare(path, content.as_ref(), Access::Umask));
+        let file = is_free.and_then(|()| prepare(path, content.as_ref(), access));
         prepared
             .push((path, file.with_context(|| path.display().to_string()).or_fail(Kind::File)?));
     }
@@ -181,7 +200,7 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
 }
 
 /// Syncs the folder of `path`: a renaming is durable only then.
-fn sync_folder(path: &Path) -> io::Result<()> {
+pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
 }
 

@@ -21,9 +21,11 @@ use crate::input_ring::input_ring;
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
 use crate::latest_status::LatestStatus;
+use crate::limits::LimitArgs;
 use crate::provenance::{self, Provenance};
 use crate::realtime_args::RealtimeArgs;
 use crate::recorder_thread::{self, Recorder};
+use crate::recording_state::RecordingState;
 use crate::run_recorder::RunRecorder;
 use crate::sources::Sources;
 use crate::stop_signals::StopSignals;
@@ -55,12 +57,14 @@ pub struct Run {
     #[command(flatten)]
     pub interfaces: Interfaces,
     /// Record the session in a new folder DIR/NNN-UTC: bus.log (candump format), the inputs of the node for frhc replay,
-    /// copies of all files, summary.json and faults/.
+    /// copies of all files, summary.json, timing.json and faults/.
     #[arg(short, long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Leave host name and folders out of the session's description.
     #[arg(long, requires = "record")]
     pub anonymise: bool,
+    #[command(flatten)]
+    pub limits: LimitArgs,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
 }
@@ -78,8 +82,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     commission::warn(&config);
     check::warn_no_switch_box(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    let runtime = async_runtime()?;
     // Before the control socket, so that a node that answers has its link.
     let (side, link) = commanded_side::open(&config)?;
     let (link, _link_file) = link.unzip();
@@ -92,12 +95,13 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     tracing::info!("time counts from {origin}");
     let recorder = open_recorder(args, copies, &Provenance::of(&config, &names, origin))?;
 
+    let recording = recorder.recording();
     let (producer, entries, lost) = rings::rings();
     let (input_producer, input_consumer) = input_ring(recorder.has_session(), lost.clone());
     let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
-    let latest = LatestStatus::new(provenance::joint_labels(&config));
+    let latest = LatestStatus::new(provenance::joint_labels(&config), recording.clone());
     let latch = Latch::set(&names);
     let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
     let status = link.as_ref().map(LinkThread::latest);
@@ -108,7 +112,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
         let recorder = Recorder::new(&config, &mut writers, latest);
-        let recording = spawn(threads, "recorder", move || {
+        let recorded = spawn(threads, "recorder", move || {
             recorder_thread::run(entries, input_consumer, recorder, &lost)
         })?;
         let signals = &signals;
@@ -124,16 +128,22 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         })?;
         let outcome = runtime.block_on(serve(&socket, &handler, end));
         let panicked = |_| Failure::new(Kind::Bus, "the recorder thread panicked");
-        Ok((outcome, recording.join().map_err(panicked)?))
+        Ok((outcome, recorded.join().map_err(panicked)?))
     })?;
     summary.origin = origin;
     let stopped = signals.stop_requested_at().unwrap_or_else(clock);
-    let finished = close(writers, &summary, stopped, clock);
+    let finished = close(writers, summary, recording.as_ref(), stopped, clock);
     if let (Err(_), Err(incomplete)) = (&outcome, &finished) {
         // The exit code is that of the stop.
         print::error(&incomplete.to_string());
     }
     outcome.and(finished)
+}
+
+/// Returns the runtime of the control socket.
+fn async_runtime() -> Result<Runtime, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    runtime.context("cannot start the async runtime").or_fail(Kind::Bus)
 }
 
 /// Binds the control socket of the configuration, or the default one.
@@ -167,12 +177,14 @@ fn spawn_link<'scope>(
 /// Ends the recordings of a run that was stopped then, and prints its summary and the fault records' folder.
 fn close(
     writers: DiskWriters,
-    summary: &Summary,
+    mut summary: Summary,
+    recording: Option<&RecordingState>,
     stopped: Instant,
     clock: impl Fn() -> Instant,
 ) -> Result<(), Failure> {
     let deadline = (stopped + END_LIMIT).max(clock() + MIN_CLOSE_TIME);
-    let (records, finished) = writers.finish(summary, deadline, clock);
+    let (records, finished) = writers.finish(&summary, deadline, clock);
+    summary.recording = recording.map(RecordingState::get);
     if summary.cycles > 0 {
         print::note(&summary.to_string());
     }
@@ -201,7 +213,8 @@ fn open_recorder(
         copies,
         is_anonymous: args.anonymise,
     };
-    RunRecorder::with_session(&folder, provenance, &sources).or_fail(Kind::Bus)
+    RunRecorder::with_session(&folder, provenance, &sources, args.limits.limits())
+        .or_fail(Kind::Bus)
 }
 
 /// Serves the console until the cycle thread ends.

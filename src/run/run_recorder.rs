@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::fault_records::{self, FaultRecords};
+use crate::limits::Limits;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
+use crate::recording_state::RecordingState;
 use crate::session::{self, Session};
 use crate::sources::Sources;
 use canopen::frame::Telegram;
@@ -22,7 +24,7 @@ pub struct RunRecorder {
 }
 
 impl RunRecorder {
-    /// Records a session in `folder`, with its fault records in `folder/faults`.
+    /// Records a session in `folder`, within these limits, with its fault records in `folder/faults`.
     ///
     /// # Errors
     /// When the session's files cannot be created.
@@ -30,8 +32,10 @@ impl RunRecorder {
         folder: &Path,
         provenance: &Provenance,
         sources: &Sources,
+        limits: Limits,
     ) -> anyhow::Result<Self> {
-        let session = Session::create(folder, provenance, sources)?;
+        let session = Session::create(folder, provenance, sources, limits)?;
+        let provenance = &provenance.in_session(folder);
         let faults = Some(folder.join(session::FAULTS));
         Ok(Self { session: Some(session), ..Self::with_fault_records_in(faults, provenance) })
     }
@@ -78,6 +82,11 @@ impl RunRecorder {
     /// Returns whether a session is recorded.
     pub const fn has_session(&self) -> bool {
         self.session.is_some()
+    }
+
+    /// Returns the report on the session, if one is recorded.
+    pub(super) fn recording(&self) -> Option<RecordingState> {
+        self.session.as_ref().map(Session::state)
     }
 
     /// Records an input of the node.
@@ -138,7 +147,7 @@ mod tests {
     fn session_holds_the_log_the_summary_and_its_fault_records() {
         let folder = scratch("recorder");
         let mut recorder =
-            RunRecorder::with_session(&folder, &provenance(), &no_sources()).unwrap();
+            RunRecorder::with_session(&folder, &provenance(), &no_sources(), Limits::NONE).unwrap();
         record_trip(&mut recorder);
         let fault = folder.join("faults/001-2-samples-missing");
         assert_eq!(recorder.next_message(), Some(format!("fault record: {}", fault.display())));
@@ -186,8 +195,10 @@ mod tests {
     #[test]
     fn session_in_an_occupied_folder_is_an_error() {
         let folder = scratch("recorder-twice");
-        RunRecorder::with_session(&folder, &provenance(), &no_sources()).unwrap();
-        assert!(RunRecorder::with_session(&folder, &provenance(), &no_sources()).is_err());
+        RunRecorder::with_session(&folder, &provenance(), &no_sources(), Limits::NONE).unwrap();
+        assert!(
+            RunRecorder::with_session(&folder, &provenance(), &no_sources(), Limits::NONE).is_err()
+        );
         fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -1,47 +1,49 @@
-//! The folder of a session, readable by its owner only: `session.json` and the copied files, `bus.log`, `inputs.bin`,
-//! `summary.json` and fault records. A session never overwrites another.
+//! The folder of a session, readable by its owner only: `session.json` and the copied files, the parts of `bus.log` and
+//! `inputs.bin`, `summary.json`, `timing.json` and fault records. A session never overwrites another.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use serde::Serialize;
 
 use crate::exit::{Failure, Kind, OrFail};
 use crate::fault_records;
-use crate::inputs_file::{self, InputsFile};
-use crate::log_file::LogFile;
+use crate::limits::Limits;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
+use crate::recording_state::RecordingState;
 use crate::results::{self, Access, Force};
+use crate::session_files::SessionFiles;
 use crate::sources::{self, Sources};
-use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use inputs::Input;
-use inputs::intermediates::Digest;
 use node::record::Record;
 use telemetry::origin::Origin;
-use telemetry::session::{Brief, SessionLog};
+use telemetry::parts::{Part, Parts};
+use telemetry::recording::RecordingReport;
 use telemetry::summary::Summary;
+use telemetry::timing::Timing;
 use units::time::Instant;
 
 /// Files of a session, and the folder of its fault records.
-const LOG: &str = "bus.log";
-const SUMMARY: &str = "summary.json";
+pub(super) const SUMMARY: &str = "summary.json";
+const TIMING: &str = "timing.json";
 pub(super) const FAULTS: &str = "faults";
 
 /// A session being written.
 #[derive(Debug)]
 pub(super) struct Session {
     folder: PathBuf,
-    log: SessionLog<BufWriter<LogFile>>,
-    inputs: Option<InputsFile>,
-    /// The failure of a file was reported.
+    files: SessionFiles,
+    /// The early end of the recording was reported.
     is_reported: bool,
+    state: RecordingState,
 }
 
 impl Session {
-    /// Creates the folder and its log.
+    /// Creates the folder and its first part.
     ///
     /// # Errors
     /// When the folder cannot be created, or has a log already.
@@ -49,26 +51,25 @@ impl Session {
         folder: &Path,
         provenance: &Provenance,
         sources: &Sources,
+        limits: Limits,
     ) -> anyhow::Result<Self> {
-        let create = || -> io::Result<(File, InputsFile)> {
+        let create = || -> io::Result<SessionFiles> {
             results::private_folder(folder)?;
-            let log = results::private_file(&folder.join(LOG))?;
-            let inputs = InputsFile::onto(results::private_file(&folder.join(inputs_file::NAME))?)?;
+            let files = SessionFiles::create(folder, provenance, limits)?;
             sources.write(folder, provenance)?;
-            Ok((log, inputs))
+            Ok(files)
         };
-        let created = create().with_context(|| format!("session {}", folder.display()));
-        let (log, inputs) = created?;
-        Ok(Self { inputs: Some(inputs), ..Self::onto(log, folder, provenance) })
+        let files = create().with_context(|| format!("session {}", folder.display()))?;
+        Ok(Self::of(files, folder))
     }
 
-    /// Returns a session that has only a log, which is written to `file`.
-    pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
-        let Provenance { interfaces, origin, .. } = provenance;
-        let file = BufWriter::new(LogFile::onto(file));
-        let writer = LogWriter::new(file, interfaces, origin.as_micros());
+    /// Returns a session of these files.
+    pub(super) fn of(files: SessionFiles, folder: &Path) -> Self {
         let folder = folder.to_path_buf();
-        Self { folder, log: SessionLog::new(writer), inputs: None, is_reported: false }
+        let state = RecordingState::default();
+        let session = Self { folder, files, is_reported: false, state };
+        session.state.set(session.report());
+        session
     }
 
     /// Returns its folder.
@@ -76,20 +77,46 @@ impl Session {
         &self.folder
     }
 
-    /// Closes the log and writes the summary, even if the log has failed.
-    pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
-        let Self { folder, log, inputs, is_reported } = self;
-        let named = || format!("session {}", folder.display());
-        let inputs = inputs.map_or(Ok(()), InputsFile::finish);
-        let ended = log.finish().and(inputs).map_err(|error| match is_reported {
-            true => anyhow::anyhow!("{}: incomplete", named()),
-            false => anyhow::anyhow!("{}: incomplete: {error}", named()),
+    /// Returns the report on this recording, which other threads may read.
+    pub(super) fn state(&self) -> RecordingState {
+        self.state.clone()
+    }
+
+    fn report(&self) -> RecordingReport {
+        let ended_early = self.files.ended_early().map(|end| match end {
+            Ok(limit) => limit,
+            Err(error) => error.to_string(),
         });
-        let mut text = serde_json::to_string_pretty(summary)?;
-        text.push('\n');
-        let written = results::replace(&folder.join(SUMMARY), text.as_bytes(), Access::Owner);
+        RecordingReport { parts: self.files.parts(), ended_early }
+    }
+
+    /// Closes the files and writes the summary, even if one has failed.
+    pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
+        let mut report = self.report();
+        let Self { folder, files, is_reported, state } = self;
+        let named = || format!("session {}", folder.display());
+        let ended = files.finish().map_err(|error| {
+            report.ended_early.get_or_insert_with(|| error.to_string());
+            match is_reported {
+                true => anyhow::anyhow!("{}: incomplete", named()),
+                false => anyhow::anyhow!("{}: incomplete: {error}", named()),
+            }
+        });
+        state.set(report.clone());
+        let histograms = summary.histograms.as_ref().map(Timing::histograms);
+        let timing = histograms.map_or(Ok(()), |of| write(&folder.join(TIMING), &of));
+        let mut summary = summary.clone();
+        summary.recording = Some(report);
+        let written = timing.and(write(&folder.join(SUMMARY), &summary));
         ended.and(written.with_context(named))
     }
+}
+
+/// Writes a document as JSON, in one step.
+fn write(path: &Path, document: &impl Serialize) -> anyhow::Result<()> {
+    let mut text = serde_json::to_string_pretty(document)?;
+    text.push('\n');
+    Ok(results::replace(path, text.as_bytes(), Access::Owner)?)
 }
 
 /// Creates a folder for a new session in `parent`: `NNN-UTC`, counted from 001.
@@ -104,15 +131,22 @@ pub(super) fn create_numbered(parent: &Path, origin: Origin) -> anyhow::Result<P
 /// # Errors
 /// An earlier session exists and `--force` is not given, or cannot be removed.
 pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
-    let names =
-        [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION, sources::FILES, FAULTS].into_iter();
-    names.map(|name| folder.join(name)).try_for_each(|path| results::ensure_free(&path, force))?;
+    let parts = match Parts::find(folder, None) {
+        Ok(parts) => parts.files().iter().map(Part::name).collect(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => {
+            return Err(error).with_context(|| folder.display().to_string()).or_fail(Kind::File);
+        }
+    };
+    let documents = [SUMMARY, TIMING, sources::DESCRIPTION];
+    let files = || parts.iter().map(String::as_str).chain(documents);
+    let mut all = files().chain([sources::FILES, FAULTS]).map(|name| folder.join(name));
+    all.try_for_each(|path| results::ensure_free(&path, force))?;
     let gone = |file| match fs::remove_file(folder.join(file)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         Ok(()) | Err(_) => Ok(()),
     };
-    let cleared =
-        [LOG, inputs_file::NAME, SUMMARY, sources::DESCRIPTION].into_iter().try_for_each(gone);
+    let cleared = files().try_for_each(gone);
     let cleared = cleared.and_then(|()| sources::clear(folder));
     let cleared = cleared.and_then(|()| fault_records::clear(&folder.join(FAULTS)));
     cleared.with_context(|| format!("session {}", folder.display())).or_fail(Kind::File)
@@ -120,30 +154,43 @@ pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
 
 impl RecordSink for Session {
     fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.log.frame(at, telegram);
+        self.files.frame(at, telegram);
     }
 
     fn on_cycle(&mut self, record: &Record) {
-        self.log.cycle(&Brief::from(record));
-        let digest = Digest::of(&record.output);
-        self.on_input(&Input::Intermediates(record.cycle, digest));
+        let parts = self.files.parts();
+        self.files.cycle(record);
+        if self.files.parts() != parts {
+            self.state.set(self.report());
+        }
     }
 
     fn on_input(&mut self, input: &Input) {
-        self.inputs.iter_mut().for_each(|inputs| inputs.write(input));
+        self.files.input(input);
     }
 
-    /// Returns the write error that has ended a file, once.
+    /// Returns why the recording has ended early, once.
     fn next_message(&mut self) -> Option<String> {
-        let of_inputs = self.inputs.as_ref().and_then(InputsFile::failure);
-        let error = self.log.failure().or(of_inputs).filter(|_| !self.is_reported)?;
+        if self.is_reported {
+            return None;
+        }
+        let end = self.files.ended_early()?;
+        let folder = self.folder.display();
+        let message = match end {
+            Ok(limit) => {
+                format!("session {folder}: the recording has ended, and the run goes on: {limit}")
+            }
+            Err(error) => format!("session {folder}: the recording has stopped: {error}"),
+        };
         self.is_reported = true;
-        Some(format!("session {}: the recording has stopped: {error}", self.folder.display()))
+        self.state.set(self.report());
+        Some(message)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
     use std::io::pipe;
     use std::os::fd::OwnedFd;
     use std::os::unix::fs::PermissionsExt;
@@ -153,6 +200,8 @@ mod tests {
     use super::*;
     use crate::scratch::{no_sources, path as scratch};
     use canopen::frame::{Channel, Frame};
+
+    const LOG: &str = "bus.log";
 
     const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
 
@@ -172,7 +221,8 @@ mod tests {
     #[test]
     fn session_has_log_and_summary_for_its_owner_only() {
         let folder = scratch("session");
-        let mut session = Session::create(&folder, &provenance(), &no_sources()).unwrap();
+        let mut session =
+            Session::create(&folder, &provenance(), &no_sources(), Limits::NONE).unwrap();
         session.on_frame(Instant::from_micros(7), &sync());
         assert_eq!(session.next_message(), None);
         let mut summary = Summary::default();
@@ -190,11 +240,13 @@ mod tests {
     #[test]
     fn session_never_overwrites_the_log_of_an_earlier_one() {
         let folder = scratch("session-twice");
-        let mut first = Session::create(&folder, &provenance(), &no_sources()).unwrap();
+        let mut first =
+            Session::create(&folder, &provenance(), &no_sources(), Limits::NONE).unwrap();
         first.on_frame(Instant::ZERO, &sync());
         first.finish(&Summary::default()).unwrap();
         let log = fs::read(folder.join(LOG)).unwrap();
-        let error = Session::create(&folder, &provenance(), &no_sources()).unwrap_err();
+        let error =
+            Session::create(&folder, &provenance(), &no_sources(), Limits::NONE).unwrap_err();
         assert!(format!("{error:#}").contains("exists"), "{error:#}");
         assert_eq!(fs::read(folder.join(LOG)).unwrap(), log);
         fs::remove_dir_all(&folder).unwrap();
@@ -206,7 +258,8 @@ mod tests {
         fs::create_dir(&folder).unwrap();
         let (unread, disk) = pipe().unwrap();
         drop(unread);
-        let mut session = Session::onto(File::from(OwnedFd::from(disk)), &folder, &provenance());
+        let disk = File::from(OwnedFd::from(disk));
+        let mut session = Session::of(SessionFiles::onto(disk, &folder, &provenance()), &folder);
         // More than the buffer holds.
         (0..10_000).for_each(|at| session.on_frame(Instant::from_micros(at), &sync()));
         assert!(session.next_message().unwrap().contains("the recording has stopped: "));

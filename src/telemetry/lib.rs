@@ -16,6 +16,8 @@ pub mod link_report;
 pub mod losses;
 pub mod manifest;
 pub mod origin;
+pub mod parts;
+pub mod recording;
 pub mod session;
 pub mod shaking;
 pub mod status;

@@ -4,7 +4,10 @@
 use serde::{Deserialize, Serialize};
 
 /// Version of a session's folder; docs/sessions.md describes it.
-pub const FORMAT: u16 = 1;
+pub const FORMAT: u16 = 2;
+
+/// Oldest version that is read: its sessions have one part.
+pub const OLDEST_FORMAT: u16 = 1;
 
 /// Description of a session.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

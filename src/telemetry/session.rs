@@ -81,6 +81,26 @@ impl<W: Write> SessionLog<W> {
         });
     }
 
+    /// Returns the number of bytes written to this part of the log.
+    pub const fn written(&self) -> u64 {
+        self.log.written()
+    }
+
+    /// Flushes this part of the log, and goes on in `next`, where stamps never decrease either. A log that has ended stays
+    /// ended.
+    pub fn begin_part(&mut self, next: LogWriter<W>) {
+        self.flush();
+        if self.failed.is_none() {
+            self.log = next;
+        }
+    }
+
+    /// Flushes the log.
+    pub fn flush(&mut self) {
+        let latest = self.latest;
+        self.write(latest, |log, _| log.flush());
+    }
+
     /// Returns the error that ended the log.
     pub const fn failure(&self) -> Option<&io::Error> {
         self.failed.as_ref()
@@ -91,8 +111,7 @@ impl<W: Write> SessionLog<W> {
     /// # Errors
     /// The write that failed.
     pub fn finish(mut self) -> io::Result<()> {
-        let latest = self.latest;
-        self.write(latest, |log, _| log.flush());
+        self.flush();
         self.failed.map_or(Ok(()), Err)
     }
 

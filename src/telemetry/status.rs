@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::link_report::LinkReport;
 use crate::losses::Losses;
+use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
 use controller::Ledger;
 use node::cause;
@@ -27,6 +28,9 @@ pub struct Status {
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk.
     pub lost: Losses,
+    /// Parts of the session, and why its recording ended early; `None` where none is recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingReport>,
     /// SDO uploads of other clients.
     pub foreign_uploads: u64,
     /// Objects verified at boot that could not be read again, at present.
@@ -98,6 +102,7 @@ impl Status {
             overruns: record.overruns,
             missing_samples,
             lost,
+            recording: None,
             foreign_uploads: record.sdo.foreign_uploads,
             unread_settings: record.sdo.unread_settings,
             reflection: reflection(record),

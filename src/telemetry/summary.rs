@@ -10,8 +10,9 @@ use crate::contact_posture::ContactPostures;
 use crate::fidelity::{Judged, Report};
 use crate::losses::Losses;
 use crate::origin::Origin;
+use crate::recording::RecordingReport;
 use crate::shaking::Shaking;
-use crate::timing::TimingReport;
+use crate::timing::{Timing, TimingReport};
 use node::cause::Cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
@@ -40,6 +41,9 @@ pub struct Summary {
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk. The other figures exclude lost records.
     pub lost: Losses,
+    /// Parts of the session, and why its recording ended early; `None` where none is recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingReport>,
     /// Time engaged, in s.
     pub engaged_seconds: f64,
     /// Changes from armed to engaged.
@@ -76,6 +80,9 @@ pub struct Summary {
     /// Timing of the cycles, where they have run in real time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,
+    /// The histograms of these times, a file of their own.
+    #[serde(skip)]
+    pub histograms: Option<Timing>,
     /// Number of frames on each bus.
     pub bus_frames: Vec<u64>,
     /// Mode at the end.
@@ -176,6 +183,9 @@ impl fmt::Display for Summary {
         )?;
         if !self.lost.is_empty() {
             writeln!(f, "not recorded      {}", self.lost)?;
+        }
+        if let Some(recording) = self.recording.as_ref().filter(|it| it.ended_early.is_some()) {
+            writeln!(f, "recording         {recording}")?;
         }
         writeln!(
             f,

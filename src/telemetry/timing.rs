@@ -67,6 +67,31 @@ pub struct TimingReport {
     pub sync_to_sample_us: OfJoints,
 }
 
+/// One class of a histogram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Class {
+    /// Smallest time in it, in µs.
+    pub from: u64,
+    /// Largest time in it, in µs.
+    pub to: u64,
+    /// Number of values.
+    pub count: u64,
+}
+
+/// Whole histograms of a run: the classes that have values, in µs, smallest first. The names are those of [`TimingReport`].
+#[derive(Clone, Debug, Serialize)]
+pub struct HistogramReport {
+    /// Time, in µs, that longer ones count as.
+    pub largest_us: u64,
+    pub wake_up_late_us: Vec<Class>,
+    pub sync_to_last_sample_us: Vec<Class>,
+    pub step_us: Vec<Class>,
+    pub sync_to_last_target_us: Vec<Class>,
+    pub sync_to_confirmation_us: Vec<Class>,
+    /// One histogram for each joint, base first.
+    pub sync_to_sample_us: [Vec<Class>; 6],
+}
+
 /// Step that took longest in a cycle over time.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum LateStep {
@@ -148,6 +173,21 @@ impl Timing {
     }
 }
 
+impl Timing {
+    /// Returns the whole histograms.
+    pub fn histograms(&self) -> HistogramReport {
+        HistogramReport {
+            largest_us: LARGEST,
+            wake_up_late_us: classes(&self.wake_up),
+            sync_to_last_sample_us: classes(&self.last_sample),
+            step_us: classes(&self.step),
+            sync_to_last_target_us: classes(&self.last_target),
+            sync_to_confirmation_us: classes(&self.confirmed),
+            sync_to_sample_us: self.joints.each_ref().map(classes),
+        }
+    }
+}
+
 impl Overrun {
     /// Finds the longest step between the SYNC of the cycle before and the last target of this one.
     fn of(cycle: u64, times: &CycleTimes, before: &CycleTimes) -> Self {
@@ -215,6 +255,16 @@ fn histogram() -> Histogram<u32> {
     Histogram::new_with_max(LARGEST, 2).expect("valid bounds")
 }
 
+/// Returns the classes that have values.
+fn classes(histogram: &Histogram<u32>) -> Vec<Class> {
+    let class = |value: u64, count: u32| {
+        let from = histogram.lowest_equivalent(value);
+        Class { from, to: histogram.highest_equivalent(value).min(LARGEST), count: count.into() }
+    };
+    let recorded = histogram.iter_recorded();
+    recorded.map(|it| class(it.value_iterated_to(), it.count_at_value())).collect()
+}
+
 fn add(histogram: &mut Histogram<u32>, time: Option<Duration>) {
     if let Some(time) = time {
         histogram.saturating_record(u64::try_from(time.as_micros()).unwrap_or(LARGEST));
@@ -280,6 +330,23 @@ mod tests {
         assert_eq!((late.count, late.max), (1_000, 1_000_000), "a longer time counts as a second");
         assert!((495..=505).contains(&late.p50) && (985..=1_000).contains(&late.p99), "{late:?}");
         assert_eq!(samples.count, 999, "the window without samples has no last one");
+    }
+
+    #[test]
+    fn histograms_have_every_value_in_a_class() {
+        let mut timing = Timing::default();
+        for value in [3, 3, 3, 250, 251, 7_000_000] {
+            timing.add_times(&CycleTimes { wake_up: micros(value), ..USUAL });
+        }
+        let report = timing.histograms();
+        let class = |from, to, count| Class { from, to, count };
+        // Two significant digits: classes of one up to 255 µs.
+        let expected = [class(3, 3, 3), class(250, 250, 1), class(251, 251, 1)];
+        let (last, classes) = report.wake_up_late_us.split_last().unwrap();
+        assert_eq!(classes, expected);
+        assert!(last.from <= LARGEST && last.to == LARGEST && last.count == 1, "{last:?}");
+        let of_samples = report.sync_to_sample_us.each_ref().map(|of| of.iter().map(|it| it.count));
+        assert_eq!(of_samples.map(Iterator::sum::<u64>), [6; 6]);
     }
 
     #[test]

@@ -148,7 +148,8 @@ pub(crate) const ROWS: &[Row] = &[
         &[REAL_INTERFACE, ("sudo install", "changes the machine")],
     ),
     row("docs/operation.md", "frhc ctl", Lane::Vcan(STOPPED)),
-    row("docs/sessions.md", "frhc demo", Lane::AnyMachine),
+    row("docs/sessions.md", "frhc demo --seconds 20", Lane::AnyMachine),
+    row("docs/sessions.md", "frhc demo --seconds 5", Lane::AnyMachine),
     row("docs/sessions.md", "frhc signals", Lane::Session),
     row(
         "docs/sessions.md",

@@ -1,8 +1,9 @@
 """Sessions of `frhc demo`, read by docs/sessions.md alone: this reader has no code of the program.
 
-It reads `inputs.bin` to its last byte, and compares frames, wrenches, cycles and checksums with the other files of the session.
+It reads all parts of the inputs to their last byte, plain or packed, and compares frames, wrenches, cycles and checksums with the other files of the session.
 """
 
+import gzip
 import hashlib
 import json
 import os
@@ -18,11 +19,12 @@ FNV_OFFSET, FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
 class Inputs:
-    """Entries of a file, by the table in docs/sessions.md."""
+    """Entries of a part, by the table in docs/sessions.md."""
 
     def __init__(self, content):
-        assert content[:6] == b"frhcin" and struct.unpack("<H", content[6:8]) == (1,), content[:8]
-        self.content, self.place, self.reading = content, 8, 0
+        magic, version, self.part, self.before = struct.unpack("<6sHIQ", content[:20])
+        assert (magic, version) == (b"frhcin", 2), content[:8]
+        self.content, self.place, self.reading = content, 20, 0
         self.numbers = [0.0] * 13
 
     def take(self, count):
@@ -112,14 +114,34 @@ def recorded(folder, *args):
     return session
 
 
+def parts_of(session, name, extension):
+    """Returns the content of each part, in order."""
+    parts, number = [], 1
+    while True:
+        plain = session / (f"{name}-{number:03}.{extension}" if number > 1 else f"{name}.{extension}")
+        packed = plain.with_name(plain.name + ".gz")
+        if packed.exists():
+            parts.append(gzip.decompress(packed.read_bytes()))
+        elif plain.exists():
+            parts.append(plain.read_bytes())
+        else:
+            return parts
+        number += 1
+
+
 def entries_of(session):
-    return list(Inputs((session / "inputs.bin").read_bytes()).entries())
+    entries = []
+    for number, content in enumerate(parts_of(session, "inputs", "bin"), 1):
+        inputs = Inputs(content)
+        assert (inputs.part, inputs.before) == (number, len(entries))
+        entries += inputs.entries()
+    return entries
 
 
 def log_of(session, interface, separator="#"):
     """Returns identifiers and data of an interface in bus.log; CAN FD has the flags 0 in its separator."""
     line = rf"^\(\S+\) {interface} ([0-9A-F]+){separator}([0-9A-F]*)$"
-    lines = re.findall(line, (session / "bus.log").read_text(), re.M)
+    lines = re.findall(line, b"".join(parts_of(session, "bus", "log")).decode(), re.M)
     return [(int(identifier, 16), data) for identifier, data in lines]
 
 
@@ -172,6 +194,28 @@ def checksums_are_those_of_the_frames_on_the_wire(_):
         assert next(frames, None) is None, "frames of no call"
 
 
+def parts_have_the_inputs_and_frames_of_one_file_plain_and_packed(_):
+    with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+        scenario = ["--scenario", "contact_10s", "--seconds", "4"]
+        one, many = recorded(first, *scenario), recorded(second, *scenario, "--part-size", "0.4")
+        parts = json.loads((many / "summary.json").read_text())["recording"]["parts"]
+        for is_packed in (False, True):
+            if is_packed:
+                subprocess.run([FRHC, "sessions", "pack", str(many)], check=True, stdout=subprocess.DEVNULL)
+            assert len(list(many.glob("*.gz"))) == (2 * parts if is_packed else 0)
+            logs = parts_of(many, "bus", "log")
+            assert len(logs) == parts > 3
+            # Behind the last cycle comes the stop.
+            assert all(log.endswith(b"\n") and b" node0 " in log.splitlines()[-1] for log in logs[:-1])
+            assert b"".join(logs) == (one / "bus.log").read_bytes()
+            # Samples that repeat are written in full at the start of a part.
+            names = lambda session: [name.removesuffix("_AGAIN") for name, *_ in entries_of(session)]  # noqa: E731
+            assert names(many) == names(one)
+            calls = {"CYCLE", "ARM", "STOP", "COMMAND_RATE", "COMMAND_POSE", "DISARM"}
+            for content in parts_of(many, "inputs", "bin")[1:]:
+                assert next(Inputs(content).entries())[0] in calls
+
+
 def copies_are_the_files_that_were_read(_):
     with tempfile.TemporaryDirectory() as folder:
         session = recorded(folder, "--scenario", "free", "--seconds", "1")
@@ -190,5 +234,6 @@ TESTS = [
     inputs_are_read_to_the_last_byte_and_agree_with_the_log,
     wrenches_of_the_inputs_are_those_of_the_log,
     checksums_are_those_of_the_frames_on_the_wire,
+    parts_have_the_inputs_and_frames_of_one_file_plain_and_packed,
     copies_are_the_files_that_were_read,
 ]

@@ -23,6 +23,7 @@ mod replay;
 mod robot_process;
 mod robot_refused;
 mod robots;
+mod sessions;
 mod signals;
 mod stability;
 mod stated;

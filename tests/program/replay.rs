@@ -16,6 +16,9 @@ use crate::common::sessions::change_copy;
 use canopen_tools::candump::Line;
 use config::shipped::HAND_CONTROLLERS;
 
+/// Size of the header of a part of the inputs, in bytes.
+const HEADER: usize = 20;
+
 /// Records a session of `demo` with these arguments.
 fn session(name: &str, args: &[&str]) -> PathBuf {
     let session = folder("replay", name).join("session");
@@ -262,7 +265,7 @@ fn single_bit_of_the_inputs_is_found_or_changes_no_frame() {
     let mut found = 0;
     for edit in 0..100 {
         // Behind the header, over the whole file.
-        let place = 8 + (inputs.len() - 8) * edit / 100;
+        let place = HEADER + (inputs.len() - HEADER) * edit / 100;
         let mut edited = inputs.clone();
         edited[place] ^= 1 << (edit % 8);
         fs::write(&file, edited).unwrap();
@@ -318,7 +321,7 @@ fn session_that_is_none_is_refused_in_one_line() {
         refused(&session)
     };
     assert!(
-        with("\"format\": 1", "\"format\": 2").contains("format 2; this program reads format 1")
+        with("\"format\": 2", "\"format\": 3").contains("format 3; this program reads format 2")
     );
     assert!(with("{", "[").contains("session.json: "));
     assert!(with("files/01-", "../01-").contains("which is not in the session's folder"));
@@ -331,8 +334,9 @@ fn session_that_is_none_is_refused_in_one_line() {
     later[6] += 1;
     for (content, reason) in [
         (&b"(0.1) can0 080#"[..], "not a file of inputs"),
-        (&later, "inputs of format 2"),
-        (&bytes[..8], "no call of the node was recorded"),
+        (&later, "inputs of format 3"),
+        (&bytes[..8], "the inputs end inside the entry at byte 8"),
+        (&bytes[..HEADER], "no call of the node was recorded"),
     ] {
         fs::write(&inputs, content).unwrap();
         let found = refused(&session);

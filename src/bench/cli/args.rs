@@ -9,6 +9,7 @@ use crate::quirks::QuirkArgs;
 use crate::rig::CalibrationRig;
 use run::config_arg::ConfigArg;
 use run::interfaces::Interfaces;
+use run::limits;
 use run::results::Force;
 
 /// `frhc demo`.
@@ -36,6 +37,9 @@ pub struct Demo {
     /// Record bus.log (candump format), summary.json and faults/ in this folder.
     #[arg(short, long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
+    /// Size of bus.log at which the next part of the session begins, in MB [default: one part].
+    #[arg(long, value_name = "MB", requires = "out", value_parser = limits::megabytes)]
+    pub(super) part_size: Option<u64>,
     #[command(flatten)]
     pub(super) force: Force,
     /// Print the summary as one JSON object.

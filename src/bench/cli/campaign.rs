@@ -5,8 +5,8 @@ mod verified;
 
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::thread;
 use std::time::Duration;
-use std::{fs, thread};
 
 use anyhow::Context;
 use clap::Args;
@@ -278,7 +278,7 @@ fn export(
         Ok([(file("log"), log), (file("toml"), scenario.into_bytes())])
     };
     let files = files().with_context(|| folder.display().to_string()).or_fail(Kind::Bus)?;
-    results::export_all(&files, force)?;
+    results::record_all(&files, force)?;
     Ok(Some(verdict))
 }
 
@@ -295,7 +295,8 @@ fn log(interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<
 fn folder(args: &Campaign) -> Result<PathBuf, Failure> {
     let made = match &args.out {
         Some(out) => {
-            fs::create_dir_all(out).map(|()| out.clone()).with_context(|| out.display().to_string())
+            let made = results::private_folder(out).map(|()| out.clone());
+            made.with_context(|| out.display().to_string())
         }
         None => {
             let prefix = format!("frhc-campaign-{}-", args.seed);

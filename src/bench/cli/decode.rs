@@ -12,12 +12,14 @@ mod timestamps;
 mod transcriber;
 
 use std::io::{self, BufReader, BufWriter, IsTerminal};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use crate::decode::malformed_lines::MalformedLines;
 use crate::decode::transcriber::{Broken, Form, Names, Transcriber};
+use crate::session_config;
+use ::replay::Session;
 use canopen_tools::decode::Decoder;
 use canopen_tools::members;
 use canopen_tools::signals::{Member, identifier};
@@ -29,13 +31,13 @@ use run::print;
 /// `frhc decode`.
 #[derive(Debug, Args)]
 pub struct Decode {
-    /// Configuration with node names and scaling; without it the predefined connection set.
+    /// Configuration with node names and scaling; without it that of the session, or the predefined connection set.
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[command(flatten)]
     interfaces: Interfaces,
     /// Show only lines of this joint, node or node-id. Repeatable.
-    #[arg(long, value_name = "NAME", requires = "config")]
+    #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Timestamps are relative to the previous line (candump -t d).
     #[arg(long)]
@@ -43,16 +45,23 @@ pub struct Decode {
     /// Print one JSON object per line.
     #[arg(long)]
     json: bool,
-    /// Log of candump -l or -L, or its screen output [default: stdin, also for `-`].
+    /// Log of candump -l or -L, or its screen output, plain or packed with gzip; or the folder of a session, of which all
+    /// parts are read [default: stdin, also for `-`].
     #[arg(value_name = "LOG")]
     log: Option<PathBuf>,
 }
 
 /// Decodes the log and prints it.
 pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
-    let (decoder, names) = decoder(args)?;
+    let is_session = |log: &&Path| log.join("session.json").symlink_metadata().is_ok();
+    let session = args.log.as_deref().filter(is_session);
+    let session = session.map(Session::open).transpose().or_fail(Kind::File)?;
+    let (decoder, names) = decoder(args, session.as_ref())?;
     let only = members(args, &decoder)?;
-    let (input, name) = input::open(args.log.as_deref())?;
+    let (input, name) = match &session {
+        Some(session) => input::of_session(session)?,
+        None => input::open(args.log.as_deref())?,
+    };
     let mut malformed = MalformedLines::new(name.clone(), quiet);
     let is_coloured = io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let form =
@@ -76,16 +85,27 @@ pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
     malformed.conclude(transcriber.counts)
 }
 
-fn decoder(args: &Decode) -> Result<(Decoder, Names), Failure> {
-    let Some(file) = &args.config else {
-        if let Some(interface) = args.interfaces.interfaces.first() {
-            let reason = format!("-i {interface} maps a bus of a configuration: add --config FILE");
-            return Err(Failure::new(Kind::Usage, reason));
+/// Returns the decoder of `--config`, of a session, or of neither.
+fn decoder(args: &Decode, session: Option<&Session>) -> Result<(Decoder, Names), Failure> {
+    let config = match (&args.config, session) {
+        (Some(file), _) => Config::load(file).or_fail(Kind::Configuration)?,
+        (None, Some(session)) => session_config::configuration(session)?,
+        (None, None) => {
+            let needs_config = args.interfaces.interfaces.first().map(|name| format!("-i {name}"));
+            let needs_config = needs_config.or(args.only.first().map(|it| format!("--only {it}")));
+            if let Some(option) = needs_config {
+                let reason = format!("{option} is of a configuration: add --config FILE");
+                return Err(Failure::new(Kind::Usage, reason));
+            }
+            return Ok((Decoder::generic(), Vec::new()));
         }
-        return Ok((Decoder::generic(), Vec::new()));
     };
-    let config = Config::load(file).or_fail(Kind::Configuration)?;
-    let interfaces = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let interfaces = match session {
+        Some(session) if args.interfaces.interfaces.is_empty() => {
+            session.manifest().interfaces.clone()
+        }
+        Some(_) | None => interfaces::resolve(&config, &args.interfaces.interfaces)?,
+    };
     let buses = config.buses.iter().map(|bus| bus.name.clone());
     let channels = config.channels();
     let named = interfaces.into_iter().zip(channels.iter().copied());

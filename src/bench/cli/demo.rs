@@ -23,6 +23,7 @@ use node::record::Record;
 use progress::Progress;
 use run::check::{contact, refuse_far_side};
 use run::exit::{Failure, Kind, OrFail};
+use run::limits::Limits;
 use run::provenance::Provenance;
 use run::run_recorder::RunRecorder;
 use run::sources::Sources;
@@ -168,7 +169,10 @@ impl Play<'_> {
         let Self { config, sources, .. } = self;
         let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
         let provenance = Provenance::of(config, &interfaces, Origin::default());
-        let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance, sources));
+        let part_bytes = self.args.part_size.unwrap_or(u64::MAX);
+        let limits = Limits { part_bytes, ..Limits::NONE };
+        let recorder =
+            folder.map(|folder| RunRecorder::with_session(folder, &provenance, sources, limits));
         let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
         let summary = self.simulate(scenario, &mut recorder)?;
         let (records, finished) = recorder.finish(&summary);

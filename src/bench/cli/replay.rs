@@ -56,13 +56,16 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     let session = Session::open(folder).or_fail(Kind::File)?;
     let config = configuration(&session)?;
     let extent = Extent::new(args.from, args.to, fault.as_ref());
+    let remark = || session.remarks().iter().for_each(|remark| print::note(remark));
     if let Some(file) = &args.with {
+        remark();
         let other = Config::load(file).or_fail(Kind::Configuration)?;
         let other = equipped(&session, other)?;
         let progress = session_progress::start(session.folder(), None, is_quiet)?;
         return open_loop::compare(&session, [&config, &other], &extent, args.json, &progress);
     }
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
+    remark();
     let mut trip = fault.map(Trip::awaited);
     let emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
     let mut emitted = emitted.transpose()?;

@@ -8,8 +8,11 @@
 #![forbid(unsafe_code)]
 
 mod bus_log;
+mod bus_log_parts;
 mod fault_record;
+mod input_parts;
 mod outcome;
+mod part_file;
 mod reader;
 pub mod recorder_line;
 mod replay;
@@ -18,8 +21,11 @@ mod replayed_remote;
 mod session;
 mod source;
 
+pub use bus_log_parts::BusLog;
 pub use fault_record::{FaultRecord, FaultRecordError};
+pub use input_parts::{InputParts, PartError, PartFault};
 pub use outcome::{Difference, End, Outcome, Place};
+pub use part_file::PartFile;
 pub use reader::{InputReader, ReadError};
 pub use replay::Replay;
 pub use session::{Session, SessionError};

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::reader::ReadError;
+use crate::input_parts::PartError;
 use inputs::Call;
 
 /// Result of a replay so far.
@@ -42,8 +42,8 @@ pub enum End {
     Cut(Place),
     /// The recording has a gap of this many inputs.
     Lost(Place, u64),
-    /// The rest of the recording cannot be read.
-    Unreadable(Place, ReadError),
+    /// The rest of the recording cannot be read: a part of the inputs is missing, or invalid.
+    Unreadable(Place, PartError),
     /// The node sends other frames than the recorded one.
     Differs(Difference),
 }

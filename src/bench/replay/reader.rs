@@ -12,7 +12,7 @@ use canopen::frame::{Channel, Frame};
 use contract::Reason;
 use controller::switches::Mode as CommandMode;
 use inputs::intermediates::{COUNT, Digest};
-use inputs::table::{self, FORMAT, MAGIC};
+use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
 use inputs::{Call, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
@@ -29,6 +29,9 @@ pub struct InputReader<R> {
     last: Last,
     /// Bytes read so far.
     place: u64,
+    part: u32,
+    /// Entries read so far, those of earlier parts included.
+    entries: u64,
 }
 
 impl<R> fmt::Debug for InputReader<R> {
@@ -63,14 +66,29 @@ impl<R: BufRead> InputReader<R> {
     /// # Errors
     /// When it is not a file of inputs of this version.
     pub fn begin(from: R) -> Result<Self, ReadError> {
-        let mut reader = Self { from, last: Last::default(), place: 0 };
+        let mut reader = Self { from, last: Last::default(), place: 0, part: 1, entries: 0 };
         if reader.bytes::<6>().ok() != Some(MAGIC) {
             return Err(ReadError::Foreign);
         }
         match u16::from_le_bytes(reader.bytes()?) {
-            FORMAT => Ok(reader),
-            version => Err(ReadError::Version(version)),
+            FORMAT_OF_ONE_PART => {}
+            FORMAT => {
+                reader.part = u32::from_le_bytes(reader.bytes()?);
+                reader.entries = u64::from_le_bytes(reader.bytes()?);
+            }
+            version => return Err(ReadError::Version(version)),
         }
+        Ok(reader)
+    }
+
+    /// Returns the number of this part, from 1.
+    pub const fn part(&self) -> u32 {
+        self.part
+    }
+
+    /// Returns the number of entries in front of the next one, those of earlier parts included.
+    pub const fn entries(&self) -> u64 {
+        self.entries
     }
 
     /// Reads the next input; `None` at the end of the file.
@@ -83,6 +101,7 @@ impl<R: BufRead> InputReader<R> {
         }
         let begun = self.place;
         let entry = self.entry();
+        self.entries += u64::from(entry.is_ok());
         entry.map(Some).map_err(|error| match error {
             ReadError::Cut(_) => ReadError::Cut(begun),
             ReadError::Malformed(_, reason) => ReadError::Malformed(begun, reason),
@@ -465,7 +484,7 @@ mod tests {
         assert!(matches!(InputReader::begin(&b"(0.1) can0"[..]), Err(ReadError::Foreign)));
         let mut file = written(&[]);
         file[6] += 1;
-        assert!(matches!(InputReader::begin(&file[..]), Err(ReadError::Version(2))));
+        assert!(matches!(InputReader::begin(&file[..]), Err(ReadError::Version(3))));
     }
 
     proptest! {
@@ -484,7 +503,7 @@ mod tests {
             part in any::<prop::sample::Index>(),
         ) {
             let file = written(&inputs);
-            let end = part.index(file.len()).max(8);
+            let end = part.index(file.len()).max(20);
             let (found, error) = read(&file[..end]);
             prop_assert_eq!(&found[..], &inputs[..found.len()]);
             prop_assert!(matches!(error, None | Some(ReadError::Cut(_))), "{:?}", error);

@@ -3,8 +3,9 @@
 use std::collections::VecDeque;
 use std::io::BufRead;
 
+use crate::input_parts::InputParts;
 use crate::outcome::{Difference, End, Outcome, Place};
-use crate::reader::{InputReader, ReadError};
+use crate::reader::ReadError;
 use crate::replayed_bus::ReplayedBus;
 use crate::replayed_remote::ReplayedRemote;
 use crate::source::{Ended, Source, answer};
@@ -42,9 +43,7 @@ impl Replay {
         config: &Config,
         inputs: impl BufRead + 'static,
     ) -> Result<Option<Self>, ReadError> {
-        let inputs: Box<dyn BufRead> = Box::new(inputs);
-        let reader = InputReader::begin(inputs)?;
-        Ok(Self::new(config, Source::new(reader), true))
+        Ok(Self::new(config, Source::new(InputParts::of_one(inputs)?), true))
     }
 
     /// Starts the node of a session; `None` if not even its start was recorded.

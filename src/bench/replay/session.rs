@@ -1,32 +1,31 @@
 //! The folder of a recorded session, read again.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Read};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io::{self, BufRead};
 use std::path::{Component, Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::bus_log;
-use crate::reader::{InputReader, ReadError};
+use crate::bus_log_parts::BusLog;
+use crate::input_parts::{InputParts, PartError, PartFault};
+use crate::part_file::PartFile;
+use crate::reader::ReadError;
 use crate::replay::Replay;
 use crate::source::Source;
 use canopen::frame::Telegram;
 use config::Config;
-use config::files::Copies;
-use telemetry::manifest::{FORMAT, FileCopy, Manifest, SessionKind};
+use config::files::{self, Copies};
+use telemetry::manifest::{FORMAT, FileCopy, Manifest, OLDEST_FORMAT, SessionKind};
+use telemetry::parts::{Part, Parts, Stream};
+use telemetry::recording::RecordingReport;
 
 /// Maximum size of the description, and of a copied file, in bytes.
 const MAX_SIZE: u64 = 4 << 20;
 
 /// Files of a session.
 const DESCRIPTION: &str = "session.json";
-const INPUTS: &str = "inputs.bin";
-const BUS_LOG: &str = "bus.log";
-
-/// Flag of open(2): no symbolic link at the end of the path.
-const NO_FOLLOW: i32 = 0o400_000;
+const SUMMARY: &str = "summary.json";
 
 /// A recorded session.
 #[derive(Debug)]
@@ -34,6 +33,15 @@ pub struct Session {
     folder: PathBuf,
     manifest: Manifest,
     copies: Copies,
+    parts: Parts,
+    /// As the summary has it; `None` without a summary.
+    recording: Option<RecordingReport>,
+}
+
+/// Part of a summary that is read here; sessions of an older program lack it.
+#[derive(Debug, serde::Deserialize)]
+struct Summary {
+    recording: Option<RecordingReport>,
 }
 
 /// Reasons why a session cannot be used.
@@ -58,7 +66,7 @@ pub enum SessionError {
     Outside { file: PathBuf, copy: String },
     /// The inputs cannot be read.
     #[error("{file}: {error}")]
-    Inputs { file: PathBuf, error: ReadError },
+    Inputs { file: PathBuf, error: PartFault },
     /// Nothing was recorded.
     #[error("{file}: no call of the node was recorded")]
     Empty { file: PathBuf },
@@ -76,12 +84,82 @@ impl Session {
             Ok(manifest) => manifest,
             Err(error) => return Err(SessionError::Invalid { file, error }),
         };
-        if manifest.format != FORMAT {
+        if !(OLDEST_FORMAT..=FORMAT).contains(&manifest.format) {
             return Err(SessionError::Version { file, found: manifest.format });
         }
         let copies = manifest.files.iter().map(|copy| copied(folder, copy));
         let copies = copies.collect::<Result<_, _>>()?;
-        Ok(Self { folder: folder.to_path_buf(), manifest, copies })
+        let recording = summary(&folder.join(SUMMARY))?;
+        let stated = recording.as_ref().map(|recording| recording.parts);
+        let parts = Parts::find(folder, stated).map_err(|error| unreadable(folder, error))?;
+        Ok(Self { folder: folder.to_path_buf(), manifest, copies, parts, recording })
+    }
+
+    /// Returns its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Returns the names of the parts that are missing.
+    pub fn missing(&self) -> Vec<String> {
+        self.parts.missing()
+    }
+
+    /// Returns what is not in this session, a line each: missing parts, and why the recording has ended early. A command says
+    /// so, and does the rest.
+    pub fn remarks(&self) -> Vec<String> {
+        let folder = self.folder.display();
+        let missing = self.missing().into_iter();
+        let mut remarks: Vec<_> = missing
+            .map(|file| format!("{}: is missing", self.folder.join(file).display()))
+            .collect();
+        match &self.recording {
+            None => remarks
+                .push(format!("{folder}: no {SUMMARY}: the recording goes on, or was killed")),
+            Some(RecordingReport { ended_early: Some(reason), .. }) => {
+                remarks.push(format!("{folder}: the recording has ended early: {reason}"));
+            }
+            Some(_) => {}
+        }
+        remarks
+    }
+
+    /// Returns frames and cycles: all parts of `bus.log` that are there, plain or packed, as one log.
+    ///
+    /// # Errors
+    /// There is no part, or the first cannot be read.
+    pub fn bus_log(&self) -> Result<BusLog, SessionError> {
+        let parts = self.parts.of(Stream::BusLog).flatten();
+        let mut parts = parts.map(|part| self.folder.join(part.name())).peekable();
+        let none = || self.folder.join(Stream::BusLog.part(1));
+        let first = parts.peek().cloned().unwrap_or_else(none);
+        PartFile::open(&first).map_err(|error| unreadable(&first, error))?;
+        let mut log = BusLog::new(parts);
+        // What is no gzip is found here.
+        log.fill_buf().map_err(|error| unreadable(&self.folder, error))?;
+        Ok(log)
+    }
+
+    /// Returns the inputs of the node: all parts in their order, plain or packed, up to the first that is missing.
+    ///
+    /// # Errors
+    /// The first part cannot be read.
+    pub fn inputs(&self) -> Result<InputParts, SessionError> {
+        let parts = self.parts.of(Stream::Inputs).map(|part| part.map(Part::name));
+        let mut inputs = InputParts::new(&self.folder, parts);
+        let Err(PartError { file, error }) = inputs.begin_first() else { return Ok(inputs) };
+        let file = self.folder.join(file);
+        Err(match error {
+            PartFault::Missing => match PartFile::open(&file) {
+                Err(error) => unreadable(&file, error),
+                // It has come since the folder was read.
+                Ok(_) => unreadable(&file, io::ErrorKind::NotFound.into()),
+            },
+            PartFault::Unreadable(ReadError::Failed(error)) => unreadable(&file, error),
+            error @ (PartFault::OutOfOrder | PartFault::Unreadable(_)) => {
+                SessionError::Inputs { file, error }
+            }
+        })
     }
 
     /// Returns its description.
@@ -111,14 +189,9 @@ impl Session {
     }
 
     fn started(&self, config: &Config, is_compared: bool) -> Result<Replay, SessionError> {
-        let file = self.folder.join(INPUTS);
-        let opened = open(&file)?;
-        let inputs: Box<dyn BufRead> = Box::new(BufReader::new(opened));
-        let reader = match InputReader::begin(inputs) {
-            Ok(reader) => reader,
-            Err(error) => return Err(SessionError::Inputs { file, error }),
-        };
-        Replay::new(config, Source::new(reader), is_compared).ok_or(SessionError::Empty { file })
+        let started = Replay::new(config, Source::new(self.inputs()?), is_compared);
+        let file = || self.folder.join(Stream::Inputs.part(1));
+        started.ok_or_else(|| SessionError::Empty { file: file() })
     }
 
     /// Returns the frames of a cycle in `bus.log`, in their order. That of a simulation has frames when they are on the wire,
@@ -133,20 +206,25 @@ impl Session {
         };
         let interfaces = &self.manifest.interfaces;
         let found = bus_log::frames_of_cycles(self.bus_log()?, interfaces, cycle, last);
-        found.map_err(|error| unreadable(&self.folder.join(BUS_LOG), error))
+        found.map_err(|error| unreadable(&self.folder, error))
     }
+}
 
-    /// Opens the log of the buses.
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub fn bus_log(&self) -> Result<impl BufRead + 'static, SessionError> {
-        open(&self.folder.join(BUS_LOG)).map(BufReader::new)
-    }
-
-    /// Returns its folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
+/// Returns what the summary of a session says about its recording; `None` without a summary.
+fn summary(file: &Path) -> Result<Option<RecordingReport>, SessionError> {
+    let text = match read(file) {
+        Ok(text) => text,
+        Err(SessionError::Unreadable { error, .. }) if error.kind() == io::ErrorKind::NotFound => {
+            return Ok(None);
+        }
+        Err(error) => return Err(error),
+    };
+    match serde_json::from_slice(&text) {
+        Ok(Summary { recording }) => {
+            let one_part = RecordingReport { parts: 1, ended_early: None };
+            Ok(Some(recording.unwrap_or(one_part)))
+        }
+        Err(error) => Err(SessionError::Invalid { file: file.to_path_buf(), error }),
     }
 }
 
@@ -170,22 +248,8 @@ fn copied(
 }
 
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, SessionError> {
-    let mut content = Vec::new();
-    let opened = open(file)?;
-    match opened.take(MAX_SIZE + 1).read_to_end(&mut content) {
-        Ok(length) if u64::try_from(length).is_ok_and(|length| length <= MAX_SIZE) => Ok(content),
-        Ok(_) => Err(unreadable(file, io::ErrorKind::FileTooLarge.into())),
-        Err(error) => Err(unreadable(file, error)),
-    }
-}
-
-/// Opens a regular file of a session, never by a symbolic link.
-fn open(file: &Path) -> Result<File, SessionError> {
-    let opened = fs::symlink_metadata(file).and_then(|found| match found.is_file() {
-        true => OpenOptions::new().read(true).custom_flags(NO_FOLLOW).open(file),
-        false => Err(io::Error::new(io::ErrorKind::InvalidInput, "must be a regular file")),
-    });
-    opened.map_err(|error| unreadable(file, error))
+    let read = files::open_unlinked(file).and_then(|opened| files::at_most(MAX_SIZE, opened));
+    read.map_err(|error| unreadable(file, error))
 }
 
 fn unreadable(file: &Path, error: io::Error) -> SessionError {

@@ -3,10 +3,9 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::fmt;
-use std::io::BufRead;
 use std::rc::Rc;
 
-use crate::reader::{InputReader, ReadError};
+use crate::input_parts::{InputParts, PartError};
 use inputs::intermediates::Digest;
 use inputs::{Call, Input};
 use units::time::Instant;
@@ -28,7 +27,7 @@ pub(super) struct Source(Rc<RefCell<State>>);
 
 #[derive(Debug)]
 struct State {
-    reader: InputReader<Box<dyn BufRead>>,
+    reader: InputParts,
     /// The next input, once it was looked at.
     next: Option<Input>,
     /// Digests of cycles that were read on the way, in their order.
@@ -46,7 +45,7 @@ pub(super) enum Ended {
     /// The recording ends here, inside of a call.
     Cut,
     /// The rest cannot be read.
-    Unreadable(ReadError),
+    Unreadable(PartError),
     /// The recording has a gap of this many inputs.
     Lost(u64),
     /// The node asks for another input than the one recorded.
@@ -69,7 +68,7 @@ impl fmt::Display for Misstep {
 }
 
 impl Source {
-    pub(super) fn new(reader: InputReader<Box<dyn BufRead>>) -> Self {
+    pub(super) fn new(reader: InputParts) -> Self {
         Self(Rc::new(RefCell::new(State {
             reader,
             next: None,
@@ -176,7 +175,8 @@ impl State {
                     self.digests.push_back((cycle, digest));
                 }
                 Ok(Some(input)) => self.next = Some(input),
-                Ok(None) | Err(ReadError::Cut(_)) => self.ended = Some(Ended::Cut),
+                Ok(None) => self.ended = Some(Ended::Cut),
+                Err(error) if self.reader.is_cut(&error) => self.ended = Some(Ended::Cut),
                 Err(error) => self.ended = Some(Ended::Unreadable(error)),
             }
         }

@@ -88,7 +88,7 @@ impl<'a> Recording<'a> {
     /// Neither can be read.
     pub fn cycles(&self) -> Result<Cycles, SessionError> {
         let manifest = self.session.manifest();
-        let mut remarks = Vec::new();
+        let mut remarks = self.session.remarks();
         let log = self.session.bus_log().map(|log| {
             let log: Box<dyn BufRead> = Box::new(log);
             WireCycles::new(log, &manifest.interfaces, manifest.origin_us, Some(self.config))

@@ -13,6 +13,7 @@ use config::files::Files;
 use config::trust::Trust;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
+use run::limits::Limits;
 use run::provenance::Provenance;
 use run::results::Force;
 use run::run_recorder::RunRecorder;
@@ -51,8 +52,8 @@ pub(super) fn play(
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
     let provenance = Provenance::of(config, &interfaces, Origin::default());
     let sources = sources(seed, case, config)?;
-    let mut recorder =
-        RunRecorder::with_session(&folder, &provenance, &sources).or_fail(Kind::File)?;
+    let recorder = RunRecorder::with_session(&folder, &provenance, &sources, Limits::NONE);
+    let mut recorder = recorder.or_fail(Kind::File)?;
     let (mut summary, mut taken) = (Summary::default(), 0);
     let recorded = RefCell::new(&mut recorder);
     let played = cases.replay(SessionInputs(&recorded), &mut |bench, record, part| {

@@ -4,7 +4,9 @@ use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use config::files;
-use run::exit::{Failure, Kind};
+use replay::{PartFile, Session};
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
 
 /// Size of the read buffer, in bytes.
 pub(super) const BUFFER: usize = 1 << 16;
@@ -18,7 +20,7 @@ pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failu
         return Ok((Box::new(io::stdin().lock()), "stdin".to_owned()));
     };
     let name = path.display().to_string();
-    match files::open(path) {
+    match files::open(path).and_then(PartFile::of) {
         Ok(file) => Ok((Box::new(file), name)),
         Err(error) => {
             let is_piped = error.kind() == ErrorKind::InvalidInput;
@@ -26,6 +28,13 @@ pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failu
             Err(Failure::new(Kind::File, format!("{name}: {error}{remedy}")))
         }
     }
+}
+
+/// Opens all parts of the log of a session, and says what is missing in it.
+pub(super) fn of_session(session: &Session) -> Result<(Box<dyn Read>, String), Failure> {
+    let log = session.bus_log().or_fail(Kind::File)?;
+    session.remarks().iter().for_each(|remark| print::note(remark));
+    Ok((Box::new(log), session.folder().display().to_string()))
 }
 
 /// Reads the next line without its line end; returns false after the last. Truncates an overlong line.

@@ -156,6 +156,7 @@ pub(crate) const ROWS: &[Row] = &[
         "scripts/mutants.sh",
         Lane::NotRun("takes minutes; scripts/test.sh runs shorter sessions"),
     ),
+    row("docs/sessions.md", "frhc export mcap", Lane::Session),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),

@@ -13,6 +13,7 @@ mod eds;
 mod ended;
 mod experiments;
 mod explain;
+mod exports;
 mod layouts;
 mod long_work;
 mod no_switch_box;

@@ -143,12 +143,13 @@ pub enum Command {
             frhc signals /tmp/session | less\n  frhc signals --json | jq -r .name"
     )]
     Signals(SignalList),
-    /// Writes a DBC file of the buses, DCF files of the nodes, or tables of a recorded session.
+    /// Writes a DBC file of the buses, DCF files of the nodes, or a table or MCAP file of a recorded session.
     #[command(
         subcommand,
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
             frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf\n  \
-            frhc export csv /tmp/session q tau"
+            frhc export csv /tmp/session q tau\n  \
+            frhc export mcap /tmp/session --out /tmp/session.mcap"
     )]
     Export(Export),
 }

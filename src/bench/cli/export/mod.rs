@@ -1,8 +1,9 @@
-//! `frhc export`: DBC and DCF files of a configuration, and tables of a session, for other tools.
+//! `frhc export`: files for other tools: DBC and DCF of a configuration, a table or an MCAP file of a recorded session.
 
 pub mod csv;
 pub mod dbc;
 pub mod dcf;
+pub mod mcap;
 
 use clap::Subcommand;
 
@@ -31,6 +32,14 @@ pub enum Export {
         after_help = "Example:\n  frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
     )]
     Dcf(dcf::Dcf),
+    /// Writes a recorded session as an MCAP file: ROS 2 messages for `ros2 bag`, `PlotJuggler`, Foxglove and Lichtblick.
+    #[command(
+        after_help = "Layouts of the viewers are in share/layouts. What only a replay has is left out where the session does not \
+            replay, and a warning says so.\n\nExamples:\n  \
+            frhc export mcap /tmp/session -o session.mcap\n  \
+            frhc export mcap /tmp/session -o contact.mcap --from 4s --to 9s"
+    )]
+    Mcap(mcap::Mcap),
 }
 
 /// Executes the export; `is_quiet` hides the progress bar.
@@ -39,5 +48,6 @@ pub(super) fn run(export: &Export, is_quiet: bool) -> Result<(), Failure> {
         Export::Csv(args) => csv::run(args, is_quiet),
         Export::Dbc(args) => dbc::run(args),
         Export::Dcf(args) => dcf::run(args),
+        Export::Mcap(args) => mcap::run(args, is_quiet),
     }
 }

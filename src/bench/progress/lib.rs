@@ -16,10 +16,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod interrupt;
 mod shown;
 mod unit;
 
-pub use interrupt::{EXIT_CODE, Interrupt, NoSignals};
-pub use shown::{Interrupted, Progress};
+pub use shown::{Interrupted, NoSignals, Progress};
 pub use unit::Unit;

@@ -1,6 +1,7 @@
 //! A bar that shows how much of a piece of work is done, and its end by a signal.
 
 use std::fmt::Write;
+use std::io;
 use std::panic::resume_unwind;
 use std::process;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,8 +12,9 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use thiserror::Error;
 
-use crate::interrupt::{EXIT_CODE, Interrupt, NoSignals};
 use crate::unit::{self, Unit};
+use run::exit::INTERRUPTED;
+use run::interrupt::Interrupt;
 
 /// Time between two drawings.
 const DRAW_PERIOD: Duration = Duration::from_millis(100);
@@ -37,6 +39,11 @@ pub struct Progress {
     step: u64,
     interrupt: Interrupt,
 }
+
+/// Signals cannot be received.
+#[derive(Debug, Error)]
+#[error("cannot receive signals: {0}")]
+pub struct NoSignals(#[from] io::Error);
 
 /// Work that a signal has ended: how much of it was done.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -110,7 +117,7 @@ impl Progress {
         if self.is_interrupted() { Err(self.interrupted()) } else { Ok(()) }
     }
 
-    /// Runs work that writes no file, on a thread of its own: SIGINT and SIGTERM end the process at once, with [`EXIT_CODE`],
+    /// Runs work that writes no file, on a thread of its own: SIGINT and SIGTERM end the process at once, with [`INTERRUPTED`],
     /// after `report` was given the message. For work whose pieces take long.
     pub fn abandonable<R: Send>(
         &self,
@@ -127,7 +134,7 @@ impl Progress {
             while ended.recv_timeout(WATCH_PERIOD) != Err(RecvTimeoutError::Disconnected) {
                 if let Err(interrupted) = self.check() {
                     report(&interrupted.to_string());
-                    process::exit(EXIT_CODE);
+                    process::exit(INTERRUPTED.into());
                 }
             }
             worker.join().unwrap_or_else(|panic| resume_unwind(panic))

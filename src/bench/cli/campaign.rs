@@ -118,7 +118,10 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     let verdicts = verdicts.or_fail(Kind::Drive)?;
     let seconds = progress.elapsed().as_secs_f64();
     progress.finish();
-    let verified = args.verify_replay.then(|| Verified::of(args, &cases, &verdicts, quiet));
+    let verified = args.verify_replay.then(|| {
+        let command = |number| command(args, number);
+        Verified::of(&cases, &verdicts, threads(args), &command, quiet)
+    });
     let verified = verified.transpose()?;
     let table = Table::of(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();

@@ -1,10 +1,10 @@
 //! `frhc campaign --verify-replay`: every case replayed from the recorded inputs of its node.
 
 use std::fmt;
+use std::num::NonZero;
 
 use serde::Serialize;
 
-use crate::campaign::{Campaign, command, threads};
 use campaign::run::Campaign as Cases;
 use campaign::verdict::Verdict;
 use campaign::verification::Verification;
@@ -32,17 +32,19 @@ struct Differing {
 }
 
 impl Verified {
-    /// Plays all cases from their own boots, and replays them. `verdicts` are those on clones of warm benches.
+    /// Plays all cases from their own boots, and replays them. `verdicts` are those on clones of warm benches; `command` gives
+    /// the one that leaves the session of a case.
     pub(super) fn of(
-        args: &Campaign,
         cases: &Cases,
         verdicts: &[Verdict],
+        threads: NonZero<usize>,
+        command: &dyn Fn(u32) -> String,
         quiet: bool,
     ) -> Result<Self, Failure> {
         let total = u64::try_from(verdicts.len()).unwrap_or(u64::MAX);
         let progress = Progress::start(total, "replays", quiet).or_fail(Kind::Bus)?;
         let on_case = || progress.advance(1);
-        let verify = || cases.verify(verdicts, threads(args), &on_case);
+        let verify = || cases.verify(verdicts, threads, &on_case);
         let verified = progress.abandonable(print::error, verify);
         let seconds = progress.elapsed().as_secs_f64();
         progress.finish();
@@ -50,7 +52,7 @@ impl Verified {
         let verified = verified.or_fail(Kind::Drive)?;
         let differing = |one: &Verification| {
             let difference = one.difference.clone()?;
-            Some(Differing { case: one.case, difference, replay: command(args, one.case) })
+            Some(Differing { case: one.case, difference, replay: command(one.case) })
         };
         Ok(Self {
             case_count: verified.len(),

@@ -23,7 +23,7 @@ const MAX_ATTEMPTS: u32 = 100;
 pub struct Force {
     /// Replace existing results.
     #[arg(long, requires = "out")]
-    pub(super) force: bool,
+    pub force: bool,
 }
 
 impl Force {

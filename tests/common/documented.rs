@@ -157,6 +157,8 @@ pub(crate) const ROWS: &[Row] = &[
         Lane::NotRun("takes minutes; scripts/test.sh runs shorter sessions"),
     ),
     row("docs/sessions.md", "frhc export mcap", Lane::Session),
+    row("docs/sessions.md", "frhc report", Lane::Session),
+    row("docs/sessions.md", "frhc -q demo --seconds 3600", Lane::NotRun("takes minutes and 2 GB")),
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),

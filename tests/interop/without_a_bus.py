@@ -8,11 +8,12 @@ import decode_speed
 import exports
 import link
 import pages
+import report
 import robots
 import runner
 import sessions
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

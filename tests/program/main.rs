@@ -21,6 +21,7 @@ mod plan;
 mod readme;
 mod refused;
 mod replay;
+mod report;
 mod robot_process;
 mod robot_refused;
 mod robots;

@@ -18,6 +18,7 @@ pub mod plan;
 pub mod plot;
 mod quirks;
 pub mod replay;
+pub mod report;
 mod rig;
 mod robot;
 pub mod scan;
@@ -44,6 +45,7 @@ use crate::nmt::Nmt;
 use crate::plan::Plan;
 use crate::plot::Plot;
 use crate::replay::ReplayArgs;
+use crate::report::ReportArgs;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
 use crate::signal_list::SignalList;
@@ -143,6 +145,15 @@ pub enum Command {
             frhc signals /tmp/session | less\n  frhc signals --json | jq -r .name"
     )]
     Signals(SignalList),
+    /// Writes what happened in a recorded session as one page for people: HTML, without a script.
+    #[command(
+        after_help = "SESSION is a folder of `frhc run --record` or `frhc demo --out`, or a fault record. What cannot be read is \
+            said in the report, and the rest is done.\n\nExamples:\n  \
+            frhc report sessions/001-20261122T071243Z\n  \
+            frhc report /tmp/a --compare /tmp/b -o comparison.html\n  \
+            frhc report sessions/001-20261122T071243Z/faults/001-4213-samples-missing -o fault.html"
+    )]
+    Report(ReportArgs),
     /// Writes a DBC file of the buses, DCF files of the nodes, or a table or MCAP file of a recorded session.
     #[command(
         subcommand,
@@ -176,6 +187,7 @@ impl Command {
             Self::Decode(args) => decode::run(args, is_quiet),
             Self::Replay(args) => replay::run(args, is_quiet),
             Self::Plot(args) => plot::run(args, is_quiet),
+            Self::Report(args) => report::run(args, is_quiet),
             Self::Signals(args) => signal_list::run(args),
             Self::Export(args) => export::run(args, is_quiet),
         }

@@ -14,6 +14,12 @@ const MINUTES: f64 = 120.0;
 /// Length from which a time axis counts hours, in s.
 const HOURS: f64 = 7_200.0;
 
+/// Maximum number of digits after the point, for which the edge has room.
+const MAX_DIGITS: usize = 3;
+
+/// Differences below this are noise of the arithmetic: a line, not a curve.
+const NOISE: f64 = 1e-9;
+
 /// Maximum number of ticks, whatever the range.
 const MAX_TICKS: usize = 50;
 
@@ -36,16 +42,30 @@ pub(crate) fn ticks(range: &Range<f64>, parts: f64) -> Vec<(f64, String)> {
     if !(length.is_finite() && length > 0.0) {
         return Vec::new();
     }
-    let step = step(length, parts);
+    // Of a range around zero, zero alone would be no axis.
+    let more = [1.0, 1.6, 2.5].map(|factor| step(length, factor * parts));
+    let is_axis = |step: &f64| multiples(range, *step).count() > 1;
+    let step = more.into_iter().find(is_axis).unwrap_or_else(|| step(length, parts));
     let digits = usize::try_from(-exponent(step)).unwrap_or(0);
     let is_large = range.start.abs().max(range.end.abs()) >= 1e5;
     multiples(range, step)
         .map(|value| {
-            let is_power = is_large || digits > 4;
-            let text = if is_power { format!("{value:.2e}") } else { format!("{value:.digits$}") };
+            let text = if is_large || digits > MAX_DIGITS {
+                scientific(value)
+            } else {
+                format!("{value:.digits$}")
+            };
             (value, text.replace('-', "\u{2212}"))
         })
         .collect()
+}
+
+/// Returns a number with two digits and an exponent: 1.5e-7, 2e6, 0.
+fn scientific(value: f64) -> String {
+    if value.abs() < f64::MIN_POSITIVE {
+        return "0".to_owned();
+    }
+    format!("{value:.1e}").replace(".0e", "e")
 }
 
 /// Returns the multiples of a step within a range.
@@ -100,7 +120,7 @@ pub(crate) fn range(values: impl Iterator<Item = f64>, has_zero: bool) -> Range<
         (low, high) = (low.min(0.0), high.max(0.0));
     }
     // A constant is a line in the middle.
-    if high - low <= 1e-9 * low.abs().max(high.abs()).max(1e-9) {
+    if high - low <= NOISE * low.abs().max(high.abs()).max(1.0) {
         let margin = if high.abs() > 1e-6 { 0.1 * high.abs() } else { 1.0 };
         return low - margin..high + margin;
     }
@@ -120,6 +140,11 @@ mod tests {
     fn ticks_are_round_and_within_the_range() {
         assert_eq!(texts(ticks(&(-1.1..2.2), 4.0)), ["\u{2212}1", "0", "1", "2"]);
         assert_eq!(texts(ticks(&(0.0..0.012), 3.0)), ["0.000", "0.005", "0.010"]);
+        assert_eq!(
+            texts(ticks(&(-2e-4..0.0), 2.0)),
+            ["\u{2212}2e\u{2212}4", "\u{2212}1e\u{2212}4", "0"]
+        );
+        assert_eq!(texts(ticks(&(0.0..3e6), 2.0)), ["0", "2e6"]);
         assert_eq!(texts(ticks(&(3.0..3.0), 3.0)), [""; 0]);
         assert_eq!(ticks(&(0.0..f64::INFINITY), 3.0), []);
     }
@@ -147,6 +172,7 @@ mod tests {
         assert_eq!(range([1.0, f64::NAN, 2.0].into_iter(), false), 0.94..2.06);
         assert_eq!(range([5.0, 5.0].into_iter(), false), 4.5..5.5);
         assert_eq!(range([0.0].into_iter(), true), -1.0..1.0);
+        assert_eq!(range([-1e-17, 1e-16].into_iter(), true), -1.0 - 1e-17..1.0 + 1e-16);
         let with_zero = range([1.0, 2.0].into_iter(), true);
         assert!(with_zero.contains(&0.0), "{with_zero:?}");
     }

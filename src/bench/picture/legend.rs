@@ -8,6 +8,9 @@ pub(crate) const ROW: f64 = 17.0;
 /// Width of a swatch with its gap, in px.
 const SWATCH: f64 = 17.0;
 
+/// Width of bold letters, as a multiple of others.
+const BOLD: f64 = 1.22;
+
 /// Gap between two entries, in px.
 const GAP: f64 = 12.0;
 
@@ -26,7 +29,7 @@ impl<'a> Legend<'a> {
         entries: impl IntoIterator<Item = (&'a str, usize)>,
         width: f64,
     ) -> Self {
-        let (mut x, mut row) = (width_of(title) * 1.08 + GAP, 0.0);
+        let (mut x, mut row) = (width_of(title) * BOLD + GAP, 0.0);
         let mut placed = Vec::new();
         for (name, colour) in entries {
             let taken = SWATCH + width_of(name);

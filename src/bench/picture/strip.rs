@@ -168,7 +168,7 @@ impl Strip {
         let frame = Frame { values: axis::range(ends, plot.has_zero), ..frame };
         let [left, top, right, bottom] = frame.edges;
         let (mut grid, mut zero) = (PathData::default(), PathData::default());
-        for (value, text) in axis::ticks(&frame.values, (plot.height / VALUE_PITCH).max(2.0)) {
+        for (value, text) in axis::ticks(&frame.values, (plot.height / VALUE_PITCH).max(3.0)) {
             let y = frame.y(value);
             let line = if value.abs() < f64::MIN_POSITIVE { &mut zero } else { &mut grid };
             line.start([left, y]);

@@ -1,0 +1,29 @@
+//! The report of a recorded session or a fault record: one page for people, self-contained, without a script.
+//!
+//! ```text
+//!  folder ──► Subject ──► Gathered ──► View ──► sections ──► one HTML file
+//!             what there   one pass    with the
+//!             is to read   of cycles   stops in words
+//! ```
+//!
+//! A part that cannot be read is named in the report; the rest is done.
+#![forbid(unsafe_code)]
+
+mod compare;
+mod figures;
+mod frames;
+mod gather;
+mod html;
+mod modes;
+mod page;
+mod replayed;
+mod sections;
+mod series;
+mod stops;
+mod subject;
+mod timing;
+mod view;
+mod words;
+
+pub use page::{Interrupted, report};
+pub use subject::{NoSubject, Subject};

@@ -21,7 +21,7 @@ use crate::common::cli::{folder, frhc};
 const LONG: &[(&str, &str)] = &[
     ("demo --seconds 8", "/8000 cycles  "),
     ("replay SESSION", "/60000 cycles  "),
-    ("export csv SESSION tau", "/60000 cycles  "),
+    ("export csv SESSION tau --every 1000", "/60000 cycles  "),
     ("replay SESSION --with config/kraft_like.toml", "/60000 cycles  "),
     ("campaign --faults 20 --only emergency --config config/kraft_like.toml", "/20 faults  "),
     ("campaign --soak 60000 --config config/kraft_like.toml", "/60000 cycles  "),

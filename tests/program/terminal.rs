@@ -57,6 +57,13 @@ const PRINTING: &[&str] = &[
     "sim --config config/kraft_like.toml --calibrate-friction elbow",
     "replay SESSION --to 10",
     "replay SESSION --with config/kraft_like.toml --to 10",
+    "plot SESSION q",
+    "signals SESSION",
+    "signals --json",
+    "export csv SESSION q",
+    "export mcap SESSION",
+    "report SESSION",
+    "sessions list FOLDER",
 ];
 
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.

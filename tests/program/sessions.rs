@@ -275,9 +275,23 @@ fn campaign_logs_are_readable_by_their_owner_only() {
     let args =
         ["campaign", "-c", "config/kraft_like.toml", "--seed", "1", "--replay", "1", "--out"];
     assert!([0, 1].contains(&on(&out, &args, &[]).code));
-    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
-    assert_eq!(mode(&out), 0o700);
-    let files: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(files.len(), 2);
-    files.iter().for_each(|file| assert_eq!(mode(file), 0o600, "{}", file.display()));
+    let mut folders = vec![out];
+    let mut files = 0;
+    while let Some(folder) = folders.pop() {
+        assert_eq!(mode(&folder), 0o700, "{}", folder.display());
+        for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if entry.is_dir() {
+                folders.push(entry);
+            } else {
+                assert_eq!(mode(&entry), 0o600, "{}", entry.display());
+                files += 1;
+            }
+        }
+    }
+    // The log and the scenario of the case, and its session.
+    assert!(files > 6, "{files}");
+}
+
+fn mode(path: &Path) -> u32 {
+    fs::metadata(path).unwrap().permissions().mode() & 0o777
 }

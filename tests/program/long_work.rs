@@ -10,6 +10,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread;
 
 use nix::pty::{Winsize, openpty};
 use nix::sys::signal::{Signal, kill};
@@ -77,9 +78,14 @@ impl OnTerminal {
 
     /// Returns exit code, stdout, and what the terminal has shown.
     fn end(mut self) -> (Option<i32>, String, String) {
+        // A full pipe would stop the program.
+        let mut stdout = self.child.stdout.take().unwrap();
+        let stdout = thread::spawn(move || {
+            let mut text = String::new();
+            stdout.read_to_string(&mut text).map(|_| text)
+        });
         while self.read() {}
-        let mut stdout = String::new();
-        self.child.stdout.take().unwrap().read_to_string(&mut stdout).unwrap();
+        let stdout = stdout.join().unwrap().unwrap();
         (self.child.wait().unwrap().code(), stdout, self.shown)
     }
 }

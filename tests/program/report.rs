@@ -1,6 +1,7 @@
 //! `frhc report` as a program: what the page says, whatever is missing, and what it refuses.
 #![allow(
     clippy::indexing_slicing,
+    clippy::panic,
     clippy::unwrap_used,
     reason = "what a test cannot do without has failed the test"
 )]

@@ -64,6 +64,19 @@ impl Mode {
         }
     }
 
+    /// Returns its number, in the order of the mode graph: 0 to 6.
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Boot => 0,
+            Self::Ready => 1,
+            Self::Armed => 2,
+            Self::Engaged => 3,
+            Self::ReflectionOff => 4,
+            Self::ZeroTorque => 5,
+            Self::DrivesOff => 6,
+        }
+    }
+
     /// Returns its lower-case name, as `ctl status` prints it.
     pub const fn name(self) -> &'static str {
         match self {

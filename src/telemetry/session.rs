@@ -140,20 +140,7 @@ fn state_bytes(brief: &Brief) -> [u8; 8] {
     let sampled =
         (0..).zip(brief.sampled).fold(0, |bits, (joint, is)| bits | u8::from(is) << joint);
     let [c0, c1, c2, c3, ..] = brief.cycle.to_le_bytes();
-    [code(brief.mode), brief.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3]
-}
-
-/// Returns the number of a mode, in the order of the mode graph.
-const fn code(mode: Mode) -> u8 {
-    match mode {
-        Mode::Boot => 0,
-        Mode::Ready => 1,
-        Mode::Armed => 2,
-        Mode::Engaged => 3,
-        Mode::ReflectionOff => 4,
-        Mode::ZeroTorque => 5,
-        Mode::DrivesOff => 6,
-    }
+    [brief.mode.code(), brief.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3]
 }
 
 #[cfg(test)]

@@ -147,7 +147,7 @@ impl Curves {
         }
         let before = self.mode.replace(cycle.mode);
         if before != Some(cycle.mode) {
-            let colour = Mode::ALL.iter().position(|mode| *mode == cycle.mode).unwrap_or(0);
+            let colour = cycle.mode.code().into();
             let name = cycle.mode.name().to_owned();
             self.bands.push(Band { from: at, to: at, name, colour });
             if let Some(cause) = cycle.cause().filter(|_| before.is_some()) {

@@ -171,16 +171,8 @@ fn moment(at: f64, cycle: &Cycle<'_>) -> Moment {
 }
 
 /// Returns the colour of a mode in a picture: blue while it works, warm where it is stopped.
-pub(crate) const fn colour(mode: Mode) -> usize {
-    match mode {
-        Mode::Boot => 0,
-        Mode::Ready => 1,
-        Mode::Armed => 2,
-        Mode::Engaged => 3,
-        Mode::ReflectionOff => 4,
-        Mode::ZeroTorque => 5,
-        Mode::DrivesOff => 6,
-    }
+pub(crate) fn colour(mode: Mode) -> usize {
+    mode.code().into()
 }
 
 #[cfg(test)]

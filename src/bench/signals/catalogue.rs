@@ -10,7 +10,6 @@ use crate::signal::Source::{self, Both, Log, Replay};
 use controller::arm::JointKind;
 use controller::{Ledger, Output};
 use node::cycle_times::CycleTimes;
-use node::record::Mode;
 use units::spatial::Motion;
 
 /// A quantity: name, frame, source, reading, description.
@@ -22,7 +21,7 @@ const QUANTITIES: &[Quantity] = &[
         "mode",
         "",
         Both,
-        Number("", mode),
+        Number("", |cycle| Some(f64::from(cycle.mode.code()))),
         "mode: boot 0, ready 1, armed 2, engaged 3, reflection-off 4, zero-torque 5, drives-off 6",
     ),
     (
@@ -313,11 +312,6 @@ fn ledger<'c>(cycle: &Cycle<'c>) -> Option<&'c Ledger> {
 
 fn times<'c>(cycle: &Cycle<'c>) -> Option<&'c CycleTimes> {
     Some(&cycle.record?.times)
-}
-
-fn mode(cycle: &Cycle<'_>) -> Option<f64> {
-    let place = Mode::ALL.iter().position(|mode| *mode == cycle.mode)?;
-    u32::try_from(place).ok().map(f64::from)
 }
 
 fn samples(cycle: &Cycle<'_>) -> Option<f64> {

@@ -52,7 +52,7 @@ pub fn standalone(svg: &str) -> String {
         Some(end) if svg.starts_with("<svg") => {
             let (tag, rest) = svg.split_at(end + 1);
             let style = if tag.contains("class=\"pic\"") { STYLE } else { CHARTS };
-            format!("{tag}<style>{style}</style>{rest}\n")
+            format!("{tag}<style>{style}</style>{}\n", rest.trim_end())
         }
         _ => svg.to_owned(),
     }

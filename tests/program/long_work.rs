@@ -20,11 +20,11 @@ use crate::common::cli::{folder, frhc};
 
 /// Commands that show a bar, with a part of its line; `SESSION` and `OUT` are replaced.
 const LONG: &[(&str, &str)] = &[
-    ("demo --seconds 8", "/8000 cycles  "),
+    ("demo --seconds 30", "/30000 cycles  "),
     ("replay SESSION", "/60000 cycles  "),
     ("export csv SESSION tau --every 1000", "/60000 cycles  "),
     ("replay SESSION --with config/kraft_like.toml", "/60000 cycles  "),
-    ("campaign --faults 20 --only emergency --config config/kraft_like.toml", "/20 faults  "),
+    ("campaign --faults 200 --only emergency --config config/kraft_like.toml", "/200 faults  "),
     ("campaign --soak 60000 --config config/kraft_like.toml", "/60000 cycles  "),
     ("experiment ntrfc --short --robot config/robots/puma560.toml", " runs  "),
 ];

@@ -26,16 +26,9 @@ pub struct Force {
     pub force: bool,
 }
 
-impl Force {
-    /// Returns whether existing results may be replaced.
-    pub const fn is_given(self) -> bool {
-        self.force
-    }
-}
-
 /// Permissions of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Access {
+pub enum Access {
     /// Owner only: 0600.
     Owner,
     /// Owner and group, whatever the umask: 0660.
@@ -186,11 +179,7 @@ fn write_all(
 
 /// Writes and syncs `content` to a temporary file beside `path`.
 fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempFile> {
-    let beside = tempfile::Builder::new()
-        .prefix(".frhc-")
-        .permissions(access.permissions())
-        .tempfile_in(folder_of(path));
-    let mut file = beside?;
+    let mut file = beside(path, access)?;
     if access == Access::Group {
         file.as_file().set_permissions(access.permissions())?;
     }
@@ -199,8 +188,20 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
     Ok(file)
 }
 
+/// Creates a temporary file beside `path`.
+///
+/// # Errors
+/// When it cannot be created.
+pub fn beside(path: &Path, access: Access) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".frhc-").permissions(access.permissions()).tempfile_in(folder_of(path))
+}
+
 /// Syncs the folder of `path`: a renaming is durable only then.
-pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
+///
+/// # Errors
+/// When it cannot be synced.
+pub fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
 }
 
@@ -208,7 +209,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn is_stream(path: &Path) -> bool {
+/// Returns whether `path` is a device, pipe or socket, which is written to directly.
+pub fn is_stream(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| {
         let kind = found.file_type();
         kind.is_char_device() || kind.is_fifo() || kind.is_socket()

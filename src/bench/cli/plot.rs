@@ -164,7 +164,7 @@ impl Curves {
         strip.events = self.events;
         let mut plots: Vec<(&Signal, Vec<Curve>)> = Vec::new();
         for (signal, envelope) in &self.curves {
-            let curve = Curve::new(signal.name.clone(), extents(envelope));
+            let curve = Curve::new(signal.name.clone(), envelope.spans().into_iter().map(extent));
             let is_its =
                 |one: &Signal| (one.quantity(), one.unit) == (signal.quantity(), signal.unit);
             match plots.iter_mut().find(|(one, _)| is_its(one)) {
@@ -188,20 +188,7 @@ fn title_of(signal: &Signal, curves: &[Curve]) -> String {
     format!("{name}{frame}: {}", signal.about)
 }
 
-/// Returns the extremes over time; each bucket extends to the next.
-fn extents(envelope: &Envelope) -> Vec<Extent> {
-    let buckets = envelope.buckets();
-    let nexts = buckets.iter().skip(1).map(Some).chain([None]);
-    let mut extents = Vec::with_capacity(buckets.len());
-    for (bucket, next) in buckets.iter().zip(nexts) {
-        let next = next.copied().flatten();
-        if let Some(bucket) = bucket {
-            let to = next.map_or(bucket.to, |next| next.from);
-            extents.push(Extent { from: bucket.from, to, min: bucket.min, max: bucket.max });
-        } else if let Some(last) = extents.last().copied() {
-            let Extent { to, .. } = last;
-            extents.push(Extent { from: to, to, min: f64::NAN, max: f64::NAN });
-        }
-    }
-    extents
+/// Returns a span of an envelope as a picture takes it.
+const fn extent(signals::Span { from, to, min, max }: signals::Span) -> Extent {
+    Extent { from, to, min, max }
 }

@@ -1,13 +1,10 @@
 //! Envelopes of what belongs together: a number for each joint, component or bus.
 
 use picture::strip::{Curve, Extent};
-use signals::Envelope;
+use signals::{Envelope, Span};
 
 /// Buckets of an envelope: more than a picture has pixels across.
 const BUCKETS: usize = 1_000;
-
-/// Time between two buckets, in widths of the first, from which the curve has a gap.
-const GAP: f64 = 3.0;
 
 /// Envelopes of the numbers of one quantity.
 #[derive(Clone, Debug)]
@@ -59,31 +56,16 @@ impl Series {
     }
 }
 
-/// Returns the extents of an envelope: each reaches to the next one, unless cycles are missing between them.
+/// Returns the extents of an envelope, each times `scale`, their times less `zero`.
 fn extents(envelope: &Envelope, scale: f64, zero: f64) -> Vec<Extent> {
-    let mut extents: Vec<Extent> = Vec::new();
-    let mut last_width = 0.0;
-    for bucket in envelope.buckets() {
-        let Some(bucket) = bucket else {
-            // A gap takes the place where it is; its time is not known, nor needed.
-            let at = extents.last().map_or(0.0, |extent| extent.to);
-            extents.push(Extent { from: at, to: at, min: f64::NAN, max: f64::NAN });
-            continue;
-        };
-        let (from, to) = (bucket.from - zero, bucket.to - zero);
-        if let Some(last) = extents.last_mut().filter(|last| last.min.is_finite()) {
-            let passed = from - last.to;
-            let width = (last.to - last.from).max(last_width);
-            if last_width <= 0.0 || passed <= GAP * width {
-                last_width = from - last.from;
-                last.to = from;
-            }
-        }
-        let ends = [bucket.min * scale, bucket.max * scale];
-        let [min, max] = if scale < 0.0 { [ends[1], ends[0]] } else { ends };
-        extents.push(Extent { from, to, min, max });
-    }
-    extents
+    let extent = |Span { from, to, min, max }| {
+        let [low, high] = [min * scale, max * scale];
+        let (from, to) = (from - zero, to - zero);
+        // A negative scale exchanges them; NaN stays.
+        let [min, max] = if scale < 0.0 { [high, low] } else { [low, high] };
+        Extent { from, to, min, max }
+    };
+    envelope.spans().into_iter().map(extent).collect()
 }
 
 #[cfg(test)]
@@ -91,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extents_touch_and_missing_values_are_gaps() {
+    fn extents_are_scaled_and_begin_at_zero() {
         let mut series = Series::new(1);
         for (at, value) in
             [(0.0, 1.0), (1.0, 2.0), (2.0, f64::NAN), (3.0, 4.0), (4.0, 4.0), (99.0, 1.0)]

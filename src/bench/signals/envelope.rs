@@ -38,6 +38,22 @@ impl Bucket {
     }
 }
 
+/// Time between two buckets, in widths of the one before, from which a curve has a gap.
+const GAP: f64 = 3.0;
+
+/// Extremes over a span of time; NaN is a gap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Begin, in s.
+    pub from: f64,
+    /// End, in s: that is the begin of the next one, unless cycles are missing between them.
+    pub to: f64,
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+}
+
 /// Envelope of a signal: buckets of equal width, which doubles where they would be too many.
 #[derive(Clone, Debug)]
 pub struct Envelope {
@@ -75,6 +91,29 @@ impl Envelope {
     /// Returns the buckets in the order of time; `None` for a gap.
     pub fn buckets(&self) -> &[Option<Bucket>] {
         &self.buckets
+    }
+
+    /// Returns the buckets as spans that touch, for a curve.
+    pub fn spans(&self) -> Vec<Span> {
+        let mut spans: Vec<Span> = Vec::with_capacity(self.buckets.len());
+        let mut last_width = 0.0;
+        for bucket in &self.buckets {
+            let Some(Bucket { from, to, min, max, .. }) = *bucket else {
+                // A gap takes the place where it is; its time is not known, nor needed.
+                let at = spans.last().map_or(0.0, |span| span.to);
+                spans.push(Span { from: at, to: at, min: f64::NAN, max: f64::NAN });
+                continue;
+            };
+            if let Some(last) = spans.last_mut().filter(|last| last.min.is_finite()) {
+                let width = (last.to - last.from).max(last_width);
+                if last_width <= 0.0 || from - last.to <= GAP * width {
+                    last_width = from - last.from;
+                    last.to = from;
+                }
+            }
+            spans.push(Span { from, to, min, max });
+        }
+        spans
     }
 
     /// Returns the smallest and the largest value; `None` without any.
@@ -122,6 +161,20 @@ mod tests {
             prop_assert_eq!(usize::try_from(count).unwrap(), values.len());
             prop_assert!(buckets.windows(2).all(|pair| pair[0].to < pair[1].from));
         }
+    }
+
+    #[test]
+    fn spans_touch_except_where_cycles_or_values_are_missing() {
+        let mut envelope = Envelope::new(8);
+        let values = [(0.0, 1.0), (1.0, 2.0), (2.0, f64::NAN), (3.0, 4.0), (4.0, 4.0), (99.0, 1.0)];
+        values.iter().for_each(|(at, value)| envelope.add(*at, *value));
+        let spans = envelope.spans();
+        let times: Vec<_> = spans.iter().map(|span| (span.from, span.to)).collect();
+        assert_eq!(
+            times,
+            [(0.0, 1.0), (1.0, 1.0), (1.0, 1.0), (3.0, 4.0), (4.0, 4.0), (99.0, 99.0)]
+        );
+        assert!(spans[2].min.is_nan());
     }
 
     #[test]

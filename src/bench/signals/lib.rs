@@ -16,6 +16,6 @@ mod wire;
 
 pub use catalogue::{catalogue, placeholders};
 pub use cycles::{Cycle, Cycles, Findings, Recording, ReplayVerdict};
-pub use envelope::{Bucket, Envelope};
+pub use envelope::{Bucket, Envelope, Span};
 pub use signal::{Signal, Source, UnknownSignal, chosen};
 pub use wire::{Ending, Wire, WireCycles};

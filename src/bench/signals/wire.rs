@@ -277,9 +277,13 @@ impl Layout {
     /// Sets positions, targets and torques, each where all joints have one.
     fn update(&self, wire: &mut Wire) {
         let (counts, targets) = (all(&self.counts), all(&self.targets));
+        let sent = targets.map(|targets| targets.map(|PerMille(target)| target));
         wire.q = counts.map(|counts| self.calibration.positions(&counts).into());
-        wire.tau = targets.map(|targets| self.calibration.torques(&targets).into());
-        wire.targets = targets.map(|targets| targets.map(|PerMille(target)| target));
+        // The inverse of a torque curve costs more than the rest of a cycle.
+        if sent != wire.targets {
+            wire.tau = targets.map(|targets| self.calibration.torques(&targets).into());
+        }
+        wire.targets = sent;
     }
 }
 

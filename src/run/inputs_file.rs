@@ -111,7 +111,7 @@ impl InputsFile {
         self.writer.get_ref().get_ref().sync_data()
     }
 
-    /// Returns whether the file of the next part has not begun.
+    /// Returns whether the next part is still empty.
     pub(super) const fn is_turning(&self) -> bool {
         self.next.is_some()
     }

@@ -49,7 +49,7 @@ pub(super) struct SessionFiles {
 enum End {
     /// The limit of the recording.
     Limit,
-    /// The next part cannot be begun.
+    /// The next part cannot be created.
     Failed(io::Error),
 }
 
@@ -69,7 +69,7 @@ impl SessionFiles {
         Ok(Self { inputs: Some(inputs), limits, ..Self::onto(log, folder, provenance) })
     }
 
-    /// Returns streams of which only the log is written, to `file`, without limits.
+    /// Returns streams that write only the log, to `file`, without limits.
     pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
         Self {
             folder: folder.to_path_buf(),

@@ -78,7 +78,7 @@ pub struct Class {
     pub count: u64,
 }
 
-/// Whole histograms of a run: the classes that have values, in µs, smallest first. The names are those of [`TimingReport`].
+/// Histograms of a run: the classes that have values, in µs, smallest first. The names are those of [`TimingReport`].
 #[derive(Clone, Debug, Serialize)]
 pub struct HistogramReport {
     /// Time, in µs, that longer ones count as.
@@ -174,7 +174,7 @@ impl Timing {
 }
 
 impl Timing {
-    /// Returns the whole histograms.
+    /// Returns the histograms.
     pub fn histograms(&self) -> HistogramReport {
         HistogramReport {
             largest_us: LARGEST,

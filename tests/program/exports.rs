@@ -1,4 +1,4 @@
-//! `frhc export mcap` as a user runs it: complete sessions, and those of which something is missing or other. Other people's
+//! `frhc export mcap` as a user runs it: complete sessions, and incomplete or changed ones. Other people's
 //! programs read the files in `tests/interop/exports.py`.
 #![allow(
     clippy::indexing_slicing,

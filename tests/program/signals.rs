@@ -1,4 +1,4 @@
-//! `frhc signals` and `frhc export csv` as a user runs them: complete sessions, and those of which something is missing or other.
+//! `frhc signals` and `frhc export csv` as a user runs them: complete sessions, incomplete and changed ones.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,

@@ -30,7 +30,7 @@ pub struct Campaign {
 /// Part of a case that is played from its own boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The way into its situation.
+    /// The steps into its situation.
     Situation,
     /// The case itself.
     Case,

@@ -80,7 +80,7 @@ impl Recording {
     }
 }
 
-/// Returns what a replay of a whole recording has found.
+/// Returns the findings of the replay of a complete recording.
 fn difference(outcome: &Outcome) -> Option<String> {
     let law = outcome.intermediate.map(|(cycle, name)| format!("{name} differs in cycle {cycle}"));
     let end = match &outcome.end {

@@ -53,7 +53,7 @@ pub struct Campaign {
     /// Only kinds of fault whose name contains this.
     #[arg(long, value_name = "KIND", conflicts_with_all = ["replay", "soak"])]
     only: Option<String>,
-    /// Plays one case again by itself, prints its events and leaves its session.
+    /// Plays one case again, alone; prints its events and leaves its session.
     #[arg(long, value_name = "CASE", conflicts_with_all = ["faults", "soak"])]
     replay: Option<u32>,
     /// Plays each case once more from its own boot, and replays that from the recorded inputs of its node: every frame must be

@@ -45,7 +45,7 @@ pub struct Decode {
     /// Print one JSON object per line.
     #[arg(long)]
     json: bool,
-    /// Log of candump -l or -L, or its screen output, plain or packed with gzip; or the folder of a session, of which all
+    /// Log of candump -l or -L, or its screen output, plain or packed with gzip; or the folder of a session: all
     /// parts are read [default: stdin, also for `-`].
     #[arg(value_name = "LOG")]
     log: Option<PathBuf>,

@@ -74,7 +74,7 @@ pub fn export(
     exporter.finish(cycles.findings())
 }
 
-/// An export under way.
+/// Export in progress.
 struct Exporter<'a, W: Write> {
     out: Messages<W>,
     recording: Recording<'a>,

@@ -1,4 +1,4 @@
-//! Status and torque budget of a cycle in JSON. What is not known, or not finite, is left out; `json_schemas/` describes the rest.
+//! Status and torque budget of a cycle in JSON. Values that are unknown or not finite are left out; `json_schemas/` describes the rest.
 
 use serde::Serialize;
 

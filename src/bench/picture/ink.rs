@@ -90,7 +90,7 @@ impl Canvas {
         }
     }
 
-    /// Returns the whole picture.
+    /// Returns the picture.
     pub(crate) fn finish(mut self) -> String {
         self.text.push_str("</svg>");
         self.text

@@ -9,7 +9,7 @@ use crate::part_file::PartFile;
 /// Frames and cycles of a session: the parts that are there, in their order, plain or packed. Each begins with a new line.
 #[derive(Debug)]
 pub struct BusLog {
-    /// The parts that were not begun.
+    /// Parts that are still to be read.
     rest: VecDeque<PathBuf>,
     current: Option<(PathBuf, PartFile)>,
     /// The last byte that was read ends a line.
@@ -92,7 +92,7 @@ mod tests {
 
     use super::*;
 
-    /// Returns what is read of parts with these contents, some packed, byte by byte or by lines.
+    /// Returns the text read from parts with these contents, some packed, byte by byte or by lines.
     fn read(name: &str, parts: &[(&str, bool)]) -> String {
         let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();

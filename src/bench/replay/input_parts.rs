@@ -16,7 +16,7 @@ const HEADER: u64 = 20;
 #[derive(Debug)]
 pub struct InputParts {
     folder: PathBuf,
-    /// The parts that were not begun: the file of each, or the name of a missing one.
+    /// Parts that are still to be read: the file of each, or the name of a missing one.
     rest: VecDeque<Result<String, String>>,
     current: Option<Current>,
     /// Number of parts begun.

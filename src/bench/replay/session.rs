@@ -105,7 +105,7 @@ impl Session {
         self.parts.missing()
     }
 
-    /// Returns what is not in this session, a line each: missing parts, and why the recording has ended early. A command says
+    /// Returns the gaps of this session, a line each: missing parts, and why the recording has ended early. A command says
     /// so, and does the rest.
     pub fn remarks(&self) -> Vec<String> {
         let folder = self.folder.display();

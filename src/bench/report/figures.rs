@@ -69,7 +69,7 @@ impl Magnitudes {
 pub(crate) struct Load {
     sum: f64,
     seconds: f64,
-    /// Sum and length of the second under way.
+    /// Sum and length of the current second.
     window: [f64; 2],
     /// Greatest mean over a second.
     pub(crate) greatest: f64,

@@ -25,7 +25,7 @@ pub(crate) trait Source {
     /// Returns the next cycle.
     fn next_cycle(&mut self) -> Option<Cycle<'_>>;
 
-    /// Returns what was found on the way.
+    /// Returns the findings of the pass.
     fn findings(&self) -> Findings;
 }
 
@@ -87,11 +87,11 @@ pub(crate) struct Gathered {
     pub(crate) q: Series,
     pub(crate) tau: Series,
     pub(crate) ledger: Series,
-    /// Wrenches: sensed, felt, and the magnitudes of the forces that act at the grip.
+    /// Wrenches: sensed, reflected, and the magnitudes of the forces that act at the grip.
     pub(crate) f_s: Series,
     pub(crate) f_g_task: Series,
     pub(crate) grip: Series,
-    /// Magnitudes of the forces sensed and felt.
+    /// Magnitudes of the sensed force and of the force on the hand.
     pub(crate) forces: Series,
     /// Displacement, rate command, commanded and actual position of the object.
     pub(crate) dx: Series,

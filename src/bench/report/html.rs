@@ -50,7 +50,7 @@ impl Html {
         self.element("p", "", text);
     }
 
-    /// Writes a paragraph about what is missing.
+    /// Writes a paragraph about missing content.
     pub(crate) fn missing(&mut self, text: &str) {
         self.element("p", "missing", text);
     }
@@ -119,7 +119,7 @@ impl Html {
         self.text.push_str("</dl>\n");
     }
 
-    /// Writes a numbered list; what is within backquotes is a command.
+    /// Writes a numbered list; text in backquotes is a command.
     pub(crate) fn steps(&mut self, steps: &[String]) {
         self.text.push_str("<ol>");
         for step in steps {
@@ -128,7 +128,7 @@ impl Html {
         self.text.push_str("</ol>\n");
     }
 
-    /// Writes a paragraph; what is within backquotes is a command.
+    /// Writes a paragraph; text in backquotes is a command.
     pub(crate) fn advice(&mut self, text: &str) {
         self.text.push_str(&format!("<p>{}</p>\n", with_commands(text)));
     }
@@ -204,7 +204,7 @@ impl Html {
         ));
     }
 
-    /// Returns the whole page.
+    /// Returns the page.
     pub(crate) fn page(self, title: &str) -> String {
         let title = escaped(title);
         let body = self.text;
@@ -220,7 +220,7 @@ impl Html {
     }
 }
 
-/// Returns escaped text, in which commands stand in backquotes.
+/// Returns escaped text; text in backquotes becomes a command.
 fn with_commands(text: &str) -> String {
     let parts = text.split('`').enumerate().map(|(place, part)| match place % 2 {
         0 => escaped(part),

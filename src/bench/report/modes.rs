@@ -41,7 +41,7 @@ pub(crate) struct Moment {
     pub(crate) missing: u8,
 }
 
-/// A stop: the way into a latched mode.
+/// A stop: the entry into a latched mode.
 #[derive(Clone, Debug)]
 pub(crate) struct Stop {
     /// Time of its SYNC, in s.

@@ -33,7 +33,7 @@ const CONTENTS: [(&str, &str); 16] = [
     ("parts", "Files and replay"),
 ];
 
-/// The report was given up on the way.
+/// The report was abandoned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 

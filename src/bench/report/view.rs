@@ -51,7 +51,7 @@ impl View<'_> {
         units.collect()
     }
 
-    /// Returns the sentence that stands where a replay would be needed.
+    /// Returns the sentence in place of content that needs a replay.
     pub(crate) fn without_replay(&self, what: &str) -> String {
         let reason = crate::replayed::reason(&self.gathered.findings);
         format!("{what} need the replay: {reason}.")

@@ -284,7 +284,7 @@ pub fn catalogue(recording: &Recording<'_>) -> Vec<Signal> {
     signals(&joints.collect::<Vec<_>>(), &recording.session().manifest().interfaces)
 }
 
-/// Returns the signals of any session: `<joint>` and `<bus>` stand for the names of joints and interfaces.
+/// Returns the signals of any session: `<joint>` and `<bus>` are placeholders for the names of joints and interfaces.
 pub fn placeholders() -> Vec<Signal> {
     signals(&[("<joint>".to_owned(), JointKind::Revolute)], &["<bus>".to_owned()])
 }

@@ -92,7 +92,7 @@ pub fn chosen(catalogue: &[Signal], names: &[String]) -> Result<Vec<Signal>, Unk
     Ok(chosen)
 }
 
-/// Returns whether a pattern matches a name as a whole; `*` stands for any characters.
+/// Returns whether a pattern matches a name as a whole; `*` matches any characters.
 fn matches(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let first = parts.next().unwrap_or_default();

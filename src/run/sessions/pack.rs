@@ -217,7 +217,7 @@ mod tests {
     use super::*;
     use crate::scratch::path as scratch;
 
-    /// Creates a session of two parts, of which the second may be one being written.
+    /// Creates a session of two parts; the second may still be written.
     fn session(name: &str, has_summary: bool) -> PathBuf {
         let folder = scratch(name);
         results::private_folder(&folder).unwrap();

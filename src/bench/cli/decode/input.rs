@@ -30,7 +30,7 @@ pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failu
     }
 }
 
-/// Opens all parts of the log of a session, and says what is missing in it.
+/// Opens all parts of the log of a session, and names the missing ones.
 pub(super) fn of_session(session: &Session) -> Result<(Box<dyn Read>, String), Failure> {
     let log = session.bus_log().or_fail(Kind::File)?;
     session.remarks().iter().for_each(|remark| print::note(remark));

@@ -67,7 +67,7 @@ pub(crate) struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Writes a row for each cycle, and notes what is missing.
+    /// Writes a row for each cycle, and notes the missing parts.
     pub(crate) fn write(
         &self,
         mut file: WholeFile,

@@ -35,7 +35,7 @@ pub struct Mcap {
     force: Force,
 }
 
-/// Writes the file, and prints what is in it.
+/// Writes the file, and prints its topics with their numbers of messages.
 pub(super) fn run(args: &Mcap, is_quiet: bool) -> Result<(), Failure> {
     if args.out.is_none() && io::stdout().is_terminal() {
         let reason = "an MCAP file is not for a terminal; give its name by --out";

@@ -9,7 +9,7 @@ const FORCES: [&str; 3] = ["fx", "fy", "fz"];
 const MOMENTS: [&str; 3] = ["mx", "my", "mz"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Writes the wrenches: sensed, felt, and all that acts at the grip.
+/// Writes the wrenches: sensed, reflected, and all that acts at the grip.
 pub(crate) fn wrenches(html: &mut Html, view: &View<'_>) {
     let gathered = view.gathered;
     html.section("wrenches", "Wrench sensed and felt");

@@ -1,4 +1,4 @@
-//! Parts of the session: host, files with their checksums, what is missing, what the replay has found.
+//! Parts of the session: host, files with their checksums, missing parts, result of the replay.
 
 use crate::html::{Cell, Html};
 use crate::replayed;

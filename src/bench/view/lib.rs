@@ -1,0 +1,4 @@
+//! A running node on a screen. What is shown is read from the node's telemetry (docs/telemetry.md); nothing here can reach its console.
+#![forbid(unsafe_code)]
+
+pub mod feed;

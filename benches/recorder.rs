@@ -69,7 +69,7 @@ fn main() {
 }
 
 fn booted<T: Tap>(config: &Config, tap: T) -> Bench<T> {
-    let mut bench = Bench::new(config, Scenario::parse(SCENARIO).unwrap(), 1, false, tap);
+    let mut bench = Bench::new(config, Scenario::parse(SCENARIO).unwrap(), 1, tap);
     bench.bring_up().unwrap();
     bench
 }

@@ -76,7 +76,7 @@ fn pressed() -> (World, Vec<(Instant, Telegram)>) {
     let tap = Rc::clone(&recorded);
     let tap = move |at: Instant, telegram: &Telegram| tap.borrow_mut().push((at, *telegram));
     let scenario = Scenario::parse(SCENARIO).unwrap();
-    let mut bench = Bench::new(&config, scenario, 1, false, tap);
+    let mut bench = Bench::new(&config, scenario, 1, tap);
     bench.bring_up().unwrap();
     bench.run(PRESSED);
     let world = bench.world_mut().clone();

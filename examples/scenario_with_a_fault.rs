@@ -30,7 +30,7 @@ const SCENARIO: &str = r#"
 
 fn main() -> Result<(), Box<dyn Error>> {
     let config = Config::load(Path::new("config/kraft_like.toml"))?;
-    let mut bench = Bench::new(&config, Scenario::parse(SCENARIO)?, 1, false, ());
+    let mut bench = Bench::new(&config, Scenario::parse(SCENARIO)?, 1, ());
     bench.bring_up()?;
     let mut mode = None;
     for _ in 0..3_000 {

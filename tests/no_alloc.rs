@@ -74,7 +74,7 @@ const MORE_LAYERS: &str = "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_
 fn ten_thousand_cycles_with_every_layer_never_allocate() {
     let text = include_str!("../config/kraft_like.toml").replacen("[remote]\n", MORE_LAYERS, 1);
     let config = Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap();
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, ());
     bench.bring_up().unwrap();
     bench.run(200);
     IS_COUNTED.set(true);
@@ -95,7 +95,7 @@ fn node_behind_a_link_with_delay_never_allocates() {
     });
     let link = RemoteLink { simulated, ..config.link };
     let config = config.with_link(link);
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, ());
     bench.bring_up().unwrap();
     bench.run(200);
     IS_COUNTED.set(true);

@@ -19,6 +19,8 @@ mod link_peer;
 mod realtime;
 #[path = "vcan/sessions.rs"]
 mod sessions;
+#[path = "vcan/telemetry.rs"]
+mod telemetry;
 
 use std::fs;
 use std::io::{BufRead, Read, Write};

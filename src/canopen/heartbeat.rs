@@ -19,6 +19,11 @@ pub fn is_boot_up(frame: &Frame, node: NodeId) -> bool {
     frame.cob_id == heartbeat_cob_id(node) && frame.data() == [0]
 }
 
+/// Returns whether the frame reports the state of `node`: a heartbeat, a boot-up message, or the answer to guarding.
+pub fn reports_state(frame: &Frame, node: NodeId) -> bool {
+    frame.cob_id == heartbeat_cob_id(node) && !frame.is_remote()
+}
+
 /// Heartbeat producer of a node, here the master.
 #[derive(Clone, Debug)]
 pub struct Producer {

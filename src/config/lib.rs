@@ -308,11 +308,7 @@ fn convert(
     let safety = safety::read(raw, period, problems);
     let plausibility = plausibility::read(&raw.safety, problems);
     let joints = joints::read(file, raw, problems);
-    // Outer `None`: a problem. Inner `None`: no such section.
-    let switches = match &raw.switches {
-        None => Some(None),
-        Some(section) => switch_box::read(file, section, raw, problems).map(Some),
-    };
+    let switches = switch_box::given(file, raw, problems);
     let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
     let contact_bounds = contact_postures::bounds(&raw.arm, problems);
     let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
@@ -332,6 +328,7 @@ fn convert(
         sync_counter,
         time_period: time_period.map(|millis| Duration::from_millis(u64::from(millis))),
         socket: node.socket.as_ref().map(PathBuf::from),
+        telemetry_socket: node.telemetry_socket.as_ref().map(PathBuf::from),
         stores_configuration: node.store_configuration.or(false).get()?,
         restores_defaults: node.restore_defaults.or(false).get()?,
         buses: buses?,

@@ -42,6 +42,8 @@ pub struct Parameters {
     pub time_period: Option<Duration>,
     /// Path of the control socket, if configured.
     pub socket: Option<PathBuf>,
+    /// Path of the telemetry's socket, if configured.
+    pub telemetry_socket: Option<PathBuf>,
     /// Stores the configuration in the nodes (1010h).
     pub stores_configuration: bool,
     /// Restores the nodes' defaults (1011h) before configuration.

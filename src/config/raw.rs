@@ -24,6 +24,7 @@ sections! {
         node_id: Value<u8>,
         heartbeat_ms: Value<u16>,
         socket: Optional<String>,
+        telemetry_socket: Optional<String>,
         store_configuration: Optional<bool>,
         restore_defaults: Optional<bool>,
         sync_counter: Optional<u8>,

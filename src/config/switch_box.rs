@@ -38,8 +38,20 @@ pub struct SwitchBox {
 )]
 pub struct NoSwitchBox;
 
+/// Reads the section. Outer `None` where a problem has been noted, inner `None` without a section.
+pub(super) fn given(
+    file: &Path,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<Option<SwitchBox>> {
+    match &raw.switches {
+        None => Some(None),
+        Some(section) => read(file, section, raw, problems).map(Some),
+    }
+}
+
 /// The switch box of a section; `None` where a problem has been noted.
-pub(super) fn read(
+fn read(
     file: &Path,
     switches: &raw::Switches,
     raw: &raw::File,

@@ -2,7 +2,7 @@
 
 use crate::input::{Input, InputSink};
 use remote::stated::Misfit;
-use remote::{Remote, Sensed, SideFault};
+use remote::{Remote, RobotJoints, Sensed, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -41,6 +41,10 @@ impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
             self.sink.on_input(Input::Misfits(texts));
         }
         misfits
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        self.remote.joints()
     }
 
     fn fault(&mut self) -> Option<SideFault> {

@@ -42,6 +42,11 @@ impl Link {
         (!is_fresh).then_some(Cause::LinkLost)
     }
 
+    /// Returns the age of the newest sample; `None` before the first.
+    pub(super) fn age(&self, now: Instant) -> Option<Duration> {
+        self.newest.map(|newest| now.since(newest.at))
+    }
+
     /// Returns the wrench of the environment on the object at {S}; zero before the first sample.
     pub(super) fn f_s(&self) -> Wrench {
         self.newest.map_or(Wrench::ZERO, |newest| newest.f_s)

@@ -2,12 +2,15 @@
 //!
 //! The controller's intermediates are those from which the torques of the cycle were computed.
 
+use std::time::Duration;
+
 use derive_more::Display;
 use nalgebra::Isometry3;
 
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use controller::Output;
+use remote::RobotJoints;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -116,6 +119,10 @@ pub struct Record {
     pub f_s: Wrench,
     /// Pose of the object in its base.
     pub x_b_m: Isometry3<f64>,
+    /// Age of the newest sample of the commanded side at SYNC; `None` before the first.
+    pub sample_age: Option<Duration>,
+    /// Joint positions of the robot in rad, where they are known in this process; zero for joints that it does not have.
+    pub q_r: Option<RobotJoints>,
     /// Output and intermediates of the controller.
     pub output: Output,
     /// Target torques (6071h) that the drives hold, in ‰ of rated torque.

@@ -1,10 +1,12 @@
 //! The commanded side: the robot or virtual object, and its newest valid sample.
 
+use std::time::Duration;
+
 use crate::cause::Cause;
 use crate::link::Link;
 use crate::record::Mode;
 use config::Config;
-use remote::{Remote, SideFault};
+use remote::{Remote, RobotJoints, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -14,6 +16,13 @@ pub(super) struct RemoteSide<R> {
     pub(super) remote: R,
     pub(super) link: Link,
     was_armed: bool,
+}
+
+/// Age of the newest sample, and the robot's joint positions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) sample_age: Option<Duration>,
+    pub(super) q_r: Option<RobotJoints>,
 }
 
 impl<R: Remote> RemoteSide<R> {
@@ -37,6 +46,11 @@ impl<R: Remote> RemoteSide<R> {
                 (mode == Mode::Engaged).then_some(Cause::LinkSlow { p99_us, stated_us })
             }
         }
+    }
+
+    /// Returns what is known beside the sample that this cycle acted on.
+    pub(super) fn seen(&self, sync_at: Instant) -> Seen {
+        Seen { sample_age: self.link.age(sync_at), q_r: self.remote.joints() }
     }
 
     /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that

@@ -30,9 +30,14 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::stated::Misfit;
+use ::robot::chain::MAX_JOINTS;
 use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE, Reason};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
+
+/// Joint positions of a robot, base first, in rad; zero for joints that it does not have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RobotJoints(pub [f64; MAX_JOINTS]);
 
 /// Commanded side.
 pub trait Remote {
@@ -49,6 +54,12 @@ pub trait Remote {
     /// Returns each reason why the node must not be armed with this commanded side. Called between two cycles.
     fn misfits(&mut self, _now: Instant) -> Vec<Misfit> {
         Vec::new()
+    }
+
+    /// Returns the joint positions of the robot, where they are known in this process. For views: nothing acts on them, and
+    /// a link does not delay them.
+    fn joints(&self) -> Option<RobotJoints> {
+        None
     }
 
     /// Returns a fault of the commanded side or of the way to it, beside the age of its samples.

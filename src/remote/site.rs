@@ -5,7 +5,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Unit, Vector3};
 
 use crate::scene::{Block, Scene, Sphere, Surface, Wall};
-use crate::{Remote, Sensed};
+use crate::{Remote, RobotJoints, Sensed};
 use robot::following_arm::FollowingArm;
 use robot::god_object::{Coupling, GodObject};
 use robot::interaction::Interaction;
@@ -107,6 +107,10 @@ impl Remote for VirtualSite {
         self.follow(dt.min(self.max_step), command, &f_m);
         self.before = Some(now);
         Some(Sensed { at: now, f_s, x_b_m: *self.object.pose() })
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        self.object.arm().map(|arm| RobotJoints((*arm.q()).into()))
     }
 }
 

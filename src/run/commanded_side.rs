@@ -9,7 +9,7 @@ use config::{Agreement, Config};
 use remote::link::{self, LinkSettings, LinkSide, LinkThread};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Remote, Sensed, SideFault};
+use remote::{Remote, RobotJoints, Sensed, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
 use unix_socket::SocketFile;
@@ -105,6 +105,13 @@ impl Remote for CommandedSide {
         match self {
             Self::Virtual(site) => site.fault(),
             Self::Link(side) => side.fault(),
+        }
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        match self {
+            Self::Virtual(site) => site.joints(),
+            Self::Link(side) => side.joints(),
         }
     }
 }

@@ -4,6 +4,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::recording_state::RecordingState;
 use node::record::Record;
+use remote::link::LatestLink;
+use telemetry::feed::Scarce;
+use telemetry::link_report::LinkReport;
 use telemetry::losses::Losses;
 use telemetry::status::{JointLabel, Status};
 use telemetry::timing::{Overrun, Timing, TimingReport};
@@ -17,6 +20,8 @@ pub(super) struct LatestStatus {
     joints: Arc<[JointLabel]>,
     /// Report on the session, if one is recorded.
     recording: Option<RecordingState>,
+    /// Link to a robot in another process.
+    link: Option<LatestLink>,
 }
 
 #[derive(Debug, Default)]
@@ -29,14 +34,34 @@ struct Latest {
 impl LatestStatus {
     /// Returns a status before the first cycle of these joints.
     pub(super) fn new(joints: Vec<JointLabel>, recording: Option<RecordingState>) -> Self {
-        Self { latest: Arc::default(), joints: joints.into(), recording }
+        Self { latest: Arc::default(), joints: joints.into(), recording, link: None }
+    }
+
+    /// Adds the link to a robot in another process.
+    pub(super) fn with_link(self, link: Option<LatestLink>) -> Self {
+        Self { link, ..self }
     }
 
     /// Returns the newest status, `None` before the first cycle.
     pub(super) fn get(&self) -> Option<Status> {
         let (record, missing_samples, lost) = self.lock().newest?;
         let status = Status::of(&record, missing_samples, lost).with_joints(&self.joints);
-        Some(Status { recording: self.recording.as_ref().map(RecordingState::get), ..status })
+        let Scarce { recording, timing, link, .. } = self.scarce();
+        Some(Status { recording, timing, link, ..status })
+    }
+
+    /// Returns what changes slowly.
+    pub(super) fn scarce(&self) -> Scarce {
+        let newest = self.lock().newest;
+        let (missing_samples, lost) =
+            newest.map(|(_, missing, lost)| (missing, lost)).unwrap_or_default();
+        Scarce {
+            missing_samples,
+            lost,
+            recording: self.recording.as_ref().map(RecordingState::get),
+            timing: Some(self.timing()),
+            link: self.link.as_ref().map(|link| LinkReport::of(&link.get())),
+        }
     }
 
     /// Returns the time of the SYNC of the newest status.

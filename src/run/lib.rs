@@ -30,6 +30,7 @@ pub mod cycle_thread;
 mod disk_writers;
 pub mod exit;
 pub mod fault_records;
+pub mod feed_socket;
 pub mod gains;
 pub mod input_ring;
 mod inputs_file;

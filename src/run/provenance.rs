@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use config::{Config, JointParameters};
-use controller::arm::JointKind;
+use config::Config;
 use telemetry::origin::Origin;
-use telemetry::status::JointLabel;
+use telemetry::status::{self, JointLabel};
 
 /// Buses, joints and origin of time.
 #[derive(Clone, Debug, Default)]
@@ -25,7 +24,7 @@ impl Provenance {
     pub fn of(config: &Config, interfaces: &[String], origin: Origin) -> Self {
         Self {
             interfaces: interfaces.to_vec(),
-            joints: joint_labels(config),
+            joints: status::labels(config),
             origin,
             session: None,
         }
@@ -42,13 +41,4 @@ impl Provenance {
     pub(super) fn joint_names(&self) -> Vec<&str> {
         self.joints.iter().map(|joint| joint.name.as_str()).collect()
     }
-}
-
-/// Returns names and units of the joints, base first.
-pub(super) fn joint_labels(config: &Config) -> Vec<JointLabel> {
-    let label = |joint: &JointParameters| JointLabel {
-        name: joint.name.clone(),
-        is_prismatic: joint.plant.link.kind == JointKind::Prismatic,
-    };
-    config.joints.iter().map(label).collect()
 }

@@ -5,17 +5,18 @@ use std::thread;
 use std::time::Duration;
 
 use crate::disk_writers::DiskWriters;
+use crate::feed_socket::Publisher;
 use crate::input_ring::InputConsumer;
 use crate::latest_status::LatestStatus;
+use crate::log_time;
 use crate::rings::{EntryConsumer, EntryHandler, LossCounters};
-use crate::{log_time, provenance};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use config::Config;
 use node::record::{Mode, Record};
 use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{Commanded, Fidelity, Judged};
-use telemetry::status::JointLabel;
+use telemetry::status::{self, JointLabel};
 use telemetry::summary::Summary;
 use telemetry::timing::Overrun;
 use telemetry::token_bucket::TokenBucket;
@@ -82,12 +83,16 @@ pub(super) struct Recorder<'a> {
     now: Instant,
     latest: LatestStatus,
     newest: Option<Record>,
+    telemetry: Option<Publisher>,
 }
 
 impl EntryHandler for Recorder<'_> {
     fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.now = self.now.max(at);
         self.writers.push_frame(at, telegram);
+        if let Some(telemetry) = &mut self.telemetry {
+            telemetry.on_frame(at, telegram);
+        }
     }
 
     fn on_record(&mut self, record: &Record) {
@@ -111,6 +116,9 @@ impl EntryHandler for Recorder<'_> {
         self.watch_timing(record);
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
+        if let Some(telemetry) = &mut self.telemetry {
+            telemetry.on_record(record, || self.latest.scarce());
+        }
         self.newest = Some(*record);
     }
 
@@ -128,7 +136,7 @@ impl<'a> Recorder<'a> {
         Self {
             writers,
             nodes: config.node_plans().into_iter().map(|(_, plan)| plan.name).collect(),
-            joints: provenance::joint_labels(config),
+            joints: status::labels(config),
             commanded: Commanded::new(&config.controller),
             fidelity: Fidelity::new(Judged::Command),
             summary: Summary::judging(postures),
@@ -138,7 +146,13 @@ impl<'a> Recorder<'a> {
             now: Instant::ZERO,
             latest,
             newest: None,
+            telemetry: None,
         }
+    }
+
+    /// Passes everything on to viewers, too.
+    pub(super) fn with_telemetry(self, telemetry: Option<Publisher>) -> Self {
+        Self { telemetry, ..self }
     }
 
     /// Hands the entries to the disk writers, and the newest record to the console.

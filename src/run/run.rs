@@ -17,12 +17,13 @@ use crate::config_arg::TrustedConfigArg;
 use crate::console::{RequestHandler, Socket, default_socket, request_queue};
 use crate::disk_writers::DiskWriters;
 use crate::exit::{Failure, Kind, OrFail};
+use crate::feed_socket::{self, Publisher};
 use crate::input_ring::input_ring;
 use crate::interfaces::{self, Interfaces};
 use crate::latch::Latch;
 use crate::latest_status::LatestStatus;
 use crate::limits::LimitArgs;
-use crate::provenance::{self, Provenance};
+use crate::provenance::Provenance;
 use crate::realtime_args::RealtimeArgs;
 use crate::recorder_thread::{self, Recorder};
 use crate::recording_state::RecordingState;
@@ -38,8 +39,10 @@ use config::Config;
 use config::files::Copies;
 use inputs::RecordedNode;
 use remote::link::LinkThread;
+use telemetry::feed::{Feed, Source};
 use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
+use telemetry::status;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
@@ -78,9 +81,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
     let (config, copies) = args.config.load()?;
     check::refuse_simulated_link(&config, "run")?;
-    gains::warn(&config);
-    commission::warn(&config);
-    check::warn_no_switch_box(&config);
+    warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = async_runtime()?;
     // Before the control socket, so that a node that answers has its link.
@@ -93,6 +94,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let clock = bus.clock();
     let origin = Origin::from_micros(bus.epoch_micros());
     tracing::info!("time counts from {origin}");
+    let telemetry = offer_telemetry(&config, origin)?;
     let recorder = open_recorder(args, copies, &Provenance::of(&config, &names, origin))?;
 
     let recording = recorder.recording();
@@ -101,17 +103,17 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
-    let latest = LatestStatus::new(provenance::joint_labels(&config), recording.clone());
+    let link_status = link.as_ref().map(LinkThread::latest);
+    let latest =
+        LatestStatus::new(status::labels(&config), recording.clone()).with_link(link_status);
     let latch = Latch::set(&names);
     let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
-    let status = link.as_ref().map(LinkThread::latest);
-    let handler = RequestHandler::new(sender, latest.clone(), clock, remark).with_link(status);
-    let handler = Arc::new(handler);
+    let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark));
     signals.enable_orderly_stop();
 
     let has_ended = &AtomicBool::new(false);
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
-        let recorder = Recorder::new(&config, &mut writers, latest);
+        let recorder = Recorder::new(&config, &mut writers, latest).with_telemetry(telemetry);
         let recorded = spawn(threads, "recorder", move || {
             recorder_thread::run(entries, input_consumer, recorder, &lost)
         })?;
@@ -140,6 +142,13 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     outcome.and(finished)
 }
 
+/// Warns of what keeps no node from starting, and an operator from what they expect.
+fn warn(config: &Config) {
+    gains::warn(config);
+    commission::warn(config);
+    check::warn_no_switch_box(config);
+}
+
 /// Returns the runtime of the control socket.
 fn async_runtime() -> Result<Runtime, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -152,6 +161,22 @@ fn bind_socket(config: &Config, runtime: &Runtime) -> Result<Socket, Failure> {
     let _entered = runtime.enter();
     let socket = Socket::bind(path.clone());
     socket.with_context(|| format!("control socket {}", path.display())).or_fail(Kind::Bus)
+}
+
+/// Offers the telemetry at the path of the configuration, or at the default one. A node does not need the latter: it warns.
+fn offer_telemetry(config: &Config, origin: Origin) -> Result<Option<Publisher>, Failure> {
+    let path = config.telemetry_socket.clone();
+    let path = path.unwrap_or_else(|| feed_socket::beside(config.socket.as_deref()));
+    let feed = Feed::new(config, Source::Run, Some(origin));
+    let started = Publisher::start(&path, feed);
+    match started.with_context(|| format!("telemetry socket {}", path.display())) {
+        Ok(publisher) => Ok(Some(publisher)),
+        Err(error) if config.telemetry_socket.is_some() => Err(error).or_fail(Kind::Bus),
+        Err(error) => {
+            tracing::warn!("no telemetry: {error:#}");
+            Ok(None)
+        }
+    }
 }
 
 /// Starts the thread `frhc-NAME`.

@@ -22,6 +22,11 @@ impl Origin {
         u64::try_from(self.0.as_micros()).unwrap_or(u64::MAX)
     }
 
+    /// Formats UTC with milliseconds: `2026-11-22T07:12:43.123Z`.
+    pub fn utc(self) -> String {
+        humantime::format_rfc3339_millis(UNIX_EPOCH + self.0).to_string()
+    }
+
     /// Formats UTC for a file name: `20261122T071243Z`.
     pub fn compact(self) -> String {
         let utc = humantime::format_rfc3339_seconds(UNIX_EPOCH + self.0).to_string();

@@ -6,7 +6,9 @@ use crate::link_report::LinkReport;
 use crate::losses::Losses;
 use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
+use config::{Config, JointParameters};
 use controller::Ledger;
+use controller::arm::JointKind;
 use node::cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
@@ -71,6 +73,22 @@ pub struct JointLabel {
     pub is_prismatic: bool,
 }
 
+impl JointLabel {
+    /// Returns the units of its position and its torque.
+    pub const fn units(&self) -> [&'static str; 2] {
+        if self.is_prismatic { ["m", "N"] } else { ["rad", "N·m"] }
+    }
+}
+
+/// Returns names and units of the joints of a configuration, base first.
+pub fn labels(config: &Config) -> Vec<JointLabel> {
+    let label = |joint: &JointParameters| JointLabel {
+        name: joint.name.clone(),
+        is_prismatic: joint.plant.link.kind == JointKind::Prismatic,
+    };
+    config.joints.iter().map(label).collect()
+}
+
 /// Position and torque of one joint, with their units.
 #[derive(Clone, Debug, Serialize)]
 pub struct JointStatus {
@@ -119,16 +137,27 @@ impl Status {
         }
     }
 
-    /// Adds the joints with these names and units, base first.
+    /// Names the joint of the cause; the joints have these names, base first.
     #[must_use]
-    pub fn with_joints(mut self, labels: &[JointLabel]) -> Self {
+    pub fn with_cause_named(mut self, labels: &[JointLabel]) -> Self {
         let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();
         self.stopped_by = self.stopped_by.map(|text| cause::with_name(text, &names));
+        self
+    }
+
+    /// Adds the joints with these names and units, base first.
+    #[must_use]
+    pub fn with_joints(self, labels: &[JointLabel]) -> Self {
+        let mut named = self.with_cause_named(labels);
+        named.joints = named.joint_statuses(labels);
+        named
+    }
+
+    fn joint_statuses(&self, labels: &[JointLabel]) -> Vec<JointStatus> {
         let values = self.q.into_iter().zip(self.tau).zip(self.targets);
         let joints = Joint::each(labels).zip(values);
         let joint = |((joint, label), ((position, torque), target)): ((Joint, &JointLabel), _)| {
-            let (position_unit, torque_unit) =
-                if label.is_prismatic { ("m", "N") } else { ("rad", "N·m") };
+            let [position_unit, torque_unit] = label.units();
             JointStatus {
                 joint: joint.number(),
                 name: label.name.clone(),
@@ -139,8 +168,7 @@ impl Status {
                 target_per_mille: target,
             }
         };
-        self.joints = joints.map(joint).collect();
-        self
+        joints.map(joint).collect()
     }
 }
 

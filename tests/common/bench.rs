@@ -96,7 +96,7 @@ pub(crate) fn scenario(name: &str) -> Scenario {
 pub(crate) fn booted(config_name: &str, scenario_name: &str) -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
     let config = config(config_name);
-    let mut bench = Bench::new(&config, scenario(scenario_name), 1, false, wire.clone());
+    let mut bench = Bench::new(&config, scenario(scenario_name), 1, wire.clone());
     bench.bring_up().unwrap();
     (bench, wire)
 }

@@ -36,7 +36,7 @@ fn coupled() -> Config {
 /// Runs ten seconds of contact, calls `look` with every record, and returns the summary.
 fn contact(config: &Config, mut look: impl FnMut(&Record)) -> Summary {
     let scenario = Scenario::parse(CONTACT).unwrap();
-    let mut bench = Bench::new(config, scenario, 1, false, ());
+    let mut bench = Bench::new(config, scenario, 1, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
     for _ in 0..10_000 {
@@ -134,7 +134,7 @@ fn shipped_arms_match_the_oracles() {
 fn stays_when_released(config: &Config) -> Record {
     let release = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
         [[hold]]\nat_s = 1.8\nholding = false\n";
-    let mut bench = Bench::new(config, Scenario::parse(release).unwrap(), 1, false, ());
+    let mut bench = Bench::new(config, Scenario::parse(release).unwrap(), 1, ());
     bench.bring_up().unwrap();
     bench.run(1_900);
     let released = *bench.world_mut().plant().q();

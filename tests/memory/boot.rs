@@ -40,7 +40,7 @@ fn bench(changes: &[(&str, &str)]) -> (Bench<Wire>, Wire) {
     }
     let config = Config::parse(Path::new(FILE), &text).unwrap();
     let wire = Wire::default();
-    (Bench::new(&config, scenario("free"), 1, false, wire.clone()), wire)
+    (Bench::new(&config, scenario("free"), 1, wire.clone()), wire)
 }
 
 fn events(bench: &mut Bench<Wire>) -> Vec<Event> {

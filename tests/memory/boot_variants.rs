@@ -35,7 +35,7 @@ fn parse(file: &str, text: &str) -> Config {
 
 fn bench(world: &Config, config: &Config, faults: &str) -> Bench<Wire> {
     let scenario = Scenario::parse(&format!("seconds = 20\n{faults}")).unwrap();
-    Bench::in_world_of(world, config, scenario, 1, false, Wire::default())
+    Bench::in_world_of(world, config, scenario, 1, Wire::default())
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn time_to_enable_is_that_of_the_file() {
         let config = parse(PER_DRIVE, &right.replace("[safety]\n", &format!("[safety]\n{key}")));
         let wire = Wire::default();
         let scenario = Scenario::parse(&format!("seconds = 20\n{stuck}")).unwrap();
-        let mut bench = Bench::new(&config, scenario, 1, false, wire.clone());
+        let mut bench = Bench::new(&config, scenario, 1, wire.clone());
         let error = bench.bring_up().unwrap_err().to_string();
         assert!(error.starts_with("joint 3:") || error.contains("joint 3"), "{error}");
         let syncs = wire.since(Instant::ZERO, 0x80);

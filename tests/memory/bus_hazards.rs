@@ -56,7 +56,7 @@ impl Run {
     fn with(faults: &[Fault]) -> Self {
         let (config, wire) = (config(KRAFT), Wire::default());
         let script = Scenario::parse(SCRIPT).unwrap();
-        let mut bench = Bench::new(&config, script, 1, false, wire.clone());
+        let mut bench = Bench::new(&config, script, 1, wire.clone());
         bench.bring_up().unwrap();
         bench.run(SETTLED);
         let last = bench.cycle();
@@ -223,7 +223,7 @@ fn hazard_24_reset_needs_the_interface() {
 fn booted(after_ms: u64, disturbance: Disturbance) -> (Result<(), String>, Wire) {
     let wire = Wire::default();
     let script = Scenario::parse(SCRIPT).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, 1, false, wire.clone());
+    let mut bench = Bench::new(&config(KRAFT), script, 1, wire.clone());
     bench.bus_mut().inject(Instant::ZERO, &on_bus(1_000 * after_ms, disturbance));
     (bench.bring_up().map_err(|error| error.to_string()), wire)
 }

@@ -98,7 +98,7 @@ fn forged_statusword_is_a_drive_that_left() {
     let scenario = format!("seconds = 1.0\nfault = [{{ at_s = 0.5, {forged} }}]");
     let config = config("config/kraft_like.toml");
     let scenario = Scenario::parse(&scenario).unwrap();
-    let mut bench = Bench::new(&config, scenario, SEED, false, Wire::default());
+    let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
     bench.bring_up().unwrap();
     let cause = (0..600).find_map(|_| bench.cycle().cause);
     assert_eq!(cause.map(|cause| cause.kind()), Some(cause::Kind::DriveLeft));
@@ -108,7 +108,7 @@ fn forged_statusword_is_a_drive_that_left() {
 fn boot_without_end_is_given_up_in_virtual_time() {
     let scenario = Scenario::parse("seconds = 1.0").unwrap();
     let config = config("config/kraft_like.toml");
-    let mut bench = Bench::new(&config, scenario, SEED, false, Wire::default());
+    let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
     let given_up = bench.bring_up_within(Duration::from_millis(100));
     assert!(matches!(given_up, Err(BringUpError::GivenUp | BringUpError::LeftOn(_))));
     let took = bench.now().since(Instant::ZERO);
@@ -208,7 +208,7 @@ fn promise_02_drives_of_a_killed_node_stop_by_themselves() {
 fn promise_02_and_03_expected_times_are_those_of_the_proof_test() {
     for config in configs() {
         let scenario = Scenario::parse("seconds = 1.0").unwrap();
-        let mut bench = Bench::new(&config, scenario, SEED, false, Wire::default());
+        let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
         bench.bring_up().unwrap();
         let proven = bench.node().proof_test_report().reaction_time().unwrap();
         // What is measured includes the drive's report.

@@ -71,7 +71,7 @@ fn recorded(config: &Config) -> Vec<u8> {
     let scenario = Scenario::parse(&std::fs::read_to_string(SCENARIO).unwrap()).unwrap();
     let cycles = u64::try_from(config.period.as_micros()).unwrap();
     let cycles = 60_000_000 / cycles;
-    let course = Course { scenario, seed: 1, in_real_time: false };
+    let course = Course { scenario, seed: 1, speed: None };
     let mut bench = Bench::recorded(config, Side::of(config), course, (), recording.clone());
     bench.bring_up().unwrap();
     for _ in 0..cycles {

@@ -38,7 +38,7 @@ fn config(name: &str) -> Config {
 fn released(config: &Config, friction: f64) -> Bench<()> {
     let world = config.clone().with_friction(friction);
     let scenario = Scenario::parse(LET_GO).unwrap();
-    let mut bench = Bench::in_world_of(&world, config, scenario, 1, false, ());
+    let mut bench = Bench::in_world_of(&world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     bench.run(config.controller.period.cycles(5.0).into());
     assert_eq!(bench.cycle().mode, Mode::Engaged);
@@ -156,7 +156,7 @@ fn keeps_compensation(name: &str, hand: usize, friction: f64) {
     let world = config.clone().with_friction(friction);
     for (course, felt_n) in [(Course::Full, 9.0), (Course::RateRelease, 2.0)] {
         let scenario = course.script(&config, &HANDS[hand], felt_n).unwrap();
-        let mut bench = Bench::in_world_of(&world, &config, scenario, 1, false, ());
+        let mut bench = Bench::in_world_of(&world, &config, scenario, 1, ());
         bench.bring_up().unwrap();
         for _ in 0..config.controller.period.cycles(course.times().end) {
             let record = bench.cycle();
@@ -182,7 +182,7 @@ fn joint_almost_without_friction_stays_slow() {
 #[test]
 fn teleoperation_keeps_its_compensation() {
     for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
-        let mut bench = Bench::new(&config(name), scenario("teleoperation"), 1, false, ());
+        let mut bench = Bench::new(&config(name), scenario("teleoperation"), 1, ());
         bench.bring_up().unwrap();
         while bench.elapsed().as_secs_f64() < 60.0 {
             let record = bench.cycle();

@@ -43,7 +43,7 @@ fn config(name: &str, stiffness: f64, section: &str) -> Config {
 /// Returns a bench after its boot, whose hand moves by `to`.
 fn bench(config: &Config, to: [f64; 3]) -> Bench<()> {
     let script = PRESS.replace("TO", &format!("{to:?}"));
-    let mut bench = Bench::new(config, Scenario::parse(&script).unwrap(), 1, false, ());
+    let mut bench = Bench::new(config, Scenario::parse(&script).unwrap(), 1, ());
     bench.bring_up().unwrap();
     bench
 }

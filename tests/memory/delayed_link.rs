@@ -33,7 +33,7 @@ fn pressing(settings: DelaySettings) -> Bench<()> {
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
     let link = RemoteLink { simulated: Some(settings), ..config.link };
     let scenario = Scenario::parse(&(press_script(0.2) + ARM)).unwrap();
-    let mut bench = Bench::new(&config.with_link(link), scenario, 1, false, ());
+    let mut bench = Bench::new(&config.with_link(link), scenario, 1, ());
     bench.bring_up().unwrap();
     bench
 }

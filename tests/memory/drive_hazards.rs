@@ -38,7 +38,7 @@ fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wir
     let quirks = quirks.iter().map(|it| it.parse::<Quirk>().unwrap());
     script.quirks_mut().add(ELBOW, quirks);
     let wire = Wire::default();
-    (Bench::new(config, script, 1, false, wire.clone()), wire)
+    (Bench::new(config, script, 1, wire.clone()), wire)
 }
 
 /// Returns an armed node with gravity compensation, 0.3 s after arming.

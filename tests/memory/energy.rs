@@ -68,8 +68,7 @@ fn one_sided_contact_never_pulls() {
 
 #[test]
 fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
-    let mut bench =
-        Bench::new(&config("config/kraft_like.toml"), scenario("stiff-wall"), 1, false, ());
+    let mut bench = Bench::new(&config("config/kraft_like.toml"), scenario("stiff-wall"), 1, ());
     bench.bring_up().unwrap();
     let calibration = config("config/kraft_like.toml").controller.calibration;
     let mut sent = Vec::new();

@@ -175,7 +175,7 @@ fn tap(config: &Config, depth_m: f64) -> Release {
     );
     let scenario = Scenario::parse(&script).unwrap();
     let cycles = config.controller.period.cycles(scenario.seconds());
-    let mut bench = Bench::new(config, scenario, 3, false, ());
+    let mut bench = Bench::new(config, scenario, 3, ());
     bench.bring_up().unwrap();
     let mut truth = Truth::new(config);
     let mut judge = ReleaseJudge::new(5.15, config.controller.damping.values()[0]);
@@ -224,7 +224,7 @@ fn moved_wall_is_met_where_its_place_says() {
 fn play(config: &Config, scenario: &str) -> Vec<Record> {
     let scenario = Scenario::parse(scenario).unwrap();
     let cycles = config.controller.period.cycles(scenario.seconds());
-    let mut bench = Bench::new(config, scenario, 7, false, ());
+    let mut bench = Bench::new(config, scenario, 7, ());
     bench.bring_up().unwrap();
     (0..cycles).map(|_| bench.cycle()).collect()
 }
@@ -309,7 +309,7 @@ fn nudged(config: &Config, to_m: f64, joint: Joint) -> [f64; 2] {
     let world = config.clone().with_friction(Arm::LessFriction.friction());
     let period = config.controller.period;
     let scenario = Scenario::parse(&let_go(to_m)).unwrap();
-    let mut bench = Bench::in_world_of(&world, config, scenario, 1, false, ());
+    let mut bench = Bench::in_world_of(&world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     bench.run(period.cycles(7.0).into());
     nudge(&mut bench, config, joint);

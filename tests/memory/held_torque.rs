@@ -58,7 +58,7 @@ fn lost_rpdo(joint: usize, at_s: f64, rest: &str) -> String {
 fn booted(config: &Config, script: &str) -> (Bench<Wire>, Wire, Instant) {
     let wire = Wire::default();
     let script = Scenario::parse(script).unwrap_or_else(|error| panic!("{error}: {script}"));
-    let mut bench = Bench::new(config, script, 1, false, wire.clone());
+    let mut bench = Bench::new(config, script, 1, wire.clone());
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
     (bench, wire, begun)
@@ -192,7 +192,7 @@ fn let_go(bench: &Bench<()>, config: &Config, joint: Option<usize>, at_s: f64) -
 fn hazard_13_released_grip_stays_below_half_a_metre_per_second() {
     for (name, config, _) in without_timer() {
         let script = Scenario::parse(&press()).unwrap();
-        let mut bench = Bench::new(&config, script, 1, false, ());
+        let mut bench = Bench::new(&config, script, 1, ());
         bench.bring_up().unwrap();
         // In motion into the wall, in contact, and pressed by 12 cm.
         for at_s in [3.35, 4.0, 7.6] {

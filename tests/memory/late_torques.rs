@@ -105,7 +105,7 @@ impl Run {
     ) -> Self {
         let (config, accepted) = (config(name), Accepted::default());
         let script = Scenario::parse(script).unwrap();
-        let mut bench = Bench::new(&config, script, 1, false, accepted.clone());
+        let mut bench = Bench::new(&config, script, 1, accepted.clone());
         bench.bring_up().unwrap();
         while bench.elapsed() < Duration::from_millis(800) {
             bench.cycle();

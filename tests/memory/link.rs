@@ -167,7 +167,7 @@ fn arming_is_refused_before_the_first_remote_sample() {
 /// Plays a scenario whose link fails for 0.5 s from 1.0 s on, and checks the node's reaction and the reset.
 fn link_fails_and_returns(name: &str, down: LinkFault) {
     let config = config(KRAFT);
-    let mut bench = Bench::new(&config, scenario(&format!("faults/{name}")), 1, false, ());
+    let mut bench = Bench::new(&config, scenario(&format!("faults/{name}")), 1, ());
     bench.bring_up().unwrap();
     let (mut before, mut fell_at, mut felt_for) = (None, None, Duration::ZERO);
     while bench.elapsed() < Duration::from_millis(1_450) {

@@ -55,6 +55,7 @@ mod stated;
 mod stiff_wall;
 mod stop_times;
 mod stored_offsets;
+mod telemetry;
 mod teleoperation;
 mod torque_curve;
 mod wrong_facts;

@@ -68,7 +68,7 @@ fn bench(config: &Config, quirk: &str, joints: &[Joint]) -> (Bench<Wire>, Wire) 
         scenario.quirks_mut().add(*joint, [quirk.parse::<Quirk>().unwrap()]);
     }
     let wire = Wire::default();
-    (Bench::new(config, scenario, 1, false, wire.clone()), wire)
+    (Bench::new(config, scenario, 1, wire.clone()), wire)
 }
 
 /// Returns the times of the elbow's first statusword with `Operation enabled` in a TPDO, and of the "disable voltage"

@@ -31,7 +31,7 @@ fn without_switches(file: &str) -> Config {
 
 fn bench(file: &str) -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
-    (Bench::new(&without_switches(file), scenario("free"), 1, false, wire.clone()), wire)
+    (Bench::new(&without_switches(file), scenario("free"), 1, wire.clone()), wire)
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn drives_without_switch_box_are_proven_and_never_armed() {
 #[test]
 fn silent_switch_box_is_another_refusal() {
     let config = Config::load(Path::new(FILES[0])).unwrap();
-    let mut bench = Bench::new(&config, scenario("free"), 1, false, Wire::default());
+    let mut bench = Bench::new(&config, scenario("free"), 1, Wire::default());
     bench.bring_up().unwrap();
     bench.world_mut().switches_mut().unwrap().unplug();
     bench.run(20);

@@ -38,7 +38,7 @@ const SLEW: f64 = 0.05;
 
 fn bench_of(config: &Config, script: &str) -> Bench<()> {
     let script = Scenario::parse(&format!("seconds = 100\n{script}")).unwrap();
-    let mut bench = Bench::new(config, script, 1, false, ());
+    let mut bench = Bench::new(config, script, 1, ());
     bench.bring_up().unwrap();
     bench
 }
@@ -175,7 +175,7 @@ fn hazard_40_reference_or_mode_change_gives_no_impulse() {
 /// Returns the records of [`ENGAGED`] with these faults of the switch box.
 fn with_faults(seed: u64, faults: &str) -> Vec<Record> {
     let script = Scenario::parse(&format!("seconds = 100\n{ENGAGED}{faults}")).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, seed, false, ());
+    let mut bench = Bench::new(&config(KRAFT), script, seed, ());
     bench.bring_up().unwrap();
     (0..1_400).map(|_| bench.cycle()).collect()
 }
@@ -254,8 +254,7 @@ fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     let script = "seconds = 10\n[hand]\npreset = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
     let script = Scenario::parse(script).unwrap();
-    let mut bench =
-        Bench::in_world_of(&config(KRAFT), &overestimated, script.clone(), 1, false, ());
+    let mut bench = Bench::in_world_of(&config(KRAFT), &overestimated, script.clone(), 1, ());
     bench.bring_up().unwrap();
     bench.run(1_200);
     let cause = bench.node().cause();
@@ -263,7 +262,7 @@ fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     assert!(matches!(cause, Some(Cause::UncommandedMotion | Cause::GripOverspeed)), "{cause:?}");
     assert!(bench.node().mode().is_stopped());
 
-    let mut correct = Bench::new(&config(KRAFT), script, 1, false, ());
+    let mut correct = Bench::new(&config(KRAFT), script, 1, ());
     correct.bring_up().unwrap();
     correct.run(1_500);
     assert_eq!((correct.node().mode(), correct.node().cause()), (Mode::Armed, None));
@@ -297,7 +296,7 @@ fn hazard_30_and_hazard_41_disarming_ramps_down_in_50_ms() {
 fn hazard_45_stiff_wall_within_the_gains_does_not_trip() {
     let script = scenario("stiff-wall");
     let config = comparison::surrounded(&config(KRAFT), &script);
-    let mut bench = Bench::new(&config, script, 1, false, ());
+    let mut bench = Bench::new(&config, script, 1, ());
     bench.bring_up().unwrap();
     while bench.elapsed().as_secs_f64() < 7.0 {
         assert_eq!(bench.cycle().cause, None);

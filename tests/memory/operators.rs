@@ -34,7 +34,7 @@ fn going(to_m: &str, more: &str) -> Scenario {
 /// Runs the first six seconds of a scenario; calls `felt` with each reflected force at the grip, in {0}.
 fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>)) -> Summary {
     let config = Config::parse(Path::new(FILE), config).unwrap();
-    let mut bench = Bench::new(&config, scenario, 1, false, ());
+    let mut bench = Bench::new(&config, scenario, 1, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
     for _ in 0..6_000 {
@@ -91,7 +91,7 @@ fn withdrawn(damping: &str, more: &str) -> (f64, Option<String>) {
     let text = text.replacen("[8.0, 8.0, 8.0]", &format!("[{damping}, {damping}, {damping}]"), 1);
     let config = Config::parse(Path::new(FILE), &text).unwrap();
     let script = Scenario::parse(&format!("{WITHDRAWAL}{more}")).unwrap();
-    let mut bench = Bench::new(&config, script, 1, false, ());
+    let mut bench = Bench::new(&config, script, 1, ());
     bench.bring_up().unwrap();
     let mut fastest = 0.0_f64;
     let mut cause = None;
@@ -150,7 +150,7 @@ fn in_rate_mode(name: &str, fade: Option<Option<f64>>) -> [InContact; 3] {
         let extensions = Extensions { contact_fade, ..config.controller.extensions };
         config = config.clone().with_controller(Settings { extensions, ..config.controller });
     }
-    let mut bench = Bench::new(&config, Scenario::parse(CONTACT).unwrap(), 1, false, ());
+    let mut bench = Bench::new(&config, Scenario::parse(CONTACT).unwrap(), 1, ());
     bench.bring_up().unwrap();
     [3.3, 6.4, 8.4].map(|seconds| {
         loop {

@@ -31,7 +31,7 @@ const MOVING: &str = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
 /// Returns the records of the first `seconds`.
 fn run(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
     let script = Scenario::parse(script).unwrap();
-    let mut bench = Bench::new(config, script, 1, false, ());
+    let mut bench = Bench::new(config, script, 1, ());
     bench.bring_up().unwrap();
     let mut records = Vec::new();
     while bench.elapsed().as_secs_f64() < seconds {
@@ -212,7 +212,7 @@ fn hazard_11_grip_above_1_m_per_s_stops_within_three_cycles() {
 fn hazard_43_joint_beyond_its_limit_ends_reflection_at_once() {
     let narrow = with_narrow_elbow();
     let script = Scenario::parse(MOVING).unwrap();
-    let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, false, ());
+    let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, ());
     bench.bring_up().unwrap();
     let records: Vec<_> = (0..1_600).map(|_| bench.cycle()).collect();
     let beyond = records.iter().position(|record| record.output.q[2] < 93_f64.to_radians() - 0.02);
@@ -270,7 +270,7 @@ fn promise_14_filtered_6077h_of_any_drive_never_stops() {
             for joint in Joint::ALL {
                 script.quirks_mut().add(joint, [quirk.parse::<Quirk>().unwrap()]);
             }
-            let mut bench = Bench::new(&config(&name), script, 1, false, ());
+            let mut bench = Bench::new(&config(&name), script, 1, ());
             bench.bring_up().unwrap();
             while bench.elapsed().as_secs_f64() < 4.0 {
                 let record = bench.cycle();
@@ -299,7 +299,7 @@ fn promise_14_shipped_scenarios_never_stop_the_node() {
         ("sixr_spherical", "free", 6.0),
     ] {
         let config = config(&format!("config/{config_name}.toml"));
-        let mut bench = Bench::new(&config, scenario(script), 1, false, ());
+        let mut bench = Bench::new(&config, scenario(script), 1, ());
         bench.bring_up().unwrap();
         while bench.elapsed().as_secs_f64() < seconds {
             let record = bench.cycle();

@@ -41,7 +41,7 @@ fn arm(keys: &str) -> Config {
 
 fn bench(keys: &str) -> Bench<Wire> {
     let scenario = Scenario::parse(SCRIPT).unwrap();
-    Bench::new(&arm(keys), scenario, 1, false, Wire::default())
+    Bench::new(&arm(keys), scenario, 1, Wire::default())
 }
 
 /// Returns the elbow's angle in the node less that of the plant, in rad.
@@ -101,7 +101,7 @@ fn gear_scales_the_usual_encoder_and_feed() {
     let refused = |keys: &str, quirk: &str| {
         let mut scenario = Scenario::parse(SCRIPT).unwrap();
         scenario.quirks_mut().add(ELBOW, [quirk.parse().unwrap()]);
-        let mut bench = Bench::new(&arm(keys), scenario, 1, false, Wire::default());
+        let mut bench = Bench::new(&arm(keys), scenario, 1, Wire::default());
         bench.bring_up().map_or_else(|error| error.to_string(), |()| String::new())
     };
     let keys = "encoder_counts_per_rev = 8192\ndrive_gear = [2, 1]";
@@ -117,7 +117,7 @@ fn drive_that_counts_tenths_of_a_degree_is_refused() {
     let refusal = |config: &Config, quirk: &str| {
         let mut scenario = Scenario::parse(SCRIPT).unwrap();
         scenario.quirks_mut().add(ELBOW, [quirk.parse().unwrap()]);
-        let mut bench = Bench::new(config, scenario, 1, false, Wire::default());
+        let mut bench = Bench::new(config, scenario, 1, Wire::default());
         if let Err(error) = bench.bring_up() {
             return error.to_string();
         }

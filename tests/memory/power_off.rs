@@ -46,7 +46,7 @@ fn lost(frame: &str) -> String {
 fn stopped(file: &str, faults: &str) -> (Bench<Wire>, Wire, Record) {
     let script = Scenario::parse(&format!("seconds = 20\n{faults}{EMERGENCY}")).unwrap();
     let wire = Wire::default();
-    let mut bench = Bench::new(&config(file), script, 1, false, wire.clone());
+    let mut bench = Bench::new(&config(file), script, 1, wire.clone());
     bench.bring_up().unwrap();
     bench.run(20);
     bench.ask(Request::Arm).unwrap();

@@ -173,7 +173,7 @@ fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) 
     let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
     scenario.quirks_mut().add(ELBOW, quirks);
     let wire = Wire::default();
-    (Bench::new(config, scenario, 1, false, wire.clone()), wire)
+    (Bench::new(config, scenario, 1, wire.clone()), wire)
 }
 
 fn any_torque(bench: &mut Bench<Wire>) -> bool {

@@ -29,7 +29,7 @@ fn bench(config: &Config, quirks: &[&str]) -> Bench<Wire> {
     let mut scenario = Scenario::parse(SCRIPT).unwrap();
     let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
     scenario.quirks_mut().add(Joint::of::<3>(), quirks);
-    Bench::new(config, scenario, 1, false, Wire::default())
+    Bench::new(config, scenario, 1, Wire::default())
 }
 
 /// Every configuration, with the timers that stop its drives.
@@ -109,7 +109,7 @@ fn simulated_drives_hold_what_the_makers_tool_must_set() {
 fn monitor_finds_no_violation_with_the_drives_of_each_maker() {
     for (name, config) in files() {
         let scenario = Scenario::parse(SCRIPT).unwrap();
-        let mut bench = Bench::new(&config, scenario, 1, false, Monitor::new(&config));
+        let mut bench = Bench::new(&config, scenario, 1, Monitor::new(&config));
         bench.bring_up().unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut has_pushed = false;
         for _ in 0..400 {

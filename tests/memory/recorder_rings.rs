@@ -13,7 +13,7 @@ use units::time::Instant;
 fn bench<T: Tap>(tap: T) -> Bench<T> {
     let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
     let script = "seconds = 2\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n";
-    Bench::new(&config, Scenario::parse(script).unwrap(), 1, false, tap)
+    Bench::new(&config, Scenario::parse(script).unwrap(), 1, tap)
 }
 
 /// Returns the torques of this many cycles with the arm held by gravity compensation.

@@ -161,7 +161,7 @@ fn simulated_arms_play_the_contact_scenario() {
         let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
         let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
         let scenario = Scenario::parse(&text).unwrap();
-        let mut bench = Bench::with_side(&config, site.into(), scenario, 1, false, ());
+        let mut bench = Bench::with_side(&config, site.into(), scenario, 1, ());
         bench.bring_up().unwrap();
         let mut most = 0.0_f64;
         for _ in 0..10_000 {
@@ -204,8 +204,7 @@ fn held_displacement_presses_with_gain_and_deadband() {
         changes.extend(behind.iter().filter(|_| sign < 0.0));
         let config = config(file, &changes);
         let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
-        let mut bench =
-            Bench::with_side(&config, site.into(), displaced(sign * 0.045), 1, false, ());
+        let mut bench = Bench::with_side(&config, site.into(), displaced(sign * 0.045), 1, ());
         bench.bring_up().unwrap();
         let mut x_0_h = None;
         let (mut law, mut pressed, mut count) = (0.0, 0.0, 0.0);

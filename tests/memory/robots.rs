@@ -302,7 +302,7 @@ fn arm_plays_the_contact_scenario_like_the_free_object() {
         let free = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let played = |config: &Config| {
             let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
-            let mut bench = Bench::new(config, Scenario::parse(&text).unwrap(), 1, false, ());
+            let mut bench = Bench::new(config, Scenario::parse(&text).unwrap(), 1, ());
             bench.bring_up().unwrap();
             let mut poses = Vec::new();
             for _ in 0..10_000 {

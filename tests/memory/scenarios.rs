@@ -123,7 +123,7 @@ struct Run {
 /// Plays a scenario to its end, or for 150 cycles after a stop. No target may exceed its limit.
 fn play(config: &Config, script: &Scenario) -> Run {
     let most = most(config);
-    let mut bench = Bench::new(config, script.clone(), 1, false, ());
+    let mut bench = Bench::new(config, script.clone(), 1, ());
     bench.bring_up().unwrap();
     let begun = bench.node().bus().stations().scenario_start().unwrap();
     let fault = begun + script.faults()[0].start;
@@ -254,7 +254,7 @@ fn scenario_applies_faults_of_host_bus_and_link() {
         ("kind = \"sensed_force\"\nforce_n = nan", Target::Link, cause::Kind::LinkLost),
     ] {
         let text = format!("{operator}[[fault]]\nat_s = 1.0\n{keys}\n");
-        let mut bench = Bench::new(&config(KRAFT), Scenario::parse(&text).unwrap(), 1, false, ());
+        let mut bench = Bench::new(&config(KRAFT), Scenario::parse(&text).unwrap(), 1, ());
         bench.bring_up().unwrap();
         let mut last = bench.cycle();
         while bench.elapsed() < Duration::from_millis(1_250) {
@@ -276,7 +276,7 @@ fn frames_of(faults: &str, seed: u64) -> Wire {
     let text = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n".to_owned() + faults;
     let wire = Wire::default();
     let script = Scenario::parse(&text).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, seed, false, wire.clone());
+    let mut bench = Bench::new(&config(KRAFT), script, seed, wire.clone());
     bench.bring_up().unwrap();
     bench.run(1_200);
     wire
@@ -313,7 +313,7 @@ fn wrapping_counter_is_no_fault() {
     .unwrap();
     let run = |text: &str| -> Vec<([i16; 6], i32)> {
         let config = Config::parse(Path::new(KRAFT), text).unwrap();
-        let mut bench = Bench::new(&config, script.clone(), 1, false, ());
+        let mut bench = Bench::new(&config, script.clone(), 1, ());
         bench.bring_up().unwrap();
         let cycle = |_| {
             let targets = bench.cycle().targets;
@@ -336,7 +336,7 @@ fn wrapping_counter_is_no_fault() {
 #[test]
 fn lost_link_freezes_the_object_until_it_is_back() {
     let script = scenario("faults/link_loss");
-    let mut bench = Bench::new(&config(KRAFT), script, 1, false, ());
+    let mut bench = Bench::new(&config(KRAFT), script, 1, ());
     bench.bring_up().unwrap();
     let (mut known, mut lost) = (None, 0);
     for _ in 0..1_700 {

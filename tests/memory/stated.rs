@@ -156,7 +156,7 @@ fn shipped_files_accept_what_their_drives_lack() {
 /// Returns a bench of `config` with the drives of `world`, after its boot.
 fn booted(world: &Config, config: &Config) -> Bench<()> {
     let scenario = Scenario::parse("seconds = 5\n").unwrap();
-    let mut bench = Bench::in_world_of(world, config, scenario, 1, false, ());
+    let mut bench = Bench::in_world_of(world, config, scenario, 1, ());
     bench.bring_up().unwrap();
     (0..50).for_each(|_| _ = bench.cycle());
     bench

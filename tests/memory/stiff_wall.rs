@@ -12,7 +12,7 @@ use testbench::truth::Truth;
 
 /// Plays the scenario to the end.
 fn played(config: &Config) -> Summary {
-    let mut bench = Bench::new(config, scenario("stiff-wall"), 1, false, ());
+    let mut bench = Bench::new(config, scenario("stiff-wall"), 1, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
     let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));

@@ -50,7 +50,7 @@ fn force_without_emergencies_is_refused_by_check_as_at_arming() {
     let said = config.stopping().remove(5).to_string();
     assert_eq!(said, "heartbeat 22 ms (read from 6041h within 36 ms, as it has no 1014h)");
     let mut bench =
-        Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, false, Wire::default());
+        Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, Wire::default());
     bench.bring_up().unwrap();
     bench.ask(Request::Arm).unwrap();
 }
@@ -60,7 +60,7 @@ fn proof_test_without_emergencies_keeps_to_the_planned_time() {
     for (rpdo_timer_ms, heartbeat_is_slower) in [(0, false), (8, true)] {
         let config = without_emergencies(&format!("{rpdo_timer_ms}"), rpdo_timer_ms, 4).unwrap();
         let mut bench =
-            Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, false, Wire::default());
+            Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, Wire::default());
         bench.bring_up().unwrap();
         let report = bench.node().proof_test_report();
         for trip in report.drives.iter().flat_map(|drive| drive.trips()) {

@@ -35,7 +35,7 @@ fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) 
     let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
     scenario.quirks_mut().add(ELBOW, quirks);
     let wire = Wire::default();
-    (Bench::new(config, scenario, 1, false, wire.clone()), wire)
+    (Bench::new(config, scenario, 1, wire.clone()), wire)
 }
 
 /// Returns the reason why the boot of an arm with these quirks in its elbow fails; empty if it does not.

@@ -21,7 +21,7 @@ const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 #[test]
 fn minute_of_teleoperation_loses_no_sample() {
     let config = config(ONE_KILOHERTZ);
-    let mut bench = Bench::new(&config, scenario("teleoperation"), 1, false, ());
+    let mut bench = Bench::new(&config, scenario("teleoperation"), 1, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
     let mut modes = Vec::new();
@@ -51,7 +51,7 @@ fn seed_alone_determines_the_frames() {
     let run = |seed| {
         let config = config(ONE_KILOHERTZ);
         let wire = crate::common::bench::Wire::default();
-        let mut bench = Bench::new(&config, scenario("contact_10s"), seed, false, wire.clone());
+        let mut bench = Bench::new(&config, scenario("contact_10s"), seed, wire.clone());
         bench.bring_up().unwrap();
         bench.run(4_000);
         wire.transcript(usize::MAX)
@@ -101,7 +101,7 @@ fn sync_counter_and_time_stamp_are_sent_if_configured() {
     let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
     let config = Config::parse(Path::new(ONE_KILOHERTZ), &text).unwrap();
     let wire = crate::common::bench::Wire::default();
-    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, wire.clone());
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, wire.clone());
     bench.bring_up().unwrap();
     let from = bench.cycle().at;
     bench.run(400);

@@ -69,7 +69,7 @@ impl fmt::Display for Distortion {
 /// Presses into the wall along x with the drives of `world` and a node configured by `node`; compares the exerted
 /// force at the grip with the commanded one.
 fn distortion(world: &Config, node: &Config) -> Distortion {
-    let mut bench = Bench::in_world_of(world, node, scenario("contact_10s"), 1, false, ());
+    let mut bench = Bench::in_world_of(world, node, scenario("contact_10s"), 1, ());
     bench.bring_up().unwrap();
     let (mut squares, mut worst, mut cycles) = (0.0, 0.0_f64, 0);
     let mut engaged_for = 0;

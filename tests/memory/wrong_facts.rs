@@ -85,14 +85,7 @@ fn parse(text: &str) -> Result<Config, String> {
 /// Returns a node of `node` with the arm of `world`, and no request of its own.
 fn bench(world: &str, node: &str) -> Bench<Wire> {
     let scenario = Scenario::parse("seconds = 9\n").unwrap();
-    Bench::in_world_of(
-        &parse(world).unwrap(),
-        &parse(node).unwrap(),
-        scenario,
-        1,
-        false,
-        Wire::default(),
-    )
+    Bench::in_world_of(&parse(world).unwrap(), &parse(node).unwrap(), scenario, 1, Wire::default())
 }
 
 /// Returns the refusal of a request to arm; asserts that no motor exerted torque afterwards.

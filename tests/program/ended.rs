@@ -51,7 +51,7 @@ const MOVES: &str = "seconds = 5\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
 fn moving() -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
     let script = Scenario::parse(MOVES).unwrap();
-    let mut bench = Bench::new(&config(KRAFT), script, 1, false, wire.clone());
+    let mut bench = Bench::new(&config(KRAFT), script, 1, wire.clone());
     bench.bring_up().unwrap();
     (bench, wire)
 }

@@ -103,7 +103,7 @@ fn lap(
     for joint in Joint::ALL {
         scenario.quirks_mut().add(joint, [Quirk::FilteredTorque(percent)]);
     }
-    let mut bench = Bench::new(config, scenario, random.bits(), false, Monitor::new(config));
+    let mut bench = Bench::new(config, scenario, random.bits(), Monitor::new(config));
     stage::bring_up(&mut bench)?;
     let mut truth = Truth::new(config);
     let at_hand = Fidelity::new(Judged::Hand);

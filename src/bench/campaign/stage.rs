@@ -67,7 +67,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
     if let Some((joint, quirk)) = quirk {
         scenario.quirks_mut().add(joint, [quirk]);
     }
-    let course = Course { scenario, seed, in_real_time: false };
+    let course = Course { scenario, seed, speed: None };
     let mut bench = Bench::recorded(config, Side::of(config), course, monitor, sink);
     bring_up(&mut bench)?;
     let (mut last, mut is_unarmed) = (None, true);

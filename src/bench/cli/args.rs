@@ -31,9 +31,8 @@ pub struct Demo {
     /// Seed of the operator's tremor.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
-    /// Run in real time instead of as fast as possible.
-    #[arg(long)]
-    pub(super) realtime: bool,
+    #[command(flatten)]
+    pub(super) shown: Shown,
     /// Record bus.log (candump format), summary.json and faults/ in this folder.
     #[arg(short, long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
@@ -45,6 +44,27 @@ pub struct Demo {
     /// Print the summary as one JSON object.
     #[arg(long)]
     pub(super) json: bool,
+}
+
+/// Speed of `frhc demo`, and its telemetry.
+#[derive(Debug, Args)]
+pub struct Shown {
+    /// Run in real time instead of as fast as possible.
+    #[arg(long)]
+    pub(super) realtime: bool,
+    /// Run X times as fast as real time, as far as the processor allows.
+    #[arg(long, value_name = "X", value_parser = parsers::speed, allow_negative_numbers = true)]
+    pub(super) speed: Option<f64>,
+    /// Offer the telemetry at this socket [default: in real time, that of frhc run; else none].
+    #[arg(long, value_name = "PATH")]
+    pub(super) telemetry: Option<PathBuf>,
+}
+
+impl Shown {
+    /// Returns the most seconds of virtual time in a second of the wall clock; `None` for as fast as possible.
+    pub(super) fn speed(&self) -> Option<f64> {
+        self.speed.or(self.realtime.then_some(1.0))
+    }
 }
 
 /// `frhc sim`.

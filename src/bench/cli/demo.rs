@@ -1,10 +1,13 @@
 //! `frhc demo`: node and simulation in one process, in virtual time.
 
+mod shown;
+
 use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::time::Duration;
 
 use crate::args::Demo;
+use crate::demo::shown::{Shown, Telemetry};
 use crate::event_narrator::EventNarrator;
 use crate::session_inputs::SessionInputs;
 use crate::{quirks, scenario};
@@ -77,12 +80,14 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
     gains::warn(&config);
     contact::warn(&config);
+    let shown = Shown::start(&args.shown, &config)?;
     if scenario.compares_passivity() {
-        return compare(args, quiet, &config, &scenario, seconds, &sources);
+        return compare(args, quiet, &config, &scenario, seconds, &sources, shown.as_ref());
     }
     let out = args.out.as_deref();
     out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
-    let play = Play { args, quiet, config: &config, seconds, sources: &sources };
+    let shown = shown.as_ref();
+    let play = Play { args, quiet, config: &config, seconds, sources: &sources, shown };
     let summary = play.recorded(out, scenario)?;
     if args.json {
         print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
@@ -115,6 +120,7 @@ fn compare(
     scenario: &Scenario,
     seconds: f64,
     sources: &Sources,
+    shown: Option<&Shown>,
 ) -> Result<(), Failure> {
     if config.controller.extensions.passivity.is_none() {
         let reason = "the scenario compares passivity layers; add [controller.passivity]";
@@ -128,7 +134,7 @@ fn compare(
     }
     let run = |config, name, without_passivity| {
         let sources = &Sources { without_passivity, ..sources.clone() };
-        let play = Play { args, quiet, config, seconds, sources };
+        let play = Play { args, quiet, config, seconds, sources, shown };
         let summary = play.recorded(folder(name).as_deref(), scenario.clone())?;
         refuse_interrupted(&summary).map(|()| summary)
     };
@@ -161,6 +167,7 @@ struct Play<'a> {
     config: &'a Config,
     seconds: f64,
     sources: &'a Sources,
+    shown: Option<&'a Shown>,
 }
 
 impl Play<'_> {
@@ -186,10 +193,13 @@ impl Play<'_> {
         let cycles = cycles(config, *seconds)?;
         let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::Bus)?;
         let recorder = RefCell::new(recorder);
+        let telemetry = self.shown.map(|shown| shown.publisher(config)).transpose()?;
+        let telemetry = RefCell::new(telemetry);
         let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let is_booting = Cell::new(true);
         let tap = Observer {
             recorder: &recorder,
+            telemetry: &telemetry,
             narrator: narrator.clone(),
             is_booting: &is_booting,
             progress,
@@ -198,7 +208,7 @@ impl Play<'_> {
             Some(_) => robot(config, args.seed)?,
             None => Side::of(config),
         };
-        let course = Course { scenario, seed: args.seed, in_real_time: args.realtime };
+        let course = Course { scenario, seed: args.seed, speed: args.shown.speed() };
         let mut bench = Bench::recorded(config, side, course, tap, SessionInputs(&recorder));
         bench.bring_up().or_fail(Kind::Drive)?;
         is_booting.set(false);
@@ -219,6 +229,9 @@ impl Play<'_> {
                 progress.suspend(|| print_cycle(narrator, &mut bench, &record));
             }
             recorder.borrow_mut().on_cycle(&record);
+            if let Some(telemetry) = telemetry.borrow_mut().as_mut() {
+                telemetry.on_record(&record, &summary);
+            }
             while let Some(message) = recorder.borrow_mut().next_message() {
                 progress.suspend(|| print::note(&message));
             }
@@ -255,6 +268,7 @@ fn cycles(config: &Config, seconds: f64) -> Result<u64, Failure> {
 /// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.
 struct Observer<'a, 'r> {
     recorder: &'a RefCell<&'r mut RunRecorder>,
+    telemetry: &'a RefCell<Option<Telemetry>>,
     narrator: Option<EventNarrator>,
     is_booting: &'a Cell<bool>,
     progress: &'a Progress,
@@ -263,6 +277,9 @@ struct Observer<'a, 'r> {
 impl Tap for Observer<'_, '_> {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.recorder.borrow_mut().on_frame(at, telegram);
+        if let Some(telemetry) = self.telemetry.borrow_mut().as_mut() {
+            telemetry.on_frame(at, telegram);
+        }
     }
 
     fn on_event(&mut self, at: Instant, event: Event) -> Option<Event> {

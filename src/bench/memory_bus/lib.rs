@@ -54,10 +54,19 @@ pub struct Memory<S, T> {
     /// Wall clock at time zero.
     epoch: Duration,
     out: Vec<Telegram>,
-    /// Host clock at time zero, if the bus runs in real time.
-    paced_from: Option<Duration>,
+    /// Bound of its speed.
+    pace: Option<Pace>,
     /// Copy of the time for other threads.
     watch: Option<Watch>,
+}
+
+/// Bound of the speed of a bus.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    /// Host clock at time zero.
+    zero: Duration,
+    /// Seconds of the bus in a second of the host; positive.
+    speed: f64,
 }
 
 /// Time of a memory bus, for other threads.
@@ -88,7 +97,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
             suspended: Duration::ZERO,
             epoch: CANOPEN_EPOCH,
             out: Vec::with_capacity(64),
-            paced_from: None,
+            pace: None,
             watch: None,
         }
     }
@@ -105,10 +114,10 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.watch = None;
     }
 
-    /// Limits the speed to real time.
+    /// Lets at most `speed` seconds pass in a second of the wall clock: 1 is real time.
     #[must_use]
-    pub fn in_real_time(self) -> Self {
-        Self { paced_from: Some(clock::monotonic()), ..self }
+    pub fn at_speed(self, speed: f64) -> Self {
+        Self { pace: Some(Pace { zero: clock::monotonic(), speed }), ..self }
     }
 
     /// Returns the stations.
@@ -202,8 +211,8 @@ impl<S: Station, T: Tap> Memory<S, T> {
         if let Some(Watch(watch)) = &self.watch {
             watch.store(next_ns, Ordering::Relaxed);
         }
-        if let Some(zero) = self.paced_from {
-            clock::wait(zero + Duration::from_nanos(next_ns));
+        if let Some(Pace { zero, speed }) = self.pace {
+            clock::wait(zero + Duration::from_nanos(next_ns).div_f64(speed));
         }
         self.deliver();
         let now = self.now();

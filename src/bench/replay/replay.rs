@@ -105,11 +105,6 @@ impl Replay {
         &self.sent
     }
 
-    /// Returns the sample time of the newest sample of the commanded side, which the next cycle acts on.
-    pub fn sampled_at(&self) -> Option<Instant> {
-        self.source.sampled_at()
-    }
-
     /// Returns the result so far.
     pub const fn outcome(&self) -> &Outcome {
         &self.outcome

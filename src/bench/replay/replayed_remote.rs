@@ -16,9 +16,7 @@ impl Remote for ReplayedRemote {
         let sensed = self
             .0
             .take("exchanges a command for a sample", answer!(Input::Sensed(sensed) => *sensed));
-        let sensed = sensed.flatten();
-        self.0.on_sample(sensed.map(|sensed| sensed.at));
-        sensed
+        sensed.flatten()
     }
 
     /// Returns one reason for each recorded one. The node asks only whether there are any.

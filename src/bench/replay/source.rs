@@ -8,7 +8,6 @@ use std::rc::Rc;
 use crate::input_parts::{InputParts, PartError};
 use inputs::intermediates::Digest;
 use inputs::{Call, Input};
-use units::time::Instant;
 
 /// Maximum number of entries that are read on for digests: those of a hundred cycles.
 const MAX_AHEAD: usize = 4_096;
@@ -32,8 +31,6 @@ struct State {
     next: Option<Input>,
     /// Digests of cycles that were read on the way, in their order.
     digests: VecDeque<(u64, Digest)>,
-    /// Sample time of the newest sample of the commanded side.
-    sampled_at: Option<Instant>,
     ended: Option<Ended>,
 }
 
@@ -73,7 +70,6 @@ impl Source {
             reader,
             next: None,
             digests: VecDeque::new(),
-            sampled_at: None,
             ended: None,
         })))
     }
@@ -120,17 +116,6 @@ impl Source {
             }
         }
         picked
-    }
-
-    /// Keeps the sample time of a sample of the commanded side, if there was one.
-    pub(super) fn on_sample(&self, at: Option<Instant>) {
-        let mut state = self.0.borrow_mut();
-        state.sampled_at = at.or(state.sampled_at);
-    }
-
-    /// Returns the sample time of the newest sample of the commanded side.
-    pub(super) fn sampled_at(&self) -> Option<Instant> {
-        self.0.borrow().sampled_at
     }
 
     /// Takes the digest of a cycle, if it was read by now; drops those of earlier ones.

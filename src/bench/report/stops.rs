@@ -5,7 +5,6 @@ use serde_json::Value;
 use crate::modes::{Moment, Stop};
 use crate::subject::Subject;
 use node::cause::{self, Kind};
-use node::reaction::Initiator;
 use node::record::Mode;
 use units::numbering::Joint;
 
@@ -110,33 +109,6 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Desc
     }
 }
 
-/// Returns the steps that lead out of a stop (docs/operation.md).
-pub(crate) fn way_out(stop: &Described) -> Vec<String> {
-    let mut steps = Vec::new();
-    if !stop.not_off.is_empty() {
-        steps.push(format!(
-            "The drives of {} did not report that they are off. Such a drive may push: press the emergency stop, which cuts its power by wire.",
-            stop.not_off.join(", ")
-        ));
-    }
-    let place = stop.joint.as_ref().map(|joint| format!(" at {joint}")).unwrap_or_default();
-    steps.push(match stop.kind.map(|kind| (kind, kind.row().initiator)) {
-        Some((kind, Initiator::Drive)) => format!(
-            "Remove the cause{place}: {}. The drive itself has stopped; its fault must be gone in the drive.",
-            kind.description()
-        ),
-        Some((kind, _)) => format!("Remove the cause{place}: {}.", kind.description()),
-        None => format!("Remove the cause{place}."),
-    });
-    steps.push("`frhc ctl status` shows the cause while it is present.".to_owned());
-    steps.push(match stop.kind.map(|kind| kind.row().reset_boots) {
-        Some(true) => "`frhc ctl reset` ends the stop; it boots the network again, since a node may have lost its configuration. It is refused while the cause is present.".to_owned(),
-        Some(false) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
-    });
-    steps.push("`frhc ctl arm`, then release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.".to_owned());
-    steps
-}
-
 /// Returns the state that a mode is, in words.
 pub(crate) fn state(mode: &str) -> &'static str {
     match Mode::ALL.into_iter().find(|one| one.name() == mode) {
@@ -204,28 +176,6 @@ mod tests {
         );
         let empty = of_record("001".to_owned(), &json!({}), &joints());
         assert!(empty.at.is_nan() && empty.kind.is_none());
-    }
-
-    #[test]
-    fn way_out_names_the_drives_that_may_push_and_the_reset() {
-        let steps = way_out(&of_record("001".to_owned(), &record(), &joints()));
-        assert!(
-            steps[0].contains("elbow did not report") || steps[0].contains("of elbow"),
-            "{steps:?}"
-        );
-        assert!(
-            steps
-                .iter()
-                .any(|step| step.contains("frhc ctl reset") && step.contains("boots the network"))
-        );
-        for kind in Kind::ALL {
-            let stop =
-                Described { kind: Some(kind), ..of_record(String::new(), &json!({}), &joints()) };
-            assert!(
-                way_out(&stop).iter().any(|step| step.contains(kind.description())),
-                "{kind:?}"
-            );
-        }
     }
 
     #[test]

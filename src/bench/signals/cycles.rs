@@ -125,7 +125,6 @@ pub struct Cycles {
 #[derive(Debug)]
 struct Replayed {
     record: Record,
-    sample_age: Option<Duration>,
     /// It was returned already.
     is_used: bool,
 }
@@ -170,10 +169,9 @@ impl Cycles {
         let wire = self.log.as_ref().filter(|_| ending.is_some()).map(WireCycles::wire);
         let replayed = self.replayed.as_mut().filter(|replayed| replayed.record.cycle == number);
         match (replayed, ending) {
-            (Some(Replayed { record, sample_age, is_used }), _) => {
+            (Some(Replayed { record, is_used }), _) => {
                 *is_used = true;
-                let sample_age = *sample_age;
-                let &mut Record { at, mode, inputs, sampled, f_s, .. } = record;
+                let &mut Record { at, mode, inputs, sampled, f_s, sample_age, .. } = record;
                 let record = Some(&*record);
                 Some(Cycle { number, at, mode, inputs, sampled, f_s, wire, record, sample_age })
             }
@@ -209,10 +207,8 @@ impl Cycles {
         }
         self.replayed = None;
         while let Some(replay) = &mut self.replay {
-            let sampled_at = replay.sampled_at();
             if let Some(record) = replay.step() {
-                let sample_age = sampled_at.map(|at| record.at.since(at));
-                self.replayed = Some(Replayed { record, sample_age, is_used: false });
+                self.replayed = Some(Replayed { record, is_used: false });
                 return;
             }
             if let Some(verdict) = verdict(replay) {

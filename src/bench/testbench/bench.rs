@@ -96,27 +96,19 @@ pub struct Course {
     pub scenario: Scenario,
     /// Seed of the operator's tremor.
     pub seed: u64,
-    /// Bounds the speed of virtual time by that of the wall clock.
-    pub in_real_time: bool,
+    /// Most seconds of virtual time in a second of the wall clock; `None` for as fast as possible.
+    pub speed: Option<f64>,
 }
 
 impl<T: Tap> Bench<T> {
     /// A bench of `config`, whose operator follows `scenario` with the tremor of `seed`. `tap` receives every frame.
-    /// `in_real_time` bounds the speed of virtual time by that of the wall clock.
-    pub fn new(config: &Config, scenario: Scenario, seed: u64, in_real_time: bool, tap: T) -> Self {
-        Self::in_world_of(config, config, scenario, seed, in_real_time, tap)
+    pub fn new(config: &Config, scenario: Scenario, seed: u64, tap: T) -> Self {
+        Self::in_world_of(config, config, scenario, seed, tap)
     }
 
     /// As [`new`](Self::new), with another commanded side than that of `config`.
-    pub fn with_side(
-        config: &Config,
-        side: Side,
-        scenario: Scenario,
-        seed: u64,
-        in_real_time: bool,
-        tap: T,
-    ) -> Self {
-        Self::recorded(config, side, Course { scenario, seed, in_real_time }, tap, ())
+    pub fn with_side(config: &Config, side: Side, scenario: Scenario, seed: u64, tap: T) -> Self {
+        Self::recorded(config, side, Course { scenario, seed, speed: None }, tap, ())
     }
 
     /// As [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
@@ -125,10 +117,9 @@ impl<T: Tap> Bench<T> {
         config: &Config,
         scenario: Scenario,
         seed: u64,
-        in_real_time: bool,
         tap: T,
     ) -> Self {
-        let course = Course { scenario, seed, in_real_time };
+        let course = Course { scenario, seed, speed: None };
         Self::of_parts(world, config, Side::of(config), course, tap, ())
     }
 }
@@ -147,13 +138,16 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         tap: T,
         sink: S,
     ) -> Self {
-        let Course { scenario, seed, in_real_time } = course;
+        let Course { scenario, seed, speed } = course;
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
         let host_faults = HostFaults::of(&scenario, Duration::ZERO);
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
-        let bus = if in_real_time { bus.in_real_time() } else { bus };
+        let bus = match speed {
+            Some(speed) => bus.at_speed(speed),
+            None => bus,
+        };
         let side = Disturbed::new(Delayed::by(side, config.link.simulated));
         let node = RecordedNode::new(config, bus, side, sink);
         Self { node, requests, bitrates, begun: None, host_faults }

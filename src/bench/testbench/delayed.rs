@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use contract::{Command, FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
 use remote::delay::DelaySettings;
-use remote::{Remote, Sensed, SideFault, messages};
+use remote::{Remote, RobotJoints, Sensed, SideFault, messages};
 use sim::random::SplitMix;
 use units::spatial::Motion;
 use units::time::Instant;
@@ -121,6 +121,10 @@ impl<R: Remote> Remote for Delayed<R> {
         if self.link.is_none() {
             self.far.end_epoch();
         }
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        self.far.joints()
     }
 
     fn fault(&mut self) -> Option<SideFault> {

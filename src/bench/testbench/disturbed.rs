@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use contract::{FarEnd, NodeEnd, Reason};
-use remote::{Remote, Sensed, SideFault, messages};
+use remote::{Remote, RobotJoints, Sensed, SideFault, messages};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
@@ -119,6 +119,10 @@ impl<R: Remote> Remote for Disturbed<R> {
 
     fn end_epoch(&mut self) {
         self.side.end_epoch();
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        self.side.joints()
     }
 
     fn fault(&mut self) -> Option<SideFault> {

@@ -8,7 +8,7 @@
 //! use sim::scenario::Scenario;
 //!
 //! let config = Config::load(Path::new("config/kraft_like_500hz.toml")).unwrap();
-//! let mut bench = Bench::new(&config, Scenario::parse("seconds = 1.0").unwrap(), 1, false, ());
+//! let mut bench = Bench::new(&config, Scenario::parse("seconds = 1.0").unwrap(), 1, ());
 //! bench.bring_up().unwrap();
 //! assert_eq!(bench.cycle().mode.to_string(), "ready");
 //! ```

@@ -18,7 +18,7 @@ use thiserror::Error;
 use crate::simulated_joint;
 use config::Config;
 use remote::site::{Contact, GRAVITY, Virtual};
-use remote::{Remote, Sensed};
+use remote::{Remote, RobotJoints, Sensed};
 use robot::arm_control::ArmControl;
 use robot::chain::Joints;
 use robot::wrench_limit::WrenchLimit;
@@ -254,6 +254,10 @@ impl Remote for RobotSite {
     /// Lets an arm that its control has stopped move again.
     fn begin_epoch(&mut self) {
         self.control.reset();
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        Some(RobotJoints(self.measurement.q.into()))
     }
 }
 

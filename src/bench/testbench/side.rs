@@ -2,7 +2,7 @@
 
 use config::Config;
 use remote::site::VirtualSite;
-use remote::{Remote, Sensed};
+use remote::{Remote, RobotJoints, Sensed};
 use units::spatial::Motion;
 use units::time::Instant;
 
@@ -50,6 +50,13 @@ impl Remote for Side {
         match self {
             Self::Virtual(site) => site.begin_epoch(),
             Self::Robot(site) => site.begin_epoch(),
+        }
+    }
+
+    fn joints(&self) -> Option<RobotJoints> {
+        match self {
+            Self::Virtual(site) => site.joints(),
+            Self::Robot(site) => site.joints(),
         }
     }
 }

@@ -26,7 +26,7 @@ const END_POLL: Duration = Duration::from_millis(100);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// What does not change.
+    /// Constants of the node.
     Description,
     /// Mode and cause.
     Mode,
@@ -110,7 +110,7 @@ impl Drop for FeedReader {
     }
 }
 
-/// Reads lines of one connection until it ends; returns why there is none, or no longer.
+/// Reads lines of one connection until it ends; returns the reason of its end.
 fn read_once(
     sockets: &[PathBuf],
     is_ending: &AtomicBool,

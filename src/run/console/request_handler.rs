@@ -16,9 +16,6 @@ use controller::switches::Mode as CommandMode;
 use node::record::Mode;
 use node::safety::Refusal;
 use node::{Request, RequestError};
-use remote::link::LatestLink;
-use telemetry::link_report::LinkReport;
-use telemetry::status::Status;
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
 
@@ -48,7 +45,6 @@ pub(crate) struct RequestHandler {
     sender: RequestSender,
     latest: LatestStatus,
     clock: Box<dyn Fn() -> Instant + Send + Sync>,
-    link: Option<LatestLink>,
     journal: Mutex<Journal>,
 }
 
@@ -98,13 +94,7 @@ impl RequestHandler {
     ) -> Self {
         let bucket = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
         let journal = Mutex::new(Journal { bucket, suppressed: 0, remark, failed_reset: None });
-        Self { sender, latest, clock: Box::new(clock), link: None, journal }
-    }
-
-    /// Adds the link to a robot in another process to the status.
-    #[must_use]
-    pub(crate) fn with_link(self, link: Option<LatestLink>) -> Self {
-        Self { link, ..self }
+        Self { sender, latest, clock: Box::new(clock), journal }
     }
 
     /// Returns the time on the bus.
@@ -278,9 +268,6 @@ impl RequestHandler {
             Phase::Running | Phase::Ending => self.latest.get(),
         };
         let mode = latest.as_ref().map_or(Mode::Boot.name(), |status| status.mode);
-        let link = self.link.as_ref().map(|link| LinkReport::of(&link.get()));
-        let timing = Some(self.latest.timing());
-        let latest = latest.map(|status| Status { link, timing, ..status });
         Response { ok: true, error: None, mode: Some(mode), status: latest, note }
     }
 

@@ -1,7 +1,8 @@
 //! Path of the control socket.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io;
+use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
 
 use tokio::net::UnixListener;
@@ -20,7 +21,15 @@ pub(crate) fn default_socket() -> PathBuf {
 
 fn default_of(variable: impl Fn(&str) -> Option<OsString>) -> PathBuf {
     let folder = |name| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
-    let service = folder("RUNTIME_DIRECTORY").map(|folder| folder.join("node.sock"));
+    // systemd.exec(5): with several folders, a list.
+    let first = |name: &str| {
+        let list = variable(name)?;
+        let first = list.as_bytes().split(|byte| *byte == b':').next()?;
+        Some(OsStr::from_bytes(first).to_owned())
+    };
+    let service = first("RUNTIME_DIRECTORY").map(PathBuf::from);
+    let service = service.filter(|folder| folder.is_absolute());
+    let service = service.map(|folder| folder.join("node.sock"));
     let user = || folder("XDG_RUNTIME_DIR").map(|folder| folder.join("frhc/node.sock"));
     service.or_else(user).unwrap_or_else(|| PathBuf::from(SERVICE_SOCKET))
 }
@@ -64,6 +73,7 @@ mod tests {
             })
         };
         assert_eq!(place(Some("/run/frhc"), Some("/u")), Path::new("/run/frhc/node.sock"));
+        assert_eq!(place(Some("/run/frhc:/run/frhc-view"), None), Path::new("/run/frhc/node.sock"));
         assert_eq!(place(None, Some("/run/user/7")), Path::new("/run/user/7/frhc/node.sock"));
         for wrong in [None, Some(""), Some("frhc"), Some("./here")] {
             assert_eq!(place(wrong, wrong), Path::new("/run/frhc/node.sock"), "{wrong:?}");

@@ -110,7 +110,7 @@ impl Play<'_> {
         let config = self.with_wall();
         let world = config.clone().with_friction(self.friction);
         let scenario = Scenario::parse(&self.script(&config)).unwrap();
-        let mut bench = Bench::in_world_of(&world, &config, scenario, 1, false, ());
+        let mut bench = Bench::in_world_of(&world, &config, scenario, 1, ());
         bench.bring_up().unwrap();
         let (mut outcome, mut contact, mut touched) =
             (Outcome::default(), Contact::default(), None);

@@ -25,6 +25,12 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "must be a number above 0 and at most 86400".to_owned())
 }
 
+/// Parses a multiple of real time, 0.01 to 100.
+pub(crate) fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse::<f64>().ok().filter(|speed| (0.01..=100.0).contains(speed));
+    speed.ok_or_else(|| "must be a number from 0.01 to 100".to_owned())
+}
+
 /// Parses an unsigned 32-bit number: `7`, `0x402`, `402h`.
 pub(crate) fn number(text: &str) -> Result<u32, String> {
     let number = whole(text).and_then(|number| u32::try_from(number).ok());

@@ -132,8 +132,7 @@ impl Trial<'_> {
         let wall = config.remote.wall.ok_or(NoTrial::NoWall)?.2;
         let commanded = self.commanded;
         let scenario = script::script(config, commanded).ok_or_else(|| restless(commanded))?;
-        let mut bench =
-            Bench::with_side(config, self.side(config)?, scenario, self.seed, false, ());
+        let mut bench = Bench::with_side(config, self.side(config)?, scenario, self.seed, ());
         bench.bring_up()?;
         let mut measured = Measured::new(config, self.link.outage_s.map(|[start, _]| start));
         for _ in 0..config.controller.period.cycles(script::SECONDS) {

@@ -110,7 +110,7 @@ impl PegBench {
         };
         let site = RobotSite::in_free_space(&config, &equipment, situation.seed)?;
         let scenario = scenario(settings.max_seconds)?.with_operator(operator);
-        let bench = Bench::with_side(&config, site.into(), scenario, situation.seed, false, ());
+        let bench = Bench::with_side(&config, site.into(), scenario, situation.seed, ());
         let Situation { visual_error, visual_turn_error, seed, .. } = *situation;
         let task = PegOperatorSettings { visual_error, visual_turn_error, ..settings.task };
         let mut trial = Self {

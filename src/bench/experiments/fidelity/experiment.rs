@@ -131,7 +131,7 @@ impl Row {
         let scenario = course.script(&placed, hand, felt_n).ok_or(NoTrial::NoWall)?;
         let controlled = arm.controlled(&placed);
         let world = controlled.clone().with_friction(arm.friction());
-        let mut bench = Bench::in_world_of(&world, &controlled, scenario, seed, false, ());
+        let mut bench = Bench::in_world_of(&world, &controlled, scenario, seed, ());
         bench.bring_up()?;
         let mut truth = Truth::new(&controlled);
         let times = course.times();

@@ -76,7 +76,7 @@ impl Row {
         let (axis, reach) = (sweep.name(), sweep.reach);
         let scenario = sweep.script(config).ok_or(NoTrial::OutOfReach { axis, reach })?;
         let config = &in_free_space(config);
-        let mut bench = Bench::new(config, scenario, seed, false, ());
+        let mut bench = Bench::new(config, scenario, seed, ());
         bench.bring_up()?;
         let mut measured = Measured::new(name, config, sweep);
         for _ in 0..config.controller.period.cycles(sweep.seconds()) {

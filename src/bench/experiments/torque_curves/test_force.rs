@@ -107,7 +107,7 @@ impl Row {
         let world = config.clone().with_friction(arm.friction());
         let world = world.with_torque_curves(curves(|_, bench| bench.truth)?);
         let node = arm.controlled(config).with_torque_curves(curves(Curve::of)?);
-        let mut bench = Loop::in_world_of(&world, &node, script()?, seed, false, ());
+        let mut bench = Loop::in_world_of(&world, &node, script()?, seed, ());
         bench.bring_up()?;
         let mut truth = Truth::new(&node);
         let mut segments = vec![Segment::default(); SEGMENTS.into()];

@@ -8,6 +8,7 @@ use crate::words::{count, counted, moment};
 use node::record::Mode;
 use picture::strip::{Band, Curve, Event, Extent, Plot, Strip};
 use telemetry::manifest::SessionKind;
+use telemetry::way_out;
 
 /// Writes the answer to the first question.
 pub(crate) fn write(html: &mut Html, view: &View<'_>) {
@@ -39,7 +40,7 @@ fn stopped(html: &mut Html, view: &View<'_>, stop: &Described) {
     if matches!(kind, Some(SessionKind::Demo | SessionKind::Campaign)) {
         html.paragraph("This was a simulation, which is over. On an arm:");
     }
-    html.steps(&stops::way_out(stop));
+    html.steps(&way_out::of_stop(stop.kind, stop.joint.as_deref(), &stop.not_off));
     html.advice("All causes with their reactions: `frhc explain faults`. Hazards and tests: docs/safety.md.");
 }
 

@@ -1,0 +1,91 @@
+//! Load of the buses, from the frames that passed.
+
+use serde::Serialize;
+
+use canopen::bits;
+use canopen::frame::Telegram;
+use units::time::Instant;
+
+/// Traffic of one bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub(super) struct BusLoad {
+    /// Share of the time on the wire, stuff bits included, in percent.
+    load_percent: f64,
+    /// Frames.
+    frames_per_s: f64,
+}
+
+/// Counts frames and bits of each bus, and makes loads of them.
+#[derive(Clone, Debug)]
+pub(super) struct BusMeter {
+    buses: Vec<Counted>,
+    since: Option<Instant>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Counted {
+    bitrate: u32,
+    frames: u32,
+    bits: u32,
+    load: BusLoad,
+}
+
+impl BusMeter {
+    /// Creates a meter of buses with these bit rates, in bit/s.
+    pub(super) fn new(bitrates: impl IntoIterator<Item = u32>) -> Self {
+        let counted = |bitrate| Counted { bitrate, frames: 0, bits: 0, load: BusLoad::default() };
+        Self { buses: bitrates.into_iter().map(counted).collect(), since: None }
+    }
+
+    /// Adds a frame.
+    pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.since.get_or_insert(at);
+        if let Some(bus) = self.buses.get_mut(usize::from(telegram.channel.0)) {
+            bus.frames = bus.frames.saturating_add(1);
+            bus.bits = bus.bits.saturating_add(bits::exact(&telegram.frame));
+        }
+    }
+
+    /// Takes the loads since the last call as the newest ones.
+    pub(super) fn measure(&mut self, now: Instant) {
+        let Some(since) = self.since.replace(now) else { return };
+        let seconds = now.since(since).as_secs_f64();
+        for bus in &mut self.buses {
+            let rate = |count: u32| if seconds > 0.0 { f64::from(count) / seconds } else { 0.0 };
+            let load_percent = 100.0 * rate(bus.bits) / f64::from(bus.bitrate.max(1));
+            bus.load = BusLoad { load_percent, frames_per_s: rate(bus.frames) };
+            (bus.frames, bus.bits) = (0, 0);
+        }
+    }
+
+    /// Returns the newest loads.
+    pub(super) fn loads(&self) -> Vec<BusLoad> {
+        self.buses.iter().map(|bus| bus.load).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::frame::{Channel, Frame};
+
+    #[test]
+    fn load_is_the_bits_over_those_that_fit() {
+        let mut meter = BusMeter::new([1_000_000, 125_000]);
+        let frame = Frame::new(0x181, [0x55; 8]);
+        let bits = bits::exact(&frame);
+        let at = |millis: u64| Instant::from_micros(1_000 * millis);
+        for millis in 0..500 {
+            meter.on_frame(at(millis), &Telegram { channel: Channel(1), frame });
+            // A bus that the configuration does not have.
+            meter.on_frame(at(millis), &Telegram { channel: Channel(7), frame });
+        }
+        meter.measure(at(500));
+        let [idle, busy] = meter.loads()[..] else { panic!("two buses") };
+        assert_eq!(idle, BusLoad::default());
+        assert!((busy.frames_per_s - 1_000.0).abs() < 1e-9, "{busy:?}");
+        assert!((busy.load_percent - f64::from(bits) * 0.8).abs() < 1e-9, "{busy:?}");
+        meter.measure(at(500));
+        assert_eq!(meter.loads()[1], BusLoad::default(), "no time, no load");
+    }
+}

@@ -1,0 +1,267 @@
+//! Telemetry of a running node: lines of JSON for viewers (docs/telemetry.md). Frames, records and time are arguments; the
+//! caller sends the lines.
+//!
+//! ```text
+//!  description          once, what does not change
+//!  mode                 at each change, and every half second
+//!  snapshot             every 20 ms, by the number of the cycle
+//! ```
+
+mod bus_meter;
+mod description;
+mod pose;
+mod snapshot;
+mod spans;
+mod watchdogs;
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+use self::bus_meter::BusMeter;
+use self::description::Description;
+use self::snapshot::{Beside, Snapshot};
+use self::spans::Spans;
+use self::watchdogs::Watchdogs;
+use crate::link_report::LinkReport;
+use crate::losses::Losses;
+use crate::origin::Origin;
+use crate::recording::RecordingReport;
+use crate::status::JointLabel;
+use crate::timing::TimingReport;
+use crate::way_out;
+use canopen::frame::Telegram;
+use config::Config;
+use node::cause::Cause;
+use node::record::{Mode, Record};
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// Version of the lines.
+const VERSION: u64 = 1;
+
+/// Intended time between two snapshots.
+const SNAPSHOT_EVERY: Duration = Duration::from_millis(20);
+
+/// Time between two lines about the mode, and between two looks at what changes slowly.
+const MODE_EVERY: Duration = Duration::from_millis(500);
+
+/// Program that the node runs in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Source {
+    /// `frhc run`.
+    Run,
+    /// `frhc demo`.
+    Demo,
+}
+
+/// A line of telemetry, with its line break.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FeedLine {
+    /// Mode and cause. Who comes later gets the newest one.
+    Mode(String),
+    /// A snapshot.
+    Snapshot(String),
+}
+
+/// Values that change slowly, or cost something to know: asked for every half second.
+#[derive(Clone, Debug, Default)]
+pub struct Scarce {
+    /// Missed samples.
+    pub missing_samples: u64,
+    /// Lost entries.
+    pub lost: Losses,
+    /// Parts of the session.
+    pub recording: Option<RecordingReport>,
+    /// Timing of the cycles so far.
+    pub timing: Option<TimingReport>,
+    /// Link to a robot in another process.
+    pub link: Option<LinkReport>,
+}
+
+/// Head of each line.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Head {
+    version: u64,
+    kind: &'static str,
+}
+
+impl Head {
+    const fn of(kind: &'static str) -> Self {
+        Self { version: VERSION, kind }
+    }
+}
+
+/// Mode, cause, and how to go on.
+#[derive(Debug, Serialize)]
+struct ModeLine<'a> {
+    #[serde(flatten)]
+    head: Head,
+    cycle: u64,
+    at_us: u64,
+    mode: &'static str,
+    stopped_by: Option<String>,
+    not_off: Vec<&'a str>,
+    way_out: Vec<String>,
+}
+
+/// Mode and what it is due to: a line is due where it changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    mode: Mode,
+    cause: Option<Cause>,
+    not_off: [bool; 6],
+}
+
+/// Makes lines of records and frames.
+#[derive(Debug)]
+pub struct Feed {
+    description: String,
+    joints: Vec<JointLabel>,
+    max_torques: [f64; 6],
+    robot_joints: usize,
+    has_switch_box: bool,
+    cycles_per_snapshot: u64,
+    /// There are readers; without them no snapshot is made.
+    is_read: bool,
+    state: State,
+    cycle: u64,
+    /// Time of the last line about the mode.
+    mode_line_at: Instant,
+    spans: Spans,
+    buses: BusMeter,
+    watchdogs: Watchdogs,
+    scarce: Scarce,
+}
+
+impl Feed {
+    /// Creates the feed of a node before its boot. `origin` is the wall clock at time zero, if there is one.
+    pub fn new(config: &Config, source: Source, origin: Option<Origin>) -> Self {
+        let per_snapshot = SNAPSHOT_EVERY.as_secs_f64() / config.period.as_secs_f64();
+        let cycles_per_snapshot = whole(per_snapshot).max(1);
+        let description = Description::new(config, source, origin, cycles_per_snapshot);
+        Self {
+            description: line(&description),
+            joints: crate::status::labels(config),
+            max_torques: config.joints.each_ref().map(|joint| joint.plant.actuator.max_torque),
+            robot_joints: config.robot.as_ref().map_or(0, |robot| robot.joints.len()),
+            has_switch_box: config.switches.is_some(),
+            cycles_per_snapshot,
+            is_read: false,
+            state: State { mode: Mode::Boot, cause: None, not_off: [false; 6] },
+            cycle: 0,
+            mode_line_at: Instant::ZERO,
+            spans: Spans::NONE,
+            buses: BusMeter::new(config.buses.iter().map(|bus| bus.bitrate)),
+            watchdogs: Watchdogs::new(config),
+            scarce: Scarce::default(),
+        }
+    }
+
+    /// Returns the first line of each reader, with its line break.
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// Returns the line about the present mode, with its line break.
+    pub fn mode(&self) -> String {
+        let State { mode, cause, not_off } = &self.state;
+        let names: Vec<_> = self.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let not_off = Joint::each(not_off).filter(|(_, is_set)| **is_set);
+        let not_off: Vec<_> =
+            not_off.filter_map(|(joint, _)| names.get(joint.index()).copied()).collect();
+        let way_out = if mode.is_latched() {
+            let joint = cause.and_then(|cause| names.get(cause.joint()?.index()).copied());
+            way_out::of_stop(cause.map(|cause| cause.kind()), joint, &not_off)
+        } else {
+            way_out::onwards(*mode, self.has_switch_box)
+        };
+        line(&ModeLine {
+            head: Head::of("mode"),
+            cycle: self.cycle,
+            at_us: self.mode_line_at.as_micros(),
+            mode: mode.name(),
+            stopped_by: cause.map(|cause| cause.with_name(&names)),
+            not_off,
+            way_out,
+        })
+    }
+
+    /// Sets whether there are readers. Without them no snapshot is made; the spans begin anew with the first.
+    pub fn set_read(&mut self, is_read: bool) {
+        let was_read = std::mem::replace(&mut self.is_read, is_read);
+        if !was_read {
+            self.spans = Spans::NONE;
+        }
+    }
+
+    /// Adds a frame. Returns the line about the mode, if it is due: while a network boots there are no cycles.
+    pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> Option<FeedLine> {
+        self.buses.on_frame(at, telegram);
+        self.watchdogs.on_frame(at, telegram);
+        // Twice the time: with cycles the line is due earlier.
+        (at.since(self.mode_line_at) >= MODE_EVERY * 2).then(|| self.mode_line(at))
+    }
+
+    /// Adds a cycle. Returns the lines that are due; `scarce` is called for what changes slowly.
+    pub fn on_record(
+        &mut self,
+        record: &Record,
+        scarce: impl FnOnce() -> Scarce,
+    ) -> [Option<FeedLine>; 2] {
+        let Record { mode, cause, not_off, .. } = *record;
+        self.cycle = record.cycle;
+        self.watchdogs.on_record(record);
+        if self.is_read {
+            self.spans.add(record);
+        }
+        let state = State { mode, cause, not_off };
+        let has_changed = std::mem::replace(&mut self.state, state) != state;
+        let is_due = record.at.since(self.mode_line_at) >= MODE_EVERY;
+        if is_due {
+            self.buses.measure(record.at);
+            self.scarce = scarce();
+        }
+        let mode = (has_changed || is_due).then(|| self.mode_line(record.at));
+        let is_snapshot = self.is_read && record.cycle.is_multiple_of(self.cycles_per_snapshot);
+        [mode, is_snapshot.then(|| self.snapshot(record))]
+    }
+
+    fn mode_line(&mut self, at: Instant) -> FeedLine {
+        self.mode_line_at = at;
+        FeedLine::Mode(self.mode())
+    }
+
+    fn snapshot(&mut self, record: &Record) -> FeedLine {
+        let beside = Beside {
+            joints: &self.joints,
+            max_torques: &self.max_torques,
+            robot_joints: self.robot_joints,
+            scarce: &self.scarce,
+            spans: std::mem::replace(&mut self.spans, Spans::NONE),
+            buses: self.buses.loads(),
+            watchdogs: self.watchdogs.take(),
+        };
+        FeedLine::Snapshot(line(&Snapshot::new(record, beside)))
+    }
+}
+
+/// Returns the nearest whole number.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates at both ends of u64; NaN becomes 0"
+)]
+fn whole(number: f64) -> u64 {
+    number.round() as u64
+}
+
+/// Returns a value as a line of JSON. Numbers that are not finite are `null`.
+fn line(value: &impl Serialize) -> String {
+    // Structs with string keys serialize always.
+    let mut text = serde_json::to_string(value).unwrap_or_default();
+    text.push('\n');
+    text
+}

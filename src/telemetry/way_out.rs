@@ -1,0 +1,90 @@
+//! Steps that lead on from a mode, as sentences: for the report on a session, and for viewers of a running node (docs/operation.md).
+
+use node::cause::Kind;
+use node::reaction::Initiator;
+use node::record::Mode;
+
+/// Step that closes the deadman after arming (ADR 12).
+const PRESS_DEADMAN: &str =
+    "release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.";
+
+/// Returns the steps that lead out of a stop. `joint` is the name of the cause's joint, if it has one; `not_off` names joints whose
+/// drives did not report that they are off.
+pub fn of_stop(
+    kind: Option<Kind>,
+    joint: Option<&str>,
+    not_off: &[impl AsRef<str>],
+) -> Vec<String> {
+    let mut steps = Vec::new();
+    if !not_off.is_empty() {
+        let names: Vec<_> = not_off.iter().map(AsRef::as_ref).collect();
+        steps.push(format!(
+            "The drives of {} did not report that they are off. Such a drive may push: press the emergency stop, which cuts its power by wire.",
+            names.join(", ")
+        ));
+    }
+    let place = joint.map(|joint| format!(" at {joint}")).unwrap_or_default();
+    steps.push(match kind.map(|kind| (kind, kind.row().initiator)) {
+        Some((kind, Initiator::Drive)) => format!(
+            "Remove the cause{place}: {}. The drive itself has stopped; its fault must be gone in the drive.",
+            kind.description()
+        ),
+        Some((kind, _)) => format!("Remove the cause{place}: {}.", kind.description()),
+        None => format!("Remove the cause{place}."),
+    });
+    steps.push("`frhc ctl status` shows the cause while it is present.".to_owned());
+    steps.push(match kind.map(|kind| kind.row().reset_boots) {
+        Some(true) => "`frhc ctl reset` ends the stop; it boots the network again, since a node may have lost its configuration. It is refused while the cause is present.".to_owned(),
+        Some(false) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
+    });
+    steps.push(format!("`frhc ctl arm`, then {PRESS_DEADMAN}"));
+    steps
+}
+
+/// Returns the steps that lead on from a mode without a stop; none while engaged. Nothing can be armed without a switch box.
+pub fn onwards(mode: Mode, has_switch_box: bool) -> Vec<String> {
+    let step = match mode {
+        Mode::Boot => {
+            "Wait: drives are configured, enabled and proof-tested at zero torque.".to_owned()
+        }
+        Mode::Ready if !has_switch_box => {
+            "The configuration has no switch box, so nothing can be armed.".to_owned()
+        }
+        Mode::Ready => {
+            "Hold the grip, then `frhc ctl arm`: the arm carries its own weight within a second."
+                .to_owned()
+        }
+        Mode::Armed => format!("To command and feel, {PRESS_DEADMAN}"),
+        Mode::Engaged | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => {
+            return Vec::new();
+        }
+    };
+    vec![step]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_out_of_a_stop_name_drives_that_may_push() {
+        let steps = of_stop(Some(Kind::SamplesMissing), Some("elbow"), &["elbow"]);
+        assert!(steps[0].contains("drives of elbow did not report"), "{steps:?}");
+        let reset =
+            |step: &String| step.contains("frhc ctl reset") && step.contains("boots the network");
+        assert!(steps.iter().any(reset), "{steps:?}");
+        for kind in Kind::ALL {
+            let steps = of_stop(Some(kind), None, &[""; 0]);
+            assert!(steps[0].contains(kind.description()), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn every_mode_but_engaged_and_the_stops_has_a_step() {
+        for mode in Mode::ALL {
+            let has_none = mode == Mode::Engaged || mode.is_latched();
+            assert_eq!(onwards(mode, true).is_empty(), has_none, "{mode}");
+        }
+        assert!(onwards(Mode::Ready, false)[0].contains("no switch box"));
+    }
+}

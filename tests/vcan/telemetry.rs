@@ -1,0 +1,144 @@
+//! Readers of the telemetry of `frhc run`: what they get, what they cannot do, and that they change nothing on the bus.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::net::UnixStream;
+use std::thread;
+
+use nix::sys::signal::Signal;
+use serde_json::Value;
+
+use crate::common::process::{Candump, Process, Scratch};
+use crate::common::rig::{KRAFT, seconds};
+use canopen_tools::candump::Line;
+
+/// A group and a user without any rights.
+const GROUP: u32 = 4_242;
+const USER: u32 = 65_534;
+
+/// Readers, and how many of them stop reading.
+const READERS: usize = 20;
+const STOPPED: usize = 5;
+
+/// A frame: time, identifier, target torques in ‰.
+type Sent = (u64, u16, Vec<i16>);
+
+/// Difference of targets of two runs, in ‰.
+const ROUNDING: i16 = 5;
+
+/// Shift of a frame by the scheduling of processes in a second of virtual time, in ns.
+const SHIFT_NS: u64 = 10_000;
+
+fn telemetry(scratch: &Scratch) -> String {
+    scratch.path("frhc-view/telemetry.sock")
+}
+
+fn is_sync(line: &Line<'_>) -> bool {
+    line.canopen().is_some_and(|(id, _)| id == 0x80)
+}
+
+/// Connects to a socket as another user with these groups; prints what it gets.
+fn connecting_as(user: u32, group: u32, socket: &str) -> String {
+    let script = "import os, socket, sys\n\
+        os.setgroups([]); os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[3]))\n\
+        reader = socket.socket(socket.AF_UNIX)\n\
+        try: reader.connect(sys.argv[1])\n\
+        except OSError as error: sys.exit(error.strerror)\n\
+        sys.exit(reader.recv(32)[:24].decode())\n";
+    let (group, user) = (group.to_string(), user.to_string());
+    let args = ["-c", script, socket, &group, &user];
+    Process::of("python3", &args).wait().stderr.trim().to_owned()
+}
+
+#[test]
+fn hazard_37_who_may_look_cannot_arm() {
+    let scratch = Scratch::new("looking");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", KRAFT]);
+    let run = scratch.frhc(&["run", "--config", KRAFT]);
+    candump.until(is_sync);
+    let (socket, console) = (telemetry(&scratch), scratch.path("frhc/node.sock"));
+    for (path, folder) in [(&socket, "frhc-view"), (&console, "frhc")] {
+        assert_eq!(fs::metadata(path).unwrap().permissions().mode() & 0o777, 0o660, "{path}");
+        // Everybody may get as far as the socket: its rights alone decide.
+        fs::set_permissions(scratch.path(folder), PermissionsExt::from_mode(0o755)).unwrap();
+    }
+    fs::set_permissions(scratch.path(""), PermissionsExt::from_mode(0o755)).unwrap();
+    chown(&socket, None, Some(GROUP)).unwrap();
+    let refused = "Permission denied";
+    assert_eq!(connecting_as(USER, GROUP, &socket), "{\"version\":1,\"kind\":\"des");
+    assert_eq!(connecting_as(USER, GROUP, &console), refused);
+    assert_eq!(connecting_as(USER, GROUP + 1, &socket), refused);
+    run.terminate().succeeds();
+    sim.terminate().succeeds();
+}
+
+/// Plays contact for some seconds with this many readers; returns the frames of the node with their times since the first of them, and the
+/// lines that one of the readers got.
+fn played(name: &str, readers: usize, stopped: usize) -> (Vec<Sent>, Vec<Value>) {
+    let scratch = Scratch::new(name);
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
+    let run = scratch.frhc(&["run", "--config", KRAFT]);
+    let first = candump.until(is_sync).nanos;
+    let script = "import socket, sys\n\
+        reader = socket.socket(socket.AF_UNIX)\n\
+        reader.connect(sys.argv[1])\n\
+        while reader.recv(65536): pass\n";
+    let looking: Vec<_> = (0..readers)
+        .map(|_| Process::of("python3", &["-c", script, &telemetry(&scratch)]))
+        .collect();
+    let own = (readers > 0).then(|| UnixStream::connect(telemetry(&scratch)).unwrap());
+    // At once: who does not read is dropped.
+    let own = thread::spawn(|| own.map(|own| BufReader::new(own).lines().collect()));
+    scratch.ctl("--wait arm").succeeds();
+    candump.until(|line| line.nanos > first + seconds(2.0));
+    looking.iter().take(stopped).for_each(|reader| reader.signal(Signal::SIGSTOP));
+    candump.until(|line| line.nanos > first + seconds(6.0));
+    run.terminate().succeeds();
+    sim.terminate().succeeds();
+    let seen = candump.finish();
+    // Of the cycles in contact, from a SYNC by its number: SYNC and the torques.
+    let frames = seen.iter().filter_map(|line| -> Option<Sent> {
+        let parsed = Line::parse(line).unwrap();
+        let (id, data) = parsed.canopen()?;
+        let targets = data.chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]]));
+        matches!(id, 0x80 | 0x201 | 0x204).then(|| (parsed.nanos, id, targets.collect()))
+    });
+    let syncs = frames.scan(0, |syncs, (at, id, targets)| {
+        *syncs += usize::from(id == 0x80);
+        Some((*syncs, at, id, targets))
+    });
+    let frames: Vec<_> = syncs.filter(|(sync, ..)| (4_000..5_500).contains(sync)).collect();
+    let zero = frames[0].1;
+    let frames = frames.into_iter().map(|(_, at, id, targets)| (at - zero, id, targets));
+    let lines: Option<Vec<_>> = own.join().unwrap();
+    let lines = lines.into_iter().flatten();
+    let lines = lines.map(|line| serde_json::from_str(&line.unwrap()).unwrap());
+    (frames.collect(), lines.collect())
+}
+
+#[test]
+fn readers_change_nothing_on_the_bus_even_stopped_ones() {
+    let (alone, none) = played("alone", 0, 0);
+    assert!(alone.len() > 4_000 && none.is_empty(), "{}", alone.len());
+    let (watched, lines) = played("watched", READERS, STOPPED);
+    assert_eq!(alone.len(), watched.len());
+    // The hand is simulated by another process: two runs differ in the last digits of its torque.
+    let differs = |((at, id, targets), (other_at, other_id, others)): (&Sent, &Sent)| {
+        let is_near = |(one, other): (&i16, &i16)| (one - other).abs() <= ROUNDING;
+        let are_near = targets.len() == others.len() && targets.iter().zip(others).all(is_near);
+        id != other_id || at.abs_diff(*other_at) > SHIFT_NS || !are_near
+    };
+    let differing = alone.iter().zip(&watched).position(differs);
+    assert_eq!(differing.map(|at| (&alone[at], &watched[at])), None);
+    let of = |kind: &'static str| lines.iter().filter(move |line| line["kind"] == kind);
+    assert_eq!(lines[0]["kind"], "description");
+    assert_eq!(of("description").count(), 1);
+    let cycles: Vec<_> = of("snapshot").map(|line| line["cycle"].as_u64().unwrap()).collect();
+    assert!(cycles.len() > 250, "{}", cycles.len());
+    assert!(cycles.windows(2).all(|pair| pair[1] - pair[0] == 20), "{cycles:?}");
+    assert!(of("snapshot").any(|line| line["mode"] == "engaged"));
+    assert!(of("mode").count() >= 10);
+}

@@ -23,6 +23,9 @@ FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars", "--force-device-scale-factor=1",
 ]
+# WebGL without a graphics card, by SwiftShader; and none at all.
+SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+NO_GL = ["--disable-3d-apis"]
 START_TIMEOUT_S = 60
 COMMAND_TIMEOUT_S = 120
 
@@ -50,7 +53,10 @@ class WebDriverError(Exception):
 
 
 class Browser:
-    """A browser with a fresh profile; `with` ends it."""
+    """A browser with a fresh profile and further flags; `with` ends it."""
+
+    def __init__(self, flags=()):
+        self.flags = flags
 
     def __enter__(self):
         with contextlib.ExitStack() as stack:
@@ -64,7 +70,7 @@ class Browser:
             stack.callback(ended, process)
             port = next((found[1] for line in process.stdout if (found := re.search(r"on port (\d+)\.", line))), None)
             self.url = f"http://127.0.0.1:{port}/session"
-            flags = [*FLAGS, f"--user-data-dir={profile}"]
+            flags = [*FLAGS, *self.flags, f"--user-data-dir={profile}"]
             options = {"goog:chromeOptions": {"binary": browser, "args": flags}, "goog:loggingPrefs": {"browser": "ALL"}}
             session = self.command("POST", "", capabilities={"alwaysMatch": options})
             self.version = session["capabilities"]["browserVersion"]
@@ -93,11 +99,15 @@ class Browser:
 
     def open(self, path, width=1280, height=900, is_dark=False, is_print=False):
         """Opens a file in a viewport of this size in px, and waits until it is loaded; its errors begin anew."""
+        self.open_url(Path(path).resolve(strict=True).as_uri(), width, height, is_dark, is_print)
+
+    def open_url(self, url, width=1280, height=900, is_dark=False, is_print=False):
+        """Opens an address in the same way."""
         self.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if is_dark else "light"}
         self.devtools("Emulation.setEmulatedMedia", media="print" if is_print else "", features=[scheme])
         self.errors()
-        self.command("POST", "/url", url=Path(path).resolve(strict=True).as_uri())
+        self.command("POST", "/url", url=url)
 
     def errors(self):
         """Returns what the console was given since the last call, at level WARNING or above: failed requests are of it."""

@@ -30,4 +30,5 @@ mod signals;
 mod stability;
 mod stated;
 mod terminal;
+mod view;
 mod walls;

@@ -72,6 +72,9 @@ const ON_A_BUS: &[&str] = &["run", "commission", "scan", "sdo", "nmt", "lss"];
 /// Commands that need a node: [`robot_process`](crate::robot_process) runs them.
 const WITH_A_NODE: &[&str] = &["robot"];
 
+/// Commands that serve until a signal: [`view`](crate::view) runs them.
+const SERVING: &[&str] = &["view"];
+
 /// Runs a command with this stdout.
 fn onto(stdout: impl Into<Stdio>, args: &[String]) -> Ended {
     let mut command = Command::new(crate::common::program());
@@ -162,7 +165,7 @@ fn every_command_is_tested_for_failing_output() {
     let commands = commands.take_while(|line| !line.is_empty());
     for command in commands.filter_map(|line| line.split_whitespace().next()) {
         let is_tested = |line: &&str| line.split(' ').next() == Some(command);
-        let mut rows = PRINTING.iter().chain(ON_A_BUS).chain(WITH_A_NODE);
+        let mut rows = PRINTING.iter().chain(ON_A_BUS).chain(WITH_A_NODE).chain(SERVING);
         assert!(rows.any(is_tested), "{command}");
     }
 }

@@ -51,6 +51,7 @@ use crate::sdo::Sdo;
 use crate::signal_list::SignalList;
 use experiments::command::{self as experiment, Experiment};
 use run::exit::Failure;
+use view::command::{self as view_command, View};
 
 /// Commands that the rack does not need.
 #[derive(Debug, Subcommand)]
@@ -154,6 +155,13 @@ pub enum Command {
             frhc report sessions/001-20261122T071243Z/faults/001-4213-samples-missing -o fault.html"
     )]
     Report(ReportArgs),
+    /// Shows a running node in a browser: arm, robot, forces, mode and timing. Only looks.
+    #[command(
+        after_help = "Prints the address of the page and serves it until Ctrl-C. It connects to the node's telemetry socket, and again \
+            whenever the node comes back.\n\nExamples:\n  frhc view\n  \
+            frhc view --listen 127.0.0.1:8021 --socket /run/frhc-view/telemetry.sock"
+    )]
+    View(View),
     /// Writes a DBC file of the buses, DCF files of the nodes, or a table or MCAP file of a recorded session.
     #[command(
         subcommand,
@@ -189,6 +197,7 @@ impl Command {
             Self::Plot(args) => plot::run(args, is_quiet),
             Self::Report(args) => report::run(args, is_quiet),
             Self::Signals(args) => signal_list::run(args),
+            Self::View(args) => view_command::execute(args),
             Self::Export(args) => export::run(args, is_quiet),
         }
     }

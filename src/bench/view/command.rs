@@ -1,0 +1,72 @@
+//! `frhc view`: the page, until a signal ends it.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args;
+use tokio::runtime::Builder;
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::server::Server;
+use crate::sockets::default_sockets;
+use run::exit::{Failure, Kind, OrFail};
+use run::print;
+
+/// `frhc view`.
+#[derive(Debug, Args)]
+pub struct View {
+    /// Address and port of the page; port 0 takes a free one.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8020")]
+    listen: SocketAddr,
+    /// Telemetry socket of the node [default: that of this user's node, else that of the service].
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+}
+
+/// Serves the page until SIGINT or SIGTERM.
+///
+/// # Errors
+/// The address cannot be used, or its line not be written.
+pub fn execute(args: &View) -> Result<(), Failure> {
+    let sockets = args.socket.clone().map_or_else(default_sockets, |path| vec![path]);
+    let server = bind(args.listen, sockets)?;
+    let address = server.address();
+    // Before the line: who reads it may send a signal at once.
+    let runtime = Builder::new_current_thread().enable_io().build().or_fail(Kind::Bus)?;
+    let entered = runtime.enter();
+    let mut interrupt = signal(SignalKind::interrupt()).or_fail(Kind::Bus)?;
+    let mut terminate = signal(SignalKind::terminate()).or_fail(Kind::Bus)?;
+    drop(entered);
+    let _running = server.start().or_fail(Kind::Bus)?;
+    print::line(&format!("http://{address}/"));
+    if print::has_failed() {
+        return print::finish();
+    }
+    runtime.block_on(async {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    });
+    Ok(())
+}
+
+/// Takes the address of the page, and warns where others reach it.
+///
+/// # Errors
+/// The address cannot be used.
+pub fn bind(listen: SocketAddr, sockets: Vec<PathBuf>) -> Result<Server, Failure> {
+    if !listen.ip().is_loopback() {
+        print::note(&format!(
+            "frhc: {listen}: everyone who reaches this address may look, without a password"
+        ));
+    }
+    Server::bind(listen, sockets).map_err(|error| Failure::new(Kind::Bus, refused(listen, &error)))
+}
+
+fn refused(listen: SocketAddr, error: &io::Error) -> String {
+    let is_taken = error.kind() == io::ErrorKind::AddrInUse;
+    let remedy = if is_taken { "; --listen takes another port, and port 0 a free one" } else { "" };
+    format!("{listen}: {error}{remedy}")
+}

@@ -27,7 +27,7 @@ use unix_socket::{Audience, SocketFile};
 const GROUP: &str = "frhc-view";
 
 /// Name of the socket.
-const NAME: &str = "telemetry.sock";
+pub const NAME: &str = "telemetry.sock";
 
 /// Lines that may wait for the thread; beyond, they are dropped.
 const QUEUE: usize = 64;

@@ -1,5 +1,6 @@
 //! Arguments of `demo`, `sim` and `robot`.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -55,6 +56,12 @@ pub struct Shown {
     /// Run X times as fast as real time, as far as the processor allows.
     #[arg(long, value_name = "X", value_parser = parsers::speed, allow_negative_numbers = true)]
     pub(super) speed: Option<f64>,
+    /// Show arm, robot and forces in a browser: serves the page of frhc view, in real time or at --speed.
+    #[arg(long)]
+    pub(super) view: bool,
+    /// Address and port of that page; port 0 takes a free one.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = view::command::DEFAULT_ADDRESS, requires = "view")]
+    pub(super) listen: SocketAddr,
     /// Offer the telemetry at this socket [default: in real time, that of frhc run; else none].
     #[arg(long, value_name = "PATH")]
     pub(super) telemetry: Option<PathBuf>,
@@ -63,7 +70,7 @@ pub struct Shown {
 impl Shown {
     /// Returns the most seconds of virtual time in a second of the wall clock; `None` for as fast as possible.
     pub(super) fn speed(&self) -> Option<f64> {
-        self.speed.or(self.realtime.then_some(1.0))
+        self.speed.or((self.realtime || self.view).then_some(1.0))
     }
 }
 

@@ -193,7 +193,7 @@ impl Play<'_> {
         let cycles = cycles(config, *seconds)?;
         let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::Bus)?;
         let recorder = RefCell::new(recorder);
-        let telemetry = self.shown.map(|shown| shown.publisher(config)).transpose()?;
+        let telemetry = self.shown.map(|shown| shown.telemetry(config)).transpose()?;
         let telemetry = RefCell::new(telemetry);
         let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let is_booting = Cell::new(true);

@@ -9,15 +9,18 @@ use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::server::Server;
-use crate::sockets::default_sockets;
 use run::exit::{Failure, Kind, OrFail};
+use run::feed_socket::default_sockets;
 use run::print;
+
+/// Address of the page if none is given.
+pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8020";
 
 /// `frhc view`.
 #[derive(Debug, Args)]
 pub struct View {
     /// Address and port of the page; port 0 takes a free one.
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8020")]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = DEFAULT_ADDRESS)]
     listen: SocketAddr,
     /// Telemetry socket of the node [default: that of this user's node, else that of the service].
     #[arg(long, value_name = "PATH")]

@@ -1,59 +1,89 @@
-//! The telemetry of `frhc demo`: that of `frhc run`, from a node in this process.
+//! The telemetry of `frhc demo`: that of `frhc run`, from a node in this process; and the page that shows it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use tempfile::TempDir;
 
 use crate::args;
 use canopen::frame::Telegram;
 use config::Config;
 use node::record::Record;
 use run::exit::{Failure, Kind, OrFail};
-use run::feed_socket::{self, Publisher};
+use run::feed_socket::{self, NAME, Publisher};
 use run::print;
 use telemetry::feed::{Feed, Scarce, Source};
 use telemetry::summary::Summary;
 use telemetry::timing::Timing;
 use units::time::Instant;
+use view::command;
+use view::server::Running;
 
-/// Where a demo is shown.
+/// Socket of a demo's telemetry, and its page.
 #[derive(Debug)]
 pub(super) struct Shown {
     socket: PathBuf,
+    /// Folder of a socket that no other program looks for; removed at the end.
+    _private: Option<TempDir>,
+    _page: Option<Running>,
 }
 
 impl Shown {
-    /// Finds the socket of a demo in real time, or of one whose telemetry is asked for; `None` for any other.
+    /// Finds the socket of a demo in real time, or of one whose telemetry is asked for, and serves its page if that is asked for;
+    /// `None` for any other demo.
     ///
     /// # Errors
-    /// The socket that is asked for cannot be created.
+    /// The socket or the address that is asked for cannot be used.
     pub(super) fn start(args: &args::Shown, config: &Config) -> Result<Option<Self>, Failure> {
-        let is_default = args.telemetry.is_none();
-        if is_default && args.speed().is_none() {
+        if args.telemetry.is_none() && args.speed().is_none() {
             return Ok(None);
         }
-        let socket = args.telemetry.clone().unwrap_or_else(|| feed_socket::beside(None));
-        let shown = Self { socket };
-        match shown.publisher(config) {
-            Ok(_) => Ok(Some(shown)),
-            Err(refused) if is_default => {
-                print::note(&format!("no telemetry: {refused}"));
-                Ok(None)
-            }
-            Err(refused) => Err(refused),
-        }
+        let Some((socket, private)) = socket(args, config)? else { return Ok(None) };
+        let page = args.view.then(|| serve(args, socket.clone())).transpose()?;
+        Ok(Some(Self { socket, _private: private, _page: page }))
     }
 
     /// Offers the telemetry of a node.
     ///
     /// # Errors
     /// The socket cannot be created.
-    pub(super) fn publisher(&self, config: &Config) -> Result<Telemetry, Failure> {
-        let started = Publisher::start(&self.socket, Feed::new(config, Source::Demo, None));
-        let publisher =
-            started.with_context(|| format!("telemetry socket {}", self.socket.display()));
-        Ok(Telemetry { publisher: publisher.or_fail(Kind::Bus)?, timing: Timing::default() })
+    pub(super) fn telemetry(&self, config: &Config) -> Result<Telemetry, Failure> {
+        Ok(Telemetry { publisher: publisher(&self.socket, config)?, timing: Timing::default() })
     }
+}
+
+/// Finds the socket: that which is asked for, or the default one. Where another node has the latter, a page gets one in a folder of
+/// its own, and without a page there is none.
+fn socket(
+    args: &args::Shown,
+    config: &Config,
+) -> Result<Option<(PathBuf, Option<TempDir>)>, Failure> {
+    let path = args.telemetry.clone().unwrap_or_else(|| feed_socket::beside(None));
+    match publisher(&path, config) {
+        Ok(_) => Ok(Some((path, None))),
+        Err(refused) if args.telemetry.is_some() => Err(refused),
+        Err(refused) if args.view => {
+            print::note(&format!("frhc top cannot see this demo: {refused}"));
+            let folder = tempfile::tempdir().context("no temporary folder").or_fail(Kind::File)?;
+            Ok(Some((folder.path().join(NAME), Some(folder))))
+        }
+        Err(refused) => {
+            print::note(&format!("no telemetry: {refused}"));
+            Ok(None)
+        }
+    }
+}
+
+fn publisher(socket: &Path, config: &Config) -> Result<Publisher, Failure> {
+    let started = Publisher::start(socket, Feed::new(config, Source::Demo, None));
+    started.with_context(|| format!("telemetry socket {}", socket.display())).or_fail(Kind::Bus)
+}
+
+/// Serves the page of the node at this socket, and says where.
+fn serve(args: &args::Shown, socket: PathBuf) -> Result<Running, Failure> {
+    let server = command::bind(args.listen, vec![socket])?;
+    print::note(&format!("look at http://{}/", server.address()));
+    server.start().or_fail(Kind::Bus)
 }
 
 /// The telemetry of one run.

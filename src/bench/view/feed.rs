@@ -155,7 +155,7 @@ fn read_lines(
     }
     let mut reader = BufReader::new(stream);
     let mut line = Vec::new();
-    loop {
+    while !is_ending.load(Ordering::Relaxed) {
         let room = MAX_LINE.saturating_sub(u64::try_from(line.len()).unwrap_or(u64::MAX));
         match reader.by_ref().take(room).read_until(b'\n', &mut line) {
             Ok(_) if line.last() == Some(&b'\n') => {
@@ -169,14 +169,11 @@ fn read_lines(
                 return named("a line has no end");
             }
             Ok(_) => return named("the node has ended"),
-            Err(error) if is_interruption(&error) => {
-                if is_ending.load(Ordering::Relaxed) {
-                    return named("the reader has ended");
-                }
-            }
+            Err(error) if is_interruption(&error) => {}
             Err(error) => return named(&error.to_string()),
         }
     }
+    named("the reader has ended")
 }
 
 fn is_interruption(error: &io::Error) -> bool {
@@ -239,6 +236,28 @@ mod tests {
             assert!(ended.ends_with("the node has ended."), "{ended}");
             assert!(absence(&received).starts_with("No node offers"));
         }
+    }
+
+    #[test]
+    fn reader_ends_while_the_node_sends() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("telemetry.sock");
+        let listener = UnixListener::bind(&path).unwrap();
+        let (reader, received) = reading(vec![path]);
+        let (mut node, _) = listener.accept().unwrap();
+        // Ends when the reader has closed its end.
+        let sending =
+            thread::spawn(
+                move || while node.write_all(b"{\"version\":1,\"kind\":\"mode\"}\n").is_ok() {},
+            );
+        assert!(matches!(received.recv_timeout(PATIENCE).unwrap(), News::Line(_)));
+        let (ended, is_ended) = channel();
+        thread::spawn(move || {
+            drop(reader);
+            ended.send(()).unwrap_or_default();
+        });
+        is_ended.recv_timeout(PATIENCE).unwrap();
+        sending.join().unwrap();
     }
 
     #[test]

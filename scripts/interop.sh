@@ -5,8 +5,9 @@
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
 # far sides, that of examples/ and `frhc robot`; another one, with keys by openssl, judges the far side over a network.
-# mcap and rosbags read exported sessions. python-can with cantools is timed beside `frhc decode`, and a headless
-# browser is tried on a page of known faults, and shows the pages of `frhc report` and `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
+# mcap and rosbags read exported sessions. tmux shows what `frhc top` draws. python-can with cantools is timed beside
+# `frhc decode`, and a headless browser is tried on a page of known faults, and shows the pages of `frhc report` and
+# `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
 # only those on the bus and in its logs, with --no-bus only the others.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.

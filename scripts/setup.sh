@@ -3,8 +3,8 @@
 #
 # usage: scripts/setup.sh [--missing] [tools|browser|kernel|icount]...  (default: tools, browser and kernel)
 #
-#   tools    can-utils, iproute2, openssl, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
-#            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
+#   tools    can-utils, iproute2, openssl, tmux, tshark, python3-venv from Debian (26 MB to fetch, 131 MB of disk, a minute; root
+#            or sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
 #            (600 MB of disk, a minute)
 #   browser  what judges the pages that frhc writes: xmllint (libxml2-utils), and a headless browser with its driver for
 #            tests/interop/browser.py. Chromium or Google Chrome is used where it is installed with a chromedriver of its version;
@@ -38,6 +38,7 @@ command -v candump >/dev/null || packages+=(can-utils)
 PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || packages+=(iproute2)
 command -v tshark >/dev/null || packages+=(tshark)
 command -v openssl >/dev/null || packages+=(openssl)
+command -v tmux >/dev/null || packages+=(tmux)
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3 python3-venv)
 venv=target/interop/venv
 rig=()

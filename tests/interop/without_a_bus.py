@@ -12,9 +12,11 @@ import report
 import robots
 import runner
 import sessions
+import top
 import view
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS]
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
+         *top.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

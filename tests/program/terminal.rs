@@ -17,7 +17,7 @@ use crate::common::cli::{Ended, folder, frhc};
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// Commands that print data without a CAN interface. `SOCKET`, `FOLDER`, `DATA` and `SWEEP` are replaced.
+/// Commands that print data without a CAN interface. `SOCKET`, `FEED`, `FOLDER`, `DATA` and `SWEEP` are replaced.
 const PRINTING: &[&str] = &[
     "--help",
     "--version",
@@ -64,6 +64,7 @@ const PRINTING: &[&str] = &[
     "export mcap SESSION",
     "report SESSION",
     "sessions list FOLDER",
+    "top --once --socket FEED",
 ];
 
 /// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
@@ -96,12 +97,25 @@ fn node_at(socket: &Path) {
     });
 }
 
+/// Starts a node that sends its telemetry to every reader.
+fn feed_at(socket: &Path) {
+    let listener = UnixListener::bind(socket).unwrap();
+    thread::spawn(move || {
+        for reader in listener.incoming() {
+            let lines = include_bytes!("../golden/telemetry.jsonl");
+            reader.unwrap().write_all(lines).unwrap();
+        }
+    });
+}
+
 /// Returns the rows of [`PRINTING`] as arguments, in a folder of this test.
 fn printing(test: &str) -> Vec<Vec<String>> {
     let folder = folder("terminal", test);
     // The path of a socket has at most 108 bytes.
     let socket = std::env::temp_dir().join(format!("frhc-{test}-{}.sock", std::process::id()));
     node_at(&socket);
+    let feed = socket.with_extension("feed");
+    feed_at(&feed);
     let data = folder.join("data.csv");
     let data = data.to_str().unwrap();
     let measured = frhc(&["sim", "--config", KRAFT, "--calibrate", "elbow", "--out", data]);
@@ -117,6 +131,7 @@ fn printing(test: &str) -> Vec<Vec<String>> {
     let known = [
         ("SESSION", session),
         ("SOCKET", socket.to_str().unwrap()),
+        ("FEED", feed.to_str().unwrap()),
         ("FOLDER", folder.to_str().unwrap()),
         ("DATA", data),
         ("SWEEP", sweep),

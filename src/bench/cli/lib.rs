@@ -30,6 +30,7 @@ mod session_progress;
 pub mod signal_list;
 mod sim;
 mod span;
+pub mod top;
 mod whole_file;
 
 use clap::Subcommand;
@@ -49,6 +50,7 @@ use crate::report::ReportArgs;
 use crate::scan::Scan;
 use crate::sdo::Sdo;
 use crate::signal_list::SignalList;
+use crate::top::Top;
 use experiments::command::{self as experiment, Experiment};
 use run::exit::Failure;
 use view::command::{self as view_command, View};
@@ -123,6 +125,13 @@ pub enum Command {
             frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
     )]
     Decode(Decode),
+    /// Shows a running node in this terminal: joints, forces, mode and cause, timing, buses, watchdogs.
+    #[command(
+        after_help = "Reads the node's telemetry, and sends it nothing. Waits for a node, and for the next one. Keys: q quits, p pauses, \
+            b shows the torque budget.\n\nExamples:\n  frhc top\n  ssh -t rack frhc top\n  \
+            frhc top --once --socket /run/frhc-view/telemetry.sock"
+    )]
+    Top(Top),
     /// Computes a recorded session again from its inputs, and compares every frame that the node sends.
     #[command(
         after_help = "A session is a folder of `frhc run --record`, `frhc demo --out` or `frhc campaign --replay`. It needs neither \
@@ -193,6 +202,7 @@ impl Command {
             Self::Nmt(args) => nmt::run(args),
             Self::Lss(args) => lss::run(args),
             Self::Decode(args) => decode::run(args, is_quiet),
+            Self::Top(args) => top::run(args),
             Self::Replay(args) => replay::run(args, is_quiet),
             Self::Plot(args) => plot::run(args, is_quiet),
             Self::Report(args) => report::run(args, is_quiet),

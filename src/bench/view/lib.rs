@@ -4,3 +4,4 @@
 pub mod command;
 pub mod feed;
 pub mod server;
+pub mod top;

@@ -193,6 +193,7 @@ impl Feed {
         let was_read = std::mem::replace(&mut self.is_read, is_read);
         if !was_read {
             self.spans = Spans::NONE;
+            self.watchdogs.take();
         }
     }
 

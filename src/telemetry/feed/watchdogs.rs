@@ -64,6 +64,11 @@ impl Beat {
         self.last = Some(at);
     }
 
+    /// Forgets all reports.
+    fn rest(&mut self) {
+        (self.last, self.longest) = (None, Duration::ZERO);
+    }
+
     /// Returns the longest time since the last call, as a share of the limit.
     fn share(&self) -> f64 {
         self.longest.as_secs_f64() / self.limit.as_secs_f64().max(1e-6)
@@ -115,6 +120,10 @@ impl Watchdogs {
         }
         self.max_age = self.max_age.max(record.sample_age);
         self.nodes.iter_mut().chain([&mut self.master]).for_each(|beat| beat.wait(record.at));
+        if record.mode.is_stopped() {
+            // Withheld as the last means to switch a drive off: it stops nothing more.
+            self.master.rest();
+        }
     }
 
     /// Takes the greatest values since the last call.

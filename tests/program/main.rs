@@ -26,6 +26,7 @@ mod robot_process;
 mod robot_refused;
 mod robots;
 mod sessions;
+mod shown_demo;
 mod signals;
 mod stability;
 mod stated;

@@ -1,5 +1,6 @@
 //! The telemetry of `frhc demo`: that of `frhc run`, from a node in this process; and the page that shows it.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -23,6 +24,8 @@ use view::server::Running;
 #[derive(Debug)]
 pub(super) struct Shown {
     socket: PathBuf,
+    /// Made when the socket was found; the first run has it.
+    first: RefCell<Option<Publisher>>,
     /// Folder of a socket that no other program looks for; removed at the end.
     _private: Option<TempDir>,
     _page: Option<Running>,
@@ -38,34 +41,38 @@ impl Shown {
         if args.telemetry.is_none() && args.speed().is_none() {
             return Ok(None);
         }
-        let Some((socket, private)) = socket(args, config)? else { return Ok(None) };
+        let Some((socket, private, first)) = socket(args, config)? else { return Ok(None) };
         let page = args.view.then(|| serve(args, socket.clone())).transpose()?;
-        Ok(Some(Self { socket, _private: private, _page: page }))
+        let first = RefCell::new(Some(first));
+        Ok(Some(Self { socket, first, _private: private, _page: page }))
     }
 
-    /// Offers the telemetry of a node.
+    /// Offers the telemetry of the next run.
     ///
     /// # Errors
     /// The socket cannot be created.
     pub(super) fn telemetry(&self, config: &Config) -> Result<Telemetry, Failure> {
-        Ok(Telemetry { publisher: publisher(&self.socket, config)?, timing: Timing::default() })
+        let publisher = self.first.take().map_or_else(|| publisher(&self.socket, config), Ok)?;
+        Ok(Telemetry { publisher, timing: Timing::default() })
     }
 }
 
-/// Finds the socket: that which is asked for, or the default one. Where another node has the latter, a page gets one in a folder of
+/// Listens at the socket: that which is asked for, or the default one. Where another node has the latter, a page gets one in a folder of
 /// its own, and without a page there is none.
 fn socket(
     args: &args::Shown,
     config: &Config,
-) -> Result<Option<(PathBuf, Option<TempDir>)>, Failure> {
+) -> Result<Option<(PathBuf, Option<TempDir>, Publisher)>, Failure> {
     let path = args.telemetry.clone().unwrap_or_else(|| feed_socket::beside(None));
     match publisher(&path, config) {
-        Ok(_) => Ok(Some((path, None))),
+        Ok(first) => Ok(Some((path, None, first))),
         Err(refused) if args.telemetry.is_some() => Err(refused),
         Err(refused) if args.view => {
             print::note(&format!("frhc top cannot see this demo: {refused}"));
             let folder = tempfile::tempdir().context("no temporary folder").or_fail(Kind::File)?;
-            Ok(Some((folder.path().join(NAME), Some(folder))))
+            let path = folder.path().join(NAME);
+            let first = publisher(&path, config)?;
+            Ok(Some((path, Some(folder), first)))
         }
         Err(refused) => {
             print::note(&format!("no telemetry: {refused}"));

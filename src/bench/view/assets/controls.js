@@ -13,7 +13,7 @@ const ACTIONS = [
   ["↓", "Orbit down", ["ArrowDown"], (camera) => camera.orbit(0, -STEP)],
   ["+", "Zoom in", ["+", "="], (camera) => camera.zoom(1 / ZOOM)],
   ["−", "Zoom out", ["-", "\u2212"], (camera) => camera.zoom(ZOOM)],
-  ["0", "Reset the camera", ["0"], (camera) => camera.reset()],
+  ["0", "0: resets the camera", ["0"], (camera) => camera.reset()],
 ];
 
 export function attach(canvas, camera, buttons) {

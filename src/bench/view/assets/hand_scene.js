@@ -96,7 +96,7 @@ export class HandScene {
     const base = this.reach * 0.16;
     const foot = [[base, base], [-base, base], [base, -base], [-base, -base]].map(([x, y]) => [x, y, this.floor]);
     const tip = origin(this.x_0_g);
-    const room = this.reach * 0.14;
+    const room = this.reach * 0.2;
     return [...foot, ...this.poses.map(origin), ...[[room, 0, 0], [-room, 0, 0], [0, room, 0], [0, -room, 0], [0, 0, room], [0, 0, -room]].map((off) => off.map((part, axis) => part + tip[axis]))];
   }
 }

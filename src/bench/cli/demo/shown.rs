@@ -58,7 +58,7 @@ impl Shown {
 }
 
 /// Listens at the socket: that which is asked for, or the default one. Where another node has the latter, a page gets one in a folder of
-/// its own, and without a page there is none.
+/// its own, and a demo without a page goes on without telemetry.
 fn socket(
     args: &args::Shown,
     config: &Config,

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # syscalls.sh: counts the system calls of the cycle's thread of `frhc run` in a second of contact, with an object in the
-# node's own scene and with a robot in another process.
+# node's own scene, the same with 20 readers of the telemetry of which 5 are stopped, and with a robot in another process.
 #
 # usage: scripts/with_vcan.sh -v -t 300 -i vcan0 -- scripts/syscalls.sh
 #
@@ -23,12 +23,18 @@ counted() {
   export XDG_RUNTIME_DIR=$work/$1 STATE_DIRECTORY=$work/$1/state
   mkdir -p "$STATE_DIRECTORY"
   "$frhc" -q sim --config "$2" --scenario contact_10s &
-  [[ $1 == virtual ]] ||
+  [[ $1 != link ]] ||
     "$frhc" -q robot --config config/kraft_like.toml --robot config/robots/puma560.toml \
       --socket "$XDG_RUNTIME_DIR/frhc/link.sock" >/dev/null &
   "$frhc" -q run --config "$2" >/dev/null &
   local node=$! thread
+  if [[ $1 == watched ]]; then
+    scripts/icount/readers.py 15 "$XDG_RUNTIME_DIR/frhc-view/telemetry.sock" &
+    scripts/icount/readers.py 5 "$XDG_RUNTIME_DIR/frhc-view/telemetry.sock" &
+    stopped=$!
+  fi
   until "$frhc" ctl --wait arm >/dev/null; do sleep 0.05; done
+  [[ $1 != watched ]] || kill -STOP "$stopped"
   sleep 5
   thread=$(grep -lx frhc-cycle "/proc/$node/task/"*/comm | cut -d/ -f5)
   timeout -s INT 1 strace -qq -o "$work/trace" -p "$thread" || true
@@ -39,5 +45,6 @@ counted() {
 }
 
 counted virtual config/kraft_like.toml
+counted watched config/kraft_like.toml
 linked >"$work/linked.toml"
 counted link "$work/linked.toml"

@@ -14,7 +14,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 BASELINE = ROOT / "benches/baseline.json"
 ALLOWED = 1.05
-CYCLES_PER_S = {"grouped": 1000, "recorded": 1000, "per_drive": 500}
+CYCLES_PER_S = {"grouped": 1000, "recorded": 1000, "watched": 1000, "per_drive": 500}
+ALLOWED_BY_READERS = 1.01
 SOUND = {"mode": "engaged", "overruns": "0", "missing_samples": "0"}
 CYCLE_THREAD = "frhc-cycle"
 
@@ -87,6 +88,11 @@ def main():
         "simulation, per simulated millisecond": {
             "demo": round((collected(folder / "demo.8") - collected(folder / "demo.6")) / 2000)},
     }
+    in_machine = measured["kernel and user, per cycle"]
+    alone, watched = (in_machine[case][CYCLE_THREAD] for case in ("grouped", "watched"))
+    print(f"{100 * (watched / alone - 1):+.2f} % of the cycle's thread with 20 readers")
+    if watched > alone * ALLOWED_BY_READERS:
+        sys.exit("icount: readers of the telemetry cost the cycle's thread more than 1 %")
     used = versions()
     if arguments.write:
         BASELINE.write_text(json.dumps({"versions": used, "instructions": measured}, indent=2) + "\n")

@@ -2,6 +2,8 @@
 # in_machine.sh CASE CONFIG [ARG...]: what the threads of `frhc run` with these arguments cost in a second of contact; on the
 # emulated machine (with_icount.sh).
 #
+# In the case `watched` 20 readers look at its telemetry, of which 5 are stopped.
+#
 # Prints for two moments the time used by each thread so far: CASE MOMENT THREAD NS, and the wall clock as the
 # thread `clock`. One nanosecond is one instruction.
 set -euo pipefail
@@ -29,8 +31,14 @@ shift 2
 chrt --fifo 70 "$frhc" -q sim --config "$config" --scenario contact_10s &
 "$frhc" -q run --config "$config" "$@" >/dev/null &
 node=$!
+if [[ $name == watched ]]; then
+  scripts/icount/readers.py 15 $XDG_RUNTIME_DIR/frhc-view/telemetry.sock &
+  scripts/icount/readers.py 5 $XDG_RUNTIME_DIR/frhc-view/telemetry.sock &
+  stopped=$!
+fi
 until "$frhc" ctl --wait arm >/dev/null 2>&1; do sleep 0.1; done
 sleep 5 # the object is pressed against the wall
+[[ $name != watched ]] || { kill -STOP $stopped && sleep 2; }
 moment "$name" 0 $node
 sleep 1
 moment "$name" 1 $node

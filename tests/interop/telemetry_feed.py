@@ -233,7 +233,7 @@ class Motion:
                 "sync_to_confirmation_us": percentiles(60, 70, 90),
                 "sync_to_sample_us": {key: [200, 260, 320, 380, 440, 500] for key in ("p50", "p99", "p99.9", "max")},
             },
-            "sampled": [joint != 2 or not is_stopped for joint in range(6)], "limit_used": share, "command_mode": "rate",
+            "sampled": [joint != 2 or not is_stopped for joint in range(6)], "limit_used": share,
             "command": {"kind": "hold"} if is_stopped else {"kind": "rate", "v_m": speed},
             "x_0_g": pose(x_0_g), "x_0_h": pose(transform(position=(0.25, 0, 0.1))), "x_b_m": pose(x_b_m), "q_r": self.q_r(held),
             "f_s": f_s, "f_g": f_g, "energy": -0.02 + 0.012 * math.sin(0.6 * held), "tank": 0.05, "activity": 0.1 if depth else 0.0,

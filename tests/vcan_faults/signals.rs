@@ -86,7 +86,7 @@ fn hazard_27_start_without_address_space_names_its_reason() {
     let _gateway = Gateway::at(NODE);
     let mut named = 0;
     // Around the size of the program with its libraries: what fails first is a library, a thread, or an allocation.
-    for limit in (14_000..=18_000).step_by(250) {
+    for limit in (15_000..=19_000).step_by(250) {
         let shell = format!("ulimit -v {limit}").leak();
         let mut rig = Rig::started("no-start", &Setup { shell, ..Setup::default() });
         let outcome = rig.node.take().unwrap().wait();

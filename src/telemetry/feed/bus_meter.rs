@@ -37,6 +37,12 @@ impl BusMeter {
         Self { buses: bitrates.into_iter().map(counted).collect(), since: None }
     }
 
+    /// Forgets all frames.
+    pub(super) fn restart(&mut self) {
+        self.since = None;
+        self.buses.iter_mut().for_each(|bus| (bus.frames, bus.bits) = (0, 0));
+    }
+
     /// Adds a frame.
     pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.since.get_or_insert(at);

@@ -188,19 +188,25 @@ impl Feed {
         })
     }
 
-    /// Sets whether there are readers. Without them no snapshot is made; the spans begin anew with the first.
+    /// Sets whether there are readers. Without them no snapshot is made and nothing is counted; spans, loads and
+    /// watchdogs begin anew with the first.
     pub fn set_read(&mut self, is_read: bool) {
         let was_read = std::mem::replace(&mut self.is_read, is_read);
         if !was_read {
             self.spans = Spans::NONE;
-            self.watchdogs.take();
+            self.buses.restart();
+            self.watchdogs.restart();
+            // The next cycle looks at what changes slowly.
+            self.mode_line_at = Instant::ZERO;
         }
     }
 
     /// Adds a frame. Returns the line about the mode, if it is due: while a network boots there are no cycles.
     pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> Option<FeedLine> {
-        self.buses.on_frame(at, telegram);
-        self.watchdogs.on_frame(at, telegram);
+        if self.is_read {
+            self.buses.on_frame(at, telegram);
+            self.watchdogs.on_frame(at, telegram);
+        }
         // Twice the time: with cycles the line is due earlier.
         (at.since(self.mode_line_at) >= MODE_EVERY * 2).then(|| self.mode_line(at))
     }
@@ -213,14 +219,14 @@ impl Feed {
     ) -> [Option<FeedLine>; 2] {
         let Record { mode, cause, not_off, .. } = *record;
         self.cycle = record.cycle;
-        self.watchdogs.on_record(record);
         if self.is_read {
+            self.watchdogs.on_record(record);
             self.spans.add(record);
         }
         let state = State { mode, cause, not_off };
         let has_changed = std::mem::replace(&mut self.state, state) != state;
         let is_due = record.at.since(self.mode_line_at) >= MODE_EVERY;
-        if is_due {
+        if is_due && self.is_read {
             self.buses.measure(record.at);
             self.scarce = scarce();
         }

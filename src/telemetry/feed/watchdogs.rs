@@ -106,6 +106,12 @@ impl Watchdogs {
         }
     }
 
+    /// Forgets everything.
+    pub(super) fn restart(&mut self) {
+        (self.missing, self.max_missing, self.max_age) = ([0; 6], 0, None);
+        self.nodes.iter_mut().chain([&mut self.master]).for_each(Beat::rest);
+    }
+
     /// Adds a frame.
     pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         let beats = self.nodes.iter_mut().chain([&mut self.master]);

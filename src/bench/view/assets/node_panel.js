@@ -54,7 +54,6 @@ export class NodePanel {
     facts.set("Time", quantity(snapshot.at_us / 1e6, 2, "s"));
     facts.set("Cycle", count(snapshot.cycle));
     facts.set("Reflection", plain(snapshot.reflection));
-    facts.set("Command mode", plain(snapshot.command_mode));
     facts.set("Command", commanded(snapshot.command));
     facts.set("Switch box", snapshot.switches_online === null ? "not configured" : snapshot.switches_online ? "online" : "offline");
     facts.set("Dampers active", quantity(100 * snapshot.activity, 0, "%"));

@@ -168,6 +168,16 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),
     row("docs/network.md", "cargo build", Lane::NotRun(BUILDS)),
     row("docs/network.md", "useradd", Lane::NotRun("changes the users of the machine")),
+    row(
+        "docs/telemetry.md",
+        "socat",
+        Lane::NotRun("needs socat: tests/vcan/telemetry.rs reads it"),
+    ),
+    row(
+        "docs/view.md",
+        "frhc demo --view",
+        Lane::NotRun("needs a browser: tests/interop/view_judges.py has one"),
+    ),
     row("docs/view.md", "frhc view", Lane::NotRun("serves until Ctrl-C: tests/program/view.rs")),
     row("docs/view.md", "ssh", Lane::NotRun("needs another machine")),
 ];

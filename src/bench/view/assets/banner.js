@@ -88,7 +88,14 @@ export class Banner {
     const key = JSON.stringify(steps);
     if (key === this.shownSteps) return;
     this.shownSteps = key;
-    this.list.replaceChildren(...steps.map((step) => make("li", "", plain(step))));
+    this.list.replaceChildren(...steps.map(item));
     setText(this.title, line?.stopped_by ? "How to leave this state" : "What leads on");
   }
+}
+
+/// Returns a step as an item of the list; what stands between backquotes is a command.
+function item(step) {
+  const element = make("li");
+  element.append(...plain(step).split("`").map((text, place) => (place % 2 ? make("code", "", text) : text)));
+  return element;
 }

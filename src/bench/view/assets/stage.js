@@ -61,6 +61,8 @@ export class Stage {
     if (!painter || !parts || this.isLost) return false;
     this.needsPicture = false;
     camera.isChanged = false;
+    // Shown from here on: before, it would be black.
+    this.canvas.dataset.drawn = "";
     const back = unit(subtract(camera.eye, camera.target));
     const right = unit(cross([0, 0, 1], back));
     const key = unit(add(add(scale(back, 0.55), scale(right, -0.45)), [0, 0, 0.8]));

@@ -8,7 +8,9 @@
 #            (600 MB of disk, a minute)
 #   browser  what judges the pages that frhc writes: xmllint (libxml2-utils), and a headless browser with its driver for
 #            tests/interop/browser.py. Chromium or Google Chrome is used where it is installed with a chromedriver of its version;
-#            else chromium and chromium-driver from Debian (120 MB to fetch, 410 MB of disk, a minute; root or sudo)
+#            else chromium and chromium-driver from Debian (120 MB to fetch, 410 MB of disk, a minute; root or sudo). axe-core,
+#            pinned by its checksum, which judges what a page is for those who do not see it, from npm into target/interop (0.7 MB),
+#            by npm or, without it, curl
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
@@ -48,6 +50,10 @@ done
 judges=()
 command -v xmllint >/dev/null || judges+=(libxml2-utils)
 python3 tests/interop/browser.py --which >/dev/null 2>&1 || judges+=(chromium chromium-driver)
+# The name says the version, the checksum the content; tests/interop/view_access.py reads it.
+axe=target/interop/axe-core-4.14.1.tgz
+axe_sha256=e6b0ce02b84d892e2e33e403485e7f3d6c29e2be6df65daf44d89ba564139745
+has_axe() { [[ -f $axe ]] && sha256sum --check --status <<<"$axe_sha256  $axe"; }
 has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }
 
 if [[ -n $only_list ]]; then
@@ -56,7 +62,10 @@ if [[ -n $only_list ]]; then
     missing+=("${packages[@]}")
     has_venv || missing+=("$venv")
   fi
-  if wanted browser; then missing+=("${judges[@]}"); fi
+  if wanted browser; then
+    missing+=("${judges[@]}")
+    has_axe || missing+=("$axe")
+  fi
   if wanted kernel && [[ ! -x $kernel ]]; then missing+=("$kernel"); fi
   if wanted icount; then missing+=("${rig[@]}"); fi
   ((${#missing[@]} == 0)) || { printf '%s\n' "${missing[@]}"; exit 1; }
@@ -77,6 +86,16 @@ fi
 if wanted browser && ((${#judges[@]})); then
   echo "setup: installing ${judges[*]} from Debian" >&2
   scripts/apt.sh install "${judges[@]}"
+fi
+if wanted browser && ! has_axe; then
+  echo "setup: fetching axe-core into $axe" >&2
+  mkdir -p target/interop
+  if command -v npm >/dev/null; then
+    npm pack --silent --pack-destination target/interop axe-core@4.14.1 >/dev/null
+  else
+    curl --fail --silent --show-error --location --output "$axe" https://registry.npmjs.org/axe-core/-/axe-core-4.14.1.tgz
+  fi
+  has_axe || { echo "setup: $axe is not the file of its checksum" >&2; rm -f "$axe"; exit 1; }
 fi
 if wanted icount && ((${#rig[@]})); then
   echo "setup: installing ${rig[*]} from Debian" >&2

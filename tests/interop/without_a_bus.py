@@ -14,9 +14,13 @@ import runner
 import sessions
 import top
 import view
+import view_access
+import view_hostile
+import view_judges
+import view_live
 
 TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
-         *top.TESTS]
+         *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 
 if __name__ == "__main__":
     sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))

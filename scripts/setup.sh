@@ -9,8 +9,7 @@
 #   browser  what judges the pages that frhc writes: xmllint (libxml2-utils), and a headless browser with its driver for
 #            tests/interop/browser.py. Chromium or Google Chrome is used where it is installed with a chromedriver of its version;
 #            else chromium and chromium-driver from Debian (120 MB to fetch, 410 MB of disk, a minute; root or sudo). axe-core,
-#            pinned by its checksum, which judges what a page is for those who do not see it, from npm into target/interop (0.7 MB),
-#            by npm or, without it, curl
+#            pinned by its checksum, which judges what a page is for those who do not see it, by npm into target/interop (0.7 MB)
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
@@ -90,12 +89,9 @@ fi
 if wanted browser && ! has_axe; then
   echo "setup: fetching axe-core into $axe" >&2
   mkdir -p target/interop
-  if command -v npm >/dev/null; then
-    npm pack --silent --pack-destination target/interop axe-core@4.14.1 >/dev/null
-  else
-    curl --fail --silent --show-error --location --output "$axe" https://registry.npmjs.org/axe-core/-/axe-core-4.14.1.tgz
-  fi
-  has_axe || { echo "setup: $axe is not the file of its checksum" >&2; rm -f "$axe"; exit 1; }
+  npm pack --silent --pack-destination target/interop axe-core@4.14.1 >/dev/null || true
+  # One judge of a page; all others go on without it, and its test says that it did not run.
+  has_axe || { echo "setup: axe-core was not fetched: npm is missing, or has not given the file of its checksum" >&2; rm -f "$axe"; }
 fi
 if wanted icount && ((${#rig[@]})); then
   echo "setup: installing ${rig[*]} from Debian" >&2

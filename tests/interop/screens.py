@@ -86,12 +86,12 @@ class Picture:
 
 def shot(browser):
     """Takes a picture of both views."""
-    told = browser.script("""return ["hand", "robot"].map(id => {
+    stated = browser.script("""return ["hand", "robot"].map(id => {
         const canvas = document.getElementById(`${id}-view`), box = canvas.getBoundingClientRect();
         const left = box.left + canvas.clientLeft, top = box.top + canvas.clientTop;
         return [id, [[left, top, canvas.clientWidth, canvas.clientHeight], canvas.dataset.camera, window.devicePixelRatio]];
     })""")
-    return Picture(browser, {view: (box, json.loads(camera), ratio) for view, (box, camera, ratio) in told})
+    return Picture(browser, {view: (box, json.loads(camera), ratio) for view, (box, camera, ratio) in stated})
 
 
 class Camera:

@@ -1,4 +1,4 @@
-"""`frhc view` for those who hear or type it: axe-core (MPL 2.0, by npm, fetched by scripts/setup.sh) finds no serious fault in any state of the page."""
+"""`frhc view` for screen readers and keyboards: axe-core (MPL 2.0, by npm, fetched by scripts/setup.sh) finds no serious fault in any state of the page."""
 
 import functools
 import tarfile

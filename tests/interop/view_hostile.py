@@ -97,7 +97,7 @@ def foreign_page(folder):
 def nothing_was_sent_to_the_node(feed):
     """Fails if a reader of the fake node has sent a byte."""
     with feed.lock:
-        assert feed.readers, "nobody reads the feed"
+        assert feed.readers, "the feed has no reader"
         for reader in feed.readers:
             with contextlib.suppress(BlockingIOError):
                 assert reader.recv(1, socket.MSG_DONTWAIT | socket.MSG_PEEK) == b"", "a byte came from the page's server"

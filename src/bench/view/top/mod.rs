@@ -1,6 +1,6 @@
 //! `frhc top`: a running node in a terminal. Keys change what is shown; nothing reaches the node.
 //!
-//! [`state`] is what was received, [`view`] draws it, [`screen`] is the terminal.
+//! `state` is what was received, `view` draws it, `screen` is the terminal.
 
 mod budget;
 mod head;

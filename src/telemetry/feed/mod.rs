@@ -123,7 +123,7 @@ pub struct Feed {
     robot_joints: usize,
     has_switch_box: bool,
     cycles_per_snapshot: u64,
-    /// There are readers; without them no snapshot is made.
+    /// There are readers.
     is_read: bool,
     state: State,
     cycle: u64,
@@ -188,11 +188,11 @@ impl Feed {
         })
     }
 
-    /// Sets whether there are readers. Without them no snapshot is made and nothing is counted; spans, loads and
-    /// watchdogs begin anew with the first.
+    /// Sets whether there are readers. Without them a line is made at a change of the mode only, and nothing is counted; spans,
+    /// loads and watchdogs begin anew with the first.
     pub fn set_read(&mut self, is_read: bool) {
         let was_read = std::mem::replace(&mut self.is_read, is_read);
-        if !was_read {
+        if is_read && !was_read {
             self.spans = Spans::NONE;
             self.buses.restart();
             self.watchdogs.restart();
@@ -203,10 +203,11 @@ impl Feed {
 
     /// Adds a frame. Returns the line about the mode, if it is due: while a network boots there are no cycles.
     pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> Option<FeedLine> {
-        if self.is_read {
-            self.buses.on_frame(at, telegram);
-            self.watchdogs.on_frame(at, telegram);
+        if !self.is_read {
+            return None;
         }
+        self.buses.on_frame(at, telegram);
+        self.watchdogs.on_frame(at, telegram);
         // Twice the time: with cycles the line is due earlier.
         (at.since(self.mode_line_at) >= MODE_EVERY * 2).then(|| self.mode_line(at))
     }
@@ -219,19 +220,21 @@ impl Feed {
     ) -> [Option<FeedLine>; 2] {
         let Record { mode, cause, not_off, .. } = *record;
         self.cycle = record.cycle;
-        if self.is_read {
-            self.watchdogs.on_record(record);
-            self.spans.add(record);
-        }
         let state = State { mode, cause, not_off };
         let has_changed = std::mem::replace(&mut self.state, state) != state;
+        if !self.is_read {
+            // For the next reader.
+            return [has_changed.then(|| self.mode_line(record.at)), None];
+        }
+        self.watchdogs.on_record(record);
+        self.spans.add(record);
         let is_due = record.at.since(self.mode_line_at) >= MODE_EVERY;
-        if is_due && self.is_read {
+        if is_due {
             self.buses.measure(record.at);
             self.scarce = scarce();
         }
         let mode = (has_changed || is_due).then(|| self.mode_line(record.at));
-        let is_snapshot = self.is_read && record.cycle.is_multiple_of(self.cycles_per_snapshot);
+        let is_snapshot = record.cycle.is_multiple_of(self.cycles_per_snapshot);
         [mode, is_snapshot.then(|| self.snapshot(record))]
     }
 

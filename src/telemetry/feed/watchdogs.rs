@@ -83,13 +83,8 @@ impl Beat {
 impl Watchdogs {
     /// Creates the watchdogs of a configuration.
     pub(super) fn new(config: &Config) -> Self {
-        let beat = |channel, node, limit| Beat {
-            channel,
-            node,
-            limit,
-            last: None,
-            longest: Duration::ZERO,
-        };
+        let (last, longest) = (None, Duration::ZERO);
+        let beat = |channel, node, limit| Beat { channel, node, limit, last, longest };
         let plans = config.node_plans().into_iter();
         let nodes = plans.filter(|(_, plan)| plan.error_control.period_ms() > 0);
         let nodes = nodes

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# interop.sh [--bus|--no-bus] [NAME...]: frhc with third-party programs, on real vcan in virtual time.
+# interop.sh [--bus|--no-bus|--timed] [NAME...]: frhc with third-party programs, on real vcan in virtual time.
 #
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
@@ -8,19 +8,20 @@
 # mcap and rosbags read exported sessions. tmux shows what `frhc top` draws. python-can with cantools is timed beside
 # `frhc decode`, and a headless browser is tried on a page of known faults, and shows the pages of `frhc report` and
 # `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
-# only those on the bus and in its logs, with --no-bus only the others.
+# only those on the bus and in its logs, with --no-bus only the others but those whose result is a time, with --timed these,
+# which need the machine for themselves.
 #
 # Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 part=
-case ${1:-} in --bus | --no-bus) part=$1; shift ;; esac
+case ${1:-} in --bus | --no-bus | --timed) part=$1; shift ;; esac
 scripts/setup.sh tools browser
 python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --release
 export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
-if [[ $part != --no-bus ]]; then
+if [[ -z $part || $part == --bus ]]; then
   rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
   # In virtual time a busy machine is not late.
@@ -30,4 +31,5 @@ if [[ $part != --no-bus ]]; then
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/zenoh_peers.py "$@"
   "$python" tests/interop/in_the_logs.py "$@"
 fi
-[[ $part == --bus ]] || "$python" tests/interop/without_a_bus.py "$@"
+if [[ -z $part || $part == --no-bus ]]; then "$python" tests/interop/without_a_bus.py "$@"; fi
+if [[ -z $part || $part == --timed ]]; then "$python" tests/interop/without_a_bus.py --timed "$@"; fi

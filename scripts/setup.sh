@@ -61,10 +61,7 @@ if [[ -n $only_list ]]; then
     missing+=("${packages[@]}")
     has_venv || missing+=("$venv")
   fi
-  if wanted browser; then
-    missing+=("${judges[@]}")
-    has_axe || missing+=("$axe")
-  fi
+  if wanted browser; then missing+=("${judges[@]}"); fi
   if wanted kernel && [[ ! -x $kernel ]]; then missing+=("$kernel"); fi
   if wanted icount; then missing+=("${rig[@]}"); fi
   ((${#missing[@]} == 0)) || { printf '%s\n' "${missing[@]}"; exit 1; }

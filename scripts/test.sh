@@ -70,6 +70,7 @@ link_peers() {
 }
 interop() { VCAN_UML_CPU=$1 scripts/interop.sh --bus; }
 interop_without_a_bus() { OMP_NUM_THREADS=1 scripts/interop.sh --no-bus; }
+interop_in_time() { scripts/interop.sh --timed; }
 drives() {
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i vcan0 -- scripts/drives_table.py --check
 }
@@ -129,6 +130,8 @@ lane "a session on other processors" other_processors
 lane "campaign of two thousand faults" campaign
 lane "a million cycles without a false stop" soak
 wait ${second:-} ${third:-}
+# Alone: their result is a time.
+[[ -n $missing ]] || lane "third-party programs and time" interop_in_time
 for output in "$work"/*.out; do
   echo "--- $(basename "$output" .out)"
   cat "$output"

@@ -16,7 +16,7 @@ use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
 use crate::record::{Mode, Record, SdoCounters};
-use crate::remote_side::Seen;
+use crate::remote_side::SideState;
 use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;
@@ -49,11 +49,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = self.command_drives(sync_at, &permit, &output);
         self.send_services(now, sync_at);
         self.wire.read_transmit_confirmation();
-        let seen = self.remote.seen(sync_at);
+        let side = self.remote.state(sync_at);
         self.remote.exchange(now, &output.command, self.safety.mode());
 
         self.timing.end_cycle();
-        self.record(now, sync_at, &input, &seen, output, targets)
+        self.record(now, sync_at, &input, &side, output, targets)
     }
 
     /// Raises these causes in order. Each step raises its causes at its end, because the next step needs the mode they
@@ -140,7 +140,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         now: Instant,
         sync_at: Instant,
         input: &Input,
-        seen: &Seen,
+        side: &SideState,
         output: Output,
         targets: [PerMille; 6],
     ) -> Record {
@@ -160,8 +160,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),
             f_s: input.f_s,
             x_b_m: input.x_b_m,
-            sample_age: seen.sample_age,
-            q_r: seen.q_r,
+            sample_age: side.sample_age,
+            q_r: side.q_r,
             output,
             targets: targets.map(|PerMille(target)| target),
             not_off: self.power_off.not_off(),

@@ -20,7 +20,7 @@ pub(super) struct RemoteSide<R> {
 
 /// Age of the newest sample, and the robot's joint positions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct SideState {
     pub(super) sample_age: Option<Duration>,
     pub(super) q_r: Option<RobotJoints>,
 }
@@ -48,9 +48,9 @@ impl<R: Remote> RemoteSide<R> {
         }
     }
 
-    /// Returns what is known beside the sample that this cycle acted on.
-    pub(super) fn seen(&self, sync_at: Instant) -> Seen {
-        Seen { sample_age: self.link.age(sync_at), q_r: self.remote.joints() }
+    /// Returns the state of the commanded side at SYNC.
+    pub(super) fn state(&self, sync_at: Instant) -> SideState {
+        SideState { sample_age: self.link.age(sync_at), q_r: self.remote.joints() }
     }
 
     /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that

@@ -35,8 +35,8 @@ const QUEUE: usize = 64;
 /// Interval in which new readers are accepted while there are no lines.
 const ACCEPT_EVERY: Duration = Duration::from_millis(50);
 
-/// Returns the path of the telemetry beside a control socket: in a folder of its own, whose group may differ. `None` stands for the
-/// control socket that is used if none is configured.
+/// Returns the path of the telemetry beside a control socket: in a folder of its own, whose group may differ. `None` is the default
+/// control socket.
 pub fn beside(socket: Option<&Path>) -> PathBuf {
     match socket {
         Some(socket) => socket.with_file_name("view").join(NAME),
@@ -92,6 +92,7 @@ impl Publisher {
 
     /// Takes a frame that was sent or received `at` this time.
     pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.feed.set_read(self.is_read.load(Ordering::Relaxed));
         let line = self.feed.on_frame(at, telegram);
         self.send(line);
     }
@@ -145,7 +146,7 @@ impl Sender {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.audience.admit(format!("{}{}", self.description, self.mode).as_bytes());
+            self.audience.admit(&[self.description.as_bytes(), self.mode.as_bytes()]);
             self.is_read.store(!self.audience.is_empty(), Ordering::Relaxed);
         }
     }
@@ -158,6 +159,7 @@ mod tests {
 
     use super::*;
     use crate::scratch;
+    use canopen::frame::{Channel, Frame};
     use config::Config;
     use telemetry::feed::Source;
 
@@ -190,10 +192,28 @@ mod tests {
             std::thread::yield_now();
         }
         publisher.on_record(&next, Scarce::default);
-        assert_eq!(kind(&mut lines), "snapshot");
+        assert_eq!([kind(&mut lines), kind(&mut lines)], ["mode", "snapshot"]);
         drop(publisher);
         assert!(lines.next().is_none(), "the thread has ended, and its readers with it");
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn reader_of_a_boot_gets_its_mode_again_with_the_frames() {
+        let path = scratch::path("boot").join("telemetry.sock");
+        let mut publisher = Publisher::start(&path, feed()).unwrap();
+        let mut lines = reader(&path);
+        assert_eq!([kind(&mut lines), kind(&mut lines)], ["description", "mode"]);
+        while !publisher.is_read.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+        let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x701, [0x7F]) };
+        for millis in [499, 500, 999, 1_000] {
+            publisher.on_frame(Instant::from_micros(1_000 * millis), &telegram);
+        }
+        assert_eq!([kind(&mut lines), kind(&mut lines)], ["mode", "mode"]);
+        drop(publisher);
+        assert!(lines.next().is_none());
     }
 
     #[test]

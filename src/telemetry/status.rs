@@ -74,6 +74,12 @@ pub struct JointLabel {
 }
 
 impl JointLabel {
+    /// Returns name and kind of a joint.
+    pub fn of(joint: &JointParameters) -> Self {
+        let is_prismatic = joint.plant.link.kind == JointKind::Prismatic;
+        Self { name: joint.name.clone(), is_prismatic }
+    }
+
     /// Returns the units of its position and its torque.
     pub const fn units(&self) -> [&'static str; 2] {
         if self.is_prismatic { ["m", "N"] } else { ["rad", "N·m"] }
@@ -82,11 +88,7 @@ impl JointLabel {
 
 /// Returns names and units of the joints of a configuration, base first.
 pub fn labels(config: &Config) -> Vec<JointLabel> {
-    let label = |joint: &JointParameters| JointLabel {
-        name: joint.name.clone(),
-        is_prismatic: joint.plant.link.kind == JointKind::Prismatic,
-    };
-    config.joints.iter().map(label).collect()
+    config.joints.iter().map(JointLabel::of).collect()
 }
 
 /// Position and torque of one joint, with their units.

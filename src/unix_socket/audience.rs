@@ -33,13 +33,14 @@ impl Audience {
     }
 
     /// Accepts those who wait, and sends them these first lines.
-    pub fn admit(&mut self, first_lines: &[u8]) {
+    pub fn admit(&mut self, first_lines: &[&[u8]]) {
         for _ in 0..MAX_READERS {
             let Ok((reader, _)) = self.listener.accept() else { return };
             // What a reader sends is never read: it gets EPIPE.
             let is_set = reader.set_nonblocking(true).and(reader.shutdown(Shutdown::Read));
             let has_room = self.readers.len() < MAX_READERS;
-            if has_room && is_set.is_ok() && takes(&reader, first_lines) {
+            let takes_all = || first_lines.iter().all(|line| takes(&reader, line));
+            if has_room && is_set.is_ok() && takes_all() {
                 self.readers.push(reader);
             }
         }
@@ -78,7 +79,7 @@ mod tests {
     fn reader_gets_first_lines_and_then_all_others() {
         let (_folder, mut audience, connect) = audience();
         let mut reader = connect();
-        audience.admit(b"first\n");
+        audience.admit(&[b"first\n"]);
         audience.send(b"second\n");
         assert!(!audience.is_empty());
         drop(audience);
@@ -91,7 +92,7 @@ mod tests {
     fn hazard_37_what_a_reader_sends_is_refused() {
         let (_folder, mut audience, connect) = audience();
         let mut reader = connect();
-        audience.admit(b"first\n");
+        audience.admit(&[b"first\n"]);
         let refused = reader.write_all(b"{\"ask\":\"arm\"}\n").unwrap_err();
         assert_eq!(refused.kind(), ErrorKind::BrokenPipe);
         audience.send(b"second\n");
@@ -102,7 +103,7 @@ mod tests {
     fn stopped_reader_is_dropped_and_the_others_read_on() {
         let (_folder, mut audience, connect) = audience();
         let (stopped, mut living) = (connect(), connect());
-        audience.admit(b"");
+        audience.admit(&[]);
         let mut buffer = LINE.to_vec();
         // The kernel's buffer holds some dozens of lines.
         for _ in 0..1_000 {
@@ -119,7 +120,7 @@ mod tests {
         let mut readers: Vec<_> = (0..=MAX_READERS)
             .map(|_| {
                 let reader = connect();
-                audience.admit(b"!");
+                audience.admit(&[b"!"]);
                 reader
             })
             .collect();

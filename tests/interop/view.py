@@ -102,9 +102,10 @@ def view_is_fast_enough_and_light(_):
             time.sleep(1.1)
             rates.append(float(browser.script("return document.documentElement.dataset.fps ?? 0")))
         first = browser.script("return document.documentElement.dataset.first_picture_ms")
-        print(f"  {max(rates[1:]):.0f} pictures a second at 1280 x 720 with software GL; first after {first} ms; {wire / 1000:.0f} kB", flush=True)
-        assert max(rates[1:]) >= MIN_FPS, rates
-        faults(browser)
+        rate = sorted(rates[1:])[1]
+        print(f"  {rate:.0f} pictures a second at 1280 x 720 with software GL; first after {first} ms; {wire / 1000:.0f} kB", flush=True)
+        assert rate >= MIN_FPS, rates
+        is_sound(browser, "speed")
 
 
 def view_shows_hostile_names_as_text(_):
@@ -200,10 +201,10 @@ def view_answers_no_other_host(_):
 
 TESTS = [
     view_draws_arm_and_robot_in_both_schemes_and_widths,
-    view_is_fast_enough_and_light,
     view_shows_hostile_names_as_text,
     view_survives_null_numbers_and_missing_keys,
     view_says_why_there_is_no_picture_without_webgl,
     view_says_that_there_is_no_node_and_connects_when_one_comes,
     view_answers_no_other_host,
 ]
+TIMED = [view_is_fast_enough_and_light]

@@ -35,6 +35,7 @@ const element = (name, key, path) => wait((resolve) => {
   const made = document.createElement(name);
   made.onload = () => resolve("loaded");
   made.onerror = () => resolve("nothing");
+  if (name === "link") made.rel = "stylesheet";
   made[key] = target + path;
   document.body.append(made);
 });
@@ -86,7 +87,33 @@ class Quiet(SimpleHTTPRequestHandler):
 def foreign_page(folder):
     """Serves a page of another origin; gives its port."""
     (Path(folder) / "index.html").write_text("<!DOCTYPE html><title>elsewhere</title><body></body>")
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder)) as server:
+    with served(partial(Quiet, directory=folder)) as port:
+        yield port
+
+
+class Permissive(Quiet):
+    """A server that gives all to everyone, as a page of an unguarded node would."""
+
+    def do_GET(self):
+        kind = {"feed": "text/event-stream", "main.js": "text/javascript", "icon.svg": "image/svg+xml", "view.css": "text/css"}.get(self.path[1:], "text/html")
+        texts = {"feed": "event: description\ndata: {}\n\n", "icon.svg": '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>'}
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Access-Control-Allow-Origin", self.headers["Origin"] or "*")
+        self.send_header("Access-Control-Allow-Credentials", "true")
+        self.end_headers()
+        self.wfile.write(texts.get(self.path[1:], "").encode() or b" ")
+
+
+# Attempts by which a page of another origin gets something from such a server. What is in a frame no browser shows to another origin,
+# and a form has no answer there: of these only what reaches the node counts.
+LEAKS = {"fetch", "fetch of the page", "fetch with credentials", "fetch without CORS", "EventSource", "script of the page", "img", "style"}
+
+
+@contextlib.contextmanager
+def served(handler):
+    """Serves a page of another origin, or without a guard; gives its port."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
             yield server.server_port
@@ -127,6 +154,9 @@ def view_gives_nothing_to_a_page_of_another_origin(_):
             browser.command("POST", "/url", url=f"http://{host}:{port}/")
             got = browser.command("POST", "/execute/async", script=ATTACK, args=[url])
             assert len(got) == 15 and set(got.values()) == {"nothing"}, (host, got)
+        with served(Permissive) as unguarded:
+            got = browser.command("POST", "/execute/async", script=ATTACK, args=[f"http://127.0.0.1:{unguarded}/"])
+            assert {name for name, what in got.items() if what != "nothing"} >= LEAKS, f"the attempts do not work: {got}"
         # The same port under a name of the attacker: the origin is then the page's own, as far as the browser knows.
         browser.command("POST", "/url", url=f"http://{FOREIGN_NAME}:{urlsplit(url).port}/")
         text = browser.script("return document.body.innerText")

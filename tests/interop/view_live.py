@@ -47,14 +47,11 @@ def view_passes_snapshots_on_within_its_limit(_):
         until(browser, f"window.arrivals.length >= {SNAPSHOTS}", "the snapshots")
         ages = np.diff(browser.script("return window.arrivals"), axis=1)
         p50, p99 = np.percentile(ages, [50, 99])
-        # Beside other tests the browser waits for a processor; then half of the snapshots are judged instead of 99 %.
-        is_idle = os.getloadavg()[0] <= os.cpu_count()
         shown_ms = float(browser.script("return document.documentElement.dataset.age_ms"))
         print(f"  {len(ages)} snapshots from the feed to the page: median {p50:.1f} ms, p99 {p99:.1f} ms, at most {ages.max():.1f} ms; "
               f"the newest drawn {shown_ms:.1f} ms after it came", flush=True)
         assert ages.min() > 0, "the clocks differ"
-        judged = p99 if is_idle else p50
-        assert judged <= MAX_FEED_TO_PAGE_MS, f"{'p99' if is_idle else 'median on a busy machine'} {judged:.1f} ms"
+        assert p99 <= MAX_FEED_TO_PAGE_MS, f"p99 {p99:.1f} ms"
         is_sound(browser, "latency")
 
 
@@ -134,4 +131,5 @@ def demos_at_once_show_their_own_node_each(_):
         assert second.interrupt()[0] == 130
 
 
-TESTS = [view_passes_snapshots_on_within_its_limit, demo_shows_contact_in_its_page_and_ends_with_ctrl_c, demos_at_once_show_their_own_node_each]
+TESTS = [demo_shows_contact_in_its_page_and_ends_with_ctrl_c, demos_at_once_show_their_own_node_each]
+TIMED = [view_passes_snapshots_on_within_its_limit]

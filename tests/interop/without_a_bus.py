@@ -1,4 +1,9 @@
-"""The tests that need neither bus nor logs: other programs compute what ours prints."""
+"""The tests that need neither bus nor logs: other programs compute what ours prints.
+
+usage: without_a_bus.py [--timed] [NAME...]
+
+With --timed those alone whose result is a time: they need the machine for themselves, and are left out otherwise.
+"""
 
 import contextlib
 import sys
@@ -22,5 +27,9 @@ import view_live
 TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
          *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 
+TIMED = [*view.TIMED, *view_live.TIMED]
+
 if __name__ == "__main__":
-    sys.exit(runner.run(TESTS, contextlib.nullcontext, sys.argv[1:]))
+    words = sys.argv[1:]
+    is_timed = words[:1] == ["--timed"]
+    sys.exit(runner.run(TIMED if is_timed else TESTS, contextlib.nullcontext, words[is_timed:]))

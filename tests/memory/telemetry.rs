@@ -1,4 +1,4 @@
-//! Telemetry of whole runs: its lines against the records and frames that they are made of, in each shipped configuration.
+//! Telemetry of simulated runs: its lines against the records and frames that they are made of, in each shipped configuration.
 #![cfg(test)]
 
 use std::cell::RefCell;
@@ -331,7 +331,7 @@ fn boot_has_no_cycles_and_yet_a_mode_line() {
     feed.set_read(true);
     let at = |millis: u64| Instant::from_micros(1_000 * millis);
     let due = (0..=3_000).filter(|millis| feed.on_frame(at(*millis), &telegram).is_some());
-    assert_eq!(due.collect::<Vec<_>>(), [1_000, 2_000, 3_000]);
+    assert_eq!(due.collect::<Vec<_>>(), [500, 1_000, 1_500, 2_000, 2_500, 3_000]);
     let mode: Value = serde_json::from_str(&feed.mode()).unwrap();
     assert_eq!((&mode["mode"], &mode["stopped_by"]), (&"boot".into(), &Value::Null));
     assert!(mode["way_out"][0].as_str().unwrap().starts_with("Wait"), "{mode}");

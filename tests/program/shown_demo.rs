@@ -1,4 +1,4 @@
-//! `frhc demo` with its telemetry and its page: readers change no byte of a session; what is asked for and cannot be had is named.
+//! `frhc demo` with its telemetry and its page: readers change no byte of a session; a socket or address that cannot be used is named.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -31,9 +31,10 @@ fn demo(runtime: &Path, args: &[&str]) -> Child {
     command.spawn().unwrap()
 }
 
-/// Connects as soon as the node listens.
-fn connected(socket: &Path) -> UnixStream {
+/// Connects as soon as the node of this demo listens.
+fn connected(demo: &mut Child, socket: &Path) -> UnixStream {
     loop {
+        assert!(demo.try_wait().unwrap().is_none(), "{}: the demo has ended", socket.display());
         match UnixStream::connect(socket) {
             Ok(stream) => return stream,
             Err(error) if error.kind() == ErrorKind::NotFound => thread::yield_now(),
@@ -53,8 +54,8 @@ fn readers_change_no_byte_of_a_session() {
     let socket = folder.join("frhc-view/telemetry.sock");
     assert!(!socket.exists(), "the socket ends with its demo");
     let mut child = run(&watched);
-    let first = connected(&socket);
-    let others: Vec<_> = (1..READERS).map(|_| connected(&socket)).collect();
+    let first = connected(&mut child, &socket);
+    let others: Vec<_> = (1..READERS).map(|_| connected(&mut child, &socket)).collect();
     let reading = &others[STOPPED..];
     let drained: Vec<_> = reading
         .iter()

@@ -33,7 +33,7 @@ pub struct Demo {
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
     #[command(flatten)]
-    pub(super) shown: Shown,
+    pub(super) telemetry: TelemetryArgs,
     /// Record bus.log (candump format), summary.json and faults/ in this folder.
     #[arg(short, long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
@@ -49,7 +49,7 @@ pub struct Demo {
 
 /// Speed of `frhc demo`, and its telemetry.
 #[derive(Debug, Args)]
-pub struct Shown {
+pub struct TelemetryArgs {
     /// Run in real time instead of as fast as possible.
     #[arg(long)]
     pub(super) realtime: bool,
@@ -63,11 +63,11 @@ pub struct Shown {
     #[arg(long, value_name = "ADDRESS:PORT", default_value = view::command::DEFAULT_ADDRESS, requires = "view")]
     pub(super) listen: SocketAddr,
     /// Offer the telemetry at this socket [default: in real time, that of frhc run; else none].
-    #[arg(long, value_name = "PATH")]
-    pub(super) telemetry: Option<PathBuf>,
+    #[arg(long = "telemetry", value_name = "PATH")]
+    pub(super) socket: Option<PathBuf>,
 }
 
-impl Shown {
+impl TelemetryArgs {
     /// Returns the most seconds of virtual time in a second of the wall clock; `None` for as fast as possible.
     pub(super) fn speed(&self) -> Option<f64> {
         self.speed.or((self.realtime || self.view).then_some(1.0))

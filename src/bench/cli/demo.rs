@@ -1,13 +1,13 @@
 //! `frhc demo`: node and simulation in one process, in virtual time.
 
-mod shown;
+mod viewers;
 
 use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::time::Duration;
 
 use crate::args::Demo;
-use crate::demo::shown::{Shown, Telemetry};
+use crate::demo::viewers::{DemoTelemetry, RunTelemetry};
 use crate::event_narrator::EventNarrator;
 use crate::session_inputs::SessionInputs;
 use crate::{quirks, scenario};
@@ -80,14 +80,14 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
     gains::warn(&config);
     contact::warn(&config);
-    let shown = Shown::start(&args.shown, &config)?;
+    let telemetry = DemoTelemetry::start(&args.telemetry, &config)?;
+    let telemetry = telemetry.as_ref();
+    let play = Play { args, quiet, config: &config, seconds, sources: &sources, telemetry };
     if scenario.compares_passivity() {
-        return compare(args, quiet, &config, &scenario, seconds, &sources, shown.as_ref());
+        return compare(&play, &scenario);
     }
     let out = args.out.as_deref();
     out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
-    let shown = shown.as_ref();
-    let play = Play { args, quiet, config: &config, seconds, sources: &sources, shown };
     let summary = play.recorded(out, scenario)?;
     if args.json {
         print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
@@ -113,15 +113,8 @@ fn refuse_interrupted(summary: &Summary) -> Result<(), Failure> {
 }
 
 /// Runs the scenario without and with the passivity layer.
-fn compare(
-    args: &Demo,
-    quiet: bool,
-    config: &Config,
-    scenario: &Scenario,
-    seconds: f64,
-    sources: &Sources,
-    shown: Option<&Shown>,
-) -> Result<(), Failure> {
+fn compare(play: &Play<'_>, scenario: &Scenario) -> Result<(), Failure> {
+    let Play { args, config, sources, .. } = *play;
     if config.controller.extensions.passivity.is_none() {
         let reason = "the scenario compares passivity layers; add [controller.passivity]";
         let file = args.config.display();
@@ -134,7 +127,7 @@ fn compare(
     }
     let run = |config, name, without_passivity| {
         let sources = &Sources { without_passivity, ..sources.clone() };
-        let play = Play { args, quiet, config, seconds, sources, shown };
+        let play = Play { config, sources, ..*play };
         let summary = play.recorded(folder(name).as_deref(), scenario.clone())?;
         refuse_interrupted(&summary).map(|()| summary)
     };
@@ -161,13 +154,14 @@ fn robot(config: &Config, seed: u64) -> Result<Side, Failure> {
 }
 
 /// Settings of one run.
+#[derive(Clone, Copy)]
 struct Play<'a> {
     args: &'a Demo,
     quiet: bool,
     config: &'a Config,
     seconds: f64,
     sources: &'a Sources,
-    shown: Option<&'a Shown>,
+    telemetry: Option<&'a DemoTelemetry>,
 }
 
 impl Play<'_> {
@@ -193,7 +187,7 @@ impl Play<'_> {
         let cycles = cycles(config, *seconds)?;
         let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::Bus)?;
         let recorder = RefCell::new(recorder);
-        let telemetry = self.shown.map(|shown| shown.telemetry(config)).transpose()?;
+        let telemetry = self.telemetry.map(|telemetry| telemetry.of_run(config)).transpose()?;
         let telemetry = RefCell::new(telemetry);
         let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let is_booting = Cell::new(true);
@@ -208,7 +202,7 @@ impl Play<'_> {
             Some(_) => robot(config, args.seed)?,
             None => Side::of(config),
         };
-        let course = Course { scenario, seed: args.seed, speed: args.shown.speed() };
+        let course = Course { scenario, seed: args.seed, speed: args.telemetry.speed() };
         let mut bench = Bench::recorded(config, side, course, tap, SessionInputs(&recorder));
         bench.bring_up().or_fail(Kind::Drive)?;
         is_booting.set(false);
@@ -268,7 +262,7 @@ fn cycles(config: &Config, seconds: f64) -> Result<u64, Failure> {
 /// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.
 struct Observer<'a, 'r> {
     recorder: &'a RefCell<&'r mut RunRecorder>,
-    telemetry: &'a RefCell<Option<Telemetry>>,
+    telemetry: &'a RefCell<Option<RunTelemetry>>,
     narrator: Option<EventNarrator>,
     is_booting: &'a Cell<bool>,
     progress: &'a Progress,

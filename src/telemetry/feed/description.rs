@@ -9,7 +9,6 @@ use crate::origin::Origin;
 use crate::status::JointLabel;
 use config::robots::{RobotArm, RobotJoint};
 use config::{Config, JointParameters};
-use controller::arm::JointKind;
 use remote::scene::HALF_CUBE;
 use remote::site::Virtual;
 
@@ -153,12 +152,11 @@ impl<'a> Description<'a> {
 
 fn hand_joint(joint: &JointParameters) -> HandJoint<'_> {
     let link = &joint.plant.link;
-    let is_prismatic = link.kind == JointKind::Prismatic;
-    let label = JointLabel { name: String::new(), is_prismatic };
+    let label = JointLabel::of(joint);
     let [position_unit, torque_unit] = label.units();
     HandJoint {
         name: &joint.name,
-        kind: if is_prismatic { "prismatic" } else { "revolute" },
+        kind: if label.is_prismatic { "prismatic" } else { "revolute" },
         alpha: link.alpha,
         a: link.a,
         d: link.d,

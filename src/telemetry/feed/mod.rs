@@ -43,7 +43,7 @@ const VERSION: u64 = 1;
 /// Intended time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(20);
 
-/// Time between two lines about the mode, and between two looks at what changes slowly.
+/// Time between two lines about the mode, and between two readings of slow values.
 const MODE_EVERY: Duration = Duration::from_millis(500);
 
 /// Program that the node runs in.
@@ -65,7 +65,7 @@ pub enum FeedLine {
     Snapshot(String),
 }
 
-/// Values that change slowly, or cost something to know: asked for every half second.
+/// Values that change slowly, or cost time to compute: taken every half second.
 #[derive(Clone, Debug, Default)]
 pub struct Scarce {
     /// Missed samples.
@@ -127,8 +127,10 @@ pub struct Feed {
     is_read: bool,
     state: State,
     cycle: u64,
-    /// Time of the last line about the mode.
-    mode_line_at: Instant,
+    /// Time of the last cycle, or of the line about the mode that came later.
+    active_at: Instant,
+    /// Time at which slow values were last taken; `None` before the first for a reader.
+    sampled_at: Option<Instant>,
     spans: Spans,
     buses: BusMeter,
     watchdogs: Watchdogs,
@@ -138,8 +140,7 @@ pub struct Feed {
 impl Feed {
     /// Creates the feed of a node before its boot. `origin` is the wall clock at time zero, if there is one.
     pub fn new(config: &Config, source: Source, origin: Option<Origin>) -> Self {
-        let per_snapshot = SNAPSHOT_EVERY.as_secs_f64() / config.period.as_secs_f64();
-        let cycles_per_snapshot = whole(per_snapshot).max(1);
+        let cycles_per_snapshot = cycles_per_snapshot(config.period);
         let description = Description::new(config, source, origin, cycles_per_snapshot);
         Self {
             description: line(&description),
@@ -151,7 +152,8 @@ impl Feed {
             is_read: false,
             state: State { mode: Mode::Boot, cause: None, not_off: [false; 6] },
             cycle: 0,
-            mode_line_at: Instant::ZERO,
+            active_at: Instant::ZERO,
+            sampled_at: None,
             spans: Spans::NONE,
             buses: BusMeter::new(config.buses.iter().map(|bus| bus.bitrate)),
             watchdogs: Watchdogs::new(config),
@@ -180,7 +182,7 @@ impl Feed {
         line(&ModeLine {
             head: Head::of("mode"),
             cycle: self.cycle,
-            at_us: self.mode_line_at.as_micros(),
+            at_us: self.active_at.as_micros(),
             mode: mode.name(),
             stopped_by: cause.map(|cause| cause.with_name(&names)),
             not_off,
@@ -196,8 +198,7 @@ impl Feed {
             self.spans = Spans::NONE;
             self.buses.restart();
             self.watchdogs.restart();
-            // The next cycle looks at what changes slowly.
-            self.mode_line_at = Instant::ZERO;
+            self.sampled_at = None;
         }
     }
 
@@ -208,39 +209,37 @@ impl Feed {
         }
         self.buses.on_frame(at, telegram);
         self.watchdogs.on_frame(at, telegram);
-        // Twice the time: with cycles the line is due earlier.
-        (at.since(self.mode_line_at) >= MODE_EVERY * 2).then(|| self.mode_line(at))
+        (at.since(self.active_at) >= MODE_EVERY).then(|| {
+            self.active_at = at;
+            FeedLine::Mode(self.mode())
+        })
     }
 
-    /// Adds a cycle. Returns the lines that are due; `scarce` is called for what changes slowly.
+    /// Adds a cycle. Returns the lines that are due; `scarce` is called for the slow values.
     pub fn on_record(
         &mut self,
         record: &Record,
         scarce: impl FnOnce() -> Scarce,
     ) -> [Option<FeedLine>; 2] {
-        let Record { mode, cause, not_off, .. } = *record;
-        self.cycle = record.cycle;
+        let Record { at, mode, cause, not_off, .. } = *record;
+        (self.cycle, self.active_at) = (record.cycle, at);
         let state = State { mode, cause, not_off };
         let has_changed = std::mem::replace(&mut self.state, state) != state;
         if !self.is_read {
             // For the next reader.
-            return [has_changed.then(|| self.mode_line(record.at)), None];
+            return [has_changed.then(|| FeedLine::Mode(self.mode())), None];
         }
         self.watchdogs.on_record(record);
         self.spans.add(record);
-        let is_due = record.at.since(self.mode_line_at) >= MODE_EVERY;
+        let is_due = self.sampled_at.is_none_or(|sampled_at| at.since(sampled_at) >= MODE_EVERY);
         if is_due {
-            self.buses.measure(record.at);
+            self.sampled_at = Some(at);
+            self.buses.measure(at);
             self.scarce = scarce();
         }
-        let mode = (has_changed || is_due).then(|| self.mode_line(record.at));
+        let mode = (has_changed || is_due).then(|| FeedLine::Mode(self.mode()));
         let is_snapshot = record.cycle.is_multiple_of(self.cycles_per_snapshot);
         [mode, is_snapshot.then(|| self.snapshot(record))]
-    }
-
-    fn mode_line(&mut self, at: Instant) -> FeedLine {
-        self.mode_line_at = at;
-        FeedLine::Mode(self.mode())
     }
 
     fn snapshot(&mut self, record: &Record) -> FeedLine {
@@ -257,15 +256,11 @@ impl Feed {
     }
 }
 
-/// Returns the nearest whole number.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "saturates at both ends of u64; NaN becomes 0"
-)]
-fn whole(number: f64) -> u64 {
-    number.round() as u64
+/// Returns the number of cycles that is nearest to the time between two snapshots.
+fn cycles_per_snapshot(period: Duration) -> u64 {
+    let (every, period) = (SNAPSHOT_EVERY.as_micros(), period.as_micros().max(1));
+    let nearest = (2 * every + period) / (2 * period);
+    u64::try_from(nearest).unwrap_or(u64::MAX).max(1)
 }
 
 /// Returns a value as a line of JSON. Numbers that are not finite are `null`.

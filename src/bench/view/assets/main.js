@@ -217,7 +217,11 @@ function showPanels(now) {
   setText(at("figures"), shown.isPaused ? "paused" : drawn);
   if (shown.isPaused || !shown.snapshot || !panels) return;
   for (const panel of panels) panel.show(shown.snapshot);
-  for (const view of views) tellWrench(view, shown.snapshot);
+  for (const view of views) {
+    // Its text may be due without a further picture.
+    placeLabel(view);
+    tellWrench(view);
+  }
 }
 
 read(onEvent, onLost);

@@ -1,4 +1,4 @@
-//! First rows: mode with its cause, drives that are not off, the way out, and what is wrong with the feed itself.
+//! First rows: mode with its cause, drives that are not off, the steps that lead on, and faults of the feed.
 
 use ratatui::style::Style;
 

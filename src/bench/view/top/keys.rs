@@ -1,4 +1,4 @@
-//! Keys. They change what is shown here, and nothing at the node.
+//! Keys that change the view. None acts on the node.
 
 use super::view::View;
 

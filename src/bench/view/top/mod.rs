@@ -1,4 +1,4 @@
-//! `frhc top`: a running node in a terminal. Keys change what is shown; nothing reaches the node.
+//! `frhc top`: a running node in a terminal. Keys change the view; nothing is sent to the node.
 //!
 //! `state` is what was received, `view` draws it, `screen` is the terminal.
 

@@ -34,7 +34,7 @@ impl Palette {
         self.coloured(Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED), Color::Red)
     }
 
-    /// Style of what is not as it should be.
+    /// Style of a value beyond its limit, and of a fault.
     pub(super) fn bad(self) -> Style {
         self.coloured(Self::strong(), Color::Red)
     }

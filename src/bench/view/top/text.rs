@@ -20,7 +20,7 @@ pub(super) fn clean(text: &str, max: usize) -> String {
     cleaned
 }
 
-/// Returns what stands for a character, or `None` if it is left out.
+/// Returns the replacement of a character, or `None` if it is left out.
 fn harmless(character: char) -> Option<char> {
     let is_direction = matches!(character,
         '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');

@@ -1,4 +1,4 @@
-//! Parts of a JSON object that a node sent: what is absent or of another type is absent, and nothing fails.
+//! Parts of a JSON object that a node sent. A part that is absent or of another type is `None`; nothing fails.
 
 use serde_json::Value;
 

@@ -1,4 +1,4 @@
-//! Wrenches sensed and felt, the command, and the reflection port.
+//! Wrenches on the object and on the hand, the command, and the reflection port.
 
 use ratatui::style::Style;
 
@@ -46,7 +46,7 @@ pub(super) fn wide(state: &State) -> Vec<Row> {
     [row([(heading, Palette::strong())])].into_iter().chain(WRENCHES.map(of_key)).collect()
 }
 
-/// Returns the magnitudes of the forces sensed and felt: 40 columns.
+/// Returns the magnitudes of the forces on the object and on the hand: 40 columns.
 pub(super) fn forces(state: &State) -> Row {
     let force = |key| fixed(magnitude(&wrench(state, key).force), 8, 2);
     plain(format!("sensed{} N   felt{} N", force("f_s"), force("f_g")))

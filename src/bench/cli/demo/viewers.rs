@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use tempfile::TempDir;
 
-use crate::args;
+use crate::args::TelemetryArgs;
 use canopen::frame::Telegram;
 use config::Config;
 use node::record::Record;
@@ -22,7 +22,7 @@ use view::server::Running;
 
 /// Socket of a demo's telemetry, and its page.
 #[derive(Debug)]
-pub(super) struct Shown {
+pub(super) struct DemoTelemetry {
     socket: PathBuf,
     /// Made when the socket was found; the first run has it.
     first: RefCell<Option<Publisher>>,
@@ -31,14 +31,14 @@ pub(super) struct Shown {
     _page: Option<Running>,
 }
 
-impl Shown {
-    /// Finds the socket of a demo in real time, or of one whose telemetry is asked for, and serves its page if that is asked for;
-    /// `None` for any other demo.
+impl DemoTelemetry {
+    /// Offers the telemetry of a demo in real time, or of one with `--telemetry`, and serves its page with `--view`; `None` for any other
+    /// demo.
     ///
     /// # Errors
-    /// The socket or the address that is asked for cannot be used.
-    pub(super) fn start(args: &args::Shown, config: &Config) -> Result<Option<Self>, Failure> {
-        if args.telemetry.is_none() && args.speed().is_none() {
+    /// The socket of `--telemetry`, or the address of the page, cannot be used.
+    pub(super) fn start(args: &TelemetryArgs, config: &Config) -> Result<Option<Self>, Failure> {
+        if args.socket.is_none() && args.speed().is_none() {
             return Ok(None);
         }
         let Some((socket, private, first)) = socket(args, config)? else { return Ok(None) };
@@ -51,22 +51,22 @@ impl Shown {
     ///
     /// # Errors
     /// The socket cannot be created.
-    pub(super) fn telemetry(&self, config: &Config) -> Result<Telemetry, Failure> {
+    pub(super) fn of_run(&self, config: &Config) -> Result<RunTelemetry, Failure> {
         let publisher = self.first.take().map_or_else(|| publisher(&self.socket, config), Ok)?;
-        Ok(Telemetry { publisher, timing: Timing::default() })
+        Ok(RunTelemetry { publisher, timing: Timing::default() })
     }
 }
 
-/// Listens at the socket: that which is asked for, or the default one. Where another node has the latter, a page gets one in a folder of
-/// its own, and a demo without a page goes on without telemetry.
+/// Listens at the socket of `--telemetry`, or at the default one. Where another node has the latter, a page gets a socket in a temporary
+/// folder, and a demo without a page goes on without telemetry.
 fn socket(
-    args: &args::Shown,
+    args: &TelemetryArgs,
     config: &Config,
 ) -> Result<Option<(PathBuf, Option<TempDir>, Publisher)>, Failure> {
-    let path = args.telemetry.clone().unwrap_or_else(|| feed_socket::beside(None));
+    let path = args.socket.clone().unwrap_or_else(|| feed_socket::beside(None));
     match publisher(&path, config) {
         Ok(first) => Ok(Some((path, None, first))),
-        Err(refused) if args.telemetry.is_some() => Err(refused),
+        Err(refused) if args.socket.is_some() => Err(refused),
         Err(refused) if args.view => {
             print::note(&format!("frhc top cannot see this demo: {refused}"));
             let folder = tempfile::tempdir().context("no temporary folder").or_fail(Kind::File)?;
@@ -87,7 +87,7 @@ fn publisher(socket: &Path, config: &Config) -> Result<Publisher, Failure> {
 }
 
 /// Serves the page of the node at this socket, and says where.
-fn serve(args: &args::Shown, socket: PathBuf) -> Result<Running, Failure> {
+fn serve(args: &TelemetryArgs, socket: PathBuf) -> Result<Running, Failure> {
     let server = command::bind(args.listen, vec![socket])?;
     print::note(&format!("look at http://{}/", server.address()));
     server.start().or_fail(Kind::Bus)
@@ -95,12 +95,12 @@ fn serve(args: &args::Shown, socket: PathBuf) -> Result<Running, Failure> {
 
 /// The telemetry of one run.
 #[derive(Debug)]
-pub(super) struct Telemetry {
+pub(super) struct RunTelemetry {
     publisher: Publisher,
     timing: Timing,
 }
 
-impl Telemetry {
+impl RunTelemetry {
     /// Takes a frame that was sent or received `at` this time.
     pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.publisher.on_frame(at, telegram);

@@ -226,7 +226,8 @@ mod tests {
             let finely = (1..20_000).map(|step| law.condition(PI * f64::from(step) / 20_000.0));
             let summit = finely.fold(f64::NEG_INFINITY, f64::max);
             let required = law.required_damping();
-            prop_assert!(required >= summit, "{required} for {summit}");
+            // Rounding at the summit.
+            prop_assert!(required >= summit * (1.0 - 1e-12), "{required} for {summit}");
             prop_assert!(required <= summit * (1.0 + 1e-6), "{required} for {summit}");
         }
 

@@ -24,10 +24,10 @@ import view_hostile
 import view_judges
 import view_live
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *decode_speed.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
          *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 
-TIMED = [*view.TIMED, *view_live.TIMED]
+TIMED = [*decode_speed.TIMED, *view.TIMED, *view_live.TIMED]
 
 if __name__ == "__main__":
     words = sys.argv[1:]

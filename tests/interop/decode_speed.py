@@ -66,16 +66,17 @@ def measured(seconds):
     """Returns the lines of a log, and the time of each reader, in s."""
     with tempfile.TemporaryDirectory() as folder:
         log, lines = recorded(folder, seconds)
-        # The shorter of two: the first may find the log on the disk.
-        text, as_json = (min(ours(log, *options) for _ in range(2)) for options in ([], ["--json"]))
-        times = {"text": text, "json": as_json, "decoded": pythons(log)}
+        # The shortest of several each: the first may find the log on the disk, and other programs share caches and cores.
+        text, as_json = (min(ours(log, *options) for _ in range(4)) for options in ([], ["--json"]))
         with open(os.devnull, "w") as nowhere:
-            return lines, {**times, "written": pythons(log, nowhere)}
+            decoded, written = (min(pythons(log, to) for _ in range(2)) for to in (None, nowhere))
+        return lines, {"text": text, "json": as_json, "decoded": decoded, "written": written}
 
 
 def decode_is_ten_times_as_fast_as_python_can_with_cantools(_):
-    lines, times = measured(12)
-    assert lines > 100_000, lines
+    # Long enough that the start of `frhc`, which is in its time, does not count: Python's is not in Python's.
+    lines, times = measured(40)
+    assert lines > 350_000, lines
     # Text, although Python writes nothing; JSON, where it writes JSON.
     assert WANTED * times["text"] <= times["decoded"], times
     assert WANTED * times["json"] <= times["written"], times

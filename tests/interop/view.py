@@ -21,7 +21,8 @@ FRHC = os.environ["FRHC"]
 PATIENCE_S = 30
 WIDTHS = {"desktop": (1280, 720), "phone": (375, 812)}
 MAX_WIRE_BYTES = 250_000
-MIN_FPS = 10
+# Pictures a second: at least, and on a machine that does nothing else.
+MIN_FPS, MIN_FPS_IDLE = 10, 30
 MAX_FIRST_PICTURE_MS = 1000
 
 
@@ -90,7 +91,18 @@ def view_draws_arm_and_robot_in_both_schemes_and_widths(_):
                 assert "Felt at the grip" in text_of(browser, "#hand-wrench")
 
 
+def machine_is_idle():
+    """Returns whether other programs take less than a tenth of the processors for a second."""
+    def times():
+        user, nice, system, idle, *rest = map(int, Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+        return idle, user + nice + system + idle + sum(rest)
+
+    (idle, total), _, (idle_after, total_after) = times(), time.sleep(1.0), times()
+    return idle_after - idle > 0.9 * (total_after - total)
+
+
 def view_is_fast_enough_and_light(_):
+    was_idle = machine_is_idle()
     with tempfile.TemporaryDirectory() as folder, page(folder) as (url, node), Feed(node, Motion(description())), Browser(SOFTWARE_GL) as browser:
         browser.open_url(url, 1280, 720)
         drawn(browser)
@@ -104,7 +116,7 @@ def view_is_fast_enough_and_light(_):
         first = browser.script("return document.documentElement.dataset.first_picture_ms")
         rate = sorted(rates[1:])[1]
         print(f"  {rate:.0f} pictures a second at 1280 x 720 with software GL; first after {first} ms; {wire / 1000:.0f} kB", flush=True)
-        assert rate >= MIN_FPS, rates
+        assert rate >= (MIN_FPS_IDLE if was_idle else MIN_FPS), (rates, was_idle)
         is_sound(browser, "speed")
 
 

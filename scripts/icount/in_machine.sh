@@ -1,26 +1,30 @@
 #!/usr/bin/env bash
-# in_machine.sh CASE CONFIG [ARG...]: what the threads of `frhc run` with these arguments cost in a second of contact; on the
+# in_machine.sh CASE CONFIG [ARG...]: what the threads of `frhc run` with these arguments cost in two seconds of contact; on the
 # emulated machine (with_icount.sh).
 #
 # In the case `watched` 20 readers look at its telemetry, of which 5 are stopped.
 #
-# Prints for two moments the time used by each thread so far: CASE MOMENT THREAD NS, and the wall clock as the
-# thread `clock`. One nanosecond is one instruction.
+# Prints for each of nine moments the time used by each thread so far, and the wall clock at which it was read: CASE MOMENT THREAD NS CLOCK_US.
+# One nanosecond is one instruction.
 set -euo pipefail
 # In memory: a page that is read from this machine's disk arrives in this machine's time.
 cp target/release/frhc /tmp/frhc
 frhc=/tmp/frhc
-ldd $frhc "$(command -v sleep)" "$(command -v date)" "$(command -v sed)" "$BASH" | sed -n 's|.* \(/[^ ]*\) (.*|\1|p' | xargs cat >/dev/null
-cat "$(command -v sleep)" "$(command -v date)" "$(command -v sed)" >/dev/null
+ldd $frhc "$(command -v sleep)" "$(command -v sed)" "$BASH" | sed -n 's|.* \(/[^ ]*\) (.*|\1|p' | xargs cat >/dev/null
+cat "$(command -v sleep)" "$(command -v sed)" >/dev/null
 
 # moment CASE MOMENT PID
 moment() {
-  local folder thread used rest
-  echo "$1 $2 clock $(date +%s%N)"
+  local folder thread used rest before after
   for folder in /proc/"$3"/task/*; do
     read -r thread <"$folder/comm"
-    read -r used rest <"$folder/schedstat"
-    echo "$1 $2 $thread $used"
+    while # another program may run between the two: then again
+      before=${EPOCHREALTIME/./}
+      read -r used rest <"$folder/schedstat"
+      after=${EPOCHREALTIME/./}
+      ((after - before > 200))
+    do :; done
+    echo "$1 $2 $thread $used $after"
   done
 }
 
@@ -37,9 +41,11 @@ if [[ $name == watched ]]; then
   stopped=$!
 fi
 until "$frhc" ctl --wait arm >/dev/null 2>&1; do sleep 0.1; done
-sleep 5 # the object is pressed against the wall
+sleep 4 # the object is pressed against the wall
 [[ $name != watched ]] || { kill -STOP $stopped && sleep 2; }
 moment "$name" 0 $node
-sleep 1
-moment "$name" 1 $node
-"$frhc" ctl status | sed -n "s/^\(mode\|overruns\|missing_samples\) */$name 1 \1 /p"
+for number in {1..8}; do
+  sleep 0.25
+  moment "$name" "$number" $node
+done
+"$frhc" ctl status | sed -n "s/^\(mode\|overruns\|missing_samples\) */$name 8 \1 /p"

@@ -9,7 +9,7 @@ use crate::joints::JointParameters;
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::value::Value;
-use crate::{arm, interpretation};
+use crate::{arm, interpretation, scale};
 use controller::Settings;
 use controller::arm::Arm;
 use controller::channels::Channels;
@@ -56,6 +56,7 @@ pub(super) fn settings(
         .assist_fraction
         .get()
         .and_then(|fraction| problems.take(&given.assist_fraction, AssistFraction::new(fraction)));
+    let bounds = scale::bounds(given, problems);
     let arm = arm(raw, around, problems);
     let coupling = arm::coupling(raw, problems);
     let calibration = around.joints.map(|joints| arm::calibration(joints, coupling));
@@ -84,6 +85,7 @@ pub(super) fn settings(
         reflection: reflection?,
         damping: damping?,
         assist_fraction: assist_fraction?,
+        bounds: bounds?,
         extensions,
     })
 }

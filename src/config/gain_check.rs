@@ -21,6 +21,7 @@ use controller::JointVector;
 use controller::arm::Arm;
 use controller::friction::MAX_SHARE;
 use controller::gains::AXES;
+use controller::scaling::Scale;
 use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
 use controller::stability::device::{Device, JointResistance, Massless};
 use controller::stability::finding::{Culprit, Finding, Verdict};
@@ -76,10 +77,11 @@ pub(super) fn check(
     if problems.count() > 0 {
         return;
     }
-    let findings = match judged(config) {
-        Ok(findings) => findings,
+    let judged = match JudgedAxes::new(config) {
+        Ok(judged) => judged,
         Err(massless) => return problems.add(&raw.joint, massless),
     };
+    let findings = judged.findings(&Scale::ONE);
     for (is_rotation, axes) in [false, true].into_iter().zip(findings.chunks(3)).filter(|_| refuses)
     {
         let found = axes.iter().flatten().cloned();
@@ -89,24 +91,77 @@ pub(super) fn check(
             problems.add(place(worst.culprit, is_rotation, raw), worst);
         }
     }
+    if refuses && problems.count() == 0 {
+        check_scales(&judged, &config.controller.bounds.scale, raw, problems);
+    }
+}
+
+/// Judges the gains at every combination of the scales' bounds, those of motion and rotation together. Reports the first that is
+/// refused.
+fn check_scales(
+    judged: &JudgedAxes,
+    [low, high]: &[Scale; 2],
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) {
+    let corners = [low, high]
+        .into_iter()
+        .flat_map(|command| [low.force, high.force].map(|force| Scale { force, ..*command }));
+    let refused = corners.filter(|scale| *scale != Scale::ONE).find_map(|scale| {
+        let findings = judged.findings(&scale);
+        let refused = findings.into_iter().flatten();
+        let refused = refused.filter(|finding| finding.verdict == Verdict::Refuses);
+        refused.max_by(|a, b| a.share().total_cmp(&b.share())).map(|worst| (scale, worst))
+    });
+    if let Some((Scale { motion, rotation, force }, worst)) = refused {
+        let at = format_args!("at motion {motion}, rotation {rotation}, force {force}: {worst}");
+        problems.add(raw.controller.scale.place(), at);
+    }
 }
 
 impl Parameters {
     /// Returns every inequality of every axis, held or violated.
     pub fn findings(&self) -> Vec<Finding> {
-        judged(self).into_iter().flatten().flatten().collect()
+        let judged = JudgedAxes::new(self).map(|judged| judged.findings(&Scale::ONE));
+        judged.into_iter().flatten().flatten().collect()
     }
 }
 
-/// Returns the findings of each axis: passivity and closed forms, then the gate.
-fn judged(config: &Parameters) -> Result<[Vec<Finding>; 6], Massless> {
-    let (axes, postures) = (axes(config)?, postures(config)?);
-    let gate = Gate { axes: &axes, postures: &postures };
-    Ok([0, 1, 2, 3, 4, 5].map(|index| {
-        let mut findings = axes.get(index).map(Axis::findings).unwrap_or_default();
-        findings.extend(gate.findings(index));
-        findings
-    }))
+/// The six axes of the grip as configured, and the postures that they are judged in.
+struct JudgedAxes {
+    axes: [Axis; 6],
+    postures: Vec<GripDynamics>,
+}
+
+impl JudgedAxes {
+    fn new(config: &Parameters) -> Result<Self, Massless> {
+        let (axes, postures) = (axes(config)?, postures(config)?);
+        Ok(Self { axes, postures })
+    }
+
+    /// Returns the findings of each axis at these scales: passivity and closed forms, then the gate.
+    fn findings(&self, scale: &Scale) -> [Vec<Finding>; 6] {
+        let axes = self.axes.each_ref().map(|axis| scaled(axis, scale));
+        let gate = Gate { axes: &axes, postures: &self.postures };
+        [0, 1, 2, 3, 4, 5].map(|index| {
+            let mut findings = axes.get(index).map(Axis::findings).unwrap_or_default();
+            findings.extend(gate.findings(index));
+            findings
+        })
+    }
+}
+
+/// Returns an axis with its gains at these scales.
+fn scaled(axis: &Axis, scale: &Scale) -> Axis {
+    let command = if axis.is_rotation { scale.rotation } else { scale.motion };
+    let AxisGains { rate, pose, wrench, .. } = axis.gains;
+    let gains = AxisGains {
+        rate: rate * command,
+        pose: pose * command,
+        wrench: wrench * scale.force,
+        ..axis.gains
+    };
+    Axis { gains, ..*axis }
 }
 
 /// Returns the most violated of the findings with the same name.

@@ -54,6 +54,7 @@ pub mod rest;
 mod rest_check;
 pub mod robots;
 mod safety;
+mod scale;
 pub mod section;
 pub mod shipped;
 mod shown_mode;
@@ -320,6 +321,8 @@ fn convert(
     let link = link::read(raw, period, problems);
     let far_side = far_side::read(raw, link.as_ref(), remote.as_ref(), problems);
     let (remote, robot) = remote?;
+    let mut controller = controller?;
+    controller.bounds.yields = remote.interaction.accommodation.gain().map(|gain| gain > 0.0);
     let config = Parameters {
         file: file.to_path_buf(),
         period: period?,
@@ -338,7 +341,7 @@ fn convert(
         gravity: gravity?,
         contact_bounds,
         switches: switches?,
-        controller: controller?,
+        controller,
         command_mode: mode?,
         operator: operator?,
         remote,
@@ -376,6 +379,7 @@ fn check_sections(
     facts::check_config(config, raw, problems);
     rest_check::check(config, raw, problems);
     protection::check(config, raw, problems);
+    switch_box::check(config.switches.as_ref(), &config.controller.bounds, raw, problems);
     gain_check::check(config, refuses, raw, problems);
     exchange
 }

@@ -156,6 +156,13 @@ sections! {
         product_code: Value<u32>,
         revision: Value<u32>,
         boot: Option<Boot>,
+        button: Option<Sections<Button>>,
+    }
+
+    /// A button of the switch box, and what a press does.
+    Button {
+        bit: Value<u8>,
+        press: Value<String>,
     }
 
     Controller {
@@ -188,6 +195,14 @@ sections! {
         passivity: Option<Passivity>,
         tank: Option<Tank>,
         virtual_coupling: Option<VirtualCoupling>,
+        scale: OrEmpty<Scale>,
+    }
+
+    /// Bounds of the scales set while running, [low, high] each.
+    Scale {
+        motion: Optional<List<f64, 2>>,
+        rotation: Optional<List<f64, 2>>,
+        force: Optional<List<f64, 2>>,
     }
 
     /// Single readings of the paper, each over the preset's.

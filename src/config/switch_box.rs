@@ -10,11 +10,14 @@ use thiserror::Error;
 
 use crate::boot::{self, BootSettings, Given};
 use crate::problem::Problems;
+use crate::section::Sections;
 use crate::{lookup, raw};
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::plan::Identity;
+use controller::adjustment::Bounds;
+use units::adjustment::{Adjustment, InvalidAdjustment};
 
 /// The switch box on the network.
 #[derive(Clone, Debug)]
@@ -29,6 +32,8 @@ pub struct SwitchBox {
     pub boot: BootSettings,
     /// Its data sheet.
     pub eds: Arc<Eds>,
+    /// Adjustments of its buttons: input bits 4 to 7.
+    pub buttons: [Option<Adjustment>; 4],
 }
 
 /// The configuration has no switch box, so nothing can be armed.
@@ -66,10 +71,61 @@ fn read(
         problems.add(&boot.mode_shown, "only a drive has a mode");
     }
     let boot = boot::of_node(switches.boot.as_ref(), given, problems);
+    let buttons = buttons(switches.button.as_ref(), problems);
     let identity = Identity {
         vendor: switches.vendor_id.get()?,
         product: switches.product_code.get()?,
         revision: switches.revision.get()?,
     };
-    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds? })
+    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds?, buttons })
+}
+
+/// Reads the adjustment of each button.
+fn buttons(
+    given: Option<&Sections<raw::Button>>,
+    problems: &mut Problems<'_>,
+) -> [Option<Adjustment>; 4] {
+    let mut buttons = [None; 4];
+    for button in given.into_iter().flat_map(Sections::all) {
+        let bit = problems.within(&button.bit, 4..=7);
+        let Some(press) = button.press.as_ref() else { continue };
+        let adjustment = match press.parse() {
+            Ok(Adjustment::Lock(_, false)) => {
+                problems.add(&button.press, "a press locks and releases in turn; write \"on\"");
+                continue;
+            }
+            Ok(adjustment) => adjustment,
+            Err(invalid) => {
+                let invalid: InvalidAdjustment = invalid;
+                problems.add(&button.press, invalid);
+                continue;
+            }
+        };
+        let Some(place) = bit.and_then(|bit| buttons.get_mut(usize::from(bit - 4))) else {
+            continue;
+        };
+        if place.replace(adjustment).is_some() {
+            problems.add(&button.bit, "another button has this bit");
+        }
+    }
+    buttons
+}
+
+/// Checks the scales of buttons against their bounds.
+pub(super) fn check(
+    switches: Option<&SwitchBox>,
+    bounds: &Bounds,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) {
+    let Some(place) = raw.switches.as_ref().and_then(|switches| switches.button.as_ref()) else {
+        return;
+    };
+    for adjustment in switches.into_iter().flat_map(|switches| switches.buttons).flatten() {
+        if let Adjustment::Scale(quantity, factor) = adjustment
+            && let Err(refused) = bounds.check_scale(quantity, factor)
+        {
+            problems.add(place, refused);
+        }
+    }
 }

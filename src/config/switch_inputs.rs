@@ -11,6 +11,8 @@ pub struct SwitchInputs {
     pub reference: bool,
     /// Bit 3: switch of force reflection.
     pub reflection: bool,
+    /// Bits 4 to 7: buttons with an adjustment each, where the configuration has one.
+    pub buttons: [bool; 4],
 }
 
 /// State of the deadman by both channels.
@@ -25,22 +27,27 @@ pub enum Deadman {
 }
 
 impl SwitchInputs {
-    /// Decodes the byte of the switch box (6000h:1); bits 4 to 7 are not connected.
+    /// Decodes the byte of the switch box (6000h:1).
     pub const fn from_bits(bits: u8) -> Self {
         Self {
             deadman_a: bits & 1 != 0,
             deadman_b: bits & 1 << 1 != 0,
             reference: bits & 1 << 2 != 0,
             reflection: bits & 1 << 3 != 0,
+            buttons: [
+                bits & 1 << 4 != 0,
+                bits & 1 << 5 != 0,
+                bits & 1 << 6 != 0,
+                bits & 1 << 7 != 0,
+            ],
         }
     }
 
     /// Encodes them as the byte of the switch box (6000h:1).
     pub fn bits(self) -> u8 {
-        u8::from(self.deadman_a)
-            | u8::from(self.deadman_b) << 1
-            | u8::from(self.reference) << 2
-            | u8::from(self.reflection) << 3
+        let Self { deadman_a, deadman_b, reference, reflection, buttons: [b4, b5, b6, b7] } = self;
+        let bits = [deadman_a, deadman_b, reference, reflection, b4, b5, b6, b7];
+        bits.into_iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(bit))
     }
 
     /// Returns the state of the deadman by both channels.
@@ -59,14 +66,14 @@ mod tests {
 
     #[test]
     fn bits_written_are_bits_read() {
-        for bits in 0..16 {
+        for bits in 0..=u8::MAX {
             assert_eq!(SwitchInputs::from_bits(bits).bits(), bits);
         }
     }
 
     #[test]
     fn broken_wire_never_reads_as_a_pressed_deadman() {
-        for bits in 0..16 {
+        for bits in 0..=u8::MAX {
             let inputs = SwitchInputs::from_bits(bits);
             assert_eq!(inputs.deadman() == Deadman::Pressed, bits & 3 == 1);
             assert_eq!(inputs.deadman() == Deadman::Released, bits & 3 == 2);

@@ -98,6 +98,14 @@ impl CommandLaw {
         Twist { linear: dx_db.translation, angular }.scaled(self.rate_gain.values())
     }
 
+    /// Returns the same with each gain times the factor of its axis.
+    #[must_use]
+    pub fn scaled(&self, factors: &[f64; 6]) -> Self {
+        let [rate_gain, pose_gain] =
+            [self.rate_gain, self.pose_gain].map(|gain| gain.scaled(factors));
+        Self { rate_gain, pose_gain, ..*self }
+    }
+
     /// The pose of {MRF} in its base: the object's reference, moved as the hand moved from its own,
     /// times K_P (decision 7); along the axes of its base if ΔX is along those of the hand's.
     pub fn pose(
@@ -106,16 +114,37 @@ impl CommandLaw {
         reference: &Reference,
         dx_db: &Displacement,
     ) -> Isometry3<f64> {
-        let enlarged = dx_db.scaled(self.pose_gain.values());
-        let x_r_d = Isometry3::from_parts(
-            enlarged.translation.into(),
-            interpretation.orientation.rotation(&enlarged.orientation),
-        );
+        let x_r_d = self.enlarged(interpretation, dx_db);
         let mut x_b_d = reference.x_b_r * x_r_d;
         if interpretation.displacement == Displaced::InBase {
-            x_b_d.translation.vector = reference.x_b_r.translation.vector + enlarged.translation;
+            x_b_d.translation.vector =
+                reference.x_b_r.translation.vector + x_r_d.translation.vector;
         }
         x_b_d
+    }
+
+    /// The object's reference from which `dx_db` commands `x_b_d`: the inverse of [`pose`](Self::pose).
+    pub fn reference(
+        &self,
+        interpretation: &Interpretation,
+        x_b_d: &Isometry3<f64>,
+        dx_db: &Displacement,
+    ) -> Isometry3<f64> {
+        let x_r_d = self.enlarged(interpretation, dx_db);
+        let mut x_b_r = x_b_d * x_r_d.inverse();
+        if interpretation.displacement == Displaced::InBase {
+            x_b_r.translation.vector = x_b_d.translation.vector - x_r_d.translation.vector;
+        }
+        x_b_r
+    }
+
+    /// The displacement times K_P.
+    fn enlarged(&self, interpretation: &Interpretation, dx_db: &Displacement) -> Isometry3<f64> {
+        let enlarged = dx_db.scaled(self.pose_gain.values());
+        Isometry3::from_parts(
+            enlarged.translation.into(),
+            interpretation.orientation.rotation(&enlarged.orientation),
+        )
     }
 }
 
@@ -150,6 +179,23 @@ mod tests {
                 let x_b_d = law().pose(&interpretation, &reference, &dx);
                 let difference = x_b_d.to_homogeneous() - (reference.x_b_r * x_h_g).to_homogeneous();
                 prop_assert!(difference.norm() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn reference_of_a_pose_commands_it(
+            dx in prop::array::uniform6(-1.0..1.0_f64), at in prop::array::uniform6(-1.0..1.0_f64),
+            gain in 0.0..2.0_f64,
+        ) {
+            let ([x, y, z, a, b, c], dx) = (at, Displacement::from_components(dx));
+            let x_b_d = Isometry3::new([x, y, z].into(), [a, b, c].into());
+            let law = law().scaled(&[gain; 6]);
+            for interpretation in [Interpretation::CONSISTENT, Interpretation::PAPER_1997] {
+                let mut reference = Reference::none();
+                reference.x_b_r = law.reference(&interpretation, &x_b_d, &dx);
+                let difference = law.pose(&interpretation, &reference, &dx).inverse() * x_b_d;
+                prop_assert!(difference.translation.vector.norm() < 1e-12);
+                prop_assert!(difference.rotation.angle() < 1e-7);
             }
         }
 

@@ -44,6 +44,15 @@ impl Gains {
         Ok(Self(values))
     }
 
+    /// Returns them times a factor each, which must not be negative.
+    #[must_use]
+    pub fn scaled(&self, factors: &[f64; 6]) -> Self {
+        let mut values = self.0;
+        let pairs = values.iter_mut().zip(factors);
+        pairs.for_each(|(value, factor)| *value = (*value * factor).min(MAX_GAIN));
+        Self(values)
+    }
+
     /// The six numbers.
     pub const fn values(&self) -> &[f64; 6] {
         &self.0

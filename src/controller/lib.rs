@@ -21,6 +21,7 @@
 //! | [`limits`]          | Eq. 10        | what every joint can exert                         |
 //!
 //! [`stability`] says which gains are fit to be felt.
+//! While it runs the operator sets scales, locks axes and aligns the object: [`adjustment`], [`scaling`], `alignment`.
 //! Beside the paper, each off unless asked for: [`velocity`] (a filter), [`virtual_coupling`],
 //! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`]. [`torque_delay`] says
 //! which torque caused which motion.
@@ -37,6 +38,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod adjustment;
+mod alignment;
 pub mod arm;
 pub mod assist;
 mod booking;
@@ -62,6 +65,7 @@ pub mod period;
 pub mod port;
 pub mod reference;
 pub mod reflection;
+pub mod scaling;
 pub mod self_drive;
 mod settings;
 pub mod soft_stops;

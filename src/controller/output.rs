@@ -5,6 +5,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::JointVector;
+use crate::adjustment::Adjusted;
 use crate::command::Gate;
 use crate::port::Passed;
 use crate::reference::{Displacement, Reference};
@@ -79,6 +80,8 @@ pub struct Output {
     pub gate: Gate,
     /// Command for the object (Eq. 5, 3.5).
     pub command: Motion,
+    /// Scales, locks and alignment from this cycle on.
+    pub adjusted: Adjusted,
     /// Twist of the grip, in {G}.
     pub moving: Moving,
     /// The wrench on the object at {MRF} (Eq. 6), or that of the virtual coupling, felt or not.

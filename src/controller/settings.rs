@@ -1,5 +1,6 @@
 //! Parameters of the law: the paper's parts, and the extensions beside them.
 
+use crate::adjustment::Bounds;
 use crate::arm::Arm;
 use crate::assist::ContactFade;
 use crate::calibration::Calibration;
@@ -39,6 +40,8 @@ pub struct Settings {
     pub damping: Gains,
     /// Fraction of each joint's capacity that the assist may use.
     pub assist_fraction: AssistFraction,
+    /// Bounds of what the operator changes while running.
+    pub bounds: Bounds,
     /// Extensions that the paper does not have.
     pub extensions: Extensions,
 }

@@ -2,10 +2,12 @@
 
 use nalgebra::Isometry3;
 
+use crate::adjustment::{Adjusted, AdjustmentRefused, is_contact, is_contact_on};
+use crate::alignment::Alignment;
 use crate::arm::Posture;
 use crate::assist::{self, Damping};
 use crate::booking::PortTorques;
-use crate::command::Gate;
+use crate::command::{CommandLaw, Gate};
 use crate::contact_stiffness::ContactStiffness;
 use crate::friction::FrictionCompensation;
 use crate::friction_bound::GripLoad;
@@ -14,9 +16,11 @@ use crate::interpretation::{Centring, Felt, Weight};
 use crate::limits::{Asked, Limited, Limits, Slew};
 use crate::port::{Passed, Port, Storage};
 use crate::reference::{Displacement, Reference};
+use crate::scaling::Scaling;
 use crate::switches::{Mode, Pressed, SwitchLogic};
 use crate::velocity::{JointRates, Moving, Velocity};
 use crate::{DriveTargets, Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
+use units::adjustment::{Adjustment, LockAxis};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
@@ -36,6 +40,11 @@ pub struct Controller {
     damping: Damping,
     port: Port,
     contact: ContactStiffness,
+    scaling: Scaling,
+    /// Turn of the object to the orientation of the grip, while it is under way.
+    alignment: Option<Alignment>,
+    /// Sensed wrench of the last cycle, at {MRF}.
+    f_m_sensed: Wrench,
     /// Torques of the last cycle at the actuators, and the same as targets.
     last: (JointVector, [PerMille; 6]),
     mode: Mode,
@@ -90,6 +99,9 @@ impl Controller {
             damping: Damping::new(settings.damping, period, interpretation.damping),
             port: Port::new(period, &extensions),
             contact: ContactStiffness::default(),
+            scaling: Scaling::new(period),
+            alignment: None,
+            f_m_sensed: Wrench::ZERO,
             last: (JointVector::zeros(), [PerMille(0); 6]),
             mode: Mode::Rate,
             x_b_m: Isometry3::identity(),
@@ -110,7 +122,8 @@ impl Controller {
 
     /// Computes one cycle at given joint positions in rad or m, which must be finite, in place of counts.
     pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
-        let Settings { interpretation, calibration, channels, command: law, .. } = self.settings;
+        let Settings { interpretation, calibration, channels, command: law, reflection, .. } =
+            self.settings;
         let given = Trusted::of(input, &self.x_b_m);
         let pressed = self.switch_logic.read(input.switches, input.mode); // 4.1
 
@@ -119,16 +132,18 @@ impl Controller {
 
         let x_b_last = self.x_b_asked.unwrap_or(given.x_b_m);
         let is_new = self.reference.update(&pressed, &x_0_g, &x_b_last);
-        let reference = self.reference;
-        let x_h_g = reference.displacement(&x_0_g); // Eq. 2, 3
-        let dx = reference.dx(&interpretation, &x_h_g); // Eq. 4
+        let x_h_g = self.reference.displacement(&x_0_g); // Eq. 2, 3
+        let dx = self.reference.dx(&interpretation, &x_h_g); // Eq. 4
 
         let dx_db = law.effective(input.mode, &channels, &dx);
         let is_within = interpretation.orientation.is_within(&dx.orientation);
         let gate = self.gate.next(&pressed, input.mode, is_new, dx_db.is_zero(), is_within);
-        let command = law.motion(&interpretation, input.mode, gate, &reference, &dx_db); // Eq. 5, 3.5
+        self.f_m_sensed = reflection.at_object(&given.f_s); // Eq. 6
+        let law = self.scaled(&law, input.mode, &dx_db);
+        self.align(&law, (gate == Gate::Open && !is_new).then_some(input.mode), &x_0_g, &dx_db);
+        let command = law.motion(&interpretation, input.mode, gate, &self.reference, &dx_db); // Eq. 5, 3.5
 
-        let f_m_task = self.task(&given, &command); // Eq. 6
+        let f_m_task = self.task(&given, &command);
         let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
         let begun = self.begun(&pressed, &f_g_felt);
         let contact = Touch { f_g_felt: f_g_felt * begun, f_m_task, x_h_g };
@@ -145,23 +160,21 @@ impl Controller {
         let (tau, ledger, broken) = self.limit(asked, input.held); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
 
-        self.gate = gate;
-        self.mode = input.mode;
-        self.x_b_m = given.x_b_m;
-        self.x_b_asked = asked_pose(&command);
-        self.last.1 = targets;
+        (self.gate, self.mode, self.last.1) = (gate, input.mode, targets);
+        (self.x_b_m, self.x_b_asked) = (given.x_b_m, asked_pose(&command));
         let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
         Output {
             q: arm.q,
             joint_out_of_range: self.settings.arm.out_of_range(q).and_then(Joint::at),
             x_0_g,
             pressed,
-            reference,
+            reference: self.reference,
             x_h_g,
             dx,
             dx_db,
             gate,
             command,
+            adjusted: Adjusted::new(&self.scaling, self.alignment.is_some()),
             moving: arm.moving,
             f_m_task,
             f_g_task: port.f_g_task,
@@ -174,6 +187,94 @@ impl Controller {
             targets,
             fault: broken.or(given.fault).or(turned),
         }
+    }
+
+    /// Takes a change that the operator makes while running.
+    ///
+    /// # Errors
+    /// A change that is out of bounds, or not possible in the state of the last cycle. Nothing is changed then.
+    pub fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentRefused> {
+        let bounds = &self.settings.bounds;
+        match adjustment {
+            Adjustment::Scale(quantity, factor) => {
+                bounds.check_scale(quantity, factor)?;
+                self.scaling.set(quantity, factor);
+            }
+            Adjustment::Lock(axis, is_locked) => {
+                let yields = self.mode == Mode::Rate && axis.entry(&bounds.yields);
+                let commands = self.gate == Gate::Open && yields;
+                if is_locked && commands && is_contact_on(&self.f_m_sensed, axis) {
+                    return Err(AdjustmentRefused::HoldsContact { axis });
+                }
+                self.scaling.lock(axis, is_locked);
+            }
+            Adjustment::Align => {
+                self.check_alignment()?;
+                self.alignment = Some(Alignment::default());
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the state of scales, locks and alignment.
+    pub const fn adjusted(&self) -> Adjusted {
+        Adjusted::new(&self.scaling, self.alignment.is_some())
+    }
+
+    /// Checks that the object may be turned.
+    fn check_alignment(&self) -> Result<(), AdjustmentRefused> {
+        let locked = LockAxis::ALL.into_iter().filter(|axis| axis.is_rotation());
+        match (self.mode, self.gate) {
+            (Mode::Rate, _) => Err(AdjustmentRefused::NotPose),
+            (Mode::Pose, Gate::Released | Gate::Waiting | Gate::TurnedTooFar) => {
+                Err(AdjustmentRefused::NotCommanding)
+            }
+            (Mode::Pose, Gate::Open) if is_contact(&self.f_m_sensed) => {
+                Err(AdjustmentRefused::InContact)
+            }
+            (Mode::Pose, Gate::Open) => {
+                match locked.into_iter().find(|axis| axis.entry(self.scaling.locked())) {
+                    Some(axis) => Err(AdjustmentRefused::Locked { axis }),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// Returns the law with the factors of this cycle. The object's reference moves along with a change, so that no pose jumps.
+    fn scaled(&mut self, law: &CommandLaw, mode: Mode, dx_db: &Displacement) -> CommandLaw {
+        let before = law.scaled(&self.scaling.factors().command);
+        if !self.scaling.advance() {
+            return before;
+        }
+        let now = law.scaled(&self.scaling.factors().command);
+        if mode == Mode::Pose {
+            let interpretation = &self.settings.interpretation;
+            let x_b_d = before.pose(interpretation, &self.reference, dx_db);
+            self.reference.x_b_r = now.reference(interpretation, &x_b_d, dx_db);
+        }
+        now
+    }
+
+    /// Turns the object's reference by a cycle of an alignment. It ends where the operator does not command, or in contact.
+    fn align(
+        &mut self,
+        law: &CommandLaw,
+        commanding: Option<Mode>,
+        x_0_g: &Isometry3<f64>,
+        dx_db: &Displacement,
+    ) {
+        let Some(mut alignment) = self.alignment.take() else { return };
+        let [_, _, _, rx, ry, rz] = self.scaling.locked();
+        if commanding != Some(Mode::Pose) || is_contact(&self.f_m_sensed) || *rx || *ry || *rz {
+            return;
+        }
+        let Settings { interpretation, period, .. } = &self.settings;
+        let mut x_b_d = law.pose(interpretation, &self.reference, dx_db);
+        let (rotation, is_done) = alignment.next(*period, &x_b_d.rotation, &x_0_g.rotation);
+        x_b_d.rotation = rotation;
+        self.reference.x_b_r = law.reference(interpretation, &x_b_d, dx_db);
+        self.alignment = (!is_done).then_some(alignment);
     }
 
     /// Forward kinematics and velocities at these joint positions.
@@ -189,9 +290,9 @@ impl Controller {
         }
     }
 
-    /// Task wrench at {MRF}: the sensor's reading moved there (Eq. 6), or that of the virtual coupling.
+    /// Task wrench at {MRF}: the sensor's reading, or that of the virtual coupling.
     fn task(&mut self, given: &Trusted, command: &Motion) -> Wrench {
-        let f_m_sensed = self.settings.reflection.at_object(&given.f_s);
+        let f_m_sensed = self.f_m_sensed;
         let Some(coupling) = &mut self.layers.virtual_coupling else { return f_m_sensed };
         match command {
             Motion::Pose(x_b_d) => coupling.wrench(Some(x_b_d), &given.x_b_m),
@@ -204,7 +305,7 @@ impl Controller {
 
     /// Reflects a wrench at {MRF} to {G}, along the axes of the chosen interpretation (decision 30).
     fn felt(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
-        let f = self.settings.reflection.at_grip(f_m_task);
+        let f = self.settings.reflection.at_grip(&(*f_m_task * self.scaling.factors().force));
         match self.settings.interpretation.task {
             Felt::InGrip => f,
             Felt::InReference => f.turned(&x_h_g.rotation.inverse()),
@@ -241,8 +342,9 @@ impl Controller {
         self.contact.update(&f_b, &given.x_b_m.translation.vector);
         match mode {
             Mode::Pose => {
-                let pose_gain = &self.settings.command.pose_gain;
-                let stored = self.contact.stored(f_g_felt, f_m_task, pose_gain);
+                let pose_gain = self.settings.command.pose_gain;
+                let pose_gain = pose_gain.scaled(&self.scaling.factors().command);
+                let stored = self.contact.stored(f_g_felt, f_m_task, &pose_gain);
                 Storage { stored, returned: 0.0 }
             }
             Mode::Rate => {
@@ -402,6 +504,7 @@ fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adjustment::Bounds;
     use crate::arm::{Arm, Link};
     use crate::calibration::{Calibration, JointCalibration, TorqueCurve};
     use crate::channels::Channels;
@@ -433,6 +536,7 @@ mod tests {
             damping: none,
             // The paper scales gravity with the assist.
             assist_fraction: AssistFraction::new(1.0).unwrap(),
+            bounds: Bounds::FIXED,
             extensions: Extensions::default(),
         })
     }

@@ -12,7 +12,7 @@ use remote::{Sensed, SideFault};
 use units::time::Instant;
 
 /// Call of a node by its owner.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Call {
     /// [`Node::new`](node::Node::new).
     New,

@@ -30,6 +30,7 @@ tags! {
     COMMAND_POSE = 0x08;
     CYCLE = 0x09;
     STOP = 0x0A;
+    ADJUST = 0x0B;
     RETURNED = 0x10;
     INTERMEDIATES = 0x11;
     NOW_AGAIN = 0x20;

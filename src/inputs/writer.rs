@@ -174,14 +174,17 @@ impl<W: Write> InputWriter<W> {
             Call::Request(Request::Reset) => table::RESET,
             Call::Request(Request::Command(CommandMode::Rate)) => table::COMMAND_RATE,
             Call::Request(Request::Command(CommandMode::Pose)) => table::COMMAND_POSE,
+            Call::Request(Request::Adjust(_)) => table::ADJUST,
             Call::Cycle => table::CYCLE,
             Call::Stop => table::STOP,
         });
-        if let Call::BringUpUnpowered(reason) = call {
-            self.tag(match reason {
+        match call {
+            Call::BringUpUnpowered(reason) => self.tag(match reason {
                 ResetReason::UncleanEnd => 0,
                 ResetReason::NoLatch => 1,
-            });
+            }),
+            Call::Request(Request::Adjust(adjustment)) => self.text(&adjustment.to_string()),
+            Call::New | Call::BringUp | Call::Request(_) | Call::Cycle | Call::Stop => {}
         }
     }
 

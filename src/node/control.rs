@@ -3,10 +3,13 @@
 use crate::link::Link;
 use crate::operator::Operator;
 use crate::permit::Permit;
+use crate::record::RefusedPress;
 use crate::samples::Samples;
 use config::Config;
+use controller::adjustment::{Adjusted, AdjustmentRefused};
 use controller::switches::Mode as CommandMode;
 use controller::{Controller, DriveTargets, Input, JointVector, Output};
+use units::adjustment::Adjustment;
 use units::drive::PerMille;
 
 /// The controller with its command mode.
@@ -59,6 +62,31 @@ impl Control {
     /// Keeps the targets that the drives hold from this cycle on.
     pub(super) const fn set_held(&mut self, held: DriveTargets) {
         self.held = held;
+    }
+
+    /// Takes a change of scales, locks or alignment.
+    ///
+    /// # Errors
+    /// A change out of bounds, or not possible now.
+    pub(super) fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentRefused> {
+        self.controller.adjust(adjustment)
+    }
+
+    /// Takes the press of a button: a scale and 1, a lock and its release in turn.
+    ///
+    /// # Errors
+    /// A change that is not possible now.
+    pub(super) fn press(&mut self, button: Adjustment) -> Result<(), RefusedPress> {
+        let Adjusted { scale, locked, .. } = self.controller.adjusted();
+        let adjustment = match button {
+            Adjustment::Scale(quantity, factor) => {
+                let is_set = scale.of(quantity).to_bits() == factor.to_bits();
+                Adjustment::Scale(quantity, if is_set { 1.0 } else { factor })
+            }
+            Adjustment::Lock(axis, _) => Adjustment::Lock(axis, !axis.entry(&locked)),
+            Adjustment::Align => Adjustment::Align,
+        };
+        self.adjust(adjustment).map_err(|refused| RefusedPress { adjustment, refused })
     }
 
     /// Computes one step.

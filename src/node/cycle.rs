@@ -15,7 +15,7 @@
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
-use crate::record::{Mode, Record, SdoCounters};
+use crate::record::{Mode, Record, RefusedPress, SdoCounters};
 use crate::remote_side::SideState;
 use crate::safety::causes;
 use bus::Bus;
@@ -41,6 +41,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.watch_samples(now, sync_at);
         self.watch_drives(now);
 
+        let refused_press = self.press_buttons();
         let permit = self.safety.permit(now, self.operator.is_held());
         let input = self.input(&permit, due.skipped);
         let output = self.control.step(&input);
@@ -53,7 +54,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.remote.exchange(now, &output.command, self.safety.mode());
 
         self.timing.end_cycle();
-        self.record(now, sync_at, &input, &side, output, targets)
+        let record = self.record(now, sync_at, &input, &side, output, targets);
+        Record { refused_press, ..record }
     }
 
     /// Raises these causes in order. Each step raises its causes at its end, because the next step needs the mode they
@@ -129,6 +131,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Some((joint, sample.statusword.0))
     }
 
+    /// Takes the adjustments of the buttons pressed in this cycle; returns the last that was refused.
+    fn press_buttons(&mut self) -> Option<RefusedPress> {
+        let pressed = self.operator.pressed_adjustments();
+        pressed.filter_map(|button| self.control.press(button).err()).last()
+    }
+
     /// Returns the input of the controller, which restarts after a gap.
     fn input(&self, permit: &Permit, skipped: u64) -> Input {
         let restart = self.timing.follows_gap(skipped);
@@ -162,6 +170,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             x_b_m: input.x_b_m,
             sample_age: side.sample_age,
             q_r: side.q_r,
+            refused_press: None,
             output,
             targets: targets.map(|PerMille(target)| target),
             not_off: self.power_off.not_off(),

@@ -138,7 +138,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
             drives: Drives::new(config, rpdos),
             remote: RemoteSide::new(config, now, remote),
             control: Control::new(config),
-            operator: Operator::new(config.period, config.switches.is_some()),
+            operator: Operator::new(
+                config.period,
+                config.switches.as_ref().map(|switches| switches.buttons),
+            ),
             plausibility: Plausibility::new(config),
             safety: Safety::new(times),
         }

@@ -10,7 +10,9 @@ use nalgebra::Isometry3;
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use controller::Output;
+use controller::adjustment::AdjustmentRefused;
 use remote::RobotJoints;
+use units::adjustment::Adjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -123,6 +125,8 @@ pub struct Record {
     pub sample_age: Option<Duration>,
     /// Joint positions of the robot in rad, where they are known in this process; zero for joints that it does not have.
     pub q_r: Option<RobotJoints>,
+    /// Press of a button in this cycle that was refused.
+    pub refused_press: Option<RefusedPress>,
     /// Output and intermediates of the controller.
     pub output: Output,
     /// Target torques (6071h) that the drives hold, in ‰ of rated torque.
@@ -131,6 +135,15 @@ pub struct Record {
     pub not_off: [bool; 6],
     /// Counters of SDO transfers.
     pub sdo: SdoCounters,
+}
+
+/// Adjustment of a pressed button that was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefusedPress {
+    /// Adjustment.
+    pub adjustment: Adjustment,
+    /// Reason.
+    pub refused: AdjustmentRefused,
 }
 
 /// Counters of SDO transfers.

@@ -9,14 +9,16 @@ use crate::{BringUpError, Node};
 use bus::Bus;
 use config::facts::FactsRefused;
 use config::force_cap::ForceAboveCap;
+use controller::adjustment::AdjustmentRefused;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
 use remote::stated::Misfit;
+use units::adjustment::Adjustment;
 use units::time::Instant;
 use units::wording::in_one_line;
 
 /// A request of the operator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Request {
     /// Ramp gravity compensation up; afterwards the deadman engages.
     Arm,
@@ -26,6 +28,8 @@ pub enum Request {
     Reset,
     /// Command rates or poses. The reference is set again, so the command does not jump.
     Command(CommandMode),
+    /// Change a scale, lock an axis, or align the object.
+    Adjust(Adjustment),
 }
 
 /// Reason why a request was not executed.
@@ -37,6 +41,9 @@ pub enum RequestError {
     /// The arm must not be armed: every reason.
     #[error("{}", in_one_line(.0))]
     Unfit(Vec<Unfit>),
+    /// The adjustment is out of bounds, or not possible now.
+    #[error(transparent)]
+    Adjustment(#[from] AdjustmentRefused),
     /// The boot after a reset failed.
     #[error(transparent)]
     Boot(#[from] BringUpError),
@@ -84,6 +91,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
             Request::Command(mode) => self.control.command_mode = mode,
+            Request::Adjust(adjustment) => self.control.adjust(adjustment)?,
         }
         Ok(self.mode())
     }

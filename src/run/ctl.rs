@@ -56,7 +56,7 @@ pub struct Ctl {
 }
 
 /// Requests to a running node.
-#[derive(Clone, Copy, Debug, Subcommand)]
+#[derive(Clone, Debug, Subcommand)]
 pub enum CtlRequest {
     /// Shows mode, torques, pose and counters.
     #[command(after_help = "Example:\n  frhc ctl status --json | jq .status.mode")]
@@ -76,6 +76,29 @@ pub enum CtlRequest {
         /// Control mode.
         mode: CommandMode,
     },
+    /// Scales the commanded motion or rotation, or the reflected force, within half a second.
+    #[command(after_help = "Example:\n  frhc ctl scale motion 0.2")]
+    Scale {
+        /// Quantity to scale.
+        #[arg(value_parser = ["motion", "rotation", "force"])]
+        quantity: String,
+        /// Factor on the configured gains, within `controller.scale` of the configuration.
+        #[arg(allow_negative_numbers = true)]
+        factor: f64,
+    },
+    /// Locks an axis of the command: the object is not commanded along or about it.
+    #[command(after_help = "Example:\n  frhc ctl lock rz on")]
+    Lock {
+        /// Axis of the frame under control: along x, y, z, or about them.
+        #[arg(value_parser = ["x", "y", "z", "rx", "ry", "rz"])]
+        axis: String,
+        /// Locked or released.
+        #[arg(value_parser = ["on", "off"])]
+        state: String,
+    },
+    /// Turns the object to the orientation of the grip, in pose mode while the deadman is held.
+    #[command(after_help = "Example:\n  frhc ctl align")]
+    Align,
 }
 
 /// Control modes: the meaning of a displacement of the hand.
@@ -92,6 +115,7 @@ pub enum CommandMode {
 /// # Errors
 /// When no node responds (exit 4), or it refuses the request (exit 1).
 pub fn run(args: &Ctl) -> Result<(), Failure> {
+    let command = command(&args.request)?;
     let paths = socket_paths(args)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
@@ -99,7 +123,7 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
         if let Some(seconds) = args.wait {
             wait_for_boot(&paths, seconds).await?;
         }
-        send(&paths, command(args.request)).await
+        send(&paths, command).await
     });
     let line = line.or_fail(Kind::Bus)?;
     let answer: serde_json::Value = serde_json::from_str(&line).or_fail(Kind::Bus)?;
@@ -123,15 +147,20 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
     Ok(())
 }
 
-const fn command(request: CtlRequest) -> ConsoleCommand {
-    match request {
-        CtlRequest::Status => ConsoleCommand::Status,
-        CtlRequest::Arm => ConsoleCommand::Arm,
-        CtlRequest::Disarm => ConsoleCommand::Disarm,
-        CtlRequest::Reset => ConsoleCommand::Reset,
-        CtlRequest::Mode { mode: CommandMode::Rate } => ConsoleCommand::Rate,
-        CtlRequest::Mode { mode: CommandMode::Pose } => ConsoleCommand::Pose,
-    }
+/// Returns the command of a request; an adjustment is sent in the words of the command line.
+fn command(request: &CtlRequest) -> Result<ConsoleCommand, Failure> {
+    let words = match request {
+        CtlRequest::Status => return Ok(ConsoleCommand::Status),
+        CtlRequest::Arm => return Ok(ConsoleCommand::Arm),
+        CtlRequest::Disarm => return Ok(ConsoleCommand::Disarm),
+        CtlRequest::Reset => return Ok(ConsoleCommand::Reset),
+        CtlRequest::Mode { mode: CommandMode::Rate } => return Ok(ConsoleCommand::Rate),
+        CtlRequest::Mode { mode: CommandMode::Pose } => return Ok(ConsoleCommand::Pose),
+        CtlRequest::Scale { quantity, factor } => format!("scale {quantity} {factor}"),
+        CtlRequest::Lock { axis, state } => format!("lock {axis} {state}"),
+        CtlRequest::Align => "align".to_owned(),
+    };
+    words.parse().map(ConsoleCommand::Adjust).or_fail(Kind::Usage)
 }
 
 /// Returns the paths to try: the one that is given or configured, else the default ones.

@@ -18,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod adjustment_log;
 mod batches;
 pub mod check;
 pub mod command;

@@ -4,6 +4,7 @@
 use std::thread;
 use std::time::Duration;
 
+use crate::adjustment_log::AdjustmentLog;
 use crate::disk_writers::DiskWriters;
 use crate::feed_socket::Publisher;
 use crate::input_ring::InputConsumer;
@@ -80,6 +81,7 @@ pub(super) struct Recorder<'a> {
     mode: Mode,
     self_driven: Option<Joint>,
     event_log: EventLog,
+    adjustment_log: AdjustmentLog,
     now: Instant,
     latest: LatestStatus,
     newest: Option<Record>,
@@ -113,6 +115,7 @@ impl EntryHandler for Recorder<'_> {
         if let Some(joint) = self_driven.filter(|_| before.is_none()) {
             log_time::stamp_with(record.at, || log_self_driven(joint, &self.joints));
         }
+        self.adjustment_log.log(record);
         self.watch_timing(record);
         self.summary.add(record);
         self.fidelity.add(self.commanded.sample(record).as_ref());
@@ -143,6 +146,7 @@ impl<'a> Recorder<'a> {
             mode: Mode::Boot,
             self_driven: None,
             event_log: EventLog::new(),
+            adjustment_log: AdjustmentLog::new(),
             now: Instant::ZERO,
             latest,
             newest: None,

@@ -8,7 +8,9 @@ use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
 use config::{Config, JointParameters};
 use controller::Ledger;
+use controller::adjustment::Adjusted;
 use controller::arm::JointKind;
+use controller::scaling::Scale;
 use node::cause;
 use node::record::{Mode, Record};
 use units::numbering::Joint;
@@ -39,6 +41,12 @@ pub struct Status {
     pub unread_settings: usize,
     /// Reflection of the wrench: `off` and `on` by its switch; `on when engaged` before it acts.
     pub reflection: &'static str,
+    /// Scales of motion, rotation and force that the operator set.
+    pub scale: Scale,
+    /// Axes of the command that the operator locked: `x`, `rz`.
+    pub locked: Vec<String>,
+    /// The object is being turned to the orientation of the grip.
+    pub aligning: bool,
     /// Joints with their names and units; empty where these are not known.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointStatus>,
@@ -126,6 +134,9 @@ impl Status {
             foreign_uploads: record.sdo.foreign_uploads,
             unread_settings: record.sdo.unread_settings,
             reflection: reflection(record),
+            scale: record.output.adjusted.scale,
+            locked: locked(&record.output.adjusted),
+            aligning: record.output.adjusted.is_aligning,
             joints: Vec::new(),
             q: record.output.q.into(),
             tau: record.output.tau.into(),
@@ -182,6 +193,10 @@ fn reflection(record: &Record) -> &'static str {
         (true, false) => "on when engaged",
         (true, true) => "on",
     }
+}
+
+fn locked(adjusted: &Adjusted) -> Vec<String> {
+    adjusted.locked_axes().map(|axis| axis.to_string()).collect()
 }
 
 /// Returns the numbers of the joints that are set.

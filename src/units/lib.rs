@@ -18,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod adjustment;
 pub mod drive;
 pub mod math;
 pub mod numbering;

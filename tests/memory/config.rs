@@ -715,6 +715,52 @@ fn remote_environment_accepts_friction_and_a_sphere() {
 }
 
 #[test]
+fn hazard_18_invalid_adjustments_are_refused_by_key() {
+    let scale = |line: &str| refusal(&format!("{TEXT}\n[controller.scale]\n{line}\n"));
+    for (line, found) in [
+        (
+            "motion = [0.5, 0.9]",
+            "controller.scale.motion: must be [low, high] with low within 0..=1 and high within 1..=10, got [0.5, 0.9]",
+        ),
+        ("rotation = [-0.1, 1.0]", "controller.scale.rotation: must be"),
+        ("force = [nan, 1.0]", "controller.scale.force: must be"),
+        ("force = [0.0, inf]", "controller.scale.force: must be"),
+        ("motion = [0.5]", "2"),
+        ("speed = [0.5, 1.0]", "speed"),
+    ] {
+        assert!(scale(line).contains(found), "{line}: {}", scale(line));
+    }
+    // Ten times the wrench is more than the loop bears.
+    let beyond = scale("force = [0.0, 10.0]");
+    assert!(beyond.contains("controller.scale: at motion "), "{beyond}");
+    assert!(beyond.contains("force 10: "), "{beyond}");
+
+    let buttons = |lines: &str| refusal(&format!("{TEXT}\n[[switches.button]]\n{lines}\n"));
+    for (lines, found) in [
+        ("bit = 3\npress = \"align\"", "switches.button[0].bit: must be within 4..=7, got 3"),
+        (
+            "bit = 4\npress = \"arm\"",
+            "switches.button[0].press: expected \"scale motion|rotation|force FACTOR\"",
+        ),
+        (
+            "bit = 4\npress = \"lock rz off\"",
+            "switches.button[0].press: a press locks and releases in turn",
+        ),
+        (
+            "bit = 4\npress = \"scale motion 2\"",
+            "scale of motion must be within 0.1..=1 (controller.scale.motion), got 2",
+        ),
+        (
+            "bit = 4\npress = \"align\"\n[[switches.button]]\nbit = 4\npress = \"align\"",
+            "switches.button[1].bit: another button has this bit",
+        ),
+        ("bit = 4", "press"),
+    ] {
+        assert!(buttons(lines).contains(found), "{lines}: {}", buttons(lines));
+    }
+}
+
+#[test]
 fn bounds_of_contact_postures_are_positive() {
     let keys = ["min_singular_value = 0.1 ", "max_grip_friction_n = 0.6 "];
     for key in keys {

@@ -72,6 +72,7 @@ fn settings() -> Settings {
         .unwrap(),
         damping: gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]),
         assist_fraction: AssistFraction::new(0.35).unwrap(),
+        bounds: controller::adjustment::Bounds::FIXED,
         extensions: Extensions::default(),
     }
 }

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod adjustments;
 mod arm_course;
 mod arms;
 mod boot;

@@ -401,6 +401,7 @@ fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
         reflection: reflection(pose(&paper["eq6"]["T_MRF_S"]), inputs),
         damping: gains(&inputs["K_D_SI"]),
         assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
+        bounds: controller::adjustment::Bounds::FIXED,
         extensions: Extensions::default(),
     }
 }

@@ -32,6 +32,8 @@ const PRINTING: &[&str] = &[
     "experiment ntrfc --short --json",
     "ctl status --socket SOCKET",
     "ctl arm --socket SOCKET",
+    "ctl scale motion 0.5 --socket SOCKET",
+    "ctl lock rz on --socket SOCKET",
     "ctl status --json --socket SOCKET",
     "check --config config/kraft_like.toml",
     "check --config config/kraft_like.toml --json",

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::common::process::{Candump, Process, Scratch};
 use crate::common::rig::seconds;
@@ -25,11 +25,15 @@ fn of_master<'l>(lines: impl IntoIterator<Item = &'l str>) -> Vec<String> {
 }
 
 fn replayed(scratch: &Scratch, session: &str, args: &[&str]) -> Value {
-    let words = [&["replay", session, "--verify", "--json"], args].concat();
-    let (replay, mut stdout) = scratch.frhc_and_stdout(&words);
+    printed(scratch, &[&["replay", session, "--verify", "--json"], args].concat())
+}
+
+/// Returns the JSON that a command prints, which must succeed.
+fn printed(scratch: &Scratch, words: &[&str]) -> Value {
+    let (process, mut stdout) = scratch.frhc_and_stdout(words);
     let mut text = String::new();
     stdout.read_to_string(&mut text).unwrap();
-    replay.wait().succeeds();
+    process.wait().succeeds();
     serde_json::from_str(&text).unwrap()
 }
 
@@ -47,13 +51,26 @@ fn replay_sends_what_candump_saw_beside_the_run() {
     let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording, "--anonymise"]);
     scratch.ctl("--wait arm").succeeds();
     let armed = candump.mark().nanos;
-    // Contact, another mode, and a request that is refused because the deadman is closed.
+    // Contact, adjustments, another mode, and requests that are refused: out of bounds, or because the deadman is closed.
     candump.until(|line| line.nanos > armed + seconds(6.0));
-    for (request, code) in [("mode pose", 0), ("disarm", 0), ("arm", 1)] {
+    let requests = [
+        ("scale motion 0.5", 0),
+        ("scale force 0.25", 0),
+        ("scale rotation 1.5", 1),
+        ("lock rz on", 0),
+        ("align", 1),
+        ("mode pose", 0),
+        ("disarm", 0),
+        ("arm", 1),
+    ];
+    for (request, code) in requests {
         assert_eq!(scratch.ctl(request).code, Some(code), "{request}");
         let now = candump.last_nanos();
         candump.until(|line| line.nanos > now + seconds(0.3));
     }
+    let status = printed(&scratch, &["ctl", "status", "--json"]);
+    assert_eq!(status["status"]["scale"], json!({ "motion": 0.5, "rotation": 1.0, "force": 0.25 }));
+    assert_eq!(status["status"]["locked"], json!(["rz"]));
     run.terminate().succeeds();
     sim.terminate().succeeds();
     let seen = candump.finish();

@@ -131,7 +131,7 @@ pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request:
     let mode = bench.ask(request).ok();
     let now = bench.now();
     let answer = match (request, mode) {
-        (_, None) | (Request::Command(_), _) => return,
+        (_, None) | (Request::Command(_) | Request::Adjust(_), _) => return,
         (Request::Arm, Some(_)) => Answer::Armed,
         (Request::Reset, Some(Mode::Armed)) => Answer::ResetToArmed,
         (Request::Disarm | Request::Reset, Some(_)) => Answer::Disarmed,

@@ -66,7 +66,7 @@ impl fmt::Display for End {
 }
 
 /// Place in a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Call of the node; `None` between two calls.
     pub call: Option<Call>,

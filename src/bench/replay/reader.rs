@@ -17,6 +17,7 @@ use inputs::{Call, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
 use remote::{Sensed, SideFault};
+use units::adjustment::InvalidAdjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -112,7 +113,7 @@ impl<R: BufRead> InputReader<R> {
     fn entry(&mut self) -> Result<Input, ReadError> {
         let tag = self.byte()?;
         match tag {
-            table::NEW..=table::STOP => self.call(tag).map(Input::Call),
+            table::NEW..=table::ADJUST => self.call(tag).map(Input::Call),
             table::RETURNED => Ok(Input::Returned(u32::from_le_bytes(self.bytes()?))),
             table::INTERMEDIATES => {
                 let cycle = self.varint()?;
@@ -143,6 +144,10 @@ impl<R: BufRead> InputReader<R> {
             table::COMMAND_POSE => Call::Request(Request::Command(CommandMode::Pose)),
             table::CYCLE => Call::Cycle,
             table::STOP => Call::Stop,
+            table::ADJUST => match self.text()?.parse() {
+                Ok(adjustment) => Call::Request(Request::Adjust(adjustment)),
+                Err(InvalidAdjustment(_)) => return self.malformed("unknown adjustment"),
+            },
             _ => return self.malformed("unknown call"),
         })
     }
@@ -356,6 +361,7 @@ mod tests {
 
     use super::*;
     use inputs::InputWriter;
+    use units::adjustment::{Adjustment, LockAxis, Quantity};
 
     fn written(inputs: &[Input]) -> Vec<u8> {
         let mut file = Vec::new();
@@ -402,6 +408,17 @@ mod tests {
         })
     }
 
+    fn adjustment() -> impl Strategy<Value = Adjustment> {
+        let (quantities, axes) = (Quantity::ALL.to_vec(), LockAxis::ALL.to_vec());
+        let scale = (prop::sample::select(quantities), -1e6..1e6_f64);
+        let lock = (prop::sample::select(axes), any::<bool>());
+        prop_oneof![
+            scale.prop_map(|(quantity, factor)| Adjustment::Scale(quantity, factor)),
+            lock.prop_map(|(axis, is_locked)| Adjustment::Lock(axis, is_locked)),
+            Just(Adjustment::Align),
+        ]
+    }
+
     fn call() -> impl Strategy<Value = Call> {
         prop_oneof![
             Just(Call::New),
@@ -413,6 +430,7 @@ mod tests {
             Just(Call::Request(Request::Reset)),
             Just(Call::Request(Request::Command(CommandMode::Rate))),
             Just(Call::Request(Request::Command(CommandMode::Pose))),
+            adjustment().prop_map(|adjustment| Call::Request(Request::Adjust(adjustment))),
             Just(Call::Cycle),
             Just(Call::Stop),
         ]

@@ -344,5 +344,6 @@ fn request(asked: ConsoleRequest) -> Request {
         ConsoleRequest::Reset => Request::Reset,
         ConsoleRequest::Rate => Request::Command(CommandMode::Rate),
         ConsoleRequest::Pose => Request::Command(CommandMode::Pose),
+        ConsoleRequest::Adjust(adjustment) => Request::Adjust(adjustment),
     }
 }

@@ -1,4 +1,4 @@
-//! Reference and reflection switches, debounced.
+//! Reference and reflection switches and the buttons of adjustments, debounced.
 //!
 //! A level counts when it has lasted for the debounce time of the [deadman](crate::operator::deadman), so a bouncing
 //! contact is one press. While inputs of the switch box are missing, the last levels stay: their return is no edge. A
@@ -6,25 +6,55 @@
 
 use crate::operator::deadman::DEBOUNCE_TIME;
 use config::switch_inputs::SwitchInputs;
+use units::adjustment::Adjustment;
 use units::time::Instant;
 
-/// Both switches.
+/// All switches but the deadman.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Buttons {
     reference: Button,
     reflection: Button,
+    adjusting: [AdjustingButton; 4],
+}
+
+/// Button with an adjustment.
+#[derive(Clone, Copy, Debug)]
+struct AdjustingButton {
+    button: Button,
+    adjustment: Option<Adjustment>,
+    /// Closed since this cycle.
+    is_pressed: bool,
 }
 
 impl Buttons {
-    /// Returns both switches open, before the first message of the switch box.
-    pub(super) const fn new() -> Self {
-        Self { reference: Button::new(), reflection: Button::new() }
+    /// Returns all switches open, before the first message of the switch box; its buttons have these adjustments.
+    pub(super) fn new(adjustments: [Option<Adjustment>; 4]) -> Self {
+        let adjusting = adjustments.map(|adjustment| AdjustingButton {
+            button: Button::new(),
+            adjustment,
+            is_pressed: false,
+        });
+        Self { reference: Button::new(), reflection: Button::new(), adjusting }
     }
 
     /// Takes the levels of this cycle; `None` if those of the switch box are missing or stale.
     pub(super) fn read(&mut self, now: Instant, inputs: Option<SwitchInputs>) {
         self.reference.read(now, inputs.map(|inputs| inputs.reference));
         self.reflection.read(now, inputs.map(|inputs| inputs.reflection));
+        for (place, AdjustingButton { button, is_pressed, .. }) in
+            self.adjusting.iter_mut().enumerate()
+        {
+            let was_closed = button.is_closed;
+            let level = inputs.and_then(|inputs| inputs.buttons.get(place).copied());
+            button.read(now, level);
+            *is_pressed = button.is_closed && !was_closed;
+        }
+    }
+
+    /// Returns the adjustments of the buttons that were pressed in this cycle.
+    pub(super) fn pressed(self) -> impl Iterator<Item = Adjustment> {
+        let pressed = self.adjusting.into_iter().filter(|button| button.is_pressed);
+        pressed.filter_map(|button| button.adjustment)
     }
 
     /// Returns whether the reference switch is closed.

@@ -3,7 +3,7 @@
 //! | file                 | detects                                                 | hazard |
 //! |----------------------|---------------------------------------------------------|--------|
 //! | [`deadman`]          | deadman released, stuck, bouncing, closed at power-up   | 38, 39 |
-//! | `buttons`            | bouncing reference and reflection switches              | 39     |
+//! | `buttons`            | bouncing switches and buttons                            | 39     |
 //! | `anti_tie_down`      | deadman held for a minute without motion of the grip    | 39     |
 //! | `uncommanded_motion` | joint driven by gravity or friction compensation         | 41     |
 //! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
@@ -31,6 +31,7 @@ use config::switch_inputs::SwitchInputs;
 use controller::switches::Switches;
 use controller::torque_delay::TorqueDelay;
 use controller::{JointVector, Output};
+use units::adjustment::Adjustment;
 use units::time::Instant;
 
 /// All monitors of the operator.
@@ -52,12 +53,13 @@ pub(super) struct Operator {
 }
 
 impl Operator {
-    /// Returns monitors before the first cycle, with a cycle every `period`.
-    pub(super) fn new(period: Duration, has_switch_box: bool) -> Self {
+    /// Returns monitors before the first cycle, with a cycle every `period` and the adjustments of the switch box's buttons;
+    /// `None` without a switch box, where nothing engages.
+    pub(super) fn new(period: Duration, buttons: Option<[Option<Adjustment>; 4]>) -> Self {
         Self {
             period,
-            deadman: has_switch_box.then(Deadman::silent),
-            buttons: Buttons::new(),
+            deadman: buttons.map(|_| Deadman::silent()),
+            buttons: Buttons::new(buttons.unwrap_or_default()),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
             driven_on: DrivenOn::default(),
@@ -79,6 +81,11 @@ impl Operator {
     /// Returns the state of the deadman; `None` without a switch box.
     pub(super) fn enable_state(&self) -> Option<EnableState> {
         self.deadman.as_ref().map(Deadman::enable_state)
+    }
+
+    /// Returns the adjustments of the buttons that were pressed in this cycle.
+    pub(super) fn pressed_adjustments(&self) -> impl Iterator<Item = Adjustment> + use<> {
+        self.buttons.pressed()
     }
 
     /// Returns whether the deadman is held.
@@ -195,7 +202,7 @@ mod tests {
     /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
     /// its computation.
     fn cause(delay: usize, engaged: bool) -> Option<Cause> {
-        let mut operator = Operator::new(CYCLE, true);
+        let mut operator = Operator::new(CYCLE, Some([None; 4]));
         let template = { *CONTROLLER }.step(&FIRST);
         let permit = permit(engaged);
         let torque = |cycle: usize| if cycle.is_multiple_of(2) { 20.0 } else { -20.0 };
@@ -227,7 +234,7 @@ mod tests {
     /// Returns the time in ms of the trip within 0.5 s. `q` are the joint positions in rad at a time in s; torques of
     /// 1 N·m drive every joint on. `lost` is the joint without a sample in a cycle of 1 ms.
     fn trips(q: impl Fn(f64) -> JointVector, lost: impl Fn(u32) -> Option<Joint>) -> Option<u32> {
-        let (mut controller, mut operator) = (*CONTROLLER, Operator::new(CYCLE, true));
+        let (mut controller, mut operator) = (*CONTROLLER, Operator::new(CYCLE, Some([None; 4])));
         let mut seen = q(0.0);
         (0..500).find(|ms: &u32| {
             let s = f64::from(*ms) * 1e-3;

@@ -1,7 +1,7 @@
 //! The control socket of a running node: one JSON object a line in, one a line out.
 //!
 //! `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
-//! `{"ask":"mode pose"}`; answered by `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
+//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`; answered by `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
 //!
 //! | file              | content                                                         |
 //! |-------------------|-----------------------------------------------------------------|
@@ -19,26 +19,53 @@ mod socket;
 pub(super) use request_handler::RequestHandler;
 pub(super) use socket::{Socket, default_socket, default_sockets};
 
+use derive_more::Display;
 use serde::{Deserialize, Serialize};
 
 use node::record::Mode;
 use telemetry::status::Status;
+use units::adjustment::Adjustment;
 
 /// Requests of the protocol.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Display, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub(super) enum ConsoleCommand {
-    #[serde(rename = "status")]
+    #[display("status")]
     Status,
-    #[serde(rename = "arm")]
+    #[display("arm")]
     Arm,
-    #[serde(rename = "disarm")]
+    #[display("disarm")]
     Disarm,
-    #[serde(rename = "reset")]
+    #[display("reset")]
     Reset,
-    #[serde(rename = "mode rate")]
+    #[display("mode rate")]
     Rate,
-    #[serde(rename = "mode pose")]
+    #[display("mode pose")]
     Pose,
+    #[display("{_0}")]
+    Adjust(Adjustment),
+}
+
+impl TryFrom<String> for ConsoleCommand {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let known = [Self::Status, Self::Arm, Self::Disarm, Self::Reset, Self::Rate, Self::Pose];
+        if let Some(command) = known.into_iter().find(|command| command.to_string() == text) {
+            return Ok(command);
+        }
+        let adjustment = text.parse().map(Self::Adjust);
+        adjustment.map_err(|invalid| {
+            let known = known.map(|command| format!("{:?}", command.to_string())).join(", ");
+            format!("unknown request; expected {known}, or else: {invalid}")
+        })
+    }
+}
+
+impl From<ConsoleCommand> for String {
+    fn from(command: ConsoleCommand) -> Self {
+        command.to_string()
+    }
 }
 
 /// A line from a client.

@@ -115,6 +115,7 @@ impl RequestHandler {
             ConsoleCommand::Reset => Request::Reset,
             ConsoleCommand::Rate => Request::Command(CommandMode::Rate),
             ConsoleCommand::Pose => Request::Command(CommandMode::Pose),
+            ConsoleCommand::Adjust(adjustment) => Request::Adjust(adjustment),
         };
         let outcome = self.execute(request, uid).await;
         match outcome {
@@ -294,13 +295,14 @@ impl RequestHandler {
     }
 }
 
-const fn name(request: Request) -> &'static str {
+fn name(request: Request) -> String {
     match request {
-        Request::Arm => "arm",
-        Request::Disarm => "disarm",
-        Request::Reset => "reset",
-        Request::Command(CommandMode::Rate) => "mode rate",
-        Request::Command(CommandMode::Pose) => "mode pose",
+        Request::Arm => "arm".to_owned(),
+        Request::Disarm => "disarm".to_owned(),
+        Request::Reset => "reset".to_owned(),
+        Request::Command(CommandMode::Rate) => "mode rate".to_owned(),
+        Request::Command(CommandMode::Pose) => "mode pose".to_owned(),
+        Request::Adjust(adjustment) => adjustment.to_string(),
     }
 }
 

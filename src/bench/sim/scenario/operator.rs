@@ -2,34 +2,61 @@
 
 use std::f64::consts::PI;
 
+use derive_more::Display;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use crate::scenario::problem::{MIN_DURATION, Misplaced, in_order, within};
 use toml_input::List;
+use units::adjustment::{Adjustment, InvalidAdjustment};
 
 /// Reach of the hand, in m.
 const REACH: f64 = 2.0;
 
 /// Request to the node's console.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Display, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
 pub enum ConsoleRequest {
     /// Gravity compensation on.
-    #[serde(rename = "arm")]
+    #[display("arm")]
     Arm,
     /// Torque off.
-    #[serde(rename = "disarm")]
+    #[display("disarm")]
     Disarm,
     /// Resets a stop.
-    #[serde(rename = "reset")]
+    #[display("reset")]
     Reset,
     /// Rate mode.
-    #[serde(rename = "mode rate")]
+    #[display("mode rate")]
     Rate,
     /// Pose mode.
-    #[serde(rename = "mode pose")]
+    #[display("mode pose")]
     Pose,
+    /// Change of scales, locks or alignment.
+    #[display("{_0}")]
+    Adjust(Adjustment),
+}
+
+impl TryFrom<String> for ConsoleRequest {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let known = [Self::Arm, Self::Disarm, Self::Reset, Self::Rate, Self::Pose];
+        if let Some(request) = known.into_iter().find(|request| request.to_string() == text) {
+            return Ok(request);
+        }
+        let adjustment = text.parse().map(Self::Adjust);
+        adjustment.map_err(|InvalidAdjustment(text)| {
+            format!("unknown request {text:?}; expected arm, disarm, reset, mode rate, mode pose, or an adjustment as `frhc ctl` takes it")
+        })
+    }
+}
+
+impl From<ConsoleRequest> for String {
+    fn from(request: ConsoleRequest) -> Self {
+        request.to_string()
+    }
 }
 
 /// State of the operator at one time.
@@ -39,7 +66,7 @@ pub struct Operator {
     pub translation: Vector3<f64>,
     /// Desired rotation of the grip from its start.
     pub rotation: UnitQuaternion<f64>,
-    /// The switch box's inputs: deadman A and B (antivalent), reference, reflection.
+    /// The switch box's inputs: deadman A and B (antivalent), reference, reflection, buttons.
     pub inputs: u8,
     /// The hand holds the grip.
     pub is_holding: bool,
@@ -84,6 +111,9 @@ pub struct Switch {
     reference: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reflection: Option<bool>,
+    /// Buttons at input bits 4 to 7.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    buttons: Option<List<bool, 4>>,
 }
 
 /// Sends a console request.
@@ -121,19 +151,24 @@ impl Move {
 }
 
 impl Switch {
+    /// No switch operated.
+    const fn none(at_s: f64) -> Self {
+        Self { at_s, deadman: None, reference: None, reflection: None, buttons: None }
+    }
+
     /// The deadman pressed or released.
     pub const fn deadman(at_s: f64, is_pressed: bool) -> Self {
-        Self { at_s, deadman: Some(is_pressed), reference: None, reflection: None }
+        Self { deadman: Some(is_pressed), ..Self::none(at_s) }
     }
 
     /// The reference button pressed or released.
     pub const fn reference(at_s: f64, is_pressed: bool) -> Self {
-        Self { at_s, deadman: None, reference: Some(is_pressed), reflection: None }
+        Self { reference: Some(is_pressed), ..Self::none(at_s) }
     }
 
     /// The reflection button pressed or released.
     pub const fn reflection(at_s: f64, is_pressed: bool) -> Self {
-        Self { at_s, deadman: None, reference: None, reflection: Some(is_pressed) }
+        Self { reflection: Some(is_pressed), ..Self::none(at_s) }
     }
 }
 
@@ -192,22 +227,27 @@ impl Actions {
             turn = turn.lerp(&step.to_rad.map_or(turn, |to| Vector3::from(to.0)), share);
         }
         let (mut deadman, mut reference, mut reflection) = (false, false, false);
+        let mut buttons = [false; 4];
         for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {
             deadman = switch.deadman.unwrap_or(deadman);
             reference = switch.reference.unwrap_or(reference);
             reflection = switch.reflection.unwrap_or(reflection);
+            buttons = switch.buttons.map_or(buttons, |List(pressed)| pressed);
         }
         let holds = self.holds.iter().take_while(|hold| hold.at_s <= t);
         Operator {
             translation: place,
             rotation: UnitQuaternion::from_scaled_axis(turn),
-            inputs: u8::from(deadman)
-                | u8::from(!deadman) << 1
-                | u8::from(reference) << 2
-                | u8::from(reflection) << 3,
+            inputs: byte([deadman, !deadman, reference, reflection], buttons),
             is_holding: holds.last().is_none_or(|hold| hold.holding),
         }
     }
+}
+
+/// Returns the byte of these bits, the lowest first.
+fn byte(low: [bool; 4], high: [bool; 4]) -> u8 {
+    let bits = low.into_iter().chain(high);
+    bits.rev().fold(0, |byte, bit| byte << 1 | u8::from(bit))
 }
 
 /// Minimum-jerk step from 0 to 1 (Flash and Hogan 1985), constant outside.

@@ -36,6 +36,15 @@ class Facts {
   }
 }
 
+/// Returns the scales other than 1, the locked axes and an alignment under way.
+function adjusted({ scale, locked, aligning }) {
+  const factors = ["motion", "rotation", "force"].filter((quantity) => Number.isFinite(scale?.[quantity]) && scale[quantity] !== 1);
+  const parts = factors.map((quantity) => `${quantity} × ${number(scale[quantity], 2)}`);
+  if (Array.isArray(locked)) parts.push(...locked.slice(0, 6).map((axis) => `${name(axis)} locked`));
+  if (aligning === true) parts.push("aligning");
+  return parts.length > 0 ? parts.join(", ") : "as configured";
+}
+
 export class NodePanel {
   constructor(description) {
     const at = (id) => document.getElementById(id);
@@ -55,6 +64,7 @@ export class NodePanel {
     facts.set("Cycle", count(snapshot.cycle));
     facts.set("Reflection", plain(snapshot.reflection));
     facts.set("Command", commanded(snapshot.command));
+    facts.set("Adjusted", adjusted(snapshot));
     facts.set("Switch box", snapshot.switches_online === null ? "not configured" : snapshot.switches_online ? "online" : "offline");
     facts.set("Dampers active", quantity(100 * snapshot.activity, 0, "%"));
     if (snapshot.recording) facts.set("Recording", recorded(snapshot.recording));

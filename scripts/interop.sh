@@ -4,7 +4,7 @@
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
-# far sides, that of examples/ and `frhc robot`; another one, with keys by openssl, judges the far side over a network.
+# far sides, that of examples/ and `frhc robot`; PyPI's NetFT judges the force/torque sensor that `frhc robot` reads; another one, with keys by openssl, judges the far side over a network.
 # mcap and rosbags read exported sessions. tmux shows what `frhc top` draws. python-can with cantools is timed beside
 # `frhc decode`, and a headless browser is tried on a page of known faults, and shows the pages of `frhc report` and
 # `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
@@ -28,6 +28,7 @@ if [[ -z $part || $part == --bus ]]; then
   for judged in "" "--frhc=$FRHC"; do
     scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/far_side.py ${judged:+"$judged"} "$@"
   done
+  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/force_sensor.py "$@"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/zenoh_peers.py "$@"
   "$python" tests/interop/in_the_logs.py "$@"
 fi

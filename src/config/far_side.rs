@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::link::{HOLD_AFTER_MS, RemoteLink, millis};
+use crate::net_ft::{self, NetFtSensor};
 use crate::problem::Problems;
 use crate::raw;
-use crate::remote::is_link;
+use crate::remote::{given, is_link};
 use crate::robots::RobotArm;
 use crate::value::Optional;
 use ::remote::site::Virtual;
@@ -38,6 +39,8 @@ pub struct FarSide {
     pub wrench_limit: [Option<f64>; 2],
     /// Age of the newest command after which it holds, if stated.
     pub hold_after: Option<Duration>,
+    /// Force/torque sensor at an address of its own, in place of the simulated one: for the robot itself, never for the node.
+    pub sensor: Option<NetFtSensor>,
     /// Figures that it must have; `None` where the commanded side is in this process.
     pub agreement: Option<Agreement>,
 }
@@ -54,6 +57,7 @@ pub struct Agreement {
 /// Reads the keys. Returns `None` after a problem.
 pub(super) fn read(
     file: &raw::File,
+    period: Option<Duration>,
     link: Option<&RemoteLink>,
     remote: Option<&(Virtual, Option<RobotArm>)>,
     problems: &mut Problems<'_>,
@@ -68,9 +72,10 @@ pub(super) fn read(
     let sample_period = figure(&raw.sample_period_ms, SAMPLE_PERIOD_MS);
     let stiffest = figure(&raw.stiffest_contact_n_per_m, 1.0..=MAX_FIGURE);
     let round_trip = figure(&raw.round_trip_ms, ROUND_TRIP_MS);
+    let sensor = raw.sensor.as_ref().map(|sensor| net_ft::read(sensor, file, period, problems));
     let mut agreement = None;
     if is_link(&file.remote) {
-        refuse_wrench_limit(raw, problems);
+        refuse_keys_of_the_robot(raw, problems);
         let round_trip = required(&raw.round_trip_ms, "round_trip_ms", round_trip, problems);
         let name = "stiffest_contact_n_per_m";
         let stiffest = required(&raw.stiffest_contact_n_per_m, name, stiffest, problems);
@@ -98,17 +103,22 @@ pub(super) fn read(
         sensor_range: [force?, moment?],
         wrench_limit: [limit_force?, limit_moment?],
         hold_after: hold_after?,
+        sensor: given(sensor)?,
         agreement,
     })
 }
 
-/// Notes a wrench limit in the file of a node: the contract does not carry it, so it would have no effect.
-fn refuse_wrench_limit(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
+/// Notes keys of the robot itself in the file of a node: the contract does not carry them, so they would have no effect.
+fn refuse_keys_of_the_robot(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
     for key in [&raw.wrench_limit_n, &raw.wrench_limit_nm] {
         if !key.is_absent() {
             let reason = "limits the robot itself, and kind = \"link\" is the node: move it to the file of frhc robot";
             problems.add(key, reason);
         }
+    }
+    if let Some(sensor) = &raw.sensor {
+        let reason = "is the robot's sensor, and kind = \"link\" is the node: move the section to the file of frhc robot";
+        problems.add(sensor, reason);
     }
 }
 

@@ -321,6 +321,14 @@ sections! {
         wrench_limit_n: Optional<f64>,
         wrench_limit_nm: Optional<f64>,
         stiffest_contact_n_per_m: Optional<f64>,
+        sensor: Option<RemoteSensor>,
+    }
+
+    RemoteSensor {
+        address: Value<String>,
+        counts_per_n: Value<f64>,
+        counts_per_nm: Value<f64>,
+        rate_hz: Optional<f64>,
     }
 
     SharedControl {

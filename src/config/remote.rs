@@ -167,7 +167,7 @@ fn refuse_stiff_remote(file: &raw::File, problems: &mut Problems<'_>) {
 }
 
 /// Turns a section that was noted into `None`, and keeps one that is absent.
-fn given<T>(section: Option<Option<T>>) -> Option<Option<T>> {
+pub(super) fn given<T>(section: Option<Option<T>>) -> Option<Option<T>> {
     match section {
         None => Some(None),
         Some(read) => read.map(Some),

@@ -170,6 +170,7 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),
     row("docs/robots.md", "frhc demo", Lane::AnyMachine),
     row("docs/robots.md", "export", Lane::Vcan(EMPTY_BUS)),
+    row("docs/net-ft.md", "export", Lane::Vcan(EMPTY_BUS)),
     row("docs/top.md", "frhc top", Lane::NotRun("needs a terminal: tests/interop/top.py has one")),
     row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),
     row("docs/network.md", "cargo build", Lane::NotRun(BUILDS)),

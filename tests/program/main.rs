@@ -24,6 +24,7 @@ mod replay;
 mod report;
 mod robot_process;
 mod robot_refused;
+mod robot_sensor;
 mod robots;
 mod sessions;
 mod shown_demo;

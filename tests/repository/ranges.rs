@@ -28,6 +28,10 @@ centre_m = [0.4, 0.0, 0.9]
 radius_m = 0.1
 stiffness_n_per_m = 2000.0
 damping_ns_per_m = 20.0
+[remote.link.sensor]
+address = "192.168.1.1"
+counts_per_n = 1e6
+counts_per_nm = 1e6
 "#;
 
 #[test]

@@ -113,6 +113,9 @@ pub struct Robot {
     /// Seed of the sensor's noise.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
+    /// Have the sensor of remote.link.sensor set its present load as zero, once, when it streams. It never happens without this.
+    #[arg(long)]
+    pub(super) bias: bool,
     /// Print each status as one JSON object per line.
     #[arg(long)]
     pub(super) json: bool,

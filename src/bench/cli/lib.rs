@@ -85,8 +85,9 @@ pub enum Command {
     /// Simulates the robot that a node commands over a Unix socket: the far side of docs/link.md.
     #[command(
         after_help = "Connects to the socket of `frhc run`, and again after each end of the connection. Prints its status at the \
-            end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExample:\n  \
-            frhc robot --config config/kraft_like.toml --robot config/robots/puma560.toml --socket /run/frhc/far.sock"
+            end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
+            frhc robot --config config/kraft_like.toml --robot config/robots/puma560.toml --socket /run/frhc/far.sock\n  \
+            frhc robot --config my_robot.toml --robot config/robots/puma560.toml --bias"
     )]
     Robot(Robot),
     /// Plans the buses of a configuration: frames and worst-case response times, cycle timeline, load, maximum rate, loop

@@ -23,6 +23,9 @@ use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Wrench;
 use units::time::Instant;
 
+/// Reading of a sensor that says itself that it is invalid.
+const INVALID: Wrench = Wrench::from_components([f64::NAN; 6]);
+
 /// Bounds of a far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotLimits {
@@ -202,6 +205,23 @@ impl FarRobot {
         }
     }
 
+    /// Performs a cycle with the reading of a sensor that is not simulated: its number, 0 before the first, and its wrench, `None`
+    /// for an invalid one. A reading with the number of the one before is not new.
+    pub fn step_with_reading(
+        &mut self,
+        now: Instant,
+        number: u64,
+        wrench: Option<Wrench>,
+    ) -> Outgoing {
+        let without = if number == 0 { Wrench::ZERO } else { INVALID };
+        let reading = wrench.unwrap_or(without);
+        self.step_with(now, |measurement| Measurement {
+            reading,
+            reading_number: number,
+            ..measurement
+        })
+    }
+
     /// Ends the robot: it holds from the next cycle on, whatever is commanded.
     pub const fn end(&mut self) {
         self.is_ending = true;
@@ -243,8 +263,8 @@ impl FarRobot {
 /// Watch on the readings of the force/torque sensor.
 #[derive(Clone, Copy, Debug)]
 struct SensorWatch {
-    /// Number of the newest reading; `None` before the first.
-    newest: Option<u64>,
+    /// Number of the newest reading; 0 before the first.
+    newest: u64,
     missed: u32,
     /// Newest valid reading.
     valid: Wrench,
@@ -252,7 +272,7 @@ struct SensorWatch {
 
 impl Default for SensorWatch {
     fn default() -> Self {
-        Self { newest: None, missed: 0, valid: Wrench::ZERO }
+        Self { newest: 0, missed: 0, valid: Wrench::ZERO }
     }
 }
 
@@ -267,19 +287,20 @@ impl SensorWatch {
     /// Takes the reading of a cycle; returns the reason to hold, if it has one.
     fn judge(&mut self, measurement: &Measurement, limits: &RobotLimits) -> Judgement {
         let Measurement { reading, reading_number, .. } = measurement;
-        let is_new = self.newest != Some(*reading_number);
+        let is_new = self.newest != *reading_number;
         self.missed = if is_new { 0 } else { self.missed.saturating_add(1) };
-        self.newest = Some(*reading_number);
+        self.newest = *reading_number;
         let is_finite = reading.is_finite();
         if is_finite {
             self.valid = *reading;
         }
-        let reason = if !is_finite {
+        // First: a sensor that is silent says nothing of its present condition.
+        let reason = if self.missed >= limits.max_missed_readings {
+            Some(Reason::SensorSilent)
+        } else if !is_finite {
             Some(Reason::SensorInvalid)
         } else if limits.sensor_range.is_reached_by(reading) {
             Some(Reason::SensorSaturated)
-        } else if self.missed >= limits.max_missed_readings {
-            Some(Reason::SensorSilent)
         } else {
             None
         };

@@ -8,6 +8,7 @@ mod cycle;
 mod narrator;
 mod outlet;
 mod report;
+mod sensor;
 
 use std::path::Path;
 use std::thread;
@@ -18,7 +19,7 @@ use tokio::sync::mpsc;
 use crate::args::Robot;
 use crate::os_signals::{self, StatusSignals};
 use crate::robot::clock::Clock;
-use crate::robot::cycle::Requests;
+use crate::robot::cycle::{Ends, Requests};
 use crate::robot::outlet::{Message, Outlet};
 use crate::robot::report::Report;
 use config::robots::RobotArm;
@@ -33,10 +34,12 @@ use testbench::robot_site::NoRobot;
 /// Runs the robot until a stop signal; prints its status at the end and on request.
 pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let config = configuration(args)?;
-    let mut robot = simulated(args, &config)?;
+    let robot = simulated(args, &config)?;
     let clock = Clock::start();
     let socket = args.socket.clone().unwrap_or_else(|| commanded_side::socket_of(&config));
-    let mut link = FarSocket::open(&socket).or_fail(Kind::Bus)?;
+    let link = FarSocket::open(&socket).or_fail(Kind::Bus)?;
+    let sensor = sensor::opened(&config, args.bias, clock.now())?;
+    let mut ends = Ends { robot, link, sensor };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
     // Before this a status signal would end the process.
@@ -49,15 +52,13 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let requests = Requests::default();
     let (outlet, messages) = Outlet::new();
     let ended = thread::scope(|threads| {
-        let (robot, link) = (&mut robot, &mut link);
-        let (requests, period) = (&requests, config.period);
+        let (ends, requests, period) = (&mut ends, &requests, config.period);
         // The outlet goes with the thread: its end is that of the messages.
-        let cycles =
-            threads.spawn(move || cycle::run(robot, link, clock, period, requests, &outlet));
+        let cycles = threads.spawn(move || cycle::run(ends, clock, period, requests, &outlet));
         runtime.block_on(serve(status_signals, messages, requests, args));
         cycles.join()
     });
-    print_report(args, &Report { status: robot.status(), is_connected: link.is_connected() });
+    print_report(args, &ends.report(clock.now()));
     ended.map_err(|_| Failure::new(Kind::Bus, "the robot's thread panicked"))
 }
 

@@ -2,12 +2,15 @@
 
 use contract::{FarState, Reason};
 use far_socket::SocketEvent;
+use net_ft::socket::SensorEvent;
 
 /// Change worth a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Event {
     /// A change of the connection.
     Socket(SocketEvent),
+    /// A change of the force/torque sensor.
+    Sensor(SensorEvent),
     /// A node leads.
     Leads {
         /// Its session.
@@ -29,6 +32,7 @@ impl Event {
     pub(super) fn log(&self) {
         match self {
             Self::Socket(event) => event.log(),
+            Self::Sensor(event) => event.log(),
             Self::Leads { session, epoch } => {
                 tracing::info!(session = format_args!("{session:016x}"), epoch, "a node leads");
             }

@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
+use crate::robot::sensor::SensorStatus;
 use contract::{FarState, Measured, Pose};
 use testbench::far_robot::Status;
 use units::time::Instant;
@@ -13,6 +14,8 @@ pub(super) struct Report {
     pub(super) status: Status,
     /// A node listens and sends.
     pub(super) is_connected: bool,
+    /// Status of the force/torque sensor, if that is a real one.
+    pub(super) sensor: Option<SensorStatus>,
 }
 
 impl Report {
@@ -32,8 +35,9 @@ impl Report {
         let rejects: Vec<_> =
             rejects.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
         let rejects = if rejects.is_empty() { "none".to_owned() } else { rejects.join(", ") };
+        let sensor = self.sensor.as_ref().map_or(String::new(), SensorStatus::text);
         format!(
-            "{:.3} s  {state}  {connection}, {leader}  {}  joints {}°  rejected {rejects}",
+            "{:.3} s  {state}  {connection}, {leader}  {}  joints {}°  rejected {rejects}{sensor}",
             self.seconds(),
             measured_text(measured),
             joints.join(" "),
@@ -63,6 +67,7 @@ impl Report {
             "joints_rad": q,
             "wrench": wrench,
             "rejects": rejects,
+            "sensor": self.sensor.as_ref().map(SensorStatus::json),
         })
     }
 
@@ -99,7 +104,7 @@ mod tests {
         let mut robot = FarRobot::new(&config.with_robot(arm), limits, 1, 2, 3).unwrap();
         robot.step(Instant::from_micros(1_500));
         robot.on_message(Instant::from_micros(1_600), b"short");
-        Report { status: robot.status(), is_connected: false }
+        Report { status: robot.status(), is_connected: false, sensor: None }
     }
 
     #[test]
@@ -121,5 +126,6 @@ mod tests {
         assert_eq!(json["pose"]["orientation_xyzw"].as_array().unwrap().len(), 4);
         assert_eq!(json["wrench"]["force_n"].as_array().unwrap().len(), 3);
         assert_eq!(json["rejects"].as_object().unwrap().len(), 1);
+        assert_eq!(json["sensor"], Value::Null);
     }
 }

@@ -29,6 +29,12 @@ impl Process {
         Self::spawn(Command::new(program).args(args))
     }
 
+    /// Starts Python with the packages of the tests and that of `python/`.
+    pub(crate) fn python(args: &[&str]) -> Self {
+        let mut command = Command::new("target/interop/venv/bin/python");
+        Self::spawn(command.arg("-B").args(args).env("PYTHONPATH", "python"))
+    }
+
     fn spawn(command: &mut Command) -> Self {
         Self::spawn_onto(command, Stdio::piped())
     }

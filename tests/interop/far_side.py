@@ -3,12 +3,11 @@
 
     far_side.py [--frhc FILE] [--far-side FILE] [--page FILE] [NAME ...]
 
-Judges examples/far_side_local.py, whose codec is that of the judge's messages, or `FILE robot` with --frhc.
-Runs the tests whose name contains a NAME (all without one). Exit code 0 if they pass, 1 if not.
-Each test starts its own far side. Python 3.9 or later on Linux, standard library only.
+Judges examples/far_side_local.py, which is the package of python/ with a robot, or `FILE robot` with --frhc. The judge's
+messages have the codec of the package. Runs the tests whose name contains a NAME (all without one). Exit code 0 if they
+pass, 1 if not. Each test starts its own far side. Python 3.9 or later on Linux, with numpy.
 """
 import argparse
-import importlib.util
 import json
 import math
 import os
@@ -25,6 +24,11 @@ import time
 import traceback
 from pathlib import Path
 
+import package
+from frhc import codec as far
+from frhc.far_end import FarEnd
+from frhc.reasons import Reject
+
 HOLD, RATE, POSE = 0, 1, 2
 NOT_ARMED, SILENCE, WRENCH_LIMIT, END_OF_PROCESS = 1, 2, 6, 7
 HOLDING, FOLLOWING = 0, 1
@@ -32,7 +36,6 @@ PERIOD_S, LIMIT_S = 0.002, 0.1  # the period is that of both ends
 X_RATE = (0.1, 0, 0, 0, 0, 0)  # slower than the speed limits
 ROOT = Path(__file__).resolve().parent.parent.parent
 
-far = None  # module with the codec, set in main()
 judged = None  # program under test, set in main()
 page_path = None
 
@@ -77,7 +80,7 @@ class FrhcRobot:
     CAPABILITY = dict(senses=3, follows=3, payload_removal=1, accommodation=(0.01,) * 3 + (0.5,) * 3,
                       sample_period=0.002, hold_after=0.1)
 
-    OF_THE_CODEC = "a test of the judge's codec, which is that of the Python program"
+    OF_THE_CODEC = "a test of the judge's codec, which is that of the Python package"
     OF_OPTIONS = "a test of options of the Python program; tests/program/robot_refused.rs has those of frhc robot"
     LEFT_OUT = {
         "vectors_decode_and_encode": OF_THE_CODEC,
@@ -308,7 +311,9 @@ def test_vectors_decode_and_encode_to_the_same_bytes():
                 assert got[name] == expected[name], f"{name}: expected {expected[name]}, got {got[name]}"
         assert_equal(far.pack(layout, **vars(fields)), message)
         if layout is far.COMMAND:
-            assert far.unpack_command(message, 7) and not far.unpack_command(message, 1)
+            reject = {arm: FarEnd(arm, 1, 10**8).on_message(0, message) for arm in (7, 1)}
+            # Its echo is of no message of these ends.
+            assert_equal(reject, {7: Reject.SESSION, 1: Reject.ARM})
 
 
 def numbers(value):
@@ -328,7 +333,7 @@ def test_lengths_and_offsets_are_those_of_the_tables():
             assert_equal(int(at), offset)
             offset += size[kind] * int(count or 1)
             names.append(name)
-        assert_equal(list(layout), names)
+        assert_equal(list(layout.fields), names)
         assert_equal(int(re.search(r"(\d+) bytes", section(page, title))[1]), offset + 4)
 
 
@@ -825,25 +830,16 @@ def test_values_that_mode_and_flags_exclude_are_not_read():
         assert_equal(bench.run(node).epoch, 3)
 
 
-def load(path):
-    """Returns a Python file as a module."""
-    spec = importlib.util.spec_from_file_location("far_side_local", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.dont_write_bytecode = True
-    spec.loader.exec_module(module)
-    return module
-
-
 def main():
-    global far, judged, page_path
+    global judged, page_path
     parser = argparse.ArgumentParser(description="Judge of a far side.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="runs the tests whose name contains it")
     parser.add_argument("--frhc", metavar="FILE", help="program whose command `robot` is judged")
     parser.add_argument("--far-side", default=str(ROOT / "examples/far_side_local.py"), metavar="FILE",
-                        help="Python far side: judged without --frhc, and the judge's codec")
+                        help="Python far side that is judged without --frhc")
     parser.add_argument("--page", default=str(ROOT / "docs/link.md"))
     args = parser.parse_args()
-    page_path, far = args.page, load(args.far_side)
+    page_path = args.page
     judged = FrhcRobot(args.frhc) if args.frhc else PythonExample(args.far_side)
 
     return run_tests(globals(), args.names)

@@ -16,9 +16,7 @@ import time
 from pathlib import Path
 
 import far_side as contract
-from far_side import FrhcRobot, Node
-
-ROOT = contract.ROOT
+from far_side import FrhcRobot, Node, far
 
 
 def start(role, keys, network, folder):
@@ -48,7 +46,7 @@ def run_near(keys, port, folder):
     while True:
         try:
             while message := connection.recv(4096):
-                feedback = message[4] == 2 and contract.far.unpack(contract.far.FEEDBACK, message)
+                feedback = message[4] == 2 and far.unpack(far.FEEDBACK, message)
                 node.echo = (feedback.session, feedback.sequence) if feedback else node.echo
         except BlockingIOError:
             pass
@@ -60,7 +58,6 @@ def run_near(keys, port, folder):
 
 
 def main():
-    contract.far = contract.load(ROOT / "examples/far_side_local.py")
     role, keys, port = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
         return {"far": run_far, "near": run_near}[role](keys, port, folder)

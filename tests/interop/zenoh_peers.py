@@ -3,11 +3,11 @@
 
     zenoh_peers.py [--far COMMAND | --near COMMAND] [NAME ...]
 
-Judges examples/far_side.py, a far end that COMMAND starts, or a near end. In COMMAND {keys} is the folder of its keys,
+Judges examples/far_side.py, which is the package of python/ with a robot, a far end that COMMAND starts, or a near end. In COMMAND {keys} is the folder of its keys,
 {port} the UDP port of 127.0.0.1 that a far end listens on and a near end connects to, {arm} the number of the arm.
 The far end has a robot as `frhc robot` simulates it; the near end has a node that sends Commands every 2 ms.
 Signals reach every process that COMMAND starts. Runs the tests whose name contains a NAME (all without one). Exit code
-0 if they pass, 1 if not. Python 3.9 or later on Linux, with eclipse-zenoh and openssl.
+0 if they pass, 1 if not. Python 3.9 or later on Linux, with eclipse-zenoh, numpy and openssl.
 """
 import argparse
 import collections
@@ -17,6 +17,7 @@ import json
 import math
 import os
 import re
+import secrets
 import shlex
 import signal
 import socket
@@ -25,13 +26,18 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import zenoh
 
 import far_side as contract
 from far_side import (END_OF_PROCESS, FOLLOWING, HOLDING, NOT_ARMED, PERIOD_S, SILENCE, Node, assert_equal,
-                      assert_orderly, assert_still, now)
+                      assert_orderly, assert_still, far, now)
+from frhc import network
+from frhc.clock import MILLISECOND, Clock
+from frhc.command import command_of
+from frhc.far_end import FarEnd as Machine
+from frhc.measured import checked
+from frhc.messages import Command
 
 ARM = 1
 LINK_TIMEOUT_S = 10.0  # for a link to come up
@@ -41,8 +47,8 @@ EXAMPLES = contract.ROOT / "examples"
 
 sys.path.append(str(EXAMPLES))
 sys.dont_write_bytecode = True
-example = contract.load(EXAMPLES / "far_side.py")
-local = sys.modules["far_side_local"]
+import far_side_local as local  # after far_side of this folder: examples/ has a file of that name, too
+
 keys = None  # folder of the keys, set in main()
 
 
@@ -105,8 +111,7 @@ def make_keys(root):
 def open_session(folder, role, listen=None, connect=None, mode="peer", denies=False, shows_certificate=True):
     """Opens a session with the certificate of `role`. Without `denies` it takes all that the other end lets pass."""
     local_host = lambda port: port and f"127.0.0.1:{port}"
-    config = example.configuration(SimpleNamespace(keys=str(folder), arm=ARM, listen=local_host(listen),
-                                                   connect=local_host(connect)))
+    config = network.configuration(ARM, str(folder), local_host(listen), local_host(connect))
     values = {"mode": mode, "region_name": role, "access_control": dict(enabled=False),
               "transport/link/tls/enable_mtls": shows_certificate}
     if denies:  # a near end does what a far end lets it do
@@ -163,8 +168,9 @@ class FarEnd:
     """Far side by the rules, with the robot of examples/far_side_local.py, and the Commands that it received."""
 
     def __init__(self, folder, port):
-        self.session = open_session(folder, "far", listen=port)
-        self.link, self.far_side = example.Link(self.session, ARM), local.FarSide(ARM)
+        self.session, self.clock = open_session(folder, "far", listen=port), Clock()
+        self.link = network.NetworkLink(ARM, self.session)
+        self.far_side = Machine(ARM, secrets.randbits(63) + 1, 100 * MILLISECOND)
         self.robot, self.commands = local.Robot((0.45, 0.0, 0.3), 0, 0.55), []
 
     def __enter__(self):
@@ -174,23 +180,24 @@ class FarEnd:
         self.session.close()
 
     def run(self, seconds, until=None, answers=True):
-        """Cycles of 2 ms; with `answers` each sends a Feedback. Returns the newest Command, or None."""
+        """Cycles of 2 ms; with `answers` each sends a Feedback. Returns the head of the newest Command, or None."""
         end, newest = now() + seconds, None
         while now() < end and not (until and newest and until(newest)):
-            while message := self.link.receive():
-                newest = local.unpack_command(message, ARM)
-                assert newest, f"not a Command of arm {ARM}: {message.hex()}"
+            while message := self.link.receive(self.clock.now()):
+                newest = Command.decode(message).head
+                assert newest.arm == ARM, f"not a Command of arm {ARM}: {message.hex()}"
                 self.commands.append(newest)
-                self.far_side.take(message, local.clock())
-            self.robot.move(self.far_side.current_command(local.clock()))
+                self.far_side.on_message(self.clock.now(), message)
+            command = command_of(self.far_side.command(self.clock.now()))
+            measured, _ = checked(*self.robot.step(command, PERIOD_S), None, local.CAPABILITY)
             if answers:
-                self.link.send(self.far_side.feedback(local.clock(), self.robot.wrench(), self.robot.pose()))
+                self.link.send(self.clock.now(), self.far_side.feedback(self.clock.now(), measured))
             time.sleep(PERIOD_S)
         return newest
 
     def lead(self):
         """Waits until the node leads."""
-        command = self.run(LINK_TIMEOUT_S, until=lambda c: self.far_side.leader == c.session)
+        command = self.run(LINK_TIMEOUT_S, until=lambda c: self.far_side.leader == c.own.session)
         assert command and self.far_side.leader, "the node does not lead"
         return command
 
@@ -476,68 +483,68 @@ def near_end(port):
 
 def test_near_commands_echo_and_lead():
     port = free_port()
-    with FarEnd(keys / "right", port) as far, near_end(port):
-        first = far.lead()
-        far.commands.clear()
-        far.run(0.5)
-        assert len(far.commands) > 100, f"{len(far.commands)} Commands in 0.5 s"
-        last = far.commands[-1]
-        assert_equal((last.session, last.echoed_session), (first.session, far.far_side.session))
-        behind = far.far_side.sequence - last.echoed_sequence
+    with FarEnd(keys / "right", port) as end, near_end(port):
+        first = end.lead()
+        end.commands.clear()
+        end.run(0.5)
+        assert len(end.commands) > 100, f"{len(end.commands)} Commands in 0.5 s"
+        last = end.commands[-1]
+        assert_equal((last.own.session, last.echo.session), (first.own.session, end.far_side.session))
+        behind = end.far_side.sequence - last.echo.sequence
         assert behind < 20, f"the echo is {behind} messages old"
 
 
 def test_near_commands_without_an_echo_are_sent_every_20_ms():
     port = free_port()
-    with FarEnd(keys / "right", port) as far, near_end(port):
-        far.lead()
-        far.run(0.2)
-        far.commands.clear()
-        far.run(1.0, answers=False)
-        assert len(far.commands) < IN_FLIGHT + 1.0 / SLOW_S, f"{len(far.commands)} Commands in 1 s"
-        far.run(0.1)
-        far.commands.clear()
-        far.run(0.3)
-        assert len(far.commands) > 80, f"{len(far.commands)} Commands in 0.3 s with an echo"
+    with FarEnd(keys / "right", port) as end, near_end(port):
+        end.lead()
+        end.run(0.2)
+        end.commands.clear()
+        end.run(1.0, answers=False)
+        assert len(end.commands) < IN_FLIGHT + 1.0 / SLOW_S, f"{len(end.commands)} Commands in 1 s"
+        end.run(0.1)
+        end.commands.clear()
+        end.run(0.3)
+        assert len(end.commands) > 80, f"{len(end.commands)} Commands in 0.3 s with an echo"
 
 
 def test_near_stopped_process_sends_fresh_echoes_again():
     port = free_port()
-    with FarEnd(keys / "right", port) as far, near_end(port) as program:
-        first = far.lead()
+    with FarEnd(keys / "right", port) as end, near_end(port) as program:
+        first = end.lead()
         program.signal(signal.SIGSTOP)
-        far.run(OUTAGE_S)
-        sequence, far.commands = far.far_side.sequence, []
+        end.run(OUTAGE_S)
+        sequence, end.commands = end.far_side.sequence, []
         program.signal(signal.SIGCONT)
-        command = far.run(LINK_TIMEOUT_S, until=lambda c: c.echoed_sequence > sequence)
-        assert command and command.echoed_sequence > sequence, "no fresh echo"
-        assert_equal(command.session, first.session)
+        command = end.run(LINK_TIMEOUT_S, until=lambda c: c.echo.sequence > sequence)
+        assert command and command.echo.sequence > sequence, "no fresh echo"
+        assert_equal(command.own.session, first.own.session)
 
 
 def test_near_wrong_keys_pass_no_message():
     for name in WRONG_KEYS:
         port = free_port()
         with near_end(port):
-            with FarEnd(keys / name, port) as far:
-                command = far.run(1.5)
+            with FarEnd(keys / name, port) as end:
+                command = end.run(1.5)
                 assert command is None, f"a Command for keys {name}"
-            with FarEnd(keys / "right", port) as far:
-                command = far.run(LINK_TIMEOUT_S, until=lambda _: True, answers=False)
+            with FarEnd(keys / "right", port) as end:
+                command = end.run(LINK_TIMEOUT_S, until=lambda _: True, answers=False)
                 assert command, f"no Command after keys {name}"
-                assert_equal((name, command.echoed_session, command.echoed_sequence), (name, 0, 0))
+                assert_equal((name, *command.echo), (name, 0, 0))
 
 
 def test_near_router_that_goes_away_and_comes_back():
     port, far_port = free_port(), free_port()
-    with FarEnd(keys / "right", far_port) as far, near_end(port):
+    with FarEnd(keys / "right", far_port) as end, near_end(port):
         with router(port, far_port):
-            first = far.lead()
-        far.run(OUTAGE_S)
-        sequence = far.far_side.sequence
+            first = end.lead()
+        end.run(OUTAGE_S)
+        sequence = end.far_side.sequence
         with router(port, far_port):
-            command = far.run(LINK_TIMEOUT_S, until=lambda c: c.echoed_sequence > sequence)
-            assert command and command.echoed_sequence > sequence, "no fresh echo"
-            assert_equal(command.session, first.session)
+            command = end.run(LINK_TIMEOUT_S, until=lambda c: c.echo.sequence > sequence)
+            assert command and command.echo.sequence > sequence, "no fresh echo"
+            assert_equal(command.own.session, first.own.session)
 
 
 # Processes of the judge
@@ -553,7 +560,7 @@ def run_node(folder, port):
     near, node, next_send = NearEnd(folder, connect=port, denies=True), Node(), 0
     while True:
         while message := near.read():
-            feedback = message[4] == 2 and local.unpack(local.FEEDBACK, message)
+            feedback = message[4] == 2 and far.unpack(far.FEEDBACK, message)
             if feedback:
                 node.echo = (feedback.session, feedback.sequence)
                 echoed = feedback.echoed_sequence if feedback.echoed_session == node.session else 0
@@ -566,7 +573,6 @@ def run_node(folder, port):
 
 def main():
     global keys
-    contract.far = local
     if sys.argv[1:2] == ["router"]:
         return run_router(*sys.argv[2:])
     if sys.argv[1:2] == ["node"]:

@@ -78,7 +78,7 @@ fn hazard_37_python_example_beside_a_second_near_end() {
         let keys = scratch.path("keys");
         let args = ["examples/far_side.py", &keys, "--listen", "127.0.0.1:7447"];
         let wall = ["--wall", "z", "0.37"];
-        Process::of("target/interop/venv/bin/python", &[&args[..], &wall].concat())
+        Process::python(&[&args[..], &wall].concat())
     });
     rig.pressing();
     let second = end(&rig.scratch, "near");

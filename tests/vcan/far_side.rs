@@ -27,7 +27,7 @@ fn python_example_takes_the_place_of_the_robot() {
     let config = unyielding("kraft_like", LINK);
     let mut rig = Rig::started("far-python", &config, |_, socket| {
         let wall = ["--wall", "z", "0.37"];
-        Process::of("python3", &[&["examples/far_side_local.py", socket][..], &wall].concat())
+        Process::python(&[&["examples/far_side_local.py", socket][..], &wall].concat())
     });
     rig.pressing();
     opens_sockets_of_can_netlink_and_unix_alone(&rig.run);

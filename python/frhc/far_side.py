@@ -80,7 +80,7 @@ class FarSide:
 
         The wrench is that of the environment on the object, at {S} in {S}, payload removed: N, then N·m. The pose is that of
         {MRF} in {b}: (position in m, orientation as x, y, z, w) or a 4x4 matrix. A wrench that is NaN, infinite or beyond
-        the sensor's range, and a pose that is none, are not sent, and make the far side hold. Raises ValueError for a shape.
+        the sensor's range, and an invalid pose, are not sent, and make the far side hold. Raises ValueError for a shape.
         """
         measured, reason = checked(wrench, pose, gripper, self._figures)
         self._cycles.send(measured, reason)

@@ -5,7 +5,7 @@ from .messages import NO_ECHO, Echo
 from .reasons import Reject, Rejected
 
 MAX_LEFT = 4096  # sessions remembered as left; with more, no new one becomes current
-WINDOW = 128  # newest numbers of a session that are told apart as overtaken or repeated
+WINDOW = 128  # newest numbers of a session, each of which is overtaken or repeated
 
 
 class Received:

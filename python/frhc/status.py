@@ -16,24 +16,24 @@ class NoNode(ConnectionError):
 
 
 def status(path: "Optional[Union[str, os.PathLike[str]]]" = None, *, timeout: float = 3.0) -> Dict[str, Any]:
-    """Returns what `frhc ctl status --json` has as `status`. Waits at most `timeout`, in s.
+    """Returns what `frhc ctl status --json` has as `status`; during a boot its `mode` alone. Waits at most `timeout`, in s.
 
     Asks the node whose control socket is `path`; without it the user's own, then that of the service. Raises NoNode.
     """
     paths = [checked(path)] if path is not None else control_sockets()
     end = time.monotonic() + timeout
     while True:
-        reason = "the node closed the connection"
         line = ask(paths, max(0.001, end - time.monotonic()))
         if line:
-            answer = json.loads(line)
-            if answer.get("ok") is True and isinstance(answer.get("status"), dict):
-                found: Dict[str, Any] = answer["status"]
-                return found
-            reason = str(answer.get("error") or "the node has no status yet")
+            break
         if time.monotonic() >= end:
-            raise NoNode(f"{', '.join(paths)}: {reason}")
+            raise NoNode(f"{', '.join(paths)}: the node closed the connection")
         time.sleep(RETRY_S)
+    answer = json.loads(line)
+    if answer.get("ok") is not True:
+        raise NoNode(f"{', '.join(paths)}: {answer.get('error', 'invalid response from the node')}")
+    found: Dict[str, Any] = answer.get("status") or {"mode": answer.get("mode")}
+    return found
 
 
 def ask(paths: List[str], timeout: float) -> bytes:

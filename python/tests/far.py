@@ -9,6 +9,7 @@ from frhc.clock import MILLISECOND, Clock
 from frhc.messages import NO_ECHO, Command, Echo, Feedback, Head
 from frhc.reasons import Rejected
 
+ROOT = Path(__file__).resolve().parents[2]
 ARM, NODE, FAR = 7, 11, 22  # number of the arm, sessions
 
 

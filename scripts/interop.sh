@@ -4,7 +4,9 @@
 # python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
 # frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs, pinocchio computes the
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
-# far sides, that of examples/ and `frhc robot`; PyPI's NetFT judges the force/torque sensor that `frhc robot` reads; another one, with keys by openssl, judges the far side over a network.
+# far sides, that of examples/ and `frhc robot`; PyPI's NetFT judges the force/torque sensor that `frhc robot` reads; another one, with
+# keys by openssl, judges the far side over a network. The package of python/ leads a robot for `frhc run`, is compared with the
+# contract in Rust, and is installed.
 # mcap and rosbags read exported sessions. tmux shows what `frhc top` draws. python-can with cantools is timed beside
 # `frhc decode`, and a headless browser is tried on a page of known faults, and shows the pages of `frhc report` and
 # `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
@@ -20,7 +22,10 @@ scripts/setup.sh tools browser
 python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --release
-export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
+# The contract in Rust, with which the package of python/ is compared: its profile is that of the tests.
+cargo build --locked --profile quick --package frhc-contract --example contract_ends
+export FRHC=$PWD/target/release/frhc CONTRACT_ENDS=$PWD/target/quick/examples/contract_ends
+export INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
 if [[ -z $part || $part == --bus ]]; then
   rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"

@@ -12,10 +12,11 @@ import lely
 import our_drives
 import our_master
 import our_tools
+import python_far_side
 import runner
 from bench import Bench
 
-MODULES = [our_master, our_drives, any_master, cia402, faults, lely, our_tools, hostile]
+MODULES = [our_master, our_drives, any_master, cia402, faults, lely, our_tools, hostile, python_far_side]
 TESTS = [test for module in MODULES for test in module.TESTS]
 
 if __name__ == "__main__":

@@ -9,10 +9,12 @@ import contextlib
 import sys
 
 import contact
+import contract_ends
 import decode_speed
 import exports
 import link
 import pages
+import python_package
 import report
 import robots
 import runner
@@ -24,7 +26,8 @@ import view_hostile
 import view_judges
 import view_live
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *sessions.TESTS, *exports.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
+TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *contract_ends.TESTS, *python_package.TESTS, *sessions.TESTS, *exports.TESTS,
+         *pages.TESTS, *report.TESTS, *view.TESTS,
          *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 
 TIMED = [*decode_speed.TIMED, *view.TIMED, *view_live.TIMED]

@@ -168,6 +168,11 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/operation.md", "groupadd", Lane::NotRun("changes the users of the machine")),
     row("docs/paper.md", "frhc explain", Lane::AnyMachine),
     row("docs/performance.md", "frhc ctl status", Lane::Vcan(ARMED)),
+    row(
+        "docs/python.md",
+        "python3 -m venv",
+        Lane::NotRun("fetches packages: tests/interop/python_package.py installs it"),
+    ),
     row("docs/robots.md", "frhc demo", Lane::AnyMachine),
     row("docs/robots.md", "export", Lane::Vcan(EMPTY_BUS)),
     row("docs/net-ft.md", "export", Lane::Vcan(EMPTY_BUS)),

@@ -30,7 +30,7 @@ from frhc.far_end import FarEnd
 from frhc.reasons import Reject
 
 HOLD, RATE, POSE = 0, 1, 2
-NOT_ARMED, SILENCE, WRENCH_LIMIT, END_OF_PROCESS = 1, 2, 6, 7
+NOT_ARMED, SILENCE, WRENCH_LIMIT, END_OF_PROCESS, FAULT = 1, 2, 6, 7, 8
 HOLDING, FOLLOWING = 0, 1
 PERIOD_S, LIMIT_S = 0.002, 0.1  # the period is that of both ends
 X_RATE = (0.1, 0, 0, 0, 0, 0)  # slower than the speed limits

@@ -2,6 +2,9 @@
 
 import gc
 import os
+import re
+import signal
+import subprocess
 import sys
 import time
 
@@ -31,29 +34,45 @@ def linked(text):
     return text
 
 
+def start(bench):
+    """Starts drives and node; returns both."""
+    os.environ["XDG_RUNTIME_DIR"] = str(bench.folder)  # where the package looks for sockets
+    os.environ.pop("RUNTIME_DIRECTORY", None)
+    config = bench.folder / "linked.toml"
+    config.write_text(linked(CONFIG.read_text()))
+    return (bench.start("sim", "--config", config, "--scenario", "contact_10s"), bench.start("run", "--config", config))
+
+
+def is_in_contact():
+    """Checks that the operator feels the wall, and that no message was rejected."""
+    status = frhc.status()
+    same(status["mode"], "engaged", "mode")
+    force = sum(part**2 for part in status["f_g_task"][:3]) ** 0.5
+    check(force > 0.3, f"{force} N felt")
+    found = {key: status["link"][key] for key in ("far_side", "leader", "rejects", "connected")}
+    same(found, dict(far_side="following", leader="this node", rejects={}, connected=True), "link")
+
+
+def stopped_by():
+    """Returns why the node ended reflection."""
+    status = until(lambda: (found := frhc.status())["mode"] == "reflection-off" and found, "reflection ends", 0.2)
+    check(all(abs(torque) < 1e-9 for torque in status["budget"]["task"]), f"{status['budget']}")
+    return status["stopped_by"]
+
+
 class Rig:
     """Drives, node, and a far side that leads its robot into contact."""
 
     def __init__(self, bench):
-        os.environ["XDG_RUNTIME_DIR"] = str(bench.folder)  # where the package looks for sockets
-        os.environ.pop("RUNTIME_DIRECTORY", None)
-        self.bench, config = bench, bench.folder / "linked.toml"
-        config.write_text(linked(CONFIG.read_text()))
-        self.sim = bench.start("sim", "--config", config, "--scenario", "contact_10s")
-        self.run = bench.start("run", "--config", config)
+        self.bench = bench
+        self.sim, self.run = start(bench)
         self.far, self.robot = frhc.FarSide("arm1", capability=CAPABILITY), Robot(START, 2, WALL_Z)
         arming = bench.start("ctl", "--wait", "arm")
         self.follow(lambda: arming.poll() is not None)
         bench.ends(arming, 0)
-        start = time.monotonic()
-        self.follow(lambda: time.monotonic() - start > CONTACT_S)
-        status = frhc.status()
-        same((status["mode"], self.far.reason), ("engaged", frhc.Reason.NONE), "mode, and reason to hold")
-        force = sum(part**2 for part in status["f_g_task"][:3]) ** 0.5
-        check(force > 0.3, f"{force} N felt")
-        link = status["link"]
-        same((link["far_side"], link["leader"], link["rejects"]), ("following", "this node", {}), "link")
-        same((self.far.rejects, link["connected"]), ({}, True), "rejects of the far side, connected")
+        self.follow_for(CONTACT_S)
+        is_in_contact()
+        same((self.far.reason, self.far.rejects), (frhc.Reason.NONE, {}), "reason to hold, rejects")
 
     def follow(self, is_over):
         """Follows the commands for at least a cycle."""
@@ -62,11 +81,9 @@ class Rig:
             if is_over():
                 return
 
-    def stopped_by(self):
-        """Returns why the node ended reflection."""
-        status = until(lambda: (found := frhc.status())["mode"] == "reflection-off" and found, "reflection ends", 0.2)
-        check(all(abs(torque) < 1e-9 for torque in status["budget"]["task"]), f"{status['budget']}")
-        return status["stopped_by"]
+    def follow_for(self, seconds):
+        start = time.monotonic()
+        self.follow(lambda: time.monotonic() - start > seconds)
 
     def end(self):
         """Ends node and drives. The far side may have ended before."""
@@ -84,7 +101,7 @@ def body_that_raises_is_a_fault_of_the_robot(bench):
                 raise RuntimeError("the robot's driver")
     except RuntimeError:
         pass
-    same(rig.stopped_by(), "the far side holds: fault of the robot", "cause")
+    same(stopped_by(), "the far side holds: fault of the robot", "cause")
     rig.end()
 
 
@@ -92,7 +109,7 @@ def body_that_ends_is_the_end_of_the_far_side(bench):
     rig = Rig(bench)
     with rig.far:
         pass
-    same(rig.stopped_by(), "the far side holds: far side ends", "cause")
+    same(stopped_by(), "the far side holds: far side ends", "cause")
     rig.end()
 
 
@@ -100,17 +117,16 @@ def collected_far_side_is_the_end_of_the_far_side(bench):
     rig = Rig(bench)
     rig.far = None
     gc.collect()
-    same(rig.stopped_by(), "the far side holds: far side ends", "cause")
+    same(stopped_by(), "the far side holds: far side ends", "cause")
     rig.end()
 
 
 def body_that_sleeps_3_s_is_a_lost_link_and_moves_nothing(bench):
     rig = Rig(bench)
     time.sleep(3.0)
-    same(rig.stopped_by(), "no new wrench from the commanded side", "cause")
+    same(stopped_by(), "no new wrench from the commanded side", "cause")
     before, session = list(rig.robot.position), rig.far.session
-    start = time.monotonic()
-    rig.follow(lambda: time.monotonic() - start > 0.5)
+    rig.follow_for(0.5)
     same(rig.robot.position, before, "position, after the commands that waited")
     same((rig.far.reason, rig.far.session), (frhc.Reason.SILENCE, session), "reason to hold, and session")
     same(frhc.status()["link"]["far_side"], "holding: no fresh command", "the far side for the operator")
@@ -136,13 +152,37 @@ def wrench_that_is_nan_is_named(bench):
     rig = Rig(bench)
     next(rig.far)
     rig.far.send([float("nan")] * 6, rig.robot.step(frhc.Command(), rig.far.period)[1])
-    start = time.monotonic()
-    rig.follow(lambda: time.monotonic() - start > 0.1)
-    same(rig.stopped_by(), "the far side holds: force sensor invalid", "cause")
+    rig.follow_for(0.1)
+    same(stopped_by(), "the far side holds: force sensor invalid", "cause")
     rig.far.close()
     rig.end()
 
 
-TESTS = [body_that_raises_is_a_fault_of_the_robot, body_that_ends_is_the_end_of_the_far_side,
+def cycles_without_a_send_have_no_wrench(bench):
+    rig = Rig(bench)
+    for _ in range(50):
+        next(rig.far)
+    same(rig.far.reason, frhc.Reason.NONE, "it follows")
+    same(stopped_by(), "no new wrench from the commanded side", "cause")
+    rig.far.close()
+    rig.end()
+
+
+def program_of_the_page_is_led_into_contact(bench):
+    text = re.search(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.S)[1]
+    sim, run = start(bench)
+    program = subprocess.Popen([sys.executable, "-B", "-c", text], env=dict(os.environ), stderr=subprocess.DEVNULL)
+    bench.processes.append(program)
+    bench.frhc("ctl", "--wait", "arm")
+    time.sleep(CONTACT_S)
+    is_in_contact()
+    program.send_signal(signal.SIGINT)
+    same(stopped_by(), "the far side holds: far side ends", "cause")
+    check(program.wait(timeout=5) != 0, "Ctrl-C ends it")
+    bench.stop(run, code=6)
+    bench.stop(sim)
+
+
+TESTS = [program_of_the_page_is_led_into_contact, body_that_raises_is_a_fault_of_the_robot, body_that_ends_is_the_end_of_the_far_side,
          collected_far_side_is_the_end_of_the_far_side, body_that_sleeps_3_s_is_a_lost_link_and_moves_nothing,
-         wrench_that_is_nan_is_named]
+         wrench_that_is_nan_is_named, cycles_without_a_send_have_no_wrench]

@@ -30,7 +30,7 @@ from pathlib import Path
 import zenoh
 
 import far_side as contract
-from far_side import (END_OF_PROCESS, FOLLOWING, HOLDING, NOT_ARMED, PERIOD_S, SILENCE, Node, assert_equal,
+from far_side import (END_OF_PROCESS, FAULT, FOLLOWING, HOLDING, NOT_ARMED, PERIOD_S, SILENCE, Node, assert_equal,
                       assert_orderly, assert_still, far, now)
 from frhc import network
 from frhc.clock import MILLISECOND, Clock
@@ -309,6 +309,16 @@ class PythonExample(contract.PythonExample):
         return [sys.executable, self.path, str(folder), "--arm", str(ARM), *where, *options]
 
 
+class PythonProgram(contract.PythonExample):
+    """A program of a few lines on the package."""
+
+    CONTACT_OPTIONS, CONTACT_RATE, LEFT_OUT = (), (), {}
+
+    def command(self, folder, port, _options=()):
+        begin = f"import frhc; far = frhc.FarSide({ARM}, keys={str(folder)!r}, listen='127.0.0.1:{port}')\n"
+        return [sys.executable, "-B", "-c", begin + self.path]
+
+
 class OtherProgram(contract.FrhcRobot):
     """Ends that a command starts."""
 
@@ -458,6 +468,29 @@ def test_far_example_connects_to_a_near_end_that_listens():
     with Bench("--connect", "127.0.0.1:{port}", far_listens=False) as bench:
         bench.follow(Node())
         assert_orderly(*bench.program.end())
+
+
+def test_far_example_end_and_fault_of_a_program_are_reported():
+    cycles = ("for _ in far:\n  far.send([0.0] * 6, ([0.0] * 3, [0.0, 0.0, 0.0, 1.0]))\n"
+              "  if far.reason == 0: ")
+    programs = ((cycles + "break", 0, END_OF_PROCESS),  # the interpreter ends, nothing is closed
+                ("with far:\n " + cycles.replace("\n", "\n ") + "raise ValueError", 1, FAULT))
+    judged = contract.judged
+    for text, code, reason in programs:
+        contract.judged = PythonProgram(text)
+        try:
+            with Bench() as bench:
+                node = Node()
+                bench.lead(node)
+                node.epoch += 1
+                bench.send(node.message())
+                bench.keep_sending(node, 0.2)
+                assert_equal(bench.process.wait(5), code)
+                bench.receive()
+                ends = [f for f in bench.feedbacks if f.reason == reason]
+                assert len(ends) >= 3 and bench.feedbacks[-1].reason == reason, f"{len(ends)} with the reason {reason}"
+        finally:
+            contract.judged = judged
 
 
 def test_far_example_wrong_arguments_exit_2_and_files_and_ports_exit_4():

@@ -171,6 +171,14 @@ class Machine(unittest.TestCase):
         self.assertEqual(ends.far.command(ends.now).motion, FORWARD)
         self.assertEqual(ends.far.echo.sequence, ends.node.sequence)
 
+    def test_repeated_message_of_a_session_that_does_not_lead_is_overtaken(self):
+        ends = Ends()
+        first, second = ends.node.command(), ends.node.command()
+        self.assertIsNone(ends.reject(second))
+        self.assertIs(ends.reject(second), Reject.OVERTAKEN)
+        self.assertIs(ends.reject(first), Reject.OVERTAKEN)
+        self.assertEqual(ends.far.echo, Echo(NODE, 2))
+
     def test_number_far_ahead_makes_all_others_repeated(self):
         ends = Ends(armed=True)
         number, ends.node.sequence = ends.node.sequence, 2**64 - 2

@@ -40,7 +40,11 @@ fn main() -> Outcome<()> {
                 writeln!(out, "{}", outcome(&mut far, &line?)?)?;
             }
         }
-        _ => return Err("usage: contract_ends messages SEED COUNT | decode | far-end ARM SESSION".into()),
+        _ => {
+            return Err(
+                "usage: contract_ends messages SEED COUNT | decode | far-end ARM SESSION".into()
+            );
+        }
     }
     Ok(out.flush()?)
 }
@@ -94,7 +98,8 @@ impl Random {
         let position = self.all_within(1_000.0);
         let parts: [f64; 4] = self.all_within(1.0);
         let norm = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let orientation = if norm > 0.01 { parts.map(|part| part / norm) } else { [0.0, 0.0, 0.0, -1.0] };
+        let orientation =
+            if norm > 0.01 { parts.map(|part| part / norm) } else { [0.0, 0.0, 0.0, -1.0] };
         Pose { position, orientation }
     }
 
@@ -228,7 +233,8 @@ fn array(values: Option<&[f64]>) -> String {
 }
 
 fn of_pose(pose: Option<Pose>) -> String {
-    let numbers = pose.map(|Pose { position: [x, y, z], orientation: [i, j, k, w] }| [x, y, z, i, j, k, w]);
+    let numbers =
+        pose.map(|Pose { position: [x, y, z], orientation: [i, j, k, w] }| [x, y, z, i, j, k, w]);
     array(numbers.as_ref().map(<[f64; 7]>::as_slice))
 }
 
@@ -309,8 +315,5 @@ fn hexadecimal(bytes: &[u8]) -> String {
 /// Reads bytes in hexadecimal.
 fn bytes(text: &str) -> Outcome<Vec<u8>> {
     let digits: Vec<u8> = text.bytes().collect();
-    digits
-        .chunks(2)
-        .map(|pair| Ok(u8::from_str_radix(std::str::from_utf8(pair)?, 16)?))
-        .collect()
+    digits.chunks(2).map(|pair| Ok(u8::from_str_radix(std::str::from_utf8(pair)?, 16)?)).collect()
 }

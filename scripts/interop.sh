@@ -23,7 +23,7 @@ python=$PWD/target/interop/venv/bin/python
 
 cargo build --locked --release
 # The contract in Rust, with which the package of python/ is compared: its profile is that of the tests.
-cargo build --locked --profile quick --package frhc-contract --example contract_ends
+cargo build --locked --profile quick --example contract_ends
 export FRHC=$PWD/target/release/frhc CONTRACT_ENDS=$PWD/target/quick/examples/contract_ends
 export INTEROP_LOGS=$PWD/target/interop/logs PYTHONDONTWRITEBYTECODE=1
 if [[ -z $part || $part == --bus ]]; then

@@ -179,6 +179,14 @@ class Machine(unittest.TestCase):
         self.assertIs(ends.reject(first), Reject.OVERTAKEN)
         self.assertEqual(ends.far.echo, Echo(NODE, 2))
 
+    def test_numbers_of_the_newest_128_are_overtaken_and_older_ones_repeated(self):
+        ends = Ends(armed=True)
+        late = [ends.node.command() for _ in range(200)]
+        self.assertIsNone(ends.reject(late[-1]))
+        self.assertIs(ends.reject(late[-1 - 127]), Reject.OVERTAKEN)
+        self.assertIs(ends.reject(late[-1 - 128]), Reject.REPLAYED)
+        self.assertIs(ends.reject(late[-1 - 127]), Reject.REPLAYED)
+
     def test_number_far_ahead_makes_all_others_repeated(self):
         ends = Ends(armed=True)
         number, ends.node.sequence = ends.node.sequence, 2**64 - 2

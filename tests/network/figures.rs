@@ -74,11 +74,14 @@ fn hazard_37_python_example_beside_a_second_near_end() {
     let mut near = None;
     let mut rig = Rig::started("net-python", &unyielding("kraft_like", LINK), |scratch, _| {
         prepare(scratch);
-        near = Some(end(scratch, "near"));
         let keys = scratch.path("keys");
         let args = ["examples/far_side.py", &keys, "--listen", "127.0.0.1:7447"];
         let wall = ["--wall", "z", "0.37"];
-        Process::python(&[&args[..], &wall].concat())
+        let far = Process::python(&[&args[..], &wall].concat());
+        // The interpreter loads its packages first. A near end that finds no listener tries again a second later.
+        Process::of("sleep", &["0.1"]).wait().succeeds();
+        near = Some(end(scratch, "near"));
+        far
     });
     rig.pressing();
     let second = end(&rig.scratch, "near");

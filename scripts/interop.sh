@@ -6,7 +6,7 @@
 # robot arms, MuJoCo the contacts of a peg, and rosbags reads and writes the messages of the link; a node in Python judges two
 # far sides, that of examples/ and `frhc robot`; PyPI's NetFT judges the force/torque sensor that `frhc robot` reads; another one, with
 # keys by openssl, judges the far side over a network. The package of python/ leads a robot for `frhc run`, is compared with the
-# contract in Rust, and is installed.
+# contract in Rust, and is installed. The MuJoCo arm of python/examples is felt through `frhc run`, and its gymnasium environment checked.
 # mcap and rosbags read exported sessions. tmux shows what `frhc top` draws. python-can with cantools is timed beside
 # `frhc decode`, and a headless browser is tried on a page of known faults, and shows the pages of `frhc report` and
 # `frhc view`. Runs all tests, or those whose names contain one of the NAMEs; with --bus
@@ -35,6 +35,7 @@ if [[ -z $part || $part == --bus ]]; then
   done
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/force_sensor.py "$@"
   scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/zenoh_peers.py "$@"
+  scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/mujoco_felt.py "$@"
   "$python" tests/interop/in_the_logs.py "$@"
 fi
 if [[ -z $part || $part == --no-bus ]]; then "$python" tests/interop/without_a_bus.py "$@"; fi

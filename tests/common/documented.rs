@@ -178,6 +178,11 @@ pub(crate) const ROWS: &[Row] = &[
     row("docs/net-ft.md", "export", Lane::Vcan(EMPTY_BUS)),
     row("docs/top.md", "frhc top", Lane::NotRun("needs a terminal: tests/interop/top.py has one")),
     row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),
+    row(
+        "docs/mujoco.md",
+        "scripts/mujoco_arm.sh",
+        Lane::NotRun("installs MuJoCo; tests/interop/mujoco_felt.py plays the same"),
+    ),
     row("docs/network.md", "cargo build", Lane::NotRun(BUILDS)),
     row("docs/network.md", "useradd", Lane::NotRun("changes the users of the machine")),
     row(

@@ -13,6 +13,7 @@ import contract_ends
 import decode_speed
 import exports
 import link
+import mujoco_judge
 import pages
 import python_package
 import report
@@ -26,8 +27,8 @@ import view_hostile
 import view_judges
 import view_live
 
-TESTS = [*robots.TESTS, *contact.TESTS, *link.TESTS, *contract_ends.TESTS, *python_package.TESTS, *sessions.TESTS, *exports.TESTS,
-         *pages.TESTS, *report.TESTS, *view.TESTS,
+TESTS = [*robots.TESTS, *contact.TESTS, *mujoco_judge.TESTS, *link.TESTS, *contract_ends.TESTS, *python_package.TESTS,
+         *sessions.TESTS, *exports.TESTS, *pages.TESTS, *report.TESTS, *view.TESTS,
          *view_judges.TESTS, *view_access.TESTS, *view_hostile.TESTS, *view_live.TESTS, *top.TESTS]
 
 TIMED = [*decode_speed.TIMED, *view.TIMED, *view_live.TIMED]

@@ -25,15 +25,7 @@ fn of_master<'l>(lines: impl IntoIterator<Item = &'l str>) -> Vec<String> {
 }
 
 fn replayed(scratch: &Scratch, session: &str, args: &[&str]) -> Value {
-    printed(scratch, &[&["replay", session, "--verify", "--json"], args].concat())
-}
-
-/// Returns the JSON that a command prints, which must succeed.
-fn printed(scratch: &Scratch, words: &[&str]) -> Value {
-    let (process, mut stdout) = scratch.frhc_and_stdout(words);
-    let mut text = String::new();
-    stdout.read_to_string(&mut text).unwrap();
-    process.wait().succeeds();
+    let text = printed(scratch, &[&["replay", session, "--verify", "--json"], args].concat());
     serde_json::from_str(&text).unwrap()
 }
 
@@ -69,6 +61,7 @@ fn replay_sends_what_candump_saw_beside_the_run() {
         candump.until(|line| line.nanos > now + seconds(0.3));
     }
     let status = printed(&scratch, &["ctl", "status", "--json"]);
+    let status: Value = serde_json::from_str(&status).unwrap();
     assert_eq!(status["status"]["scale"], json!({ "motion": 0.5, "rotation": 1.0, "force": 0.25 }));
     assert_eq!(status["status"]["locked"], json!(["rz"]));
     run.terminate().succeeds();

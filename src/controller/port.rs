@@ -117,8 +117,9 @@ impl Port {
             self.never_pulls.update(dt, &passed.f_g_task, v_g);
         }
         if let Some(passivity) = &mut self.passivity {
-            let Storage { stored, returned } = storage;
+            let Storage { stored, returned, raised } = storage;
             passivity.account(work, f_g_task, stored.max(returned));
+            passivity.grant(raised);
             if self.never_pulls.has_left() {
                 passivity.release();
             }
@@ -146,6 +147,8 @@ pub(crate) struct Storage {
     pub(crate) stored: f64,
     /// Returned by the law at most, if the hand unloaded now.
     pub(crate) returned: f64,
+    /// Part of `stored` that a greater scale of the force has put there in this cycle: the hand did not, and gets it back.
+    pub(crate) raised: f64,
 }
 
 /// A damper of `strength` N·s/m on translations; rotations have none of their own.

@@ -39,6 +39,8 @@ pub struct Scaling {
     scale: Scale,
     locked: [bool; 6],
     factors: Factors,
+    /// Factor on K_T of the last cycle.
+    force_before: f64,
     /// Cycles of a ramp.
     ramp: u32,
     /// Cycles until the factors are those of scale and locks.
@@ -68,7 +70,8 @@ impl Scaling {
     /// Creates a scaling that changes nothing.
     pub fn new(period: Period) -> Self {
         let ramp = period.cycles(RAMP_S).max(1);
-        Self { scale: Scale::ONE, locked: [false; 6], factors: Factors::ONE, ramp, left: 0 }
+        let (scale, factors) = (Scale::ONE, Factors::ONE);
+        Self { scale, locked: [false; 6], factors, force_before: 1.0, ramp, left: 0 }
     }
 
     /// Returns the scale that was set.
@@ -84,6 +87,12 @@ impl Scaling {
     /// Returns the factors of this cycle.
     pub const fn factors(&self) -> &Factors {
         &self.factors
+    }
+
+    /// Returns the share of the reflected force by which its factor has risen in this cycle, 0 to 1.
+    pub fn force_rise(&self) -> f64 {
+        let now = self.factors.force;
+        if now > self.force_before { (now - self.force_before) / now } else { 0.0 }
     }
 
     /// Sets the scale of a quantity, from 0 on.
@@ -113,6 +122,7 @@ impl Scaling {
 
     /// Moves the factors on by a cycle. Returns whether they have changed.
     pub fn advance(&mut self) -> bool {
+        self.force_before = self.factors.force;
         if self.left == 0 {
             return false;
         }
@@ -166,6 +176,20 @@ mod tests {
         let mut scaling = scaling();
         assert!(!scaling.advance());
         assert_eq!(*scaling.factors(), Factors::ONE);
+    }
+
+    #[test]
+    fn rise_of_the_force_is_a_share_of_it() {
+        let mut scaling = scaling();
+        scaling.set(Quantity::Force, 0.0);
+        while scaling.advance() {
+            assert_eq!(scaling.force_rise().to_bits(), 0.0_f64.to_bits());
+        }
+        scaling.set(Quantity::Force, 1.0);
+        scaling.advance();
+        assert!((scaling.force_rise() - 1.0).abs() < 1e-12, "from nothing");
+        scaling.advance();
+        assert!((scaling.force_rise() - 0.5).abs() < 1e-12, "doubled");
     }
 
     #[test]

@@ -345,12 +345,13 @@ impl Controller {
                 let pose_gain = self.settings.command.pose_gain;
                 let pose_gain = pose_gain.scaled(&self.scaling.factors().command);
                 let stored = self.contact.stored(f_g_felt, f_m_task, &pose_gain);
-                Storage { stored, returned: 0.0 }
+                Storage { stored, returned: 0.0, raised: stored * self.scaling.force_rise() }
             }
             Mode::Rate => {
                 // Energy of a hand that goes back to its reference while the push stays.
                 let push = x_h_g.rotation * f_g_felt.force;
-                Storage { stored: 0.0, returned: -push.dot(&x_h_g.translation.vector) }
+                let returned = -push.dot(&x_h_g.translation.vector);
+                Storage { stored: 0.0, returned, raised: 0.0 }
             }
         }
     }

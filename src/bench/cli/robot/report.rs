@@ -102,6 +102,8 @@ mod tests {
         let arm = RobotArm::load(Path::new("config/robots/puma560.toml")).unwrap();
         let limits = RobotLimits::default();
         let mut robot = FarRobot::new(&config.with_robot(arm), limits, 1, 2, 3).unwrap();
+        // The first reading of the sensor comes with the second cycle.
+        robot.step(Instant::from_micros(500));
         robot.step(Instant::from_micros(1_500));
         robot.on_message(Instant::from_micros(1_600), b"short");
         Report { status: robot.status(), is_connected: false, sensor: None }

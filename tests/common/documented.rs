@@ -279,7 +279,7 @@ fn first(blocks: &[ShBlock], number: usize) -> &ShBlock {
 /// Makes a folder that has what a clone has, and `my_arm.toml` as the first line of its block in getting-started makes it.
 fn prepare(clone: &Path, blocks: &[ShBlock]) {
     std::fs::create_dir_all(clone).unwrap();
-    for name in ["config", "eds", "scripts"] {
+    for name in ["config", "eds", "scripts", "tests"] {
         symlink(std::env::current_dir().unwrap().join(name), clone.join(name)).unwrap();
     }
     let makes = |block: &&ShBlock| block.lines[0].contains("> my_arm.toml");

@@ -96,24 +96,21 @@ pub(super) fn check(
     }
 }
 
-/// Judges the gains at every combination of the scales' bounds, those of motion and rotation together. Reports the first that is
-/// refused.
+/// Judges the gains at the greatest scales, if they raise a gain. Every loop with a scale in it has the gain K_T K_P or K_T K_V, and the
+/// gate finds its least multiple that swings: where the greatest hold, smaller ones do.
 fn check_scales(
     judged: &JudgedAxes,
-    [low, high]: &[Scale; 2],
+    [_, most]: &[Scale; 2],
     raw: &raw::File,
     problems: &mut Problems<'_>,
 ) {
-    let corners = [low, high]
-        .into_iter()
-        .flat_map(|command| [low.force, high.force].map(|force| Scale { force, ..*command }));
-    let refused = corners.filter(|scale| *scale != Scale::ONE).find_map(|scale| {
-        let findings = judged.findings(&scale);
-        let refused = findings.into_iter().flatten();
-        let refused = refused.filter(|finding| finding.verdict == Verdict::Refuses);
-        refused.max_by(|a, b| a.share().total_cmp(&b.share())).map(|worst| (scale, worst))
-    });
-    if let Some((Scale { motion, rotation, force }, worst)) = refused {
+    if *most == Scale::ONE {
+        return;
+    }
+    let refused = judged.findings(most).into_iter().flatten();
+    let refused = refused.filter(|finding| finding.verdict == Verdict::Refuses);
+    if let Some(worst) = refused.max_by(|a, b| a.share().total_cmp(&b.share())) {
+        let Scale { motion, rotation, force } = most;
         let at = format_args!("at motion {motion}, rotation {rotation}, force {force}: {worst}");
         problems.add(raw.controller.scale.place(), at);
     }
@@ -369,4 +366,34 @@ fn stiffest(config: &Parameters) -> Impedance {
         stiffness,
         damping,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::Config;
+    use crate::shipped::HAND_CONTROLLERS;
+
+    #[test]
+    fn smaller_scales_hold_where_the_greatest_do() {
+        let refuses = |judged: &JudgedAxes, scale: &Scale| {
+            let mut findings = judged.findings(scale).into_iter().flatten();
+            findings.any(|finding| finding.verdict == Verdict::Refuses)
+        };
+        for file in HAND_CONTROLLERS {
+            let config = Config::load(Path::new(file)).unwrap();
+            let judged = JudgedAxes::new(&config).unwrap();
+            // The greatest factor on one product that holds, within a tenth.
+            let most = (0..60).map(|tenths| 1.0 + 0.1 * f64::from(tenths));
+            let of = |command: f64, force: f64| Scale { motion: command, rotation: command, force };
+            let most = most.take_while(|most| !refuses(&judged, &of(*most, 1.0))).last().unwrap();
+            for share in [0.0, 0.03, 0.2, 0.5, 0.8] {
+                for smaller in [of(most * share, 1.0), of(most, share), of(1.0, most * share)] {
+                    assert!(!refuses(&judged, &smaller), "{file}: {smaller:?} of {most}");
+                }
+            }
+        }
+    }
 }

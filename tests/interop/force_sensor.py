@@ -355,5 +355,4 @@ TESTS = [
 
 
 if __name__ == "__main__":
-    contract.far = contract.load(ROOT / "examples/far_side_local.py")
     sys.exit(runner.run(TESTS, lambda _: contextlib.nullcontext(), sys.argv[1:]))

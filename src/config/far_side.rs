@@ -4,13 +4,16 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::figure::{optional, required};
 use crate::link::{HOLD_AFTER_MS, RemoteLink, millis};
+use crate::model;
 use crate::net_ft::{self, NetFtSensor};
 use crate::problem::Problems;
 use crate::raw;
-use crate::remote::{given, is_link};
+use crate::remote::{given, is_both, is_link};
 use crate::robots::RobotArm;
 use crate::value::Optional;
+use ::remote::model::Difference;
 use ::remote::site::Virtual;
 use ::remote::stated::Stated;
 
@@ -25,6 +28,9 @@ const SAMPLE_PERIOD_MS: RangeInclusive<f64> = 0.1..=100.0;
 
 /// Maximum of a force, moment or stiffness, in N, N·m and N/m.
 const MAX_FIGURE: f64 = 1e9;
+
+/// Why a robot in another process needs a figure.
+const NEEDED: &str = "a robot in another process needs: stability depends on it";
 
 /// A robot in another process.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +49,8 @@ pub struct FarSide {
     pub sensor: Option<NetFtSensor>,
     /// Figures that it must have; `None` where the commanded side is in this process.
     pub agreement: Option<Agreement>,
+    /// Difference to the predicted pose beyond which it does not follow; `None` unless a model is beside it.
+    pub model_limit: Option<Difference>,
 }
 
 /// Figures of a robot in another process that gains and limits are checked with.
@@ -73,12 +81,14 @@ pub(super) fn read(
     let stiffest = figure(&raw.stiffest_contact_n_per_m, 1.0..=MAX_FIGURE);
     let round_trip = figure(&raw.round_trip_ms, ROUND_TRIP_MS);
     let sensor = raw.sensor.as_ref().map(|sensor| net_ft::read(sensor, file, period, problems));
+    let model_limit = model::limit(file, problems);
     let mut agreement = None;
     if is_link(&file.remote) {
         refuse_keys_of_the_robot(raw, problems);
-        let round_trip = required(&raw.round_trip_ms, "round_trip_ms", round_trip, problems);
-        let name = "stiffest_contact_n_per_m";
-        let stiffest = required(&raw.stiffest_contact_n_per_m, name, stiffest, problems);
+        let [name, stiffest_name] = ["round_trip_ms", "stiffest_contact_n_per_m"];
+        let round_trip = required(&raw.round_trip_ms, name, NEEDED, round_trip, problems);
+        let key = &raw.stiffest_contact_n_per_m;
+        let stiffest = required(key, stiffest_name, NEEDED, stiffest, problems);
         let (round_trip, max_age) = (millis(round_trip?), link?.max_age);
         if round_trip > max_age {
             let reason = format_args!(
@@ -95,6 +105,7 @@ pub(super) fn read(
             sensor_range: [force?.unwrap_or(0.0), moment?.unwrap_or(0.0)],
             ..Stated::of(interaction, servo)
         };
+        model::check(model_limit?.as_ref(), servo, round_trip, raw, problems);
         agreement = Some(Agreement { round_trip, stated });
     }
     Some(FarSide {
@@ -105,6 +116,7 @@ pub(super) fn read(
         hold_after: hold_after?,
         sensor: given(sensor)?,
         agreement,
+        model_limit: model_limit?.filter(|_| is_both(&file.remote)),
     })
 }
 
@@ -112,40 +124,12 @@ pub(super) fn read(
 fn refuse_keys_of_the_robot(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
     for key in [&raw.wrench_limit_n, &raw.wrench_limit_nm] {
         if !key.is_absent() {
-            let reason = "limits the robot itself, and kind = \"link\" is the node: move it to the file of frhc robot";
+            let reason = "limits the robot itself, and this file is the node's: move it to the file of frhc robot";
             problems.add(key, reason);
         }
     }
     if let Some(sensor) = &raw.sensor {
-        let reason = "is the robot's sensor, and kind = \"link\" is the node: move the section to the file of frhc robot";
+        let reason = "is the robot's sensor, and this file is the node's: move the section to the file of frhc robot";
         problems.add(sensor, reason);
     }
-}
-
-/// Reads a figure that may be absent. Outer `None`: a problem.
-fn optional(
-    key: &Optional<f64>,
-    range: RangeInclusive<f64>,
-    problems: &mut Problems<'_>,
-) -> Option<Option<f64>> {
-    if key.is_absent() {
-        return Some(None);
-    }
-    problems.within(key, range).map(Some)
-}
-
-/// Notes an absent figure that stability depends on.
-fn required(
-    key: &Optional<f64>,
-    name: &str,
-    value: Option<Option<f64>>,
-    problems: &mut Problems<'_>,
-) -> Option<f64> {
-    if key.is_absent() {
-        let reason = format_args!(
-            "missing field `{name}`, which kind = \"link\" needs: stability depends on it"
-        );
-        problems.add(key, reason);
-    }
-    value?
 }

@@ -321,6 +321,8 @@ sections! {
         wrench_limit_n: Optional<f64>,
         wrench_limit_nm: Optional<f64>,
         stiffest_contact_n_per_m: Optional<f64>,
+        model_limit_m: Optional<f64>,
+        model_limit_deg: Optional<f64>,
         sensor: Option<RemoteSensor>,
     }
 

@@ -1,5 +1,5 @@
 //! `[remote]`: the commanded side. A virtual object, free or held by an arm, and what it can touch: a wall, a box, a
-//! sphere. Or the figures of a robot in another process, whose scene is its own.
+//! sphere. Or the figures of a robot in another process, whose scene is its own, and a model of both.
 
 use std::path::Path;
 
@@ -41,12 +41,16 @@ pub(super) fn settings(
     let raw = &file.remote;
     refuse_stiff_remote(file, problems);
     let kind = kind(raw, problems);
-    let body = match kind {
-        Some(Kind::Link) => {
-            refuse_far_keys(raw, problems);
-            Some((Isometry3::identity(), None))
-        }
-        _ => body(&file.remote, named_in, problems),
+    let is_far = kind.is_some_and(|kind| kind != Kind::Virtual);
+    if is_far {
+        refuse_far_keys(raw, problems);
+    }
+    // Where a robot in another process starts, its first sample says.
+    let is_unknown = is_far && raw.robot.is_absent() && raw.start_m.is_absent();
+    let body = if is_unknown {
+        Some((Isometry3::identity(), None))
+    } else {
+        body(&file.remote, named_in, problems)
     };
     let interaction = interaction(raw, problems);
     let servo = servo(raw, problems);
@@ -81,31 +85,47 @@ pub(super) enum Kind {
     Virtual,
     /// In another one, behind the contract of docs/link.md.
     Link,
+    /// In another one, with a model of it in this process.
+    Both,
 }
 
 fn kind(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Kind> {
-    problems.one_of(&raw.kind, &[("virtual", Kind::Virtual), ("link", Kind::Link)])
+    let kinds = [("virtual", Kind::Virtual), ("link", Kind::Link), ("both", Kind::Both)];
+    problems.one_of(&raw.kind, &kinds)
 }
 
 /// Returns whether the commanded side is in another process.
 pub(super) fn is_link(raw: &raw::Remote) -> bool {
-    raw.kind.as_ref().is_some_and(|kind| kind == "link")
+    raw.kind.as_ref().is_some_and(|kind| kind == "link" || kind == "both")
 }
 
-/// Notes keys of what a robot in another process has, and this one cannot set: its arm, its scene, its sensor's errors,
-/// its shared control.
+/// Returns whether the commanded side is in another process, with a model of it in this one.
+pub(super) fn is_both(raw: &raw::Remote) -> bool {
+    raw.kind.as_ref().is_some_and(|kind| kind == "both")
+}
+
+/// Returns whether a model is described, which `kind = "both"` has: arm and scene then belong to it, so that the same file with
+/// another kind has no keys without effect but these.
+fn has_model(raw: &raw::Remote) -> bool {
+    let limits = [&raw.link.model_limit_m, &raw.link.model_limit_deg];
+    is_both(raw) || limits.into_iter().any(|limit| !limit.is_absent())
+}
+
+/// Notes keys of what a robot in another process has, and this one cannot set: its sensor's errors, and without a model its
+/// arm, its scene and its shared control.
 fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
     let wall = raw.wall.as_ref().map(Placed::place);
     let block = raw.r#box.as_ref().map(Placed::place);
     let sphere = raw.sphere.as_ref().map(Placed::place);
     let shared = raw.shared_control.as_ref().map(Placed::place);
-    let keys = [
-        (!raw.robot.is_absent()).then(|| raw.robot.place()),
+    let of_sensor = [
         (!raw.sensor_sign.is_absent()).then(|| raw.sensor_sign.place()),
         (!raw.sensor_bias_n.is_absent()).then(|| raw.sensor_bias_n.place()),
         (!raw.sensor_bias_nm.is_absent()).then(|| raw.sensor_bias_nm.place()),
     ];
-    for place in keys.into_iter().chain([wall, block, sphere, shared]).flatten() {
+    let robot = (!raw.robot.is_absent()).then(|| raw.robot.place());
+    let of_model = [robot, wall, block, sphere, shared].into_iter().filter(|_| !has_model(raw));
+    for place in of_sensor.into_iter().chain(of_model).flatten() {
         let reason =
             "with kind = \"link\" the far side has it, in its own configuration: remove it here";
         problems.add(place, reason);

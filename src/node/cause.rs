@@ -13,6 +13,7 @@ use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
 use contract::Reason;
 use controller::Fault;
+use remote::model::Difference;
 use units::numbering::{Joint, NodeIndex};
 
 /// Generates [`Cause`] and [`Kind`] from the table. The first field of a cause is its place: joint, node or bus. A row
@@ -209,6 +210,14 @@ causes! {
             f64::from(p99_us) / 1e3, f64::from(stated_us) / 1e3
         ),
         reaction armed(ReflectionOff, &[48]);
+    ModelDiffers { micrometres: u32, millidegrees: u32 }
+        description "robot at the commanded side farther from its predicted pose than allowed",
+        message (
+            "the robot does not follow: {:.1} mm and {:.1}° from where its commands lead; see remote.link.model_limit_m and \
+             model_limit_deg",
+            f64::from(micrometres) / 1e3, f64::from(millidegrees) / 1e3
+        ),
+        reaction armed(ReflectionOff, &[49]);
     DriveLeft { joint: Joint, statusword: u16 }
         description "drive leaves operation enabled by itself",
         message ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),
@@ -300,6 +309,21 @@ causes! {
 }
 
 impl Cause {
+    /// Returns the cause of a robot that differs from its model.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::as_conversions,
+        reason = "a cast from a float saturates; for people only"
+    )]
+    pub(crate) fn of_model(Difference { distance, angle }: Difference) -> Self {
+        let rounded = |number: f64| number.round() as u32;
+        Self::ModelDiffers {
+            micrometres: rounded(distance * 1e6),
+            millidegrees: rounded(angle.to_degrees() * 1e3),
+        }
+    }
+
     /// Returns the joint whose drive does not follow its targets. With zero torque for `is_stopping`, another actual
     /// torque is enough.
     pub(crate) const fn unfollowing(self, is_stopping: bool) -> Option<Joint> {

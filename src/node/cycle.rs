@@ -170,6 +170,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             x_b_m: input.x_b_m,
             sample_age: side.sample_age,
             q_r: side.q_r,
+            model: side.model,
             refused_press: None,
             output,
             targets: targets.map(|PerMille(target)| target),

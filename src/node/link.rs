@@ -36,6 +36,11 @@ impl Link {
         }
     }
 
+    /// Returns the newest valid sample.
+    pub(super) const fn newest(&self) -> Option<&Sensed> {
+        self.newest.as_ref()
+    }
+
     /// Returns a cause if the newest sample is absent or too old.
     pub(super) fn lost(&self, now: Instant) -> Option<Cause> {
         let is_fresh = self.newest.is_some_and(|newest| now.since(newest.at) <= self.timeout);

@@ -12,6 +12,7 @@ use crate::cycle_times::CycleTimes;
 use controller::Output;
 use controller::adjustment::AdjustmentRefused;
 use remote::RobotJoints;
+use remote::model::Difference;
 use units::adjustment::Adjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
@@ -125,6 +126,8 @@ pub struct Record {
     pub sample_age: Option<Duration>,
     /// Joint positions of the robot in rad, where they are known in this process; zero for joints that it does not have.
     pub q_r: Option<RobotJoints>,
+    /// Difference of the predicted pose of the robot to the sensed one; `None` without a model or a sample.
+    pub model: Option<Difference>,
     /// Press of a button in this cycle that was refused.
     pub refused_press: Option<RefusedPress>,
     /// Output and intermediates of the controller.

@@ -6,6 +6,7 @@ use crate::cause::Cause;
 use crate::link::Link;
 use crate::record::Mode;
 use config::Config;
+use remote::model::{Difference, Model};
 use remote::{Remote, RobotJoints, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
@@ -15,21 +16,25 @@ use units::time::Instant;
 pub(super) struct RemoteSide<R> {
     pub(super) remote: R,
     pub(super) link: Link,
+    model: Option<Model>,
     was_armed: bool,
 }
 
-/// Age of the newest sample, and the robot's joint positions.
+/// Age of the newest sample, the robot's joint positions, and its difference to its model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SideState {
     pub(super) sample_age: Option<Duration>,
     pub(super) q_r: Option<RobotJoints>,
+    pub(super) model: Option<Difference>,
 }
 
 impl<R: Remote> RemoteSide<R> {
     /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
         let link = Link::new(config.link.max_age);
-        let mut side = Self { remote, link, was_armed: false };
+        let limit = config.far_side.model_limit;
+        let model = limit.map(|limit| Model::new(&config.remote, limit, config.period));
+        let mut side = Self { remote, link, model, was_armed: false };
         side.exchange(now, &Motion::Hold, Mode::Boot);
         side
     }
@@ -40,17 +45,22 @@ impl<R: Remote> RemoteSide<R> {
         if !is_armed(mode) {
             return None;
         }
-        match self.remote.fault()? {
+        let fault = self.remote.fault().and_then(|fault| match fault {
             SideFault::Holds(reason) => Some(Cause::FarSideHolds { reason }),
             SideFault::Slow { p99_us, stated_us } => {
                 (mode == Mode::Engaged).then_some(Cause::LinkSlow { p99_us, stated_us })
             }
-        }
+        });
+        fault.or_else(|| self.model.as_ref()?.fault().map(Cause::of_model))
     }
 
     /// Returns the state of the commanded side at SYNC.
     pub(super) fn state(&self, sync_at: Instant) -> SideState {
-        SideState { sample_age: self.link.age(sync_at), q_r: self.remote.joints() }
+        SideState {
+            sample_age: self.link.age(sync_at),
+            q_r: self.model.as_ref().map_or_else(|| self.remote.joints(), Model::joints),
+            model: self.model.as_ref().and_then(Model::difference),
+        }
     }
 
     /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that
@@ -61,6 +71,9 @@ impl<R: Remote> RemoteSide<R> {
         }
         let sensed = self.remote.exchange(now, command);
         self.link.update(now, sensed);
+        if let Some(model) = &mut self.model {
+            model.exchange(now, command, self.link.newest());
+        }
     }
 }
 

@@ -21,6 +21,7 @@
 pub mod delay;
 pub mod link;
 pub mod messages;
+pub mod model;
 pub mod scene;
 pub mod site;
 pub mod stated;

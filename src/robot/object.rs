@@ -50,6 +50,12 @@ impl Servo {
         Ok(Self { time_constant, max_speed, max_turn })
     }
 
+    /// Returns it with another time constant, in s, which must be valid.
+    #[must_use]
+    pub const fn with_lag(self, time_constant: f64) -> Self {
+        Self { time_constant, ..self }
+    }
+
     /// Returns the time constant, in s; zero for none.
     pub const fn time_constant(&self) -> f64 {
         self.time_constant
@@ -99,6 +105,11 @@ impl Object {
     #[must_use]
     pub fn held_by(self, arm: FollowingArm) -> Self {
         Self { tool: ToolState::at_rest(arm.pose()), arm: Some(arm), ..self }
+    }
+
+    /// Places a free object at rest at `x_b_m`.
+    pub fn place(&mut self, x_b_m: Isometry3<f64>) {
+        self.tool = ToolState::at_rest(x_b_m);
     }
 
     /// Returns the arm that holds it.

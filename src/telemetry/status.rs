@@ -13,6 +13,7 @@ use controller::arm::JointKind;
 use controller::scaling::Scale;
 use node::cause;
 use node::record::{Mode, Record};
+use remote::model::Difference;
 use units::numbering::Joint;
 
 /// A snapshot of the node.
@@ -62,6 +63,9 @@ pub struct Status {
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
     pub p_b_m: [f64; 3],
+    /// Difference of the robot to its model; `None` without a model or a sample.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelDifference>,
     /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
     pub switches_online: Option<bool>,
     /// Timing of the cycles, boot included.
@@ -97,6 +101,30 @@ impl JointLabel {
 /// Returns names and units of the joints of a configuration, base first.
 pub fn labels(config: &Config) -> Vec<JointLabel> {
     config.joints.iter().map(JointLabel::of).collect()
+}
+
+/// Difference of the predicted pose of a robot to the sensed one.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct ModelDifference {
+    /// Distance, in mm.
+    pub distance_mm: f64,
+    /// Angle, in degrees.
+    pub angle_deg: f64,
+}
+
+impl ModelDifference {
+    /// Returns a difference in the units of people.
+    pub(crate) fn of(Difference { distance, angle }: Difference) -> Self {
+        Self { distance_mm: distance * 1e3, angle_deg: angle.to_degrees() }
+    }
+
+    /// Returns the greater distance and the greater angle of two.
+    pub(crate) const fn max(self, other: Self) -> Self {
+        Self {
+            distance_mm: self.distance_mm.max(other.distance_mm),
+            angle_deg: self.angle_deg.max(other.angle_deg),
+        }
+    }
 }
 
 /// Position and torque of one joint, with their units.
@@ -144,6 +172,7 @@ impl Status {
             budget: record.output.ledger,
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
+            model: record.model.map(ModelDifference::of),
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
             timing: None,
             link: None,

@@ -12,6 +12,7 @@ use crate::losses::Losses;
 use crate::origin::Origin;
 use crate::recording::RecordingReport;
 use crate::shaking::Shaking;
+use crate::status::ModelDifference;
 use crate::timing::{Timing, TimingReport};
 use node::cause::Cause;
 use node::record::{Mode, Record};
@@ -75,6 +76,9 @@ pub struct Summary {
     pub pose_tracking_rms_m: f64,
     /// Distance travelled by the object, in m.
     pub object_travel_m: f64,
+    /// Greatest difference of a robot to its model; `None` without a model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelDifference>,
     /// Load of each bus, in percent of its bitrate.
     pub bus_load_percent: Vec<f64>,
     /// Timing of the cycles, where they have run in real time.
@@ -120,6 +124,8 @@ impl Summary {
         let self_driven = record.output.ledger.self_driven.map(Joint::number);
         self.self_driven_joint = self_driven.or(self.self_driven_joint);
         self.contact.add(record);
+        let most = self.model.unwrap_or_default();
+        self.model = record.model.map(|model| most.max(ModelDifference::of(model))).or(self.model);
         // In words only where they change: no cycle of a steady state allocates.
         let ended = Some((record.mode, record.cause));
         if std::mem::replace(&mut self.ended, ended) != ended {
@@ -205,6 +211,9 @@ impl fmt::Display for Summary {
         )?;
         self.fmt_contact(f)?;
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
+        if let Some(ModelDifference { distance_mm, angle_deg }) = self.model {
+            writeln!(f, "robot to model    {distance_mm:.1} mm and {angle_deg:.1}° at most")?;
+        }
         if self.shaking.is_reported() {
             writeln!(f, "robot             {}", self.shaking)?;
         }

@@ -175,6 +175,7 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     row("docs/robots.md", "frhc demo", Lane::AnyMachine),
     row("docs/robots.md", "export", Lane::Vcan(EMPTY_BUS)),
+    row("docs/robots.md", "scripts/three_modes.sh", Lane::AnyMachine),
     row("docs/net-ft.md", "export", Lane::Vcan(EMPTY_BUS)),
     row("docs/top.md", "frhc top", Lane::NotRun("needs a terminal: tests/interop/top.py has one")),
     row("docs/robots.md", "frhc-link key", Lane::Network(WITHOUT_A_ROBOT)),

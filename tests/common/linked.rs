@@ -11,6 +11,15 @@ pub(crate) fn linked(hand: &str, keys: &str) -> String {
     linked_text(&std::fs::read_to_string(format!("config/{hand}.toml")).unwrap(), keys)
 }
 
+/// Limits of a model beside the robot.
+pub(crate) const MODEL: &str = "model_limit_m = 0.02\nmodel_limit_deg = 5.0";
+
+/// Returns the same with a model of the robot in the node.
+pub(crate) fn with_model(hand: &str) -> String {
+    let keys = format!("{LINK}\n{MODEL}");
+    linked(hand, &keys).replacen("kind = \"link\"", "kind = \"both\"", 1)
+}
+
 /// Returns the same for the object of the Python examples: without payload or accommodation.
 pub(crate) fn unyielding(hand: &str, keys: &str) -> String {
     linked(hand, keys)

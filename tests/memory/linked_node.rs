@@ -94,6 +94,8 @@ pub(crate) struct Handle {
     pub(crate) hold: Cell<Option<Reason>>,
     pub(crate) is_stopped: Cell<bool>,
     pub(crate) is_cut: Cell<bool>,
+    /// It follows no command, and does not say so.
+    pub(crate) is_blocked: Cell<bool>,
     pub(crate) restarts: Cell<bool>,
     /// Force along x that the sensor reports in place of the contact's, by the time of the sample.
     pub(crate) writes_its_time: Cell<bool>,
@@ -179,6 +181,7 @@ impl Linked {
             self.far.hold(reason);
         }
         let motion = messages::motion(&self.far.motion(now));
+        let motion = if self.handle.is_blocked.get() { Motion::Hold } else { motion };
         let mut sensed = self.site.exchange(now, &motion).unwrap();
         if self.handle.writes_its_time.get() {
             let force = Vector3::new(now.since(Instant::ZERO).as_secs_f64(), 0.0, 0.0);
@@ -250,14 +253,23 @@ pub(crate) fn booted_with<T: Tap>(
     network: Network,
     tap: T,
 ) -> (Wired<T>, Rc<Handle>) {
-    let near = parse(&linked(hand, keys)).unwrap();
+    booted_near(hand, &parse(&linked(hand, keys)).unwrap(), network, tap)
+}
+
+/// Boots a node of this configuration, whose far side has the scene of this hand's file.
+pub(crate) fn booted_near<T: Tap>(
+    hand: &str,
+    near: &Config,
+    network: Network,
+    tap: T,
+) -> (Wired<T>, Rc<Handle>) {
     let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
     let far = parse(&text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
-    let world = world::build(&near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
+    let world = world::build(near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
     let handle = Rc::new(Handle::default());
-    let remote = Linked::new(&near, &far, network, Rc::clone(&handle));
-    let mut node = Node::new(&near, Memory::new(&bitrates, world, tap), remote);
+    let remote = Linked::new(near, &far, network, Rc::clone(&handle));
+    let mut node = Node::new(near, Memory::new(&bitrates, world, tap), remote);
     node.bring_up(&mut || false).unwrap();
     while node.cycle().inputs.is_none() || node.bus().now() < Instant::ZERO + MS * 1_000 {}
     (node, handle)

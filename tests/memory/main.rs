@@ -37,6 +37,7 @@ mod linked_node;
 mod lossy;
 mod lss;
 mod mode_check;
+mod model;
 mod net_ft;
 mod no_switch_box;
 mod operator;

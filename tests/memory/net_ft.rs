@@ -310,7 +310,7 @@ fn sensors_that_cannot_be_read_are_refused_by_their_key() {
     refused(&payload, "remote.mass_kg: must be 0 with [remote.link.sensor], got 0.8");
     let node = linked("kraft_like", &format!("{LINK}\n[remote.link.sensor]\n{SECTION}"));
     let node = node.replacen("mass_kg = 0.8 ", "mass_kg = 0.0 ", 1);
-    refused(&node, "remote.link.sensor: is the robot's sensor, and kind = \"link\" is the node");
+    refused(&node, "remote.link.sensor: is the robot's sensor, and this file is the node's");
 }
 
 #[test]

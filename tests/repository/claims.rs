@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 48] = [
+pub(crate) const HAZARDS: [Claim; 49] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -180,6 +180,11 @@ pub(crate) const HAZARDS: [Claim; 48] = [
         48,
         "Messages of the far side take longer than the gains were checked with",
         "a warning before arming; no reflection after 70 ms while engaged",
+    ),
+    (
+        49,
+        "The robot at the commanded side does not follow its commands",
+        "no reflection from the sample on that is beyond the limit to its model, if it has one (`kind = \"both\"`)",
     ),
 ];
 

@@ -108,6 +108,7 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(46, Unstated, &[(Cause::NotOff, DrivesOff)]),
     row(47, Millis(70), &[(Cause::FarSideHolds, ReflectionOff)]),
     row(48, Millis(70), &[(Cause::LinkSlow, ReflectionOff)]),
+    row(49, Unstated, &[(Cause::ModelDiffers, ReflectionOff)]),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {

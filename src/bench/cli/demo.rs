@@ -38,6 +38,7 @@ use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
 use testbench::bench::{Bench, Course};
+use testbench::linked_robot::LinkedRobot;
 use testbench::robot_site::{Equipment, RobotSite};
 use testbench::side::Side;
 use testbench::truth::Truth;
@@ -50,13 +51,15 @@ const MODE_EVERY: u64 = 500;
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let files = Files::on_disk(Trust::Any);
     let config = Config::load_from(&files, &args.config).or_fail(Kind::Configuration)?;
-    refuse_far_side(&config, "demo")?;
     let config = match &args.robot {
         Some(file) => {
             config.with_robot(RobotArm::load_from(&files, file).or_fail(Kind::Configuration)?)
         }
         None => config,
     };
+    if config.robot.is_none() {
+        refuse_far_side(&config, "demo")?;
+    }
     let (scenario, path, text) = scenario::load_with_text(&args.scenario)?;
     let mut copies = files.copies();
     copies.insert(path.clone(), text.as_bytes().into());
@@ -77,7 +80,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     }
     let config = comparison::surrounded(&config, &scenario);
     // A robot that cannot be simulated is refused before any results are replaced.
-    args.robot.iter().try_for_each(|_| robot(&config, args.seed).map(drop))?;
+    side(args, &config).map(drop)?;
     gains::warn(&config);
     contact::warn(&config);
     let telemetry = DemoTelemetry::start(&args.telemetry, &config)?;
@@ -146,10 +149,18 @@ fn compare(play: &Play<'_>, scenario: &Scenario) -> Result<(), Failure> {
     if verdict.is_good() { Ok(()) } else { Err(Failure::new(Kind::Negative, verdict.to_string())) }
 }
 
-/// Returns the robot of a configuration, simulated; its tool and scene are those of the free object.
-fn robot(config: &Config, seed: u64) -> Result<Side, Failure> {
+/// Returns the commanded side: that of the configuration, behind a link if it has one, or the robot that is asked for,
+/// whose tool and scene are those of the free object.
+fn side(args: &Demo, config: &Config) -> Result<Side, Failure> {
+    if config.far_side.agreement.is_some() {
+        let linked = LinkedRobot::new(config, args.seed);
+        return linked.or_fail(Kind::Configuration).map(Side::from);
+    }
+    if args.robot.is_none() {
+        return Ok(Side::of(config));
+    }
     let equipment = Equipment::of(&config.remote);
-    let site = RobotSite::in_free_space(config, &equipment, seed);
+    let site = RobotSite::in_free_space(config, &equipment, args.seed);
     site.or_fail(Kind::Configuration).map(Side::from)
 }
 
@@ -198,10 +209,7 @@ impl Play<'_> {
             is_booting: &is_booting,
             progress,
         };
-        let side = match &args.robot {
-            Some(_) => robot(config, args.seed)?,
-            None => Side::of(config),
-        };
+        let side = side(args, config)?;
         let course = Course { scenario, seed: args.seed, speed: args.telemetry.speed() };
         let mut bench = Bench::recorded(config, side, course, tap, SessionInputs(&recorder));
         bench.bring_up().or_fail(Kind::Drive)?;

@@ -54,6 +54,20 @@ const QUANTITIES: &[Quantity] = &[
         Pose(|cycle| Some(cycle.record?.x_b_m)),
         "pose of the object under control, {MRF}",
     ),
+    (
+        "model_distance",
+        "",
+        Replay,
+        Number("m", |cycle| Some(cycle.record?.model?.distance)),
+        "distance of the robot to its predicted pose",
+    ),
+    (
+        "model_angle",
+        "",
+        Replay,
+        Number("rad", |cycle| Some(cycle.record?.model?.angle)),
+        "angle of the robot to its predicted orientation",
+    ),
     ("x_0_g", "{0}", Replay, Pose(|cycle| Some(output(cycle)?.x_0_g)), "pose of the grip (Eq. 1)"),
     (
         "v_g",

@@ -20,6 +20,7 @@ mod delivery;
 pub mod disturbed;
 pub mod explanation;
 pub mod far_robot;
+pub mod linked_robot;
 pub mod question;
 pub mod robot_explanation;
 pub mod robot_site;

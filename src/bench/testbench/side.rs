@@ -1,11 +1,14 @@
-//! The commanded side of a simulation: a virtual object in the node's own scene, or a robot that is simulated.
+//! The commanded side of a simulation: a virtual object in the node's own scene, or a robot that is simulated, with or without a
+//! link to it.
 
 use config::Config;
 use remote::site::VirtualSite;
-use remote::{Remote, RobotJoints, Sensed};
+use remote::stated::Misfit;
+use remote::{Remote, RobotJoints, Sensed, SideFault};
 use units::spatial::Motion;
 use units::time::Instant;
 
+use crate::linked_robot::LinkedRobot;
 use crate::robot_site::RobotSite;
 
 /// Receiver of the commands.
@@ -15,6 +18,8 @@ pub enum Side {
     Virtual(Box<VirtualSite>),
     /// An arm with masses, servos and a sensor.
     Robot(Box<RobotSite>),
+    /// The same behind a link.
+    Linked(Box<LinkedRobot>),
 }
 
 impl Side {
@@ -27,6 +32,7 @@ impl Side {
     pub const fn robot(&self) -> Option<&RobotSite> {
         match self {
             Self::Robot(site) => Some(site),
+            Self::Linked(linked) => Some(linked.robot().site()),
             Self::Virtual(_) => None,
         }
     }
@@ -38,11 +44,18 @@ impl From<RobotSite> for Side {
     }
 }
 
+impl From<LinkedRobot> for Side {
+    fn from(linked: LinkedRobot) -> Self {
+        Self::Linked(Box::new(linked))
+    }
+}
+
 impl Remote for Side {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         match self {
             Self::Virtual(site) => site.exchange(now, command),
             Self::Robot(site) => site.exchange(now, command),
+            Self::Linked(linked) => linked.exchange(now, command),
         }
     }
 
@@ -50,6 +63,23 @@ impl Remote for Side {
         match self {
             Self::Virtual(site) => site.begin_epoch(),
             Self::Robot(site) => site.begin_epoch(),
+            Self::Linked(linked) => linked.begin_epoch(),
+        }
+    }
+
+    fn misfits(&mut self, now: Instant) -> Vec<Misfit> {
+        match self {
+            Self::Virtual(site) => site.misfits(now),
+            Self::Robot(site) => site.misfits(now),
+            Self::Linked(linked) => linked.misfits(now),
+        }
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        match self {
+            Self::Virtual(site) => site.fault(),
+            Self::Robot(site) => site.fault(),
+            Self::Linked(linked) => linked.fault(),
         }
     }
 
@@ -57,6 +87,7 @@ impl Remote for Side {
         match self {
             Self::Virtual(site) => site.joints(),
             Self::Robot(site) => site.joints(),
+            Self::Linked(linked) => linked.joints(),
         }
     }
 }

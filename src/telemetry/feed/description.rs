@@ -8,7 +8,7 @@ use super::{Head, Source};
 use crate::origin::Origin;
 use crate::status::JointLabel;
 use config::robots::{RobotArm, RobotJoint};
-use config::{Config, JointParameters};
+use config::{Config, FarSide, JointParameters};
 use remote::scene::HALF_CUBE;
 use remote::site::Virtual;
 
@@ -118,8 +118,9 @@ impl<'a> Description<'a> {
     ) -> Self {
         let file = config.file.file_name().map(|name| name.to_string_lossy().into_owned());
         let Virtual { interaction, .. } = &config.remote;
-        // A far side has a tool and a scene of its own.
-        let is_here = config.far_side.agreement.is_none();
+        // A far side has a tool and a scene of its own, unless a model of it is here.
+        let FarSide { agreement, model_limit, .. } = &config.far_side;
+        let is_here = agreement.is_none() || model_limit.is_some();
         Self {
             head: Head::of("description"),
             program: concat!("frhc ", env!("CARGO_PKG_VERSION")),

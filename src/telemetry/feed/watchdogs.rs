@@ -1,4 +1,5 @@
-//! Distance to a stop by missing samples, by an old sample of the commanded side, or by missing heartbeats.
+//! Distance to a stop by missing samples, by an old sample of the commanded side, by a robot that differs from its model, or by
+//! missing heartbeats.
 
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use canopen::frame::{Channel, Telegram};
 use canopen::heartbeat::reports_state;
 use config::Config;
 use node::record::Record;
+use remote::model::Difference;
 use units::time::Instant;
 
 /// A value that stops at its limit.
@@ -30,6 +32,9 @@ pub(super) struct Watchdogs {
     missing_limit: u32,
     max_age: Option<Duration>,
     age_limit: Duration,
+    /// Greatest difference of a robot to its model, and its limit.
+    model: Option<Difference>,
+    model_limit: Option<Difference>,
     /// Error control of the nodes: heartbeat, or the answer to guarding.
     nodes: Vec<Beat>,
     /// Heartbeat of this node.
@@ -96,6 +101,8 @@ impl Watchdogs {
             missing_limit: config.safety.missing_samples,
             max_age: None,
             age_limit: config.link.max_age,
+            model: None,
+            model_limit: config.far_side.model_limit,
             nodes: nodes.collect(),
             master: beat(None, config.node_id, master_lost),
         }
@@ -103,7 +110,8 @@ impl Watchdogs {
 
     /// Forgets everything.
     pub(super) fn restart(&mut self) {
-        (self.missing, self.max_missing, self.max_age) = ([0; 6], 0, None);
+        (self.missing, self.max_missing) = ([0; 6], 0);
+        (self.max_age, self.model) = (None, None);
         self.nodes.iter_mut().chain([&mut self.master]).for_each(Beat::rest);
     }
 
@@ -120,6 +128,9 @@ impl Watchdogs {
             self.max_missing = self.max_missing.max(*missing);
         }
         self.max_age = self.max_age.max(record.sample_age);
+        if let Some(difference) = record.model {
+            self.model = Some(self.model.unwrap_or_default().max(difference));
+        }
         self.nodes.iter_mut().chain([&mut self.master]).for_each(|beat| beat.wait(record.at));
         if record.mode.is_stopped() {
             // Withheld as the last means to switch a drive off: it stops nothing more.
@@ -141,11 +152,14 @@ impl Watchdogs {
             limit: self.age_limit.as_secs_f64() * 1e3,
             unit: "ms",
         });
+        let models = self.model.take().zip(self.model_limit).map(model_watchdogs);
         let nearest = self.nodes.iter().max_by(|one, other| one.share().total_cmp(&other.share()));
         let nodes = nearest.map(|beat| beat.watchdog("heartbeats of the nodes"));
         let is_watched = self.master.limit > Duration::ZERO;
         let master = is_watched.then(|| self.master.watchdog("heartbeat of this node"));
-        let found = [Some(missing), age, nodes, master].into_iter().flatten().collect();
+        let [distance, angle] = models.map_or([None; 2], |models| models.map(Some));
+        let found = [Some(missing), age, distance, angle, nodes, master];
+        let found = found.into_iter().flatten().collect();
         self.max_missing = self.missing.into_iter().max().unwrap_or(0);
         self.nodes
             .iter_mut()
@@ -153,4 +167,21 @@ impl Watchdogs {
             .for_each(|beat| beat.longest = Duration::ZERO);
         found
     }
+}
+
+fn model_watchdogs((most, limit): (Difference, Difference)) -> [Watchdog; 2] {
+    [
+        Watchdog {
+            name: "distance of the robot to its model",
+            value: most.distance * 1e3,
+            limit: limit.distance * 1e3,
+            unit: "mm",
+        },
+        Watchdog {
+            name: "angle of the robot to its model",
+            value: most.angle.to_degrees(),
+            limit: limit.angle.to_degrees(),
+            unit: "°",
+        },
+    ]
 }

@@ -106,8 +106,9 @@ export class NodePanel {
     });
   }
 
-  showLink({ sample_age_us: age, link }) {
+  showLink({ sample_age_us: age, model, link }) {
     this.link.set("Age of the sample", quantity(age / 1000, 1, "ms"));
+    if (model) this.link.set("Robot to its model", `${quantity(model.distance_mm, 1, "mm")}, ${quantity(model.angle_deg, 1, "°")}`);
     if (!link) return;
     this.link.set("Far side", link.connected ? plain(link.far_side ?? "connected") : "not connected");
     this.link.set("Round trip, median", quantity(link.round_trip_p50_ms, 1, "ms"));

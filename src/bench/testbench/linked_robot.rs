@@ -1,0 +1,89 @@
+//! A robot behind the contract of docs/link.md, both ends in this process: for a demonstration in virtual time of a configuration whose
+//! robot is elsewhere.
+//!
+//! ```text
+//!  exchange k      node's end takes the feedback of cycle k - 1, and sends command k
+//!                  robot's end takes it, moves for a period, and measures
+//! ```
+
+use crate::far_robot::{FarRobot, RobotLimits};
+use crate::robot_site::NoRobot;
+use config::Config;
+use contract::{Feedback, NodeEnd};
+use remote::link::FarView;
+use remote::stated::{Misfit, Stated};
+use remote::{Remote, Sensed, SideFault, messages};
+use units::spatial::Motion;
+use units::time::Instant;
+
+/// Sessions of the two ends, the only ones on this link.
+const NODE_SESSION: u64 = 1;
+const ROBOT_SESSION: u64 = 2;
+
+/// A robot, and the node's end of the link to it.
+#[derive(Clone, Debug)]
+pub struct LinkedRobot {
+    end: NodeEnd,
+    robot: FarRobot,
+    stated: Option<Stated>,
+    feedback: Option<[u8; Feedback::LENGTH]>,
+    view: FarView,
+}
+
+impl LinkedRobot {
+    /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
+    ///
+    /// # Errors
+    /// A configuration without a robot, one that cannot be simulated, or one that starts in contact.
+    pub fn new(config: &Config, seed: u64) -> Result<Self, NoRobot> {
+        let arm = config.far_side.arm;
+        Ok(Self {
+            end: NodeEnd::new(arm, NODE_SESSION),
+            robot: FarRobot::new(config, RobotLimits::default(), arm, ROBOT_SESSION, seed)?,
+            stated: config.far_side.agreement.map(|agreement| agreement.stated),
+            feedback: None,
+            view: FarView::default(),
+        })
+    }
+
+    /// Returns the robot.
+    pub const fn robot(&self) -> &FarRobot {
+        &self.robot
+    }
+
+    /// Takes the feedback of the cycle before.
+    fn receive(&mut self, now: Instant) {
+        let received = self.feedback.take();
+        let sample = received.and_then(|feedback| self.end.on_message(now, &feedback));
+        let Some(sample) = sample else { return };
+        self.view.sensed = messages::sensed(&sample).or(self.view.sensed);
+        (self.view.feedback, self.view.sample_at) = (Some(sample.feedback), Some(sample.at));
+    }
+}
+
+impl Remote for LinkedRobot {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        self.receive(now);
+        let message = self.end.command(now, &messages::order(command));
+        self.robot.on_message(now, &message);
+        let outgoing = self.robot.step(now);
+        self.feedback = Some(outgoing.feedback);
+        if let Some(figures) = outgoing.capability {
+            self.end.on_message(now, &figures);
+        }
+        self.view.sensed
+    }
+
+    fn begin_epoch(&mut self) {
+        self.end.begin_epoch();
+    }
+
+    fn misfits(&mut self, _: Instant) -> Vec<Misfit> {
+        let Some(capability) = self.end.capability() else { return vec![Misfit::Unknown] };
+        self.stated.map_or_else(Vec::new, |stated| stated.misfits(capability))
+    }
+
+    fn fault(&mut self) -> Option<SideFault> {
+        self.view.hold(self.end.epoch()).map(SideFault::Holds)
+    }
+}

@@ -1,13 +1,15 @@
 //! One cycle, from joint positions and wrench to torques and command: Fig. 3, from top to bottom.
 
+mod adjusting;
+
 use nalgebra::Isometry3;
 
-use crate::adjustment::{Adjusted, AdjustmentRefused, is_contact, is_contact_on};
+use crate::adjustment::Adjusted;
 use crate::alignment::Alignment;
 use crate::arm::Posture;
 use crate::assist::{self, Damping};
 use crate::booking::PortTorques;
-use crate::command::{CommandLaw, Gate};
+use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
 use crate::friction::FrictionCompensation;
 use crate::friction_bound::GripLoad;
@@ -20,7 +22,6 @@ use crate::scaling::Scaling;
 use crate::switches::{Mode, Pressed, SwitchLogic};
 use crate::velocity::{JointRates, Moving, Velocity};
 use crate::{DriveTargets, Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
-use units::adjustment::{Adjustment, LockAxis};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
@@ -187,94 +188,6 @@ impl Controller {
             targets,
             fault: broken.or(given.fault).or(turned),
         }
-    }
-
-    /// Takes a change that the operator makes while running.
-    ///
-    /// # Errors
-    /// A change that is out of bounds, or not possible in the state of the last cycle. Nothing is changed then.
-    pub fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentRefused> {
-        let bounds = &self.settings.bounds;
-        match adjustment {
-            Adjustment::Scale(quantity, factor) => {
-                bounds.check_scale(quantity, factor)?;
-                self.scaling.set(quantity, factor);
-            }
-            Adjustment::Lock(axis, is_locked) => {
-                let yields = self.mode == Mode::Rate && axis.entry(&bounds.yields);
-                let commands = self.gate == Gate::Open && yields;
-                if is_locked && commands && is_contact_on(&self.f_m_sensed, axis) {
-                    return Err(AdjustmentRefused::HoldsContact { axis });
-                }
-                self.scaling.lock(axis, is_locked);
-            }
-            Adjustment::Align => {
-                self.check_alignment()?;
-                self.alignment = Some(Alignment::default());
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns the state of scales, locks and alignment.
-    pub const fn adjusted(&self) -> Adjusted {
-        Adjusted::new(&self.scaling, self.alignment.is_some())
-    }
-
-    /// Checks that the object may be turned.
-    fn check_alignment(&self) -> Result<(), AdjustmentRefused> {
-        let locked = LockAxis::ALL.into_iter().filter(|axis| axis.is_rotation());
-        match (self.mode, self.gate) {
-            (Mode::Rate, _) => Err(AdjustmentRefused::NotPose),
-            (Mode::Pose, Gate::Released | Gate::Waiting | Gate::TurnedTooFar) => {
-                Err(AdjustmentRefused::NotCommanding)
-            }
-            (Mode::Pose, Gate::Open) if is_contact(&self.f_m_sensed) => {
-                Err(AdjustmentRefused::InContact)
-            }
-            (Mode::Pose, Gate::Open) => {
-                match locked.into_iter().find(|axis| axis.entry(self.scaling.locked())) {
-                    Some(axis) => Err(AdjustmentRefused::Locked { axis }),
-                    None => Ok(()),
-                }
-            }
-        }
-    }
-
-    /// Returns the law with the factors of this cycle. The object's reference moves along with a change, so that no pose jumps.
-    fn scaled(&mut self, law: &CommandLaw, mode: Mode, dx_db: &Displacement) -> CommandLaw {
-        let before = law.scaled(&self.scaling.factors().command);
-        if !self.scaling.advance() {
-            return before;
-        }
-        let now = law.scaled(&self.scaling.factors().command);
-        if mode == Mode::Pose {
-            let interpretation = &self.settings.interpretation;
-            let x_b_d = before.pose(interpretation, &self.reference, dx_db);
-            self.reference.x_b_r = now.reference(interpretation, &x_b_d, dx_db);
-        }
-        now
-    }
-
-    /// Turns the object's reference by a cycle of an alignment. It ends where the operator does not command, or in contact.
-    fn align(
-        &mut self,
-        law: &CommandLaw,
-        commanding: Option<Mode>,
-        x_0_g: &Isometry3<f64>,
-        dx_db: &Displacement,
-    ) {
-        let Some(mut alignment) = self.alignment.take() else { return };
-        let [_, _, _, rx, ry, rz] = self.scaling.locked();
-        if commanding != Some(Mode::Pose) || is_contact(&self.f_m_sensed) || *rx || *ry || *rz {
-            return;
-        }
-        let Settings { interpretation, period, .. } = &self.settings;
-        let mut x_b_d = law.pose(interpretation, &self.reference, dx_db);
-        let (rotation, is_done) = alignment.next(*period, &x_b_d.rotation, &x_0_g.rotation);
-        x_b_d.rotation = rotation;
-        self.reference.x_b_r = law.reference(interpretation, &x_b_d, dx_db);
-        self.alignment = (!is_done).then_some(alignment);
     }
 
     /// Forward kinematics and velocities at these joint positions.

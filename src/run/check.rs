@@ -166,7 +166,7 @@ fn lines(file: &Path, config: &Config) -> Vec<String> {
     }));
     lines.push(gravity(config));
     lines.extend(config.robot.iter().map(robot));
-    lines.extend(far_side::line(config));
+    lines.extend(far_side::lines(config));
     lines.extend(config.joints.iter().map(joint));
     lines.extend(stopping::lines(config));
     lines.extend(eds::lines(config));

@@ -54,4 +54,11 @@ def python_package_is_installed_by_pip(_):
         same(installed, sources, "files of the package")
 
 
-TESTS = [python_package_passes_its_own_tests, python_package_is_installed_by_pip]
+def python_package_has_strict_types(_):
+    """A type checker of a program that imports the package relies on these types."""
+    with tempfile.TemporaryDirectory() as folder:
+        printed = run("-m", "mypy", "--cache-dir", folder)
+    check(printed.startswith("Success: no issues found in "), printed)
+
+
+TESTS = [python_package_passes_its_own_tests, python_package_has_strict_types, python_package_is_installed_by_pip]

@@ -4,17 +4,24 @@ use serde_json::{Value, json};
 
 use crate::commanded_side;
 use config::{Agreement, Config};
+use remote::model::Difference;
 
-/// Returns the line on the figures that it must have; `None` where the commanded side is in this process.
-pub(super) fn line(config: &Config) -> Option<String> {
-    let Agreement { round_trip, stated } = config.far_side.agreement?;
-    Some(format!(
-        "far side   arm {} at {}, round trips of up to {:.1} ms, contacts of up to {:.0} N/m",
-        config.far_side.arm,
-        commanded_side::socket_of(config).display(),
-        round_trip.as_secs_f64() * 1e3,
-        stated.stiffest_contact
-    ))
+/// Returns the lines on the figures that it must have; none where the commanded side is in this process.
+pub(super) fn lines(config: &Config) -> impl Iterator<Item = String> {
+    let agreed = config.far_side.agreement.map(|Agreement { round_trip, stated }| {
+        format!(
+            "far side   arm {} at {}, round trips of up to {:.1} ms, contacts of up to {:.0} N/m",
+            config.far_side.arm,
+            commanded_side::socket_of(config).display(),
+            round_trip.as_secs_f64() * 1e3,
+            stated.stiffest_contact
+        )
+    });
+    let model = config.far_side.model_limit.map(|Difference { distance, angle }| {
+        let (distance, angle) = (distance * 1e3, angle.to_degrees());
+        format!("model      the robot within {distance:.1} mm and {angle:.1}° of its prediction")
+    });
+    agreed.into_iter().chain(model)
 }
 
 /// Returns the same for scripts. A figure for which anything will do is null.
@@ -23,10 +30,13 @@ pub(super) fn json(config: &Config) -> Value {
         return Value::Null;
     };
     let bounded = |most: f64| most.is_finite().then_some(most);
+    let limit = config.far_side.model_limit;
     json!({
         "arm": config.far_side.arm,
         "socket": commanded_side::socket_of(config),
         "round_trip_ms": round_trip.as_secs_f64() * 1e3,
+        "model_limit_m": limit.map(|limit| limit.distance),
+        "model_limit_deg": limit.map(|limit| limit.angle.to_degrees()),
         "stiffest_contact_n_per_m": stated.stiffest_contact,
         "max_sample_period_s": bounded(stated.sample_period),
         "max_hold_after_s": bounded(stated.hold_after),

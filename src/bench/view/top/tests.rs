@@ -65,6 +65,8 @@ fn linked() -> State {
     snapshot["buses"] = json!([{ "load_percent": 77.1 }, { "load_percent": 78.2 }]);
     snapshot["command"] = json!({ "kind": "pose", "x_b_d": { "position": [0.45, -0.01, 0.2], "quaternion": [1, 0, 0, 0] } });
     snapshot["link"] = json!({ "connected": true, "far_side": "holding: no command for 50 ms", "round_trip_p50_ms": 1.25, "round_trip_p99_ms": 3.5, "lost": 12 });
+    snapshot["scale"] = json!({ "motion": 0.5, "rotation": 1, "force": 0.25 });
+    (snapshot["locked"], snapshot["aligning"]) = (json!(["z", "rx"]), json!(false));
     snapshot["f_g"] = json!(null);
     snapshot["tau"][3] = json!(null);
     state(&[description, mode, snapshot])

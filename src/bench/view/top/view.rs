@@ -103,6 +103,7 @@ impl Scene<'_> {
             false => (85, 20),
         };
         let short_links = links::short_buses(state, palette);
+        let adjusted = wrenches::adjusted(state, columns).into_iter().collect();
         let mut blocks = vec![
             Block::gap(),
             Block::whole(78, vec![joints::heading(columns)]),
@@ -111,6 +112,7 @@ impl Scene<'_> {
             Block::whole(90, wrenches::wide(state)),
             Block::gap(),
             Block::whole(72, vec![wrenches::command(state), wrenches::port(state)]),
+            Block::whole(73, adjusted),
             Block::gap(),
             Block::abridged((88, short_links), (of_times, times)),
             Block::whole(75, timing::counters(state, palette, columns)),
@@ -136,6 +138,7 @@ impl Scene<'_> {
             Block::whole(80, nearest.into_iter().collect()),
             Block::whole(75, wrenches::short_port(state)),
             Block::whole(72, vec![wrenches::short_command(state)]),
+            Block::whole(73, wrenches::adjusted(state, columns).into_iter().collect()),
             Block::whole(68, timing::counters(state, palette, columns)),
             Block::divisible(60, timing::others(state, palette, columns)),
             Block::whole(55, timing::table(state)),

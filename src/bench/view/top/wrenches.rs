@@ -6,7 +6,7 @@ use super::number::{fixed, percent};
 use super::page::{Row, plain, row};
 use super::palette::Palette;
 use super::state::State;
-use super::text::fitted;
+use super::text::{cut, fitted};
 use super::value::{at, magnitude, number, numbers, text};
 
 /// Wrenches with their keys and names, the most important first.
@@ -118,6 +118,23 @@ pub(super) fn short_port(state: &State) -> Vec<Row> {
     let (energy, tank) = (fixed(value("energy"), 8, 4), fixed(value("tank"), 8, 4));
     let port = format!("energy{energy} J  tank{tank} J");
     vec![plain(format!("reflection {}", reflection(state))), plain(port)]
+}
+
+/// Returns the scales other than 1, the locked axes and an alignment under way; `None` where all is as configured.
+pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
+    let snapshot = &state.snapshot;
+    let scale = |quantity: &str| {
+        let factor = fixed(number(at(snapshot, &["scale", quantity])), 4, 2);
+        let factor = factor.trim_start();
+        (!matches!(factor, "1.00" | "–")).then(|| format!("{quantity} × {factor}"))
+    };
+    let scales = ["motion", "rotation", "force"].into_iter().filter_map(scale);
+    let locked = at(snapshot, &["locked"]).as_array().into_iter().flatten().take(6);
+    let locked = locked.filter_map(text).map(|axis| format!("{axis} locked"));
+    let aligning = at(snapshot, &["aligning"]).as_bool() == Some(true);
+    let parts = scales.chain(locked).chain(aligning.then(|| "aligning".to_owned()));
+    let parts = parts.collect::<Vec<_>>().join(", ");
+    (!parts.is_empty()).then(|| plain(cut(&format!("adjusted  {parts}"), columns)))
 }
 
 fn reflection(state: &State) -> String {

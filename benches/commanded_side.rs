@@ -23,7 +23,7 @@ use nalgebra::Isometry3;
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
 use remote::stated::Stated;
-use remote::{Remote, Sensed, messages};
+use remote::{Command, Remote, Sensed, messages};
 use socket2::{Domain, SockAddr, Socket, Type};
 use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
@@ -85,7 +85,7 @@ fn cycles<R: Remote>(
     mut measured: impl FnMut(Duration),
 ) {
     // Into the wall, which it meets within a second.
-    let rate = Motion::Rate(Twist::from_components([0.0, 0.0, 0.06, 0.0, 0.0, 0.0]));
+    let rate = Motion::Rate(Twist::from_components([0.0, 0.0, 0.06, 0.0, 0.0, 0.0])).into();
     side.begin_epoch();
     for cycle in 1..=steps {
         let now = Instant::ZERO + period * cycle;
@@ -98,7 +98,7 @@ fn cycles<R: Remote>(
 
 /// The part of the node's cycle that depends on the kind of commanded side.
 #[inline(never)]
-fn cycle_part<R: Remote>(side: &mut R, now: Instant, command: &Motion) {
+fn cycle_part<R: Remote>(side: &mut R, now: Instant, command: &Command) {
     black_box(side.fault());
     black_box(side.exchange(now, black_box(command)));
 }
@@ -120,7 +120,7 @@ impl FarSide {
         }
         self.end.motion(now);
         let f_s = Wrench::from_components([0.0, 0.0, -6.0, 0.1, 0.0, 0.0]);
-        let sensed = Sensed { at: now, f_s, x_b_m: Isometry3::identity() };
+        let sensed = Sensed { at: now, f_s, x_b_m: Isometry3::identity(), gripper: None };
         let feedback = self.end.feedback(now, &messages::measured(&sensed));
         (&self.socket).write_all(&feedback).unwrap();
         self.thread.receive(now);

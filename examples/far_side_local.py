@@ -7,6 +7,8 @@ Connects to the node that listens at SOCKET, again after each loss, and runs unt
 frhc (pip install ./python), which decides which command acts. To connect a robot, replace the class Robot and CAPABILITY.
 far_side.py is this far side over a network.
 
+Its gripper goes to each commanded opening at 0.1 m/s, 0.08 m at most, with nothing between its fingers.
+
 Simulation: an object without mass that moves at once, at most 0.25 m/s, within a box of {b}. It keeps the
 orientation of {b}: angular rates and commanded orientations have no effect, and what is written in {MRF}
 or {S} reads the same in {b}. Beyond a position on one axis a wall, a spring of 2000 N/m, pushes it back (inf: no wall).
@@ -21,7 +23,8 @@ import frhc
 MAX_SPEED, STIFFNESS, LOW, HIGH = 0.25, 2000.0, (-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)  # m/s, N/m, m
 
 # The object does not yield to force (K_FA 0), weighs nothing, does not rotate; its sensor has no limit.
-CAPABILITY = frhc.Capability(sample_period=0.002, hold_after=0.1, stiffest_contact=STIFFNESS,
+MAX_OPENING, GRIPPER_SPEED = 0.08, 0.1  # m, m/s
+CAPABILITY = frhc.Capability(has_gripper=True, sample_period=0.002, hold_after=0.1, stiffest_contact=STIFFNESS,
                              max_speed=(MAX_SPEED, 0.0), workspace_low=LOW, workspace_high=HIGH)
 
 
@@ -30,9 +33,10 @@ class Robot:
 
     def __init__(self, start, axis, wall):
         self.position, self.axis, self.wall = list(start), axis, wall
+        self.opening = self.opening_d = MAX_OPENING
 
     def step(self, command, period):
-        """Moves for one period, in s; without a motion it holds where it is. Returns wrench and pose."""
+        """Moves for one period, in s; without a motion it holds where it is. Returns wrench, pose and gripper."""
         way, max_way = [0.0] * 3, MAX_SPEED * period
         if command.motion is frhc.Motion.RATE:
             way = [v * period for v in command.rate[:3]]
@@ -40,7 +44,15 @@ class Robot:
             way = [target - p for target, p in zip(command.pose[0], self.position)]
         scale = max_way / max(max_way, math.hypot(*way))
         self.position = [min(max(p + scale * s, low), high) for p, s, low, high in zip(self.position, way, LOW, HIGH)]
-        return self.wrench(), (self.position, (0.0, 0.0, 0.0, 1.0))
+        return self.wrench(), (self.position, (0.0, 0.0, 0.0, 1.0)), self.grip(command, period)
+
+    def grip(self, command, period):
+        """Moves the gripper for one period; without a command it goes on to the last opening. Returns opening and force."""
+        if command.gripper is not None:
+            self.opening_d = min(max(command.gripper[0], 0.0), MAX_OPENING)
+        way = GRIPPER_SPEED * period
+        self.opening = min(max(self.opening_d, self.opening - way), self.opening + way)
+        return self.opening, 0.0
 
     def wrench(self):
         """Returns the wrench of the wall on the object, at {S} in {S}, in N and N·m."""

@@ -26,13 +26,13 @@ use contract::FarEnd;
 use remote::delay::DelaySettings;
 use remote::link::{self, link};
 use remote::stated::Stated;
-use remote::{Remote, Sensed, messages};
+use remote::{Command, Remote, Sensed, messages};
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
 use sim::wrist_sensor::WristSensorSettings;
 use testbench::bench::Bench;
-use units::spatial::{Motion, Wrench};
+use units::spatial::Wrench;
 use units::time::Instant;
 
 /// Counts allocations of the threads that set [`IS_COUNTED`]. The test harness has a thread of its own, which allocates
@@ -68,7 +68,10 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 const MORE_LAYERS: &str = "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
     refill_ns_per_m_per_j = 100.0\n\n[controller.virtual_coupling]\n\
     stiffness_n_per_m = [400.0, 400.0, 400.0]\nstiffness_nm_per_rad = [2.0, 2.0, 2.0]\n\
-    damping_ns_per_m = [2.0, 2.0, 2.0]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n[remote]\n";
+    damping_ns_per_m = [2.0, 2.0, 2.0]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n\
+    [switches.gripper]\nopen_bit = 4\nclose_bit = 5\n\
+    stroke_m = 0.08\nforce_n = 15.0\nmax_speed_m_per_s = 0.05\n\n\
+    [remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.1\n\n[remote]\n";
 
 #[test]
 fn ten_thousand_cycles_with_every_layer_never_allocate() {
@@ -124,7 +127,8 @@ fn cycle_with_a_robot_in_another_process_never_allocates() {
         stated: Stated::of(&config.remote.interaction, &config.remote.servo),
     };
     let (mut side, mut thread) = link(listener, &settings).unwrap();
-    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m: Isometry3::identity() };
+    let x_b_m = Isometry3::identity();
+    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
     let mut received = 0;
     for millis in 1..2_000 {
         let now = Instant::from_micros(1_000 * millis);
@@ -139,7 +143,7 @@ fn cycle_with_a_robot_in_another_process_never_allocates() {
             side.begin_epoch();
         }
         IS_COUNTED.set(millis > 10);
-        received += u32::from(side.exchange(now, &Motion::Hold).is_some());
+        received += u32::from(side.exchange(now, &Command::HOLD).is_some());
         side.fault();
         IS_COUNTED.set(false);
     }

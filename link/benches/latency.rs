@@ -91,7 +91,7 @@ fn measure(seconds: usize) {
 /// Returns a round trip in µs.
 fn round_trip(way: &mut dyn Way, node: &mut NodeEnd) -> u64 {
     sleep(PERIOD);
-    let order = Order { motion: Motion::Hold, is_engaged: false };
+    let order = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
     let command = node.command(time(), &order);
     let begin = Instant::now();
     let feedback = way.exchange(&command);
@@ -218,7 +218,7 @@ impl Bare {
 
     /// Waits until the other session answers.
     fn wait(&mut self) {
-        let order = Order { motion: Motion::Hold, is_engaged: false };
+        let order = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
         let mut node = NodeEnd::new(ARM, 9);
         loop {
             self.publisher.put(node.command(time(), &order).to_vec()).wait().unwrap();
@@ -281,7 +281,7 @@ impl Through {
 
     /// Waits until the robot answers.
     fn wait(&mut self) {
-        let order = Order { motion: Motion::Hold, is_engaged: false };
+        let order = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
         let mut node = NodeEnd::new(ARM, 9);
         loop {
             self.node.write_all(&node.command(time(), &order)).unwrap();

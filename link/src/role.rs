@@ -108,7 +108,8 @@ mod tests {
         let at = Instant::from_micros(1);
         let mut node = NodeEnd::new(3, 7);
         let mut far = FarEnd::new(3, 8, Duration::from_millis(100));
-        let command = node.command(at, &Order { motion: Motion::Hold, is_engaged: false });
+        let command =
+            node.command(at, &Order { motion: Motion::Hold, is_engaged: false, gripper: None });
         let feedback = far.feedback(at, &Measured::default());
         assert_eq!(Role::Near.read(&command, 3).map(|(topic, _)| topic), Ok(Topic::Command));
         assert_eq!(Role::Far.read(&feedback, 3).map(|(topic, _)| topic), Ok(Topic::Feedback));

@@ -196,13 +196,17 @@ const STATUS_MS: [u8; 6] = [47, 49, 50, 51, 53, 59];
 /// Transmission types of the torques in a group: about every hundredth SYNC.
 const TORQUE_SYNCS: [u8; 6] = [97, 99, 100, 101, 103, 107];
 
-/// Layout of the switch box: inputs on change and every 5 ms; all other PDOs disabled.
-pub fn switches(node: NodeId) -> Vec<Pdo> {
+/// Layout of the switch box: inputs on change and every 5 ms; all other PDOs disabled. An analogue input, by its number,
+/// follows the digital ones in the same frame, so that it is never newer or older than the deadman.
+pub fn switches(node: NodeId, analogue: Option<u8>) -> Vec<Pdo> {
+    let digital = Mapped { object: Object::DIGITAL_INPUTS, bits: 8 };
+    let analogue =
+        analogue.map(|number| Mapped { object: Object::analogue_input(number), bits: 16 });
     let inputs = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: Some(10),
         event_timer_ms: Some(5),
-        mapping: vec![Mapped { object: Object::DIGITAL_INPUTS, bits: 8 }],
+        mapping: std::iter::once(digital).chain(analogue).collect(),
     };
     predefined(node, vec![inputs], vec![])
 }
@@ -318,7 +322,7 @@ mod tests {
     }
 
     fn layouts() -> [Vec<Pdo>; 3] {
-        [per_drive(node(), Some(5)), grouped(node(), 2, group(), Some(5)), switches(node())]
+        [per_drive(node(), Some(5)), grouped(node(), 2, group(), Some(5)), switches(node(), None)]
     }
 
     #[test]
@@ -330,6 +334,16 @@ mod tests {
         assert_eq!(per_drive, [(0x183, 8), (0x203, 4)]);
         assert_eq!(grouped, [(0x183, 4), (0x283, 2), (0x383, 2), (0x201, 6), (0x303, 2)]);
         assert_eq!(switches, [(0x183, 1)]);
+        let with_analogue = switches_with(2);
+        assert_eq!(with_analogue, [(0x183, 3)], "behind the digital inputs");
+    }
+
+    fn switches_with(number: u8) -> Vec<(u16, u32)> {
+        let pdos = switches(node(), Some(number));
+        let services = used(&pdos);
+        let last = services[0].1.mapping[1];
+        assert_eq!((last.object.to_string().as_str(), last.bits), ("6401h:2", 16));
+        services.iter().map(|(cob_id, pdo)| (*cob_id, pdo.bytes())).collect()
     }
 
     #[test]

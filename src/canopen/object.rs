@@ -181,6 +181,16 @@ impl Object {
     // CiA 401: the switch box.
     pub const DIGITAL_INPUTS: Self = Self { index: 0x6000, sub: 1 };
 
+    /// Returns analogue input `number`, from 1, as INTEGER16 (CiA 401, 6401h).
+    pub const fn analogue_input(number: u8) -> Self {
+        Self { index: 0x6401, sub: number }
+    }
+
+    /// Returns whether it is an analogue input.
+    pub const fn is_analogue_input(self) -> bool {
+        self.index == Self::analogue_input(1).index && self.sub != 0
+    }
+
     /// Returns whether this is a data type, used as a dummy mapping.
     pub const fn is_dummy(self) -> bool {
         self.index < 0x0020

@@ -222,9 +222,17 @@ impl NodePlan {
         Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, watch) }
     }
 
-    /// Plans a CiA 401 switch box. It moves nothing and consumes no heartbeat.
-    pub fn switches(name: String, node: NodeId, identity: Identity, watch: &Watch) -> Self {
-        Self::device(name, node, PROFILE_INPUTS, identity, layout::switches(node), watch)
+    /// Plans a CiA 401 switch box, with one analogue input by its number or none. It moves nothing and consumes no
+    /// heartbeat.
+    pub fn switches(
+        name: String,
+        node: NodeId,
+        identity: Identity,
+        analogue: Option<u8>,
+        watch: &Watch,
+    ) -> Self {
+        let pdos = layout::switches(node, analogue);
+        Self::device(name, node, PROFILE_INPUTS, identity, pdos, watch)
     }
 
     fn device(

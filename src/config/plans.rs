@@ -159,11 +159,12 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
 
 /// The plan of the switch box.
 pub(super) fn switches(config: &Parameters, switches: &SwitchBox) -> NodePlan {
-    let SwitchBox { node, identity, boot, eds, .. } = switches;
+    let SwitchBox { node, identity, boot, eds, gripper, .. } = switches;
     let mut plan = NodePlan::switches(
         "switch box".to_owned(),
         *node,
         *identity,
+        gripper.and_then(|input| input.analogue_input()),
         &watch(config, config.joints.len()),
     );
     layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());

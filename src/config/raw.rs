@@ -1,5 +1,6 @@
 //! The configuration file as it is written: sections and keys, nothing checked but their types.
 
+use crate::raw_gripper::{RemoteGripper, SwitchesGripper};
 use crate::section::{OrEmpty, Sections, sections};
 use crate::value::{Optional, Value};
 use toml_input::List;
@@ -157,6 +158,7 @@ sections! {
         revision: Value<u32>,
         boot: Option<Boot>,
         button: Option<Sections<Button>>,
+        gripper: Option<SwitchesGripper>,
     }
 
     /// A button of the switch box, and what a press does.
@@ -301,6 +303,7 @@ sections! {
         wall: Option<Wall>,
         r#box: Option<Block>,
         sphere: Option<Sphere>,
+        gripper: Option<RemoteGripper>,
     }
 
     RemoteLink {

@@ -6,6 +6,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Unit, Vector3};
 
 use crate::files;
+use crate::gripper;
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::robots::{self, RobotArm};
@@ -57,6 +58,7 @@ pub(super) fn settings(
     let wall = raw.wall.as_ref().map(|raw| wall(raw, problems));
     let block = raw.r#box.as_ref().map(|raw| block(raw, problems));
     let sphere = raw.sphere.as_ref().map(|raw| sphere(raw, problems));
+    let gripper = raw.gripper.as_ref().map(|raw| gripper::simulated(raw, problems));
 
     kind?;
     let (x_b_m, robot) = body?;
@@ -73,6 +75,7 @@ pub(super) fn settings(
         wall: given(wall)?,
         block: given(block)?,
         sphere: given(sphere)?,
+        gripper: given(gripper)?,
     };
     refuse_contact_at_start(&remote, raw, problems);
     Some((remote, robot))
@@ -117,6 +120,7 @@ fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
     let wall = raw.wall.as_ref().map(Placed::place);
     let block = raw.r#box.as_ref().map(Placed::place);
     let sphere = raw.sphere.as_ref().map(Placed::place);
+    let gripper = raw.gripper.as_ref().map(Placed::place);
     let shared = raw.shared_control.as_ref().map(Placed::place);
     let of_sensor = [
         (!raw.sensor_sign.is_absent()).then(|| raw.sensor_sign.place()),
@@ -124,7 +128,8 @@ fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
         (!raw.sensor_bias_nm.is_absent()).then(|| raw.sensor_bias_nm.place()),
     ];
     let robot = (!raw.robot.is_absent()).then(|| raw.robot.place());
-    let of_model = [robot, wall, block, sphere, shared].into_iter().filter(|_| !has_model(raw));
+    let of_model =
+        [robot, wall, block, sphere, gripper, shared].into_iter().filter(|_| !has_model(raw));
     for place in of_sensor.into_iter().chain(of_model).flatten() {
         let reason =
             "with kind = \"link\" the far side has it, in its own configuration: remove it here";

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::boot::{self, BootSettings, Given};
+use crate::gripper::{self, GripperInput};
 use crate::problem::Problems;
 use crate::section::Sections;
 use crate::{lookup, raw};
@@ -34,6 +35,8 @@ pub struct SwitchBox {
     pub eds: Arc<Eds>,
     /// Adjustments of its buttons: input bits 4 to 7.
     pub buttons: [Option<Adjustment>; 4],
+    /// Its input for a gripper.
+    pub gripper: Option<GripperInput>,
 }
 
 /// The configuration has no switch box, so nothing can be armed.
@@ -72,12 +75,14 @@ fn read(
     }
     let boot = boot::of_node(switches.boot.as_ref(), given, problems);
     let buttons = buttons(switches.button.as_ref(), problems);
+    let gripper = gripper::input(switches, problems);
     let identity = Identity {
         vendor: switches.vendor_id.get()?,
         product: switches.product_code.get()?,
         revision: switches.revision.get()?,
     };
-    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds?, buttons })
+    let (channel, node, eds, gripper) = (channel?, node?, eds?, gripper?);
+    Some(SwitchBox { channel, node, identity, boot, eds, buttons, gripper })
 }
 
 /// Reads the adjustment of each button.

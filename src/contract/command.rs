@@ -34,6 +34,11 @@ pub struct Gripper {
 }
 
 impl Gripper {
+    /// Returns whether opening and force are within their ranges. NaN is not.
+    pub fn is_possible(&self) -> bool {
+        are_within(&[self.position, self.force], MAX_GRIPPER)
+    }
+
     /// Returns its numbers; zeros for none.
     pub(crate) fn numbers(gripper: Option<Self>) -> [f64; 2] {
         gripper.map_or([0.0; 2], |Self { position, force }| [position, force])
@@ -42,8 +47,8 @@ impl Gripper {
     /// Returns the gripper with these numbers.
     pub(crate) fn from_numbers(numbers: [f64; 2]) -> Result<Self, Reject> {
         let [position, force] = numbers;
-        let is_valid = are_within(&numbers, MAX_GRIPPER);
-        if is_valid { Ok(Self { position, force }) } else { Err(Reject::Impossible) }
+        let gripper = Self { position, force };
+        if gripper.is_possible() { Ok(gripper) } else { Err(Reject::Impossible) }
     }
 }
 

@@ -11,7 +11,7 @@
 use std::time::Duration;
 
 use crate::capability::Capability;
-use crate::command::{Command, Motion};
+use crate::command::{Command, Gripper, Motion};
 use crate::feedback::{Feedback, Measured, Reason};
 use crate::link_end::LinkEnd;
 use crate::reject::{Reject, Rejects};
@@ -27,6 +27,8 @@ pub struct FarEnd {
     command: Option<Newest>,
     /// Newest command that acted.
     acted: u64,
+    /// Gripper of the newest command that acted and had one.
+    gripper: Option<Gripper>,
     hold: Reason,
     asks_capability: bool,
 }
@@ -39,6 +41,7 @@ struct Newest {
     sequence: u64,
     motion: Motion,
     is_engaged: bool,
+    gripper: Option<Gripper>,
 }
 
 impl FarEnd {
@@ -51,6 +54,7 @@ impl FarEnd {
             epoch: 0,
             command: None,
             acted: 0,
+            gripper: None,
             hold: Reason::NotArmed,
             asks_capability: false,
         }
@@ -64,7 +68,8 @@ impl FarEnd {
     }
 
     fn take(&mut self, now: Instant, bytes: &[u8]) -> Result<(), Reject> {
-        let Command { head, motion, is_engaged, asks_capability, .. } = Command::decode(bytes)?;
+        let Command { head, motion, is_engaged, asks_capability, gripper } =
+            Command::decode(bytes)?;
         let Some(admission) = self.end.admit(now, &head)? else { return Ok(()) };
         if admission.is_new_session {
             // It may have been armed for another far side: its present epoch moves nothing here.
@@ -75,7 +80,7 @@ impl FarEnd {
             (self.epoch, self.hold) = (head.epoch, Reason::None);
         }
         let sequence = head.own.sequence;
-        self.command = Some(Newest { at: admission.at, sequence, motion, is_engaged });
+        self.command = Some(Newest { at: admission.at, sequence, motion, is_engaged, gripper });
         self.asks_capability |= asks_capability;
         Ok(())
     }
@@ -92,7 +97,14 @@ impl FarEnd {
             return Motion::Hold;
         }
         self.acted = fresh.sequence;
+        self.gripper = fresh.gripper.or(self.gripper);
         fresh.motion
+    }
+
+    /// Returns the opening and maximum force that acted last; `None` before the first. They stay during a hold, and where
+    /// commands have none: a gripper does not drop its object.
+    pub const fn gripper(&self) -> Option<Gripper> {
+        self.gripper
     }
 
     /// Holds for a reason of the robot's, until a new epoch. The first reason stays.

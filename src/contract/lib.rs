@@ -22,13 +22,13 @@
 //! let mut node = NodeEnd::new(0, 0x5eed);
 //! let mut far = FarEnd::new(0, 0xface, Duration::from_millis(100));
 //! // Once each end has received from the other, an echo says how old a message is.
-//! let hold = Order { motion: Motion::Hold, is_engaged: false };
+//! let hold = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
 //! for ms in 1..3 {
 //!     far.on_message(at(ms), &node.command(at(ms), &hold));
 //!     node.on_message(at(ms), &far.feedback(at(ms), &Measured::default()));
 //! }
 //! node.begin_epoch();
-//! let rate = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true };
+//! let rate = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true, gripper: None };
 //! far.on_message(at(3), &node.command(at(3), &rate));
 //! assert_eq!(far.motion(at(3)), Motion::Rate([0.1; 6]));
 //! assert_eq!(far.motion(at(200)), Motion::Hold, "its echo is too old");

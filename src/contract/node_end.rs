@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::capability::Capability;
-use crate::command::{Command, Motion};
+use crate::command::{Command, Gripper, Motion};
 use crate::feedback::Feedback;
 use crate::head::{Head, Kind};
 use crate::link_end::LinkEnd;
@@ -21,6 +21,8 @@ pub struct Order {
     pub motion: Motion,
     /// True while the motion comes from the operator's hand.
     pub is_engaged: bool,
+    /// Opening and maximum force of the gripper, where the hand controller has one.
+    pub gripper: Option<Gripper>,
 }
 
 /// A feedback that may act.
@@ -73,10 +75,10 @@ impl NodeEnd {
 
     /// Returns the next message to the far side.
     pub fn command(&mut self, now: Instant, order: &Order) -> [u8; Command::LENGTH] {
-        let Order { motion, is_engaged } = *order;
+        let Order { motion, is_engaged, gripper } = *order;
         let head = self.end.head(now, self.epoch);
         let asks_capability = self.end.peers.session() != 0 && self.capability().is_none();
-        Command { head, motion, is_engaged, asks_capability, gripper: None }.encode()
+        Command { head, motion, is_engaged, asks_capability, gripper }.encode()
     }
 
     /// Takes a message; returns it if it is a feedback that may act.

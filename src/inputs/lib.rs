@@ -28,4 +28,4 @@ pub use input::{Call, Input, InputSink};
 pub use recorded_bus::RecordedBus;
 pub use recorded_node::RecordedNode;
 pub use recorded_remote::RecordedRemote;
-pub use writer::{InputWriter, Last, NUMBERS};
+pub use writer::{HAS_GRIPPER, InputWriter, Last, NUMBERS};

@@ -33,16 +33,19 @@ pub struct Last {
     pub now: u64,
     /// Last time of host suspension.
     pub suspended: Duration,
-    /// Sample time of the last sample, in µs, and its numbers as bits.
-    pub sensed: (u64, [u64; NUMBERS]),
+    /// Sample time of the last sample, in µs, its numbers as bits, and whether it has a gripper.
+    pub sensed: (u64, [u64; NUMBERS], bool),
 }
 
-/// Numbers of a sample: wrench (force, moment), position, quaternion (i, j, k, w).
-pub const NUMBERS: usize = 13;
+/// Numbers of a sample: wrench (force, moment), position, quaternion (i, j, k, w), opening and force of the gripper.
+pub const NUMBERS: usize = 15;
+
+/// Bit of a sample's mask that says that it has a gripper; the bits below stand for its numbers.
+pub const HAS_GRIPPER: u16 = 1 << NUMBERS;
 
 impl Default for Last {
     fn default() -> Self {
-        Self { now: 0, suspended: Duration::ZERO, sensed: (0, [0; NUMBERS]) }
+        Self { now: 0, suspended: Duration::ZERO, sensed: (0, [0; NUMBERS], false) }
     }
 }
 
@@ -243,16 +246,18 @@ impl<W: Write> InputWriter<W> {
 
     fn sensed(&mut self, sensed: Option<&Sensed>) {
         let Some(sensed) = sensed else { return self.tag(table::NOT_SENSED) };
-        let (at, numbers) = (sensed.at.as_micros(), numbers(sensed));
-        if self.last.sensed == (at, numbers) {
+        let next = (sensed.at.as_micros(), numbers(sensed), sensed.gripper.is_some());
+        if self.last.sensed == next {
             return self.tag(table::SENSED_AGAIN);
         }
         self.tag(table::SENSED);
         self.time(sensed.at);
-        let (_, before) = std::mem::replace(&mut self.last.sensed, (at, numbers));
+        let (_, before, _) = std::mem::replace(&mut self.last.sensed, next);
+        let (_, numbers, has_gripper) = next;
         let changed = (0..).zip(numbers.iter().zip(before));
         let changed = changed.filter(|(_, (number, before))| *number != before);
-        let mask = changed.clone().fold(0_u16, |mask, (place, _)| mask | 1 << place);
+        let flag = if has_gripper { HAS_GRIPPER } else { 0 };
+        let mask = changed.clone().fold(flag, |mask, (place, _)| mask | 1 << place);
         self.bytes(&mask.to_le_bytes());
         changed.for_each(|(_, (number, _))| self.bytes(&number.to_le_bytes()));
     }
@@ -317,7 +322,8 @@ fn numbers(sensed: &Sensed) -> [u64; NUMBERS] {
     let [f0, f1, f2, m0, m1, m2] = sensed.f_s.components();
     let [x, y, z] = sensed.x_b_m.translation.vector.into();
     let [i, j, k, w] = sensed.x_b_m.rotation.coords.into();
-    [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w].map(f64::to_bits)
+    let [opening, grip] = sensed.gripper.map_or([0.0; 2], |it| [it.position, it.force]);
+    [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w, opening, grip].map(f64::to_bits)
 }
 
 fn length(length: usize) -> u64 {

@@ -15,9 +15,8 @@ use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
-use remote::Remote;
+use remote::{Command, Remote};
 use units::numbering::Joint;
-use units::spatial::Motion;
 use units::time::Instant;
 
 /// Time before a boot in which the node sends nothing and looks for another master; frames in flight are
@@ -151,7 +150,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Motion::Hold, Mode::Boot);
+        self.remote.exchange(now, &Command::HOLD, Mode::Boot);
         self.safety.boot(now);
         self.drives.power.reset_faults();
         for joint in Joint::ALL.into_iter().filter(|joint| !self.mode_check.is_enabling(*joint)) {

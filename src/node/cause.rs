@@ -282,6 +282,16 @@ causes! {
         description "deadman closed for too long without motion of the grip",
         message ("deadman tied down: closed for too long without motion"),
         reaction armed(ReflectionOff, &[39]);
+    GripperInputInvalid { counts: i16, closed: i16, open: i16 }
+        description "input of the gripper outside its range, or its two inputs contradict each other",
+        message (
+            "gripper input at {counts} counts, beyond its range from {closed} (closed) to {open} (open): check its wire, and \
+             closed_counts and open_counts of switches.gripper"
+        ),
+        or GripperInputsContradict { open_bit: u8, close_bit: u8 }
+            description "inputs that open and close the gripper are both set",
+            message ("gripper inputs contradict each other: bits {open_bit} (open) and {close_bit} (close) are both set"),
+        reaction armed(ReflectionOff, &[50]);
     Overrun { cycles: u64 }
         description "loop stalled for several cycles",
         message ("loop stalled for {cycles} cycles"),

@@ -21,7 +21,7 @@ use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;
 use controller::{Input, Output};
-use remote::Remote;
+use remote::{Command, Remote};
 use units::drive::PerMille;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -51,11 +51,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_services(now, sync_at);
         self.wire.read_transmit_confirmation();
         let side = self.remote.state(sync_at);
-        self.remote.exchange(now, &output.command, self.safety.mode());
+        let gripper = self.operator.grip(&permit, self.remote.link.gripper());
+        let command =
+            Command { motion: output.command, gripper: gripper.and_then(|it| it.command) };
+        self.remote.exchange(now, &command, self.safety.mode());
 
         self.timing.end_cycle();
         let record = self.record(now, sync_at, &input, &side, output, targets);
-        Record { refused_press, ..record }
+        Record { refused_press, gripper, ..record }
     }
 
     /// Raises these causes in order. Each step raises its causes at its end, because the next step needs the mode they
@@ -81,7 +84,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let deadman = self.operator.update(now, self.samples.inputs(now));
         let link = self.remote.link.lost(now);
         let far_side = self.remote.fault(self.safety.mode());
-        self.raise(now, [missing, deadman, link, far_side]);
+        let gripper =
+            self.operator.watch_gripper(now, self.samples.inputs(now), self.samples.analogue(now));
+        self.raise(now, [missing, deadman, link, far_side, gripper]);
     }
 
     /// Watches that every drive is enabled. Reads the error history (1003h) of a drive whose statusword stopped the node.
@@ -171,6 +176,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             sample_age: side.sample_age,
             q_r: side.q_r,
             model: side.model,
+            gripper: None,
             refused_press: None,
             output,
             targets: targets.map(|PerMille(target)| target),

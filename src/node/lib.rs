@@ -141,7 +141,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             operator: Operator::new(
                 config.period,
                 config.switches.as_ref().map(|switches| switches.buttons),
-            ),
+            )
+            .with_gripper(config.switches.as_ref().and_then(|switches| switches.gripper)),
             plausibility: Plausibility::new(config),
             safety: Safety::new(times),
         }

@@ -1,15 +1,15 @@
 //! Validation and age of the samples from the commanded side.
 //!
 //! Samples are validated before the controller uses them. One that is out of a sensor's range, from the future, or
-//! older than the newest one is dropped, and the newest one ages on. The age counts from the sample's own time stamp,
-//! not from its reception.
+//! older than the newest one is dropped, and the newest one ages on. A gripper that is out of range is dropped alone.
+//! The age counts from the sample's own time stamp, not from its reception.
 
 use std::time::Duration;
 
 use nalgebra::Isometry3;
 
 use crate::cause::Cause;
-use remote::Sensed;
+use remote::{Gripper, Sensed};
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -32,7 +32,8 @@ impl Link {
         let Some(sensed) = sensed else { return };
         let is_newest = self.newest.is_none_or(|newest| newest.at <= sensed.at);
         if is_newest && sensed.at <= now && sensed.is_possible() {
-            self.newest = Some(sensed);
+            let gripper = sensed.gripper.filter(Gripper::is_possible);
+            self.newest = Some(Sensed { gripper, ..sensed });
         }
     }
 
@@ -61,6 +62,11 @@ impl Link {
     pub(super) fn x_b_m(&self) -> Isometry3<f64> {
         self.newest.map_or_else(Isometry3::identity, |newest| newest.x_b_m)
     }
+
+    /// Returns opening and force of the gripper; `None` where the newest sample has none.
+    pub(super) fn gripper(&self) -> Option<Gripper> {
+        self.newest.and_then(|newest| newest.gripper)
+    }
 }
 
 #[cfg(test)]
@@ -78,7 +84,8 @@ mod tests {
 
     fn sensed(at: Instant, force: f64) -> Sensed {
         let f_s = Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO };
-        Sensed { at, f_s, x_b_m: Isometry3::translation(force, 0.0, 0.0) }
+        let gripper = Some(Gripper { position: 0.03, force });
+        Sensed { at, f_s, x_b_m: Isometry3::translation(force, 0.0, 0.0), gripper }
     }
 
     /// Values that no sensor can read.
@@ -139,6 +146,19 @@ mod tests {
             let newest = stamps.iter().max().unwrap();
             let force = Duration::from_micros(*newest).as_secs_f64();
             prop_assert_eq!(link.f_s(), sensed(at(*newest), force).f_s);
+        }
+    }
+
+    #[test]
+    fn gripper_out_of_range_is_dropped_alone() {
+        for position in [f64::NAN, f64::INFINITY, -1.1e3] {
+            let mut link = Link::new(TIMEOUT);
+            let good = sensed(at(1_000), 3.0);
+            let gripper = Some(Gripper { position, force: 1.0 });
+            link.update(at(1_000), Some(Sensed { gripper, ..good }));
+            assert_eq!((link.f_s(), link.gripper()), (good.f_s, None), "{position}");
+            link.update(at(1_000), Some(good));
+            assert_eq!(link.gripper(), good.gripper);
         }
     }
 

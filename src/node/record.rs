@@ -11,8 +11,8 @@ use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use controller::Output;
 use controller::adjustment::AdjustmentRefused;
-use remote::RobotJoints;
 use remote::model::Difference;
+use remote::{Gripper, RobotJoints};
 use units::adjustment::Adjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
@@ -128,6 +128,8 @@ pub struct Record {
     pub q_r: Option<RobotJoints>,
     /// Difference of the predicted pose of the robot to the sensed one; `None` without a model or a sample.
     pub model: Option<Difference>,
+    /// Gripper; `None` where the switch box has no input for one.
+    pub gripper: Option<GripperRecord>,
     /// Press of a button in this cycle that was refused.
     pub refused_press: Option<RefusedPress>,
     /// Output and intermediates of the controller.
@@ -138,6 +140,15 @@ pub struct Record {
     pub not_off: [bool; 6],
     /// Counters of SDO transfers.
     pub sdo: SdoCounters,
+}
+
+/// Gripper in one cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GripperRecord {
+    /// Opening and maximum force that the operator commands; `None` before the first engagement after an arming.
+    pub command: Option<Gripper>,
+    /// Opening and force in the newest sample of the commanded side; `None` where it has no gripper.
+    pub measured: Option<Gripper>,
 }
 
 /// Adjustment of a pressed button that was refused.
@@ -153,7 +164,7 @@ pub struct RefusedPress {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SdoCounters {
     /// SDO uploads by other clients from nodes of this master, since the start.
-    pub foreign_uploads: u64,
+    pub foreign_uploads: u32,
     /// Objects of the proof test whose last reading back failed.
-    pub unread_settings: usize,
+    pub unread_settings: u32,
 }

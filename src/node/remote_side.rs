@@ -7,8 +7,7 @@ use crate::link::Link;
 use crate::record::Mode;
 use config::Config;
 use remote::model::{Difference, Model};
-use remote::{Remote, RobotJoints, SideFault};
-use units::spatial::Motion;
+use remote::{Command, Remote, RobotJoints, SideFault};
 use units::time::Instant;
 
 /// The commanded side.
@@ -35,7 +34,7 @@ impl<R: Remote> RemoteSide<R> {
         let limit = config.far_side.model_limit;
         let model = limit.map(|limit| Model::new(&config.remote, limit, config.period));
         let mut side = Self { remote, link, model, was_armed: false };
-        side.exchange(now, &Motion::Hold, Mode::Boot);
+        side.exchange(now, &Command::HOLD, Mode::Boot);
         side
     }
 
@@ -65,14 +64,14 @@ impl<R: Remote> RemoteSide<R> {
 
     /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that
     /// is no longer armed.
-    pub(super) fn exchange(&mut self, now: Instant, command: &Motion, mode: Mode) {
+    pub(super) fn exchange(&mut self, now: Instant, command: &Command, mode: Mode) {
         if std::mem::replace(&mut self.was_armed, is_armed(mode)) && !self.was_armed {
             self.remote.end_epoch();
         }
         let sensed = self.remote.exchange(now, command);
         self.link.update(now, sensed);
         if let Some(model) = &mut self.model {
-            model.exchange(now, command, self.link.newest());
+            model.exchange(now, &command.motion, self.link.newest());
         }
     }
 }

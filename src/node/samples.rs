@@ -49,6 +49,8 @@ pub(super) struct Samples {
     /// Cause of the first position that the filters rejected as a fault.
     implausible: Option<Cause>,
     inputs: Option<(Instant, SwitchInputs)>,
+    /// Newest analogue input, which is in the same TPDO as those inputs.
+    analogue: Option<i16>,
     malformed: u64,
 }
 
@@ -78,6 +80,7 @@ impl Samples {
             missing: [0; 6],
             implausible: None,
             inputs: None,
+            analogue: None,
             malformed: 0,
             tpdos,
         }
@@ -116,6 +119,7 @@ impl Samples {
         if let Some(inputs) = tpdo.inputs {
             self.inputs = Some((at, SwitchInputs::from_bits(inputs)));
         }
+        self.analogue = tpdo.analogue.or(self.analogue);
         let Some(joint) = tpdo.node.joint() else { return };
         let sample = joint.entry_mut(&mut self.latest);
         if let Some(torque) = tpdo.torque {
@@ -251,6 +255,11 @@ impl Samples {
         self.inputs
             .filter(|(at, _)| now.since(*at) <= SWITCH_INPUT_TIMEOUT)
             .map(|(_, inputs)| inputs)
+    }
+
+    /// Returns the analogue input of the switch box, in counts; `None` without one, or if the inputs are stale.
+    pub(super) fn analogue(&self, now: Instant) -> Option<i16> {
+        self.analogue.filter(|_| self.inputs(now).is_some())
     }
 }
 

@@ -8,8 +8,7 @@ use bus::{Bus, BusEvent, BusFault, Received, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
-use remote::{Remote, Sensed};
-use units::spatial::Motion;
+use remote::{Command, Remote, Sensed};
 use units::time::Instant;
 
 /// A bus without any other node.
@@ -81,7 +80,7 @@ impl SilentBus {
 pub(super) struct NoRemote;
 
 impl Remote for NoRemote {
-    fn exchange(&mut self, _: Instant, _: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, _: Instant, _: &Command) -> Option<Sensed> {
         None
     }
 }

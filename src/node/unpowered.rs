@@ -3,8 +3,7 @@
 use crate::cause::Cause;
 use crate::{BringUpError, Node};
 use bus::Bus;
-use remote::Remote;
-use units::spatial::Motion;
+use remote::{Command, Remote};
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Boots every node as [`bring_up`](Self::bring_up) does, but enables no drive. `cause` is latched until a reset,
@@ -21,7 +20,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Motion::Hold, self.safety.mode());
+        self.remote.exchange(now, &Command::HOLD, self.safety.mode());
         // The caller's cause: no watch raises it.
         self.raise(now, [Some(cause)]);
         Ok(())

@@ -2,23 +2,25 @@
 //! network, or a force/torque sensor. One exchange per cycle, which never waits.
 //!
 //! ```
-//! use remote::{Remote, Sensed};
-//! use units::spatial::{Motion, Wrench};
+//! use remote::{Command, Remote, Sensed};
+//! use units::spatial::Wrench;
 //! use units::time::Instant;
 //!
 //! /// A robot without contact.
 //! struct Robot;
 //!
 //! impl Remote for Robot {
-//!     fn exchange(&mut self, now: Instant, _: &Motion) -> Option<Sensed> {
-//!         Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m: nalgebra::Isometry3::identity() })
+//!     fn exchange(&mut self, now: Instant, _: &Command) -> Option<Sensed> {
+//!         let x_b_m = nalgebra::Isometry3::identity();
+//!         Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
 //!     }
 //! }
-//! assert!(Robot.exchange(Instant::ZERO, &Motion::Hold).unwrap().is_possible());
+//! assert!(Robot.exchange(Instant::ZERO, &Command::HOLD).unwrap().is_possible());
 //! ```
 #![forbid(unsafe_code)]
 
 pub mod delay;
+pub mod gripper;
 pub mod link;
 pub mod messages;
 pub mod model;
@@ -32,6 +34,7 @@ use nalgebra::Isometry3;
 
 use crate::stated::Misfit;
 use ::robot::chain::MAX_JOINTS;
+pub use contract::Gripper;
 use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE, Reason};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
@@ -40,11 +43,31 @@ use units::time::Instant;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotJoints(pub [f64; MAX_JOINTS]);
 
+/// Command of one cycle to the commanded side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// Motion of the object.
+    pub motion: Motion,
+    /// Opening and maximum force of the gripper; `None` leaves it as it is.
+    pub gripper: Option<Gripper>,
+}
+
+impl Command {
+    /// Command of no motion, which leaves the gripper as it is.
+    pub const HOLD: Self = Self { motion: Motion::Hold, gripper: None };
+}
+
+impl From<Motion> for Command {
+    fn from(motion: Motion) -> Self {
+        Self { motion, gripper: None }
+    }
+}
+
 /// Commanded side.
 pub trait Remote {
     /// Sends the command of this cycle and returns the newest sample, `None` before the first. Never waits: without a
     /// new sample the last one is returned, and is older.
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed>;
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed>;
 
     /// Begins a new epoch: the node was armed, or a stop was reset. A far side that holds goes on only in one.
     fn begin_epoch(&mut self) {}
@@ -100,10 +123,12 @@ pub struct Sensed {
     pub f_s: Wrench,
     /// Pose of the frame under control in its base.
     pub x_b_m: Isometry3<f64>,
+    /// Opening and force of the gripper; `None` without one, and where its sensor is invalid.
+    pub gripper: Option<Gripper>,
 }
 
 impl Sensed {
-    /// Returns whether wrench and pose are within their ranges; not whether they are plausible.
+    /// Returns whether wrench and pose are within their ranges; not whether they are plausible. A gripper does not count.
     pub fn is_possible(&self) -> bool {
         let is_wrench = self.f_s.components().iter().all(|part| part.abs() <= MAX_WRENCH);
         let place = &self.x_b_m.translation.vector;

@@ -2,18 +2,25 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use crate::Sensed;
-use contract::{Measured, Order, Pose, Sample};
+use crate::{Command, Sensed};
+use contract::{FarEnd, Gripper, Measured, Order, Pose, Sample};
 use units::spatial::{Motion, Twist, Wrench};
+use units::time::Instant;
 
 /// Returns a command of the node as an order to the far side.
-pub fn order(command: &Motion) -> Order {
-    let motion = match command {
+pub fn order(command: &Command) -> Order {
+    let motion = match &command.motion {
         Motion::Hold => contract::Motion::Hold,
         Motion::Rate(v_m) => contract::Motion::Rate(v_m.components()),
         Motion::Pose(x_b_d) => contract::Motion::Pose(pose(x_b_d)),
     };
-    Order { motion, is_engaged: *command != Motion::Hold }
+    Order { motion, is_engaged: command.motion != Motion::Hold, gripper: command.gripper }
+}
+
+/// Returns the command to perform at `now`.
+pub fn command(end: &mut FarEnd, now: Instant) -> Command {
+    let motion = motion(&end.motion(now));
+    Command { motion, gripper: end.gripper() }
 }
 
 /// Returns the motion of a message as a command to an object.
@@ -31,15 +38,15 @@ pub fn measured(sensed: &Sensed) -> Measured {
     Measured {
         wrench: is_possible.then(|| sensed.f_s.components()),
         pose: is_possible.then(|| pose(&sensed.x_b_m)),
-        gripper: None,
+        gripper: sensed.gripper.filter(Gripper::is_possible),
     }
 }
 
 /// Returns the sample of a message; `None` without a valid wrench and pose.
 pub fn sensed(sample: &Sample) -> Option<Sensed> {
-    let Measured { wrench, pose, .. } = sample.feedback.measured;
+    let Measured { wrench, pose, gripper } = sample.feedback.measured;
     let (f_s, x_b_m) = (Wrench::from_components(wrench?), isometry(&pose?));
-    Some(Sensed { at: sample.at, f_s, x_b_m })
+    Some(Sensed { at: sample.at, f_s, x_b_m, gripper })
 }
 
 fn pose(x: &Isometry3<f64>) -> Pose {
@@ -64,8 +71,21 @@ mod tests {
         ) {
             let x_b_d = Isometry3::new([x, y, z].into(), [a, b, c].into());
             for command in [Motion::Hold, Motion::Rate(Twist::from_components(six)), Motion::Pose(x_b_d)] {
-                prop_assert_eq!(motion(&order(&command).motion), command);
+                prop_assert_eq!(motion(&order(&command.into()).motion), command);
             }
+        }
+
+        #[test]
+        fn only_a_gripper_out_of_range_is_dropped(
+            position in prop_oneof![-2e3..2e3_f64, Just(f64::NAN)], force in -2e3..2e3_f64,
+        ) {
+            let gripper = Gripper { position, force };
+            let x_b_m = Isometry3::identity();
+            let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: Some(gripper) };
+            let Measured { wrench, pose, gripper } = measured(&sensed);
+            let is_valid = position.abs() <= 1e3 && force.abs() <= 1e3;
+            prop_assert!(wrench.is_some() && pose.is_some());
+            prop_assert_eq!(gripper.is_some(), is_valid);
         }
     }
 }

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
+use crate::gripper::{GripperSettings, SimulatedGripper};
 use crate::scene::{Block, Scene, Sphere, Surface, Wall};
-use crate::{Remote, RobotJoints, Sensed};
+use crate::{Command, Remote, RobotJoints, Sensed};
 use robot::following_arm::FollowingArm;
 use robot::god_object::{Coupling, GodObject};
 use robot::interaction::Interaction;
@@ -35,6 +36,8 @@ pub struct Virtual {
     pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
     /// Sphere: centre, radius, surface.
     pub sphere: Option<(Vector3<f64>, f64, Contact)>,
+    /// Gripper of the object.
+    pub gripper: Option<GripperSettings>,
 }
 
 impl Virtual {
@@ -61,6 +64,7 @@ pub struct VirtualSite {
     object: Object,
     drawn: Option<GodObject>,
     scene: Scene,
+    gripper: Option<SimulatedGripper>,
     before: Option<Instant>,
     max_step: f64,
 }
@@ -73,7 +77,14 @@ impl VirtualSite {
         let object = arm.map_or(free, |arm| free.held_by(arm));
         let max_step = 10.0 * period.as_secs_f64();
         let scene = scene(remote);
-        Self { object, drawn: remote.coupling.map(GodObject::new), scene, before: None, max_step }
+        Self {
+            object,
+            drawn: remote.coupling.map(GodObject::new),
+            scene,
+            gripper: remote.gripper.map(SimulatedGripper::new),
+            before: None,
+            max_step,
+        }
     }
 
     /// Returns the pose of the object in its base.
@@ -99,14 +110,16 @@ impl VirtualSite {
 }
 
 impl Remote for VirtualSite {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
         let f_s = self.object.felt(&self.object.reading(&f_m));
         // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
-        self.follow(dt.min(self.max_step), command, &f_m);
+        let dt = dt.min(self.max_step);
+        self.follow(dt, &command.motion, &f_m);
+        let gripper = self.gripper.as_mut().map(|gripper| gripper.step(dt, command.gripper));
         self.before = Some(now);
-        Some(Sensed { at: now, f_s, x_b_m: *self.object.pose() })
+        Some(Sensed { at: now, f_s, x_b_m: *self.object.pose(), gripper })
     }
 
     fn joints(&self) -> Option<RobotJoints> {
@@ -156,6 +169,7 @@ mod tests {
             wall: (x < 0.55).then_some((Vector3::new(0.55, 0.0, 0.0), -Vector3::x_axis(), contact)),
             block: Some((Vector3::new(0.85, 0.0, 0.3), Vector3::new(0.05, 0.1, 0.1), contact)),
             sphere: None,
+            gripper: None,
         };
         VirtualSite::new(&remote, Duration::from_millis(1))
     }
@@ -168,7 +182,7 @@ mod tests {
         let mut last = None;
         for (cycle, x_b_d) in (1..).zip(commands) {
             let at = Instant::ZERO + Duration::from_millis(1) * cycle;
-            let sensed = site.exchange(at, &Motion::Pose(x_b_d)).unwrap();
+            let sensed = site.exchange(at, &Motion::Pose(x_b_d).into()).unwrap();
             last = Some((sensed, Twist::reaching(&(x_b_d.inverse() * sensed.x_b_m), 1.0)));
         }
         last.unwrap()

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::gripper_status::GripperStatus;
 use crate::link_report::LinkReport;
 use crate::losses::Losses;
 use crate::recording::RecordingReport;
@@ -37,9 +38,9 @@ pub struct Status {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingReport>,
     /// SDO uploads of other clients.
-    pub foreign_uploads: u64,
+    pub foreign_uploads: u32,
     /// Objects verified at boot that could not be read again, at present.
-    pub unread_settings: usize,
+    pub unread_settings: u32,
     /// Reflection of the wrench: `off` and `on` by its switch; `on when engaged` before it acts.
     pub reflection: &'static str,
     /// Scales of motion, rotation and force that the operator set.
@@ -66,6 +67,9 @@ pub struct Status {
     /// Difference of the robot to its model; `None` without a model or a sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelDifference>,
+    /// Gripper; `None` where the switch box has no input for one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gripper: Option<GripperStatus>,
     /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
     pub switches_online: Option<bool>,
     /// Timing of the cycles, boot included.
@@ -173,6 +177,7 @@ impl Status {
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             model: record.model.map(ModelDifference::of),
+            gripper: record.gripper.map(GripperStatus::of),
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
             timing: None,
             link: None,

@@ -53,7 +53,7 @@ class PythonExample:
     # After a pause: the signal may stop the process between its check and its motion.
     CONTINUED_M = MAX_SPEED * PERIOD_S
     EXACT_M = 1e-9
-    CAPABILITY = dict(senses=3, follows=3, payload_removal=0, accommodation=(0.0,) * 6, sample_period=0.002,
+    CAPABILITY = dict(senses=7, follows=3, payload_removal=0, accommodation=(0.0,) * 6, sample_period=0.002,
                       hold_after=0.1)
 
     LEFT_OUT = {  # tests by how their names begin, each with the reason

@@ -189,7 +189,7 @@ class FarEnd:
                 self.commands.append(newest)
                 self.far_side.on_message(self.clock.now(), message)
             command = command_of(self.far_side.command(self.clock.now()))
-            measured, _ = checked(*self.robot.step(command, PERIOD_S), None, local.CAPABILITY)
+            measured, _ = checked(*self.robot.step(command, PERIOD_S), local.CAPABILITY)
             if answers:
                 self.link.send(self.clock.now(), self.far_side.feedback(self.clock.now(), measured))
             time.sleep(PERIOD_S)

@@ -18,7 +18,7 @@ use node::cause::Cause;
 use node::record::{Mode, Record};
 use node::{Node, Request};
 use remote::site::VirtualSite;
-use remote::{Remote, Sensed};
+use remote::{Command, Remote, Sensed};
 use sim::scenario::Scenario;
 use sim::world::World;
 use testbench::bench::Bench;
@@ -39,7 +39,7 @@ struct Via<L> {
 }
 
 impl<L: FnMut(u64, Sensed) -> Option<Sensed>> Remote for Via<L> {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         self.count += 1;
         let sensed = self.site.exchange(now, command)?;
         (self.law)(self.count, sensed)

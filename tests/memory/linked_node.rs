@@ -28,12 +28,12 @@ use node::{Node, Request};
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
 use remote::stated::{Misfit, Stated};
-use remote::{Remote, Sensed, SideFault, messages};
+use remote::{Command, Remote, Sensed, SideFault, messages};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
 use sim::world::World;
 use testbench::world;
-use units::spatial::{Motion, Wrench};
+use units::spatial::Wrench;
 use units::time::Instant;
 
 /// Workspace of the far side, in m.
@@ -180,9 +180,9 @@ impl Linked {
         if let Some(reason) = self.handle.hold.take() {
             self.far.hold(reason);
         }
-        let motion = messages::motion(&self.far.motion(now));
-        let motion = if self.handle.is_blocked.get() { Motion::Hold } else { motion };
-        let mut sensed = self.site.exchange(now, &motion).unwrap();
+        let command = messages::command(&mut self.far, now);
+        let command = if self.handle.is_blocked.get() { Command::HOLD } else { command };
+        let mut sensed = self.site.exchange(now, &command).unwrap();
         if self.handle.writes_its_time.get() {
             let force = Vector3::new(now.since(Instant::ZERO).as_secs_f64(), 0.0, 0.0);
             sensed.f_s = Wrench { force, ..Wrench::ZERO };
@@ -212,7 +212,7 @@ pub(crate) fn connected(path: &Path) -> Socket {
 }
 
 impl Remote for Linked {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         self.thread.step(now);
         self.run_far_side(now);
         if !self.handle.reads_once.get() {

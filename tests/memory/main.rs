@@ -28,6 +28,7 @@ mod fidelity;
 mod friction_sweep;
 mod gain_sets;
 mod golden;
+mod gripper;
 mod held_torque;
 mod hostile_link;
 mod late_torques;

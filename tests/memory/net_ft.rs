@@ -119,7 +119,7 @@ impl Rig {
         self.cycle += 1;
         let now = Instant::ZERO + MS * self.cycle;
         let motion = Motion::Rate([0.0, 0.0, -0.01, 0.0, 0.0, 0.0]);
-        let command = self.node.command(now, &Order { motion, is_engaged: true });
+        let command = self.node.command(now, &Order { motion, is_engaged: true, gripper: None });
         self.far.on_message(now, &command);
         self.sense(now);
         self.reader.on_empty(now);

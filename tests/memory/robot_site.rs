@@ -9,7 +9,7 @@ use nalgebra::Isometry3;
 use config::Config;
 use config::robots::RobotArm;
 use controller::stability::finding::Verdict;
-use remote::Remote;
+use remote::{Command, Remote};
 use robot::wrench_limit::WrenchLimit;
 use sim::scenario::Scenario;
 use sim::wrist_sensor::WristSensorSettings;
@@ -40,7 +40,7 @@ fn config(file: &str, changes: &[(&str, &str)]) -> Config {
 fn driven(config: &Config, equipment: &Equipment, v_m: Twist, cycles: u32) -> RobotSite {
     let mut site = RobotSite::new(config, equipment, 1).unwrap();
     for cycle in 0..cycles {
-        site.exchange(Instant::ZERO + Duration::from_millis(1) * cycle, &Motion::Rate(v_m));
+        site.exchange(Instant::ZERO + Duration::from_millis(1) * cycle, &Motion::Rate(v_m).into());
     }
     site
 }
@@ -74,10 +74,10 @@ fn hold_in_contact_returns_to_its_force() {
         while force(&site) < 3.0 {
             depth += step;
             let x_b_d = start * Isometry3::translation(0.0, 0.0, depth);
-            site.exchange(cycles.next().unwrap(), &Motion::Pose(x_b_d));
+            site.exchange(cycles.next().unwrap(), &Motion::Pose(x_b_d).into());
         }
         for _ in 0..3_000 {
-            site.exchange(cycles.next().unwrap(), &Motion::Hold);
+            site.exchange(cycles.next().unwrap(), &Command::HOLD);
         }
         let rest = force(&site);
         assert!((1.0..4.0).contains(&rest), "{file}, {step} m per ms: {rest} N");

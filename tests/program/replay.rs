@@ -1,6 +1,7 @@
 //! `frhc replay` as a program: sessions of every configuration and scenario, and sessions that were changed.
 #![allow(
     clippy::indexing_slicing,
+    clippy::panic,
     clippy::unwrap_used,
     reason = "what a test cannot do without has failed the test"
 )]
@@ -62,6 +63,44 @@ fn session_of_every_configuration_is_replayed_bit_for_bit() {
         );
         assert_eq!(result["intermediate"], Value::Null, "{file}");
     }
+}
+
+#[test]
+fn session_with_a_gripper_is_replayed_with_its_signals() {
+    let folder = folder("replay", "gripper-files");
+    fs::create_dir_all(&folder).unwrap();
+    let root = std::env::current_dir().unwrap();
+    let text = fs::read_to_string("config/kraft_like_500hz.toml").unwrap();
+    let text = text.replace("\"../eds/", &format!("\"{}/eds/", root.display()));
+    let input = "[switches.gripper]\ninput = 1\nopen_counts = 10000\nclosed_counts = 0\nstroke_m = 0.08\n\
+        force_n = 15.0\nmax_speed_m_per_s = 0.05\n\n[controller]";
+    let gripper = "[remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.2\nobject_m = 0.03\n\
+        stiffness_n_per_m = 5000.0\n\n[safety]";
+    let text = text.replacen("[controller]", input, 1).replacen("[safety]", gripper, 1);
+    let file = folder.join("hand.toml");
+    fs::write(&file, text).unwrap();
+    let args = ["--scenario", "contact_10s", "--seconds", "6"];
+    let session = session("gripper", &[&["--config", file.to_str().unwrap()], &args[..]].concat());
+    assert!(replayed(&session)["cycle_count"].as_u64().unwrap() > 2_500);
+    let table = frhc(&[
+        "export",
+        "csv",
+        session.to_str().unwrap(),
+        "gripper_d",
+        "gripper",
+        "gripper_force",
+    ]);
+    let last: Vec<f64> = table
+        .stdout
+        .lines()
+        .last()
+        .unwrap()
+        .split(',')
+        .filter_map(|cell| cell.parse().ok())
+        .collect();
+    let [.., commanded, opening, force] = last[..] else { panic!("{last:?}") };
+    assert!(commanded < 0.027 && (opening - 0.027).abs() < 1e-6, "{last:?}");
+    assert!((force - 15.0).abs() < 1e-3, "{last:?}");
 }
 
 #[test]

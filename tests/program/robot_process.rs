@@ -81,7 +81,8 @@ impl Node {
 
     /// Sends a command, unless the robot does not read.
     fn send(&mut self, motion: Motion) {
-        let command = self.end.command(self.now(), &Order { motion, is_engaged: true });
+        let command =
+            self.end.command(self.now(), &Order { motion, is_engaged: true, gripper: None });
         if let Some(robot) = &self.robot {
             robot.send(&command).ok();
         }
@@ -343,7 +344,7 @@ fn messages_of_another_arm_or_version_count_in_the_status() {
     let mut node = Node::at(&socket, 7);
     let (robot, mut stdout) = scratch.frhc_and_stdout(&command(KRAFT, &socket));
     node.until(None, |node| node.robot.is_some());
-    let order = Order { motion: BACK, is_engaged: true };
+    let order = Order { motion: BACK, is_engaged: true, gripper: None };
     let mut other_version = node.end.command(node.now(), &order);
     other_version[VERSION_PLACE] += 1;
     let other_arm = NodeEnd::new(2, 7).command(node.now(), &order);

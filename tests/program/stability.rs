@@ -312,7 +312,8 @@ fn contact_wrench_is_sensed_one_exchange_after_its_command() {
     let x_b_d = Isometry3::translation(0.02, 0.0, 0.0) * *site.pose();
     let times = (1..4).map(|cycle| Instant::ZERO + config.period * cycle);
     let commands = [Motion::Hold, Motion::Pose(x_b_d), Motion::Pose(x_b_d)];
-    let sensed = times.zip(commands).map(|(at, command)| site.exchange(at, &command).unwrap().f_s);
+    let sensed =
+        times.zip(commands).map(|(at, command)| site.exchange(at, &command.into()).unwrap().f_s);
     let forces: Vec<f64> = sensed.map(|f_s| f_s.force.norm()).collect();
     assert!(forces[1] < 1e-9 && forces[2] > 0.1, "{forces:?}");
 }

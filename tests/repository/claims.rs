@@ -3,7 +3,7 @@
 /// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
-pub(crate) const HAZARDS: [Claim; 49] = [
+pub(crate) const HAZARDS: [Claim; 50] = [
     (
         1,
         "A drive loses its power or its cable",
@@ -185,6 +185,12 @@ pub(crate) const HAZARDS: [Claim; 49] = [
         49,
         "The robot at the commanded side does not follow its commands",
         "no reflection from the sample on that is beyond the limit to its model, if it has one (`kind = \"both\"`)",
+    ),
+    (
+        50,
+        "The input of the gripper is silent, out of its range, or contradicts itself",
+        "the gripper stays where it was commanded in the next cycle; out of range or contradictory, no reflection after 100 ms, \
+         the counts or bits named",
     ),
 ];
 

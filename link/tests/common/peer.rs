@@ -96,7 +96,7 @@ impl Peer {
     }
 
     fn command(&self) -> Vec<u8> {
-        let order = Order { motion: Motion::Hold, is_engaged: false };
+        let order = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
         self.node.lock().unwrap().command(Instant::from_micros(1), &order).to_vec()
     }
 

@@ -109,6 +109,7 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(47, Millis(70), &[(Cause::FarSideHolds, ReflectionOff)]),
     row(48, Millis(70), &[(Cause::LinkSlow, ReflectionOff)]),
     row(49, Unstated, &[(Cause::ModelDiffers, ReflectionOff)]),
+    row(50, Millis(100), &[(Cause::GripperInputInvalid, ReflectionOff)]),
 ];
 
 const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {

@@ -349,7 +349,7 @@ pub(crate) mod tests {
         Member {
             name: "switch_box".to_owned(),
             channel: Channel(0),
-            plan: NodePlan::switches("switch box".to_owned(), node(16), IDENTITY, &watch()),
+            plan: NodePlan::switches("switch box".to_owned(), node(16), IDENTITY, None, &watch()),
             measures: Vec::new(),
             eds: None,
         }

@@ -20,8 +20,8 @@ use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
 use controller::stability::bounds;
-use remote::Remote;
 use remote::site::{Contact, Virtual};
+use remote::{Command, Remote};
 use robot::accommodation::Accommodation;
 use robot::object::{Object, Servo};
 use robot::payload::Payload;
@@ -227,7 +227,7 @@ impl Course {
         let reading = ReadingTime { span, late: delay };
         let equipment = Equipment { reading, ..Equipment::of(&config.remote) };
         let mut site = RobotSite::new(&config, &equipment, 1)?;
-        site.exchange(Instant::ZERO, &Motion::Hold);
+        site.exchange(Instant::ZERO, &Command::HOLD);
         Ok(Held::Simulated { site: Box::new(site), now: Instant::ZERO })
     }
 }
@@ -273,7 +273,7 @@ impl Held {
             }
             Self::Simulated { site, now } => {
                 *now = *now + Duration::from_secs_f64(cycle);
-                site.exchange(*now, &command);
+                site.exchange(*now, &command.into());
                 site.arm().v_m().linear.z
             }
         }

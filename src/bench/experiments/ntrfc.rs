@@ -106,7 +106,8 @@ impl Press {
         let sensor = WristSensorSettings { bias, noise, ..WristSensorSettings::default() };
         let equipment = Equipment { sensor, ..Equipment::of(&config.remote) };
         let mut site = RobotSite::in_free_space(&config, &equipment, self.seed)?;
-        let command = Motion::Rate(Twist::from_components([0.0, 0.0, self.speed, 0.0, 0.0, 0.0]));
+        let ahead = Twist::from_components([0.0, 0.0, self.speed, 0.0, 0.0, 0.0]);
+        let command = Motion::Rate(ahead).into();
         let (mut now, mut peak) = (Instant::ZERO, 0.0_f64);
         let (mut rest, mut squares, mut count) = (0.0, 0.0, 0.0);
         let period = config.period.as_secs_f64();

@@ -210,11 +210,13 @@ impl<'a, W: Write> Exporter<'a, W> {
 
     /// Returns the command of a cycle as a message of the link, outside of any session: its number is that of the cycle.
     fn command(&self, record: &Record) -> [u8; Command::LENGTH] {
-        let Order { motion, is_engaged } = order(&record.output.command);
+        let gripper = record.gripper.and_then(|gripper| gripper.command);
+        let Order { motion, is_engaged, gripper } =
+            order(&remote::Command { motion: record.output.command, gripper });
         let own = Echo { session: 0, sequence: record.cycle };
         let arm = self.recording.config().far_side.arm;
         let head = Head { arm, epoch: 0, own, echo: Echo::NONE };
-        Command { head, motion, is_engaged, asks_capability: false, gripper: None }.encode()
+        Command { head, motion, is_engaged, asks_capability: false, gripper }.encode()
     }
 
     fn pose(

@@ -50,6 +50,10 @@ struct Replayed {
     tank_j: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     passivity_activity: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gripper_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gripper_n: Option<f64>,
 }
 
 impl<'a> Status<'a> {
@@ -78,6 +82,7 @@ impl<'a> Status<'a> {
 impl Replayed {
     fn new(record: &Record) -> Self {
         let (times, port) = (&record.times, &record.output.port);
+        let gripper = record.gripper.and_then(|gripper| gripper.measured);
         Self {
             overruns: record.overruns,
             rest_us: micros(times.rest),
@@ -89,6 +94,8 @@ impl Replayed {
             energy_j: port.energy.filter(|energy| energy.is_finite()),
             tank_j: port.tank.filter(|tank| tank.is_finite()),
             passivity_activity: Some(port.activity).filter(|activity| activity.is_finite()),
+            gripper_m: gripper.map(|gripper| gripper.position),
+            gripper_n: gripper.map(|gripper| gripper.force),
         }
     }
 }

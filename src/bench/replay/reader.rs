@@ -9,11 +9,11 @@ use thiserror::Error;
 
 use bus::{BusEvent, BusFault, Received, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
-use contract::Reason;
+use contract::{Gripper, Reason};
 use controller::switches::Mode as CommandMode;
 use inputs::intermediates::{COUNT, Digest};
 use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
-use inputs::{Call, Input, Last, NUMBERS};
+use inputs::{Call, HAS_GRIPPER, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
 use remote::{Sensed, SideFault};
@@ -249,27 +249,26 @@ impl<R: BufRead> InputReader<R> {
     fn sensed(&mut self) -> Result<Input, ReadError> {
         let at = self.time()?;
         let mask = u16::from_le_bytes(self.bytes()?);
-        if mask >> NUMBERS != 0 {
-            return self.malformed("more than 13 numbers of a sample");
-        }
         for place in 0..NUMBERS {
             if mask >> place & 1 == 1 {
                 let number = u64::from_le_bytes(self.bytes()?);
                 self.last.sensed.1.iter_mut().skip(place).take(1).for_each(|it| *it = number);
             }
         }
-        self.last.sensed.0 = at.as_micros();
+        (self.last.sensed.0, self.last.sensed.2) = (at.as_micros(), mask & HAS_GRIPPER != 0);
         Ok(Input::Sensed(Some(self.last_sensed())))
     }
 
     fn last_sensed(&self) -> Sensed {
-        let (at, numbers) = self.last.sensed;
-        let [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w] = numbers.map(f64::from_bits);
+        let (at, numbers, has_gripper) = self.last.sensed;
+        let [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w, position, force] =
+            numbers.map(f64::from_bits);
         let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
         Sensed {
             at: Instant::from_micros(at),
             f_s: Wrench::from_components([f0, f1, f2, m0, m1, m2]),
             x_b_m: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
+            gripper: has_gripper.then_some(Gripper { position, force }),
         }
     }
 
@@ -398,13 +397,14 @@ mod tests {
     fn sensed() -> impl Strategy<Value = Sensed> {
         // Rotations that are none, too: the node judges them.
         let numbers = prop::collection::vec(prop_oneof![Just(0.0), -1e3..1e3_f64], NUMBERS);
-        (time(), numbers).prop_map(|(at, n)| Sensed {
+        (time(), numbers, any::<bool>()).prop_map(|(at, n, has_gripper)| Sensed {
             at,
             f_s: Wrench::from_components([n[0], n[1], n[2], n[3], n[4], n[5]]),
             x_b_m: Isometry3::from_parts(
                 Translation3::new(n[6], n[7], n[8]),
                 UnitQuaternion::new_unchecked(Quaternion::new(n[9], n[10], n[11], n[12])),
             ),
+            gripper: has_gripper.then_some(Gripper { position: n[13], force: n[14] }),
         })
     }
 

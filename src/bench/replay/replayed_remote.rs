@@ -3,8 +3,7 @@
 use crate::source::{Source, answer};
 use inputs::Input;
 use remote::stated::Misfit;
-use remote::{Remote, Sensed, SideFault};
-use units::spatial::Motion;
+use remote::{Command, Remote, Sensed, SideFault};
 use units::time::Instant;
 
 /// Commanded side of a recorded session.
@@ -12,7 +11,7 @@ use units::time::Instant;
 pub(super) struct ReplayedRemote(pub(super) Source);
 
 impl Remote for ReplayedRemote {
-    fn exchange(&mut self, _: Instant, _: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, _: Instant, _: &Command) -> Option<Sensed> {
         let sensed = self
             .0
             .take("exchanges a command for a sample", answer!(Input::Sensed(sensed) => *sensed));

@@ -10,6 +10,7 @@ use crate::signal::Source::{self, Both, Log, Replay};
 use controller::arm::JointKind;
 use controller::{Ledger, Output};
 use node::cycle_times::CycleTimes;
+use node::record::GripperRecord;
 use units::spatial::Motion;
 
 /// A quantity: name, frame, source, reading, description.
@@ -92,6 +93,27 @@ const QUANTITIES: &[Quantity] = &[
     ),
     ("v_m", "{MRF}", Replay, Twist(rate), "rate command (Eq. 5)"),
     ("x_b_d", "{b}", Replay, Pose(desired), "pose command (3.5)"),
+    (
+        "gripper_d",
+        "",
+        Replay,
+        Number("m", |cycle| Some(gripper(cycle)?.command?.position)),
+        "commanded opening of the gripper",
+    ),
+    (
+        "gripper",
+        "",
+        Replay,
+        Number("m", |cycle| Some(gripper(cycle)?.measured?.position)),
+        "opening of the gripper, as the commanded side reports it",
+    ),
+    (
+        "gripper_force",
+        "",
+        Replay,
+        Number("N", |cycle| Some(gripper(cycle)?.measured?.force)),
+        "force of the gripper, as the commanded side reports it",
+    ),
     (
         "f_m_task",
         "{MRF}",
@@ -326,6 +348,10 @@ fn ledger<'c>(cycle: &Cycle<'c>) -> Option<&'c Ledger> {
 
 fn times<'c>(cycle: &Cycle<'c>) -> Option<&'c CycleTimes> {
     Some(&cycle.record?.times)
+}
+
+fn gripper(cycle: &Cycle<'_>) -> Option<GripperRecord> {
+    cycle.record?.gripper
 }
 
 fn samples(cycle: &Cycle<'_>) -> Option<f64> {

@@ -1,6 +1,6 @@
-//! The operator's switch box: a CiA 401 input module of one byte.
+//! The operator's switch box: a CiA 401 input module of one byte, and of the lever of a gripper.
 //!
-//! [`Input`](faults::Input) has the wiring of the bits.
+//! [`Input`](faults::Input) has the wiring of the bits. The lever is wired to every analogue input that the box has.
 
 use std::time::Duration;
 
@@ -24,9 +24,12 @@ pub struct SwitchBox {
     frames: Vec<Frame>,
 }
 
-/// Levels of the inputs.
-#[derive(Clone, Copy, Debug, Default)]
-struct Inputs(u8);
+/// Levels of the inputs: the digital ones, and that of the lever.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Inputs {
+    digital: u8,
+    lever: i16,
+}
 
 impl Application for Inputs {
     fn on_reset(&mut self, dictionary: &mut Dictionary, _reset: Reset) {
@@ -36,7 +39,10 @@ impl Application for Inputs {
 
 impl Inputs {
     fn show(self, dictionary: &mut Dictionary) {
-        dictionary.set(Object::DIGITAL_INPUTS, &[self.0]);
+        dictionary.set(Object::DIGITAL_INPUTS, &[self.digital]);
+        for number in 1..=ANALOGUE_INPUTS {
+            dictionary.set(Object::analogue_input(number), &self.lever.to_le_bytes());
+        }
     }
 }
 
@@ -79,16 +85,28 @@ impl SwitchBox {
         self.device.node()
     }
 
-    /// Sets the inputs, the first one in bit 0.
+    /// Sets the digital inputs, the first one in bit 0.
     pub fn set(&mut self, inputs: u8) {
-        if self.device.application().0 != inputs {
+        self.update(Inputs { digital: inputs, ..*self.device.application() });
+    }
+
+    /// Sets the analogue inputs, in counts.
+    pub fn set_lever(&mut self, counts: i16) {
+        self.update(Inputs { lever: counts, ..*self.device.application() });
+    }
+
+    fn update(&mut self, inputs: Inputs) {
+        if *self.device.application() != inputs {
             self.device.touch(|terminals, dictionary| {
-                *terminals = Inputs(inputs);
+                *terminals = inputs;
                 terminals.show(dictionary);
             });
         }
     }
 }
+
+/// Maximum number of analogue inputs that the lever is wired to.
+const ANALOGUE_INPUTS: u8 = 8;
 
 /// Capacity of the frame buffer.
 const FRAMES: usize = 8;
@@ -134,7 +152,7 @@ mod tests {
         let mut switches = SwitchBox::new(BUS, node, Dictionary::new(&eds, node));
         let mut out = Vec::new();
         switches.on_time(Instant::ZERO, &mut out);
-        for (object, value) in canopen::layout::switches(node)
+        for (object, value) in canopen::layout::switches(node, Some(1))
             .iter()
             .filter(|pdo| pdo.service.is_some())
             .flat_map(canopen::layout::Pdo::writes)
@@ -186,6 +204,16 @@ mod tests {
             count += sent(&mut switches, now, now).len();
         }
         assert_eq!(count, 4);
+    }
+
+    #[test]
+    fn lever_follows_the_digital_inputs_in_their_frame() {
+        let mut switches = switch_box();
+        switches.set(0b10);
+        switches.set_lever(-2);
+        let mut out = Vec::new();
+        switches.on_time(Instant::from_micros(20_000), &mut out);
+        assert_eq!(out[0].frame.data(), [0b10, 0xFE, 0xFF]);
     }
 
     #[test]

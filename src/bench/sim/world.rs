@@ -51,8 +51,11 @@ pub trait Motor: Breakable {
 
 /// An input module as the operator sees it.
 pub trait Inputs: Breakable {
-    /// Sets the eight inputs.
+    /// Sets the eight digital inputs.
     fn set(&mut self, inputs: u8);
+
+    /// Sets the lever of a gripper, in counts.
+    fn set_lever(&mut self, _counts: i16) {}
 }
 
 /// Everything on the buses but the node.
@@ -220,7 +223,10 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let is_startled = self.operator.is_startled();
         let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
         let inputs = self.faults.inputs(inputs);
-        self.switches.iter_mut().for_each(|switches| switches.set(inputs));
+        self.switches.iter_mut().for_each(|switches| {
+            switches.set(inputs);
+            switches.set_lever(operator.lever);
+        });
         self.now = now;
         self.show();
     }
@@ -331,6 +337,10 @@ impl Motor for Drive {
 impl Inputs for SwitchBox {
     fn set(&mut self, inputs: u8) {
         self.set(inputs);
+    }
+
+    fn set_lever(&mut self, counts: i16) {
+        self.set_lever(counts);
     }
 }
 

@@ -10,11 +10,10 @@
 
 use std::time::Duration;
 
-use contract::{Command, FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
+use contract::{FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
 use remote::delay::DelaySettings;
-use remote::{Remote, RobotJoints, Sensed, SideFault, messages};
+use remote::{Command, Remote, RobotJoints, Sensed, SideFault, messages};
 use sim::random::SplitMix;
-use units::spatial::Motion;
 use units::time::Instant;
 
 /// Shortest time between two messages of one direction, for the length of the queues.
@@ -53,7 +52,7 @@ pub struct Delayed<R> {
 #[derive(Clone, Debug)]
 struct Link {
     settings: DelaySettings,
-    there: Way<[u8; Command::LENGTH]>,
+    there: Way<[u8; contract::Command::LENGTH]>,
     back: Way<[u8; Feedback::LENGTH]>,
     node: NodeEnd,
     far: FarEnd,
@@ -100,7 +99,7 @@ impl<R> Delayed<R> {
 }
 
 impl<R: Remote> Remote for Delayed<R> {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         match &mut self.link {
             None => self.far.exchange(now, command),
             Some(link) => link.exchange(now, command, &mut self.far),
@@ -158,7 +157,7 @@ impl Link {
     fn exchange(
         &mut self,
         now: Instant,
-        command: &Motion,
+        command: &Command,
         far: &mut impl Remote,
     ) -> Option<Sensed> {
         let elapsed = now.since(*self.begun.get_or_insert(now));
@@ -190,8 +189,8 @@ impl Link {
             if self.far.leader() != before {
                 far.begin_epoch();
             }
-            let motion = messages::motion(&self.far.motion(next));
-            let sensed = far.exchange(next, &motion).filter(|sensed| sensed.at == next);
+            let command = messages::command(&mut self.far, next);
+            let sensed = far.exchange(next, &command).filter(|sensed| sensed.at == next);
             // What the far side repeats is not sent again: it would get a newer echo.
             if let Some(sensed) = sensed {
                 let feedback = self.far.feedback(next, &messages::measured(&sensed));

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use contract::{FarEnd, NodeEnd, Reason};
-use remote::{Remote, RobotJoints, Sensed, SideFault, messages};
-use units::spatial::{Motion, Wrench};
+use remote::{Command, Remote, RobotJoints, Sensed, SideFault, messages};
+use units::spatial::Wrench;
 use units::time::Instant;
 
 /// State of the link to the commanded side.
@@ -44,7 +44,7 @@ impl Usurped {
 
     /// Returns what a message with this sample is at the node that does not lead.
     fn received(&mut self, now: Instant, sensed: &Sensed) -> Option<Sensed> {
-        let order = messages::order(&Motion::Hold);
+        let order = messages::order(&Command::HOLD);
         self.node.command(now, &order);
         self.far.on_message(now, &self.other.command(now, &order));
         let feedback = self.far.feedback(now, &messages::measured(sensed));
@@ -95,10 +95,10 @@ impl<R> Disturbed<R> {
 }
 
 impl<R: Remote> Remote for Disturbed<R> {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         self.holds |= self.link == Link::Held;
         let passes = !self.holds && !matches!(self.link, Link::Lost | Link::Foreign);
-        let sensed = self.side.exchange(now, if passes { command } else { &Motion::Hold })?;
+        let sensed = self.side.exchange(now, if passes { command } else { &Command::HOLD })?;
         let sensed = Sensed { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
         let newest = match self.link {
             Link::Up | Link::Slow | Link::Held => Some(sensed),
@@ -143,22 +143,24 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
+    use units::spatial::Motion;
 
     /// Reports its time, and counts commands that are not `Hold`.
     #[derive(Default)]
     struct Counting(u32);
 
     impl Remote for Counting {
-        fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
-            self.0 += u32::from(*command != Motion::Hold);
-            Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m: Isometry3::identity() })
+        fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+            self.0 += u32::from(*command != Command::HOLD);
+            let x_b_m = Isometry3::identity();
+            Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
         }
     }
 
     #[test]
     fn frozen_link_repeats_and_lost_link_holds() {
         let mut side = Disturbed::new(Counting::default());
-        let command = Motion::Pose(Isometry3::identity());
+        let command = Motion::Pose(Isometry3::identity()).into();
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
         let time_of =
             |side: &mut Disturbed<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
@@ -174,7 +176,7 @@ mod tests {
     #[test]
     fn far_side_of_another_node_neither_follows_nor_is_felt() {
         let mut side = Disturbed::new(Counting::default());
-        let command = Motion::Pose(Isometry3::identity());
+        let command = Motion::Pose(Isometry3::identity()).into();
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
         side.exchange(at(1), &command);
         side.set_link(Link::Foreign);
@@ -191,8 +193,8 @@ mod tests {
         let mut side = Disturbed::new(Counting::default());
         let wrong = Wrench::from_components([1.0; 6]);
         side.set_sensor_fault(Some(wrong));
-        assert_eq!(side.exchange(Instant::ZERO, &Motion::Hold).unwrap().f_s, wrong);
+        assert_eq!(side.exchange(Instant::ZERO, &Command::HOLD).unwrap().f_s, wrong);
         side.set_sensor_fault(None);
-        assert_eq!(side.exchange(Instant::ZERO, &Motion::Hold).unwrap().f_s, Wrench::ZERO);
+        assert_eq!(side.exchange(Instant::ZERO, &Command::HOLD).unwrap().f_s, Wrench::ZERO);
     }
 }

@@ -17,7 +17,7 @@ use config::robots::RobotArm;
 use contract::{Capability, FarEnd, Feedback, Measured, Reason, Rejects};
 use remote::site::Virtual;
 use remote::stated::Stated;
-use remote::{Remote, Sensed, messages};
+use remote::{Command, Remote, Sensed, messages};
 use robot::wrench_limit::WrenchLimit;
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Wrench;
@@ -185,14 +185,15 @@ impl FarRobot {
         if let Some(reason) = sensor.reason {
             self.end.hold(reason);
         }
-        let motion = messages::motion(&self.end.motion(now));
+        let Command { motion, gripper } = messages::command(&mut self.end, now);
         // The control needs a valid reading to hold where the arm is; a hold does not depend on it otherwise.
         self.site.command(&motion, &Measurement { reading: self.sensor.valid, ..measurement });
         let control = self.site.control();
         if are_joints_valid && control.is_stopped() {
             self.end.hold(Reason::WrenchLimit);
         }
-        let sensed = Sensed { at: now, f_s: *control.felt(), x_b_m: *control.pose() };
+        let (f_s, x_b_m) = (*control.felt(), *control.pose());
+        let sensed = Sensed { at: now, f_s, x_b_m, gripper: self.site.grip(gripper) };
         let Measured { wrench, pose, gripper } = messages::measured(&sensed);
         // A reading that is sent again would get a newer echo, and so would look new.
         let wrench = wrench.filter(|_| are_joints_valid && sensor.is_new_and_valid);
@@ -322,7 +323,8 @@ fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capabilit
         sensor_range: [limits.sensor_range.force, limits.sensor_range.moment],
         ..Stated::of(interaction, servo)
     };
-    stated.capability(workspace(robot))
+    let has_gripper = config.remote.gripper.is_some();
+    Capability { has_gripper, ..stated.capability(workspace(robot)) }
 }
 
 /// Returns a box in {b} that {MRF} never leaves, its least and its greatest corner in m: around its base,

@@ -12,8 +12,7 @@ use config::Config;
 use contract::{Feedback, NodeEnd};
 use remote::link::FarView;
 use remote::stated::{Misfit, Stated};
-use remote::{Remote, Sensed, SideFault, messages};
-use units::spatial::Motion;
+use remote::{Command, Remote, Sensed, SideFault, messages};
 use units::time::Instant;
 
 /// Sessions of the two ends, the only ones on this link.
@@ -62,7 +61,7 @@ impl LinkedRobot {
 }
 
 impl Remote for LinkedRobot {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         self.receive(now);
         let message = self.end.command(now, &messages::order(command));
         self.robot.on_message(now, &message);

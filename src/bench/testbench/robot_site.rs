@@ -17,8 +17,9 @@ use thiserror::Error;
 
 use crate::simulated_joint;
 use config::Config;
+use remote::gripper::SimulatedGripper;
 use remote::site::{Contact, GRAVITY, Virtual};
-use remote::{Remote, RobotJoints, Sensed};
+use remote::{Command, Gripper, Remote, RobotJoints, Sensed};
 use robot::arm_control::ArmControl;
 use robot::chain::Joints;
 use robot::wrench_limit::WrenchLimit;
@@ -120,6 +121,7 @@ pub struct Measurement {
 pub struct RobotSite {
     arm: Manipulator,
     control: ArmControl,
+    gripper: Option<SimulatedGripper>,
     qd: Joints,
     reading: ReadingTime,
     /// Readings under way to the control.
@@ -158,6 +160,7 @@ impl RobotSite {
         Ok(Self {
             arm,
             control,
+            gripper: config.remote.gripper.map(SimulatedGripper::new),
             qd: Joints::zeros(),
             reading: equipment.reading,
             under_way: VecDeque::new(),
@@ -233,6 +236,13 @@ impl RobotSite {
         }
     }
 
+    /// Moves the gripper over the time of the last [`measure`](Self::measure), with a command or else the last one; returns
+    /// its opening and force, `None` without one.
+    pub fn grip(&mut self, command: Option<Gripper>) -> Option<Gripper> {
+        let dt = self.dt;
+        self.gripper.as_mut().map(|gripper| gripper.step(dt, command))
+    }
+
     /// Returns the reading that reaches the control; the first is there from the start.
     fn read(&mut self) -> Wrench {
         let reading = *self.arm.f_s_sensed();
@@ -245,10 +255,11 @@ impl RobotSite {
 }
 
 impl Remote for RobotSite {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         let measurement = self.measure(now);
-        self.command(command, &measurement);
-        Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose() })
+        self.command(&command.motion, &measurement);
+        let gripper = self.grip(command.gripper);
+        Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose(), gripper })
     }
 
     /// Lets an arm that its control has stopped move again.

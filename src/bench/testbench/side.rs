@@ -4,8 +4,7 @@
 use config::Config;
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Remote, RobotJoints, Sensed, SideFault};
-use units::spatial::Motion;
+use remote::{Command, Remote, RobotJoints, Sensed, SideFault};
 use units::time::Instant;
 
 use crate::linked_robot::LinkedRobot;
@@ -51,7 +50,7 @@ impl From<LinkedRobot> for Side {
 }
 
 impl Remote for Side {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         match self {
             Self::Virtual(site) => site.exchange(now, command),
             Self::Robot(site) => site.exchange(now, command),

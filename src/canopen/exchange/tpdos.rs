@@ -27,6 +27,8 @@ pub struct TpdoSample {
     pub demand: Option<PerMille>,
     /// First eight digital inputs (6000h:1).
     pub inputs: Option<u8>,
+    /// An analogue input (6401h), the first that is mapped.
+    pub analogue: Option<i16>,
 }
 
 /// Mappings of all received TPDOs.
@@ -51,6 +53,7 @@ struct Tpdo {
     torque: Option<Slot>,
     demand: Option<Slot>,
     inputs: Option<Slot>,
+    analogue: Option<Slot>,
 }
 
 impl TpdoMap {
@@ -113,6 +116,8 @@ impl Tpdo {
             let expected = Mapped { object, bits };
             slots(service).find_map(|(mapped, slot)| (mapped == expected).then_some(slot))
         };
+        let analogue = slots(service)
+            .find(|(mapped, _)| mapped.object.is_analogue_input() && mapped.bits == 16);
         let timer = Duration::from_millis(u64::from(service.event_timer_ms.unwrap_or(0)));
         let is_event_driven = service.transmission.syncs().is_none();
         let inhibit = Duration::from_micros(100) * u32::from(service.inhibit_100us.unwrap_or(0));
@@ -128,6 +133,7 @@ impl Tpdo {
             torque: slot_of(Object::TORQUE_ACTUAL, 16),
             demand: slot_of(Object::TORQUE_DEMAND, 16),
             inputs: slot_of(Object::DIGITAL_INPUTS, 8),
+            analogue: analogue.map(|(_, slot)| slot),
         })
     }
 
@@ -147,6 +153,7 @@ impl Tpdo {
             torque: per_mille(self.torque),
             demand: per_mille(self.demand),
             inputs: at(self.inputs).map(|[bits, ..]| bits),
+            analogue: at(self.analogue).map(|[a, b, ..]| i16::from_le_bytes([a, b])),
         })
     }
 }
@@ -188,6 +195,16 @@ mod tests {
         assert_eq!(sample.statusword, Some(Statusword(0x1237)));
         assert_eq!(sample.position, Some(Counts(-2)));
         assert_eq!(sample.torque, Some(PerMille(-100)));
+    }
+
+    #[test]
+    fn analogue_input_behind_the_digital_ones_is_signed() {
+        let node = NodeId::new(16).unwrap();
+        let plan = NodePlan { node, pdos: layout::switches(node, Some(3)), ..elbow() };
+        let tpdos = TpdoMap::new(&[(Channel(1), plan)]);
+        let sample = read(&tpdos, 0x190, &[0b0010, 0x18, 0xFC]).unwrap().unwrap();
+        assert_eq!((sample.inputs, sample.analogue), (Some(2), Some(-1_000)));
+        assert!(read(&tpdos, 0x190, &[0b0010]).unwrap().is_err(), "without the input");
     }
 
     #[test]

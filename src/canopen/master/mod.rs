@@ -62,7 +62,7 @@ pub struct Master {
     own: Option<NodeId>,
     unknown_nodes: UnknownNodes,
     /// Number of uploads that other clients have initiated.
-    foreign_uploads: u64,
+    foreign_uploads: u32,
     phase: Phase,
     /// Set if an emergency triggers a read of the node's error history (1003h).
     reads_error_history: bool,
@@ -301,7 +301,7 @@ impl Master {
     }
 
     /// Number of uploads that other clients have initiated at the nodes of this master.
-    pub const fn foreign_uploads(&self) -> u64 {
+    pub const fn foreign_uploads(&self) -> u32 {
         self.foreign_uploads
     }
 
@@ -320,7 +320,7 @@ impl Master {
         match slave.on_foreign_request(now, frame) {
             Some(Foreign::Download) => self.report(Event::ForeignMaster { channel, frame: *frame }),
             Some(Foreign::Upload) => {
-                self.foreign_uploads += 1;
+                self.foreign_uploads = self.foreign_uploads.saturating_add(1);
                 if slave.is_newly_read() {
                     self.report(Event::ReadByAnother { node });
                 }

@@ -28,7 +28,7 @@ pub fn elbow() -> NodePlan {
 /// The switch box.
 pub fn switch_box() -> NodePlan {
     let node = NodeId::new(16).unwrap();
-    NodePlan::switches("switch box".into(), node, IDENTITY, &watch())
+    NodePlan::switches("switch box".into(), node, IDENTITY, None, &watch())
 }
 
 /// The elbow drive, guarded.

@@ -95,7 +95,7 @@ fn hazard_37_second_node_reads_who_leads() {
     let mut ends = Ends::armed();
     let mut second = NodeEnd::new(ARM, 33);
     second.begin_epoch();
-    let order = Order { motion: rate(at(5)), is_engaged: true };
+    let order = Order { motion: rate(at(5)), is_engaged: true, gripper: None };
     for millis in 5..300 {
         ends.far.on_message(at(millis) + OFFSET, &second.command(at(millis), &order));
         let (performed, _) = ends.exchange(at(millis), rate(at(millis)));
@@ -191,7 +191,7 @@ fn hazard_37_echoes_that_cannot_be_are_counted_and_do_not_act() {
     assert_eq!(elsewhere.rejects().iter().collect::<Vec<_>>(), [(Reject::Arm, 1)]);
 }
 
-const HOLD: Order = Order { motion: Motion::Hold, is_engaged: false };
+const HOLD: Order = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
 
 #[test]
 fn hazard_36_replayed_and_overtaken_messages_do_not_act() {

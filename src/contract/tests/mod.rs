@@ -46,7 +46,7 @@ impl Ends {
     }
 
     fn command(&mut self, now: Instant, motion: Motion) -> Vec<u8> {
-        self.node.command(now, &Order { motion, is_engaged: true }).to_vec()
+        self.node.command(now, &Order { motion, is_engaged: true, gripper: None }).to_vec()
     }
 
     fn feedback(&mut self, now: Instant) -> Vec<u8> {

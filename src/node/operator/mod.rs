@@ -4,6 +4,7 @@
 //! |----------------------|---------------------------------------------------------|--------|
 //! | [`deadman`]          | deadman released, stuck, bouncing, closed at power-up   | 38, 39 |
 //! | `buttons`            | bouncing switches and buttons                            | 39     |
+//! | `gripper`            | gripper input beyond its range or contradictory          | 50     |
 //! | `anti_tie_down`      | deadman held for a minute without motion of the grip    | 39     |
 //! | `uncommanded_motion` | joint driven by gravity or friction compensation         | 41     |
 //! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
@@ -13,6 +14,7 @@
 mod anti_tie_down;
 mod buttons;
 pub mod deadman;
+mod gripper;
 mod instability;
 mod sampled_motion;
 mod uncommanded_motion;
@@ -23,14 +25,18 @@ use crate::cause::Cause;
 use crate::operator::anti_tie_down::AntiTieDown;
 use crate::operator::buttons::Buttons;
 use crate::operator::deadman::{Deadman, EnableState};
+use crate::operator::gripper::GripperLever;
 use crate::operator::instability::Instability;
 use crate::operator::sampled_motion::{Motion, SampledMotion};
 use crate::operator::uncommanded_motion::{DrivenOn, UncommandedMotion};
 use crate::permit::Permit;
+use crate::record::GripperRecord;
+use config::GripperInput;
 use config::switch_inputs::SwitchInputs;
 use controller::switches::Switches;
 use controller::torque_delay::TorqueDelay;
 use controller::{JointVector, Output};
+use remote::Gripper;
 use units::adjustment::Adjustment;
 use units::time::Instant;
 
@@ -41,6 +47,8 @@ pub(super) struct Operator {
     /// `None` without a switch box: nothing is ever armed or engaged.
     deadman: Option<Deadman>,
     buttons: Buttons,
+    /// `None` where the switch box has no input for a gripper.
+    gripper: Option<GripperLever>,
     anti_tie_down: AntiTieDown,
     uncommanded_motion: UncommandedMotion,
     driven_on: DrivenOn,
@@ -60,6 +68,7 @@ impl Operator {
             period,
             deadman: buttons.map(|_| Deadman::silent()),
             buttons: Buttons::new(buttons.unwrap_or_default()),
+            gripper: None,
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
             driven_on: DrivenOn::default(),
@@ -68,6 +77,33 @@ impl Operator {
             previous_q: None,
             sent: TorqueDelay::new([JointVector::zeros(); 2]),
         }
+    }
+
+    /// Adds an input for a gripper.
+    pub(super) fn with_gripper(self, input: Option<GripperInput>) -> Self {
+        let gripper = input.map(|input| GripperLever::new(input, self.period));
+        Self { gripper, ..self }
+    }
+
+    /// Takes the input of the gripper in this cycle, from the digital inputs or the analogue one; `None` if they are missing
+    /// or stale.
+    pub(super) fn watch_gripper(
+        &mut self,
+        now: Instant,
+        inputs: Option<SwitchInputs>,
+        counts: Option<i16>,
+    ) -> Option<Cause> {
+        self.gripper.as_mut()?.read(now, inputs, counts)
+    }
+
+    /// Returns the command to the gripper beside what the commanded side has `measured`; `None` without an input for one.
+    pub(super) fn grip(
+        &mut self,
+        permit: &Permit,
+        measured: Option<Gripper>,
+    ) -> Option<GripperRecord> {
+        let command = self.gripper.as_mut()?.command(permit.mode, measured);
+        Some(GripperRecord { command, measured })
     }
 
     /// Takes the switches of this cycle; `None` if those of the switch box are missing or stale.

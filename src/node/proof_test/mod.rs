@@ -110,7 +110,7 @@ impl ProofTest {
     }
 
     /// Returns the number of settings whose last reading back failed.
-    pub(super) fn unread(&self) -> usize {
+    pub(super) fn unread(&self) -> u32 {
         self.recheck.unread()
     }
 

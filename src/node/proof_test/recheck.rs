@@ -82,8 +82,8 @@ impl Recheck {
     }
 
     /// Returns the number of settings whose last reading failed.
-    pub(super) fn unread(&self) -> usize {
-        self.entries.iter().filter(|entry| entry.is_unread).count()
+    pub(super) fn unread(&self) -> u32 {
+        self.entries.iter().map(|entry| u32::from(entry.is_unread)).sum()
     }
 }
 

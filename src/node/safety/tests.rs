@@ -88,6 +88,9 @@ fn sample(kind: Kind) -> Cause {
         Kind::FarSideHolds => Cause::FarSideHolds { reason: Reason::WrenchLimit },
         Kind::LinkSlow => Cause::LinkSlow { p99_us: 9_000, stated_us: 5_000 },
         Kind::ModelDiffers => Cause::ModelDiffers { micrometres: 21_000, millidegrees: 300 },
+        Kind::GripperInputInvalid => {
+            Cause::GripperInputInvalid { counts: -9_000, closed: 0, open: 9_000 }
+        }
         Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
         Kind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
         Kind::HeartbeatLost => Cause::HeartbeatLost { node },

@@ -28,9 +28,8 @@ use socket2::Socket;
 use triple_buffer::{Input, Output, triple_buffer};
 
 use crate::stated::{Misfit, Stated};
-use crate::{Remote, Sensed, SideFault, messages};
+use crate::{Command, Remote, Sensed, SideFault, messages};
 use contract::{NodeEnd, Order};
-use units::spatial::Motion;
 use units::time::Instant;
 use unix_socket::Door;
 
@@ -76,7 +75,7 @@ pub struct LinkSide {
 /// # Errors
 /// The socket cannot be set up.
 pub fn link(listener: Socket, settings: &LinkSettings) -> io::Result<(LinkSide, LinkThread)> {
-    let lead = Lead { at: Instant::ZERO, order: messages::order(&Motion::Hold), epoch: 0 };
+    let lead = Lead { at: Instant::ZERO, order: messages::order(&Command::HOLD), epoch: 0 };
     let (leads, newest_lead) = triple_buffer(&lead);
     let (newest_view, views) = triple_buffer(&FarView::default());
     let end = NodeEnd::new(settings.arm, settings.session);
@@ -87,7 +86,7 @@ pub fn link(listener: Socket, settings: &LinkSettings) -> io::Result<(LinkSide, 
 }
 
 impl Remote for LinkSide {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
         let order = messages::order(command);
         self.leads.write(Lead { at: now, order, epoch: self.epoch });
         let compared = self.compared;

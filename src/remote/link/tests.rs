@@ -9,10 +9,10 @@ use socket2::{Domain, SockAddr, Type};
 use tempfile::TempDir;
 
 use super::*;
-use contract::{Capability, FarEnd, Reason, Reject};
+use contract::{Capability, FarEnd, Gripper, Reason, Reject};
 use robot::interaction::Interaction;
 use robot::object::Servo;
-use units::spatial::{Twist, Wrench};
+use units::spatial::{Motion, Twist, Wrench};
 
 const MS: Duration = Duration::from_millis(1);
 const HOLD_AFTER: Duration = Duration::from_millis(100);
@@ -67,7 +67,8 @@ impl Far {
     fn answer(&mut self, now: Instant, force: f64) {
         self.motion = self.end.motion(now);
         let f_s = Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO };
-        let sensed = Sensed { at: now, f_s, x_b_m: Isometry3::identity() };
+        let x_b_m = Isometry3::identity();
+        let sensed = Sensed { at: now, f_s, x_b_m, gripper: self.end.gripper() };
         let feedback = self.end.feedback(now, &messages::measured(&sensed));
         (&self.socket).write_all(&feedback).ok();
         if let Some(figures) = self.end.capability(now, &self.capability) {
@@ -83,6 +84,8 @@ struct Rig {
     side: LinkSide,
     thread: LinkThread,
     now: Instant,
+    /// Command to the gripper.
+    gripper: Option<Gripper>,
 }
 
 impl Rig {
@@ -100,14 +103,14 @@ impl Rig {
             stated: stated(),
         };
         let (side, thread) = link(listener, &settings).unwrap();
-        Self { path, _folder: folder, side, thread, now: Instant::ZERO + MS * 1_000 }
+        Self { path, _folder: folder, side, thread, now: Instant::ZERO + MS * 1_000, gripper: None }
     }
 
     /// Runs a cycle of the node and of its link; returns the sample.
     fn cycle(&mut self, command: &Motion) -> Option<Sensed> {
         self.now = self.now + MS;
         self.thread.step(self.now);
-        self.side.exchange(self.now, command)
+        self.side.exchange(self.now, &Command { motion: *command, gripper: self.gripper })
     }
 
     /// Runs cycles of both ends.
@@ -142,7 +145,7 @@ fn command_acts_from_the_first_epoch_on() {
     assert_eq!((far.motion, far.end.reason()), (contract::Motion::Hold, Reason::NotArmed));
     rig.side.begin_epoch();
     let sensed = rig.cycles(3, &RATE, &mut far).unwrap();
-    assert_eq!(far.motion, messages::order(&RATE).motion);
+    assert_eq!(far.motion, messages::order(&RATE.into()).motion);
     assert_eq!((sensed.f_s.force.x, rig.side.fault()), (2.0, None));
     // Command k is answered in cycle k, and read with the next one.
     assert!(rig.now.since(sensed.at) <= MS * 3, "{:?}", rig.now.since(sensed.at));
@@ -235,7 +238,7 @@ fn hazard_34_killed_far_side_ages_and_another_one_is_not_felt() {
     assert_eq!(rig.side.misfits(rig.now), []);
     rig.side.begin_epoch();
     rig.cycles(3, &RATE, &mut other);
-    assert_eq!(other.motion, messages::order(&RATE).motion);
+    assert_eq!(other.motion, messages::order(&RATE.into()).motion);
 }
 
 #[test]
@@ -252,7 +255,7 @@ fn stalled_cycle_holds_the_far_side() {
     }
     assert_eq!(far.end.reason(), Reason::None, "held by the node, not by itself");
     rig.cycles(2, &RATE, &mut far);
-    assert_eq!(far.motion, messages::order(&RATE).motion);
+    assert_eq!(far.motion, messages::order(&RATE.into()).motion);
 }
 
 #[test]
@@ -350,4 +353,22 @@ fn hazard_48_slow_round_trips_are_a_fault() {
     );
     let [p50, p99] = rig.status().round_trips.unwrap();
     assert!(p50 <= p99 && p99 > MS * 5, "{p50:?} {p99:?}");
+}
+
+#[test]
+fn gripper_goes_there_and_comes_back_and_stays_during_a_hold() {
+    let (mut rig, mut far) = Rig::connected();
+    let grips = Gripper { position: 0.02, force: 15.0 };
+    rig.gripper = Some(grips);
+    let sensed = rig.cycles(10, &RATE, &mut far).unwrap();
+    assert_eq!((far.end.gripper(), sensed.gripper), (None, None), "before the first arming");
+    rig.side.begin_epoch();
+    let sensed = rig.cycles(10, &RATE, &mut far).unwrap();
+    assert_eq!((far.end.gripper(), sensed.gripper), (Some(grips), Some(grips)));
+    rig.gripper = None;
+    rig.cycles(10, &RATE, &mut far);
+    far.end.hold(Reason::Robot);
+    rig.gripper = Some(Gripper { position: 0.08, ..grips });
+    rig.cycles(10, &RATE, &mut far);
+    assert_eq!(far.end.gripper(), Some(grips), "a hold drops nothing");
 }

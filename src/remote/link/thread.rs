@@ -5,10 +5,9 @@ use std::time::Duration;
 use triple_buffer::{Input, Output};
 
 use super::{FarView, LatestLink, Lead, LinkSettings, LinkStatus};
-use crate::messages;
 use crate::stated::Misfit;
+use crate::{Command, messages};
 use contract::{Capability, NodeEnd, Sample};
-use units::spatial::Motion;
 use units::time::Instant;
 use unix_socket::{Arrival, Door, Reception};
 
@@ -112,7 +111,7 @@ impl LinkThread {
     fn send(&mut self, now: Instant) {
         let Lead { at, order, epoch } = *self.leads.read();
         let silence = (self.period * MAX_SILENT_PERIODS).max(MIN_SILENCE);
-        let order = if now.since(at) > silence { messages::order(&Motion::Hold) } else { order };
+        let order = if now.since(at) > silence { messages::order(&Command::HOLD) } else { order };
         while self.end.epoch() < epoch {
             self.end.begin_epoch();
         }

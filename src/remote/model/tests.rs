@@ -89,6 +89,7 @@ fn remote(arm: Option<FollowingArm>, yields: f64) -> Virtual {
         wall: None,
         block: None,
         sphere: None,
+        gripper: None,
     }
 }
 
@@ -186,7 +187,8 @@ proptest! {
         let mut session = Session::new(&remote, network, seed);
         for ms in 0..10_000 {
             let command = hand(ms, &remote.x_b_m, hz, is_rate);
-            let difference = session.cycle(command, |now, motion| robot.exchange(now, motion).unwrap());
+            let follow = |now, motion: &Motion| robot.exchange(now, &(*motion).into()).unwrap();
+            let difference = session.cycle(command, follow);
             prop_assert!(session.model.fault().is_none(), "{ms} ms: {difference:?}");
         }
     }
@@ -206,7 +208,8 @@ proptest! {
                 let mut q = *robot.arm().unwrap().q();
                 q[joint] = held.q()[joint];
                 robot = robot.held_by(FollowingArm::new(law(), q));
-                Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m: *robot.pose() }
+                let x_b_m = *robot.pose();
+                Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None }
             };
             session.cycle(command, step);
             session.model.fault().is_some()
@@ -236,7 +239,8 @@ fn contact_that_the_robot_yields_to_is_no_difference() {
         } else {
             Motion::Rate(Twist::from_components([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]))
         };
-        let found = session.cycle(command, |now, motion| robot.exchange(now, motion).unwrap());
+        let follow = |now, motion: &Motion| robot.exchange(now, &(*motion).into()).unwrap();
+        let found = session.cycle(command, follow);
         most = most.max(found.unwrap_or_default().distance);
         pressed = pressed.max(session.newest.map_or(0.0, |sensed| -sensed.f_s.force.x));
     }
@@ -251,7 +255,7 @@ fn robot_is_where_it_is_while_nothing_is_commanded() {
     let mut session = Session::new(&remote, network, 1);
     for ms in 0..50 {
         let x_b_m = Isometry3::translation(f64::from(ms), 0.0, 0.0);
-        let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m };
+        let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
         let difference = session.cycle(Motion::Hold, |_, _| sensed);
         assert_eq!(difference, Some(Difference::default()), "moved by hand");
     }
@@ -263,7 +267,7 @@ fn shown_arm_follows_the_sensed_pose() {
     let mut model = Model::new(&remote(Some(held), 0.0), LIMIT, MS);
     let reached = Joints::from([0.2, 0.5, -2.0, 0.1, 1.0, 0.3, 0.0, 0.0, 0.0]);
     let x_b_m = FollowingArm::new(law(), reached).pose();
-    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m };
+    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
     assert_eq!(model.joints(), Some(RobotJoints((*held.q()).into())));
     for ms in 1..2_000 {
         model.exchange(Session::at(ms), &Motion::Hold, Some(&sensed));

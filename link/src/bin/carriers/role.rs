@@ -4,7 +4,7 @@ use contract::{Command, Echo, FarEnd, Feedback, Measured, Motion, NodeEnd, Order
 use units::time::Instant;
 
 /// A motion with content: what travels is a real command.
-const ORDER: Order = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true };
+const ORDER: Order = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true, gripper: None };
 
 /// One end of the contract.
 #[derive(Debug)]

@@ -68,6 +68,8 @@ pub struct Operator {
     pub rotation: UnitQuaternion<f64>,
     /// The switch box's inputs: deadman A and B (antivalent), reference, reflection, buttons.
     pub inputs: u8,
+    /// Lever of a gripper at the analogue inputs, in counts.
+    pub lever: i16,
     /// The hand holds the grip.
     pub is_holding: bool,
 }
@@ -114,6 +116,9 @@ pub struct Switch {
     /// Buttons at input bits 4 to 7.
     #[serde(skip_serializing_if = "Option::is_none")]
     buttons: Option<List<bool, 4>>,
+    /// Lever of a gripper at the analogue inputs, in counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gripper: Option<i16>,
 }
 
 /// Sends a console request.
@@ -153,7 +158,14 @@ impl Move {
 impl Switch {
     /// No switch operated.
     const fn none(at_s: f64) -> Self {
-        Self { at_s, deadman: None, reference: None, reflection: None, buttons: None }
+        Self {
+            at_s,
+            deadman: None,
+            reference: None,
+            reflection: None,
+            buttons: None,
+            gripper: None,
+        }
     }
 
     /// The deadman pressed or released.
@@ -227,18 +239,20 @@ impl Actions {
             turn = turn.lerp(&step.to_rad.map_or(turn, |to| Vector3::from(to.0)), share);
         }
         let (mut deadman, mut reference, mut reflection) = (false, false, false);
-        let mut buttons = [false; 4];
+        let (mut buttons, mut lever) = ([false; 4], 0);
         for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {
             deadman = switch.deadman.unwrap_or(deadman);
             reference = switch.reference.unwrap_or(reference);
             reflection = switch.reflection.unwrap_or(reflection);
             buttons = switch.buttons.map_or(buttons, |List(pressed)| pressed);
+            lever = switch.gripper.unwrap_or(lever);
         }
         let holds = self.holds.iter().take_while(|hold| hold.at_s <= t);
         Operator {
             translation: place,
             rotation: UnitQuaternion::from_scaled_axis(turn),
             inputs: byte([deadman, !deadman, reference, reflection], buttons),
+            lever,
             is_holding: holds.last().is_none_or(|hold| hold.holding),
         }
     }

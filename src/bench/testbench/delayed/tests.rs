@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 use proptest::prelude::*;
 
 use super::*;
-use units::spatial::{Twist, Wrench};
+use units::spatial::{Motion, Twist, Wrench};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -17,11 +17,12 @@ struct Far {
 }
 
 impl Remote for Far {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
-        self.commands.push((now, *command));
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+        self.commands.push((now, command.motion));
         let at = if self.is_frozen { Instant::ZERO } else { now };
         let taken = now.since(Instant::ZERO).as_secs_f64();
-        Some(Sensed { at, f_s: Wrench::ZERO, x_b_m: Isometry3::translation(taken, 0.0, 0.0) })
+        let x_b_m = Isometry3::translation(taken, 0.0, 0.0);
+        Some(Sensed { at, f_s: Wrench::ZERO, x_b_m, gripper: command.gripper })
     }
 
     fn begin_epoch(&mut self) {
@@ -52,7 +53,7 @@ const WARM_UP: u32 = 300;
 fn armed(settings: DelaySettings) -> Delayed<Far> {
     let mut link = Delayed::new(Far::default(), settings);
     for millis in 0..WARM_UP {
-        link.exchange(at(millis), &Motion::Hold);
+        link.exchange(at(millis), &Command::HOLD);
     }
     link.begin_epoch();
     link.far_mut().commands.clear();
@@ -61,7 +62,8 @@ fn armed(settings: DelaySettings) -> Delayed<Far> {
 
 /// Exchanges every ms; returns the samples with their times.
 fn exchanged(link: &mut Delayed<Far>, millis: std::ops::Range<u32>) -> Vec<(Instant, Sensed)> {
-    let each = millis.map(|millis| (at(millis), link.exchange(at(millis), &numbered(millis))));
+    let each =
+        millis.map(|millis| (at(millis), link.exchange(at(millis), &numbered(millis).into())));
     each.filter_map(|(now, sensed)| Some((now, sensed?))).collect()
 }
 
@@ -224,7 +226,7 @@ fn datagrams_beyond_the_queue_are_lost_and_counted() {
     let settings = DelaySettings { delay: MS * 4, ..DelaySettings::default() };
     let mut link = Delayed::new(Far::default(), settings);
     for micros in 0..1_000 {
-        link.exchange(Instant::from_micros(micros), &Motion::Hold);
+        link.exchange(Instant::from_micros(micros), &Command::HOLD);
     }
     let [there, _] = link.counts().unwrap();
     assert_eq!(there, Counts { sent: 1_000, overflowed: 1_000 - 20, ..Counts::default() });
@@ -242,7 +244,7 @@ fn far_side_does_not_catch_up_with_a_long_pause() {
 fn direct_connection_changes_nothing() {
     let (mut far, mut link) = (Far::default(), Delayed::direct(Far::default()));
     for millis in 0..10 {
-        let command = numbered(millis);
+        let command = numbered(millis).into();
         assert_eq!(link.exchange(at(millis), &command), far.exchange(at(millis), &command));
     }
     assert_eq!(link.counts(), None);

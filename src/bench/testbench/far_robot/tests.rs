@@ -54,7 +54,7 @@ impl Ends {
 
     fn command(&mut self, motion: Motion) -> [u8; contract::Command::LENGTH] {
         let now = self.now();
-        self.node.command(now, &Order { motion, is_engaged: true })
+        self.node.command(now, &Order { motion, is_engaged: true, gripper: None })
     }
 
     /// Exchanges once, with what `supply` makes of the measurements.
@@ -120,7 +120,7 @@ fn robot_follows_only_after_an_arming() {
 fn robot_follows_poses() {
     let mut ends = Ends::usual();
     let goal = ends.far.site().pose() * nalgebra::Isometry3::translation(0.01, 0.0, -0.02);
-    let pose = messages::order(&units::spatial::Motion::Pose(goal)).motion;
+    let pose = messages::order(&units::spatial::Motion::Pose(goal).into()).motion;
     ends.run(pose, 2_000);
     let off = (goal.inverse() * ends.far.site().pose()).translation.vector.norm();
     assert!(off < 1e-4, "{off} m");
@@ -293,7 +293,7 @@ fn hold_in_contact_stays_where_the_robot_is() {
     while ends.force() < 3.0 {
         depth += 3e-4;
         let goal = start * nalgebra::Isometry3::translation(0.0, 0.0, depth);
-        ends.run(messages::order(&units::spatial::Motion::Pose(goal)).motion, 1);
+        ends.run(messages::order(&units::spatial::Motion::Pose(goal).into()).motion, 1);
     }
     ends.exchange(Motion::Hold, |it| with_force(it, f64::NAN));
     let at_hold = *ends.far.site().pose();
@@ -338,7 +338,7 @@ fn hazard_37_second_node_does_not_lead() {
     second.begin_epoch();
     for _ in 0..300 {
         let now = ends.now();
-        let order = Order { motion: ahead(-0.2), is_engaged: true };
+        let order = Order { motion: ahead(-0.2), is_engaged: true, gripper: None };
         let command = second.command(now, &order);
         ends.far.on_message(now, &command);
         ends.exchange(ahead(0.05), |it| it);

@@ -65,6 +65,7 @@ export class NodePanel {
     facts.set("Reflection", plain(snapshot.reflection));
     facts.set("Command", commanded(snapshot.command));
     facts.set("Adjusted", adjusted(snapshot));
+    if (snapshot.gripper) facts.set("Gripper", gripped(snapshot.gripper));
     facts.set("Switch box", snapshot.switches_online === null ? "not configured" : snapshot.switches_online ? "online" : "offline");
     facts.set("Dampers active", quantity(100 * snapshot.activity, 0, "%"));
     if (snapshot.recording) facts.set("Recording", recorded(snapshot.recording));
@@ -134,6 +135,13 @@ function commanded(command) {
     return Array.isArray(v) && v.slice(0, 3).every(Number.isFinite) ? `rate ${quantity(1000 * Math.hypot(v[0], v[1], v[2]), 0, "mm/s")}` : "rate –";
   }
   return plain(command?.kind);
+}
+
+/// Returns opening and force of the gripper, each beside its command.
+function gripped({ state, commanded_m: commanded, max_force_n: most, opening_m: opening, force_n: force }) {
+  if (!Number.isFinite(opening)) return plain(state);
+  const at = `${quantity(1000 * opening, 1, "mm")}, ${quantity(force, 1, "N")}`;
+  return Number.isFinite(commanded) ? `${at} · commanded ${quantity(1000 * commanded, 1, "mm")}, at most ${quantity(most, 1, "N")}` : `${at} · ${plain(state)}`;
 }
 
 function recorded({ parts, ended_early: ended }) {

@@ -1,0 +1,321 @@
+//! A gripper, from the inputs of the switch box to the object between its fingers: in the node's own scene and through the
+//! socket of a link; inputs that are silent, out of range or contradictory; configurations that are refused.
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::rc::Rc;
+
+use crate::common::linked::{LINK, linked_text};
+use crate::linked_node::{Handle, Linked, Network, ask, cycles, parse};
+use bus::Bus;
+use config::Config;
+use memory_bus::Memory;
+use node::cause::Cause;
+use node::record::{GripperRecord, Mode, Record};
+use node::{Node, Request};
+use remote::Gripper;
+use sim::scenario::Scenario;
+use telemetry::losses::Losses;
+use telemetry::status::Status;
+use testbench::bench::Bench;
+use testbench::world;
+use units::time::Instant;
+
+/// At 1 kHz a bus with six drives has no room for the two bytes of an analogue input.
+const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
+
+/// Lever at the second analogue input: 20,000 counts are open, -12,000 closed.
+const ANALOGUE: &str = "input = 2\nopen_counts = 20000\nclosed_counts = -12000";
+
+/// Two buttons.
+const DIGITAL: &str = "open_bit = 5\nclose_bit = 6";
+
+/// Common keys of the input.
+const MOTION: &str = "stroke_m = 0.06\nforce_n = 15.0\nmax_speed_m_per_s = 0.05";
+
+/// Gripper that opens to 80 mm, with an object of 30 mm.
+const GRIPPER: &str = "[remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.2\n\
+    object_m = 0.03\nstiffness_n_per_m = 5000.0\n";
+
+/// Returns the hand controller with these keys of its gripper's input.
+fn hand(keys: &str) -> String {
+    let section = format!("[switches.gripper]\n{keys}\n{MOTION}\n\n[controller]");
+    TEXT.replacen("[controller]", &section, 1)
+}
+
+/// Returns the same with a gripper of the object.
+fn gripping(keys: &str) -> String {
+    hand(keys).replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1)
+}
+
+/// Returns a script that arms at 0.3 s and holds the deadman from 1.2 s on, with further switches, each with its time.
+fn script(switches: &[(f64, &str)]) -> Scenario {
+    let mut all = vec![(1.2, "deadman = true")];
+    all.extend_from_slice(switches);
+    all.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let switch = |(at, keys): &(f64, &str)| format!("[[switch]]\nat_s = {at:?}\n{keys}\n");
+    let switches: String = all.iter().map(switch).collect();
+    let arm = "[[console]]\nat_s = 0.3\nrequest = \"arm\"\n";
+    Scenario::parse(&format!("seconds = 20.0\n[hand]\ntremor_mm = 0.0\n{arm}{switches}")).unwrap()
+}
+
+/// Returns a bench of the object in the node's own scene, after its boot.
+fn bench(text: &str, scenario: Scenario) -> Bench<()> {
+    let config = Config::parse(Path::new("config/kraft_like.toml"), text).unwrap();
+    let mut bench = Bench::new(&config, scenario, 1, ());
+    bench.bring_up().unwrap();
+    bench
+}
+
+/// Runs until `seconds`; returns the last record.
+fn until(bench: &mut Bench<()>, seconds: f64) -> Record {
+    loop {
+        let record = bench.cycle();
+        if bench.elapsed().as_secs_f64() >= seconds {
+            return record;
+        }
+    }
+}
+
+fn gripper(record: &Record) -> GripperRecord {
+    record.gripper.unwrap()
+}
+
+/// Asserts that a gripper is at an opening in m with a force in N.
+fn assert_at(gripper: Option<Gripper>, opening: f64, force: f64) {
+    let Gripper { position, force: found } = gripper.unwrap();
+    assert!((position - opening).abs() < 1e-6, "{position} m");
+    assert!((found - force).abs() < 1e-3, "{found} N");
+}
+
+#[test]
+fn analogue_lever_closes_the_gripper_on_its_object() {
+    let script = script(&[(0.1, "gripper = 20000"), (2.5, "gripper = -12000")]);
+    let mut bench = bench(&gripping(ANALOGUE), script);
+    let armed = until(&mut bench, 1.1);
+    assert_eq!((armed.mode, gripper(&armed).command), (Mode::Armed, None), "not engaged yet");
+    assert_at(gripper(&armed).measured, 0.08, 0.0);
+    let open = until(&mut bench, 2.4);
+    assert_eq!(open.mode, Mode::Engaged);
+    assert_at(gripper(&open).command, 0.06, 15.0);
+    assert_at(gripper(&open).measured, 0.06, 0.0);
+    let moving = until(&mut bench, 3.1);
+    let GripperRecord { command, measured } = gripper(&moving);
+    let (ahead, behind) = (command.unwrap().position, measured.unwrap().position);
+    assert!(ahead < 0.035 && behind - ahead < 1e-3, "{behind} m behind {ahead} m");
+    let closed = until(&mut bench, 5.0);
+    assert_at(gripper(&closed).command, 0.0, 15.0);
+    assert_at(gripper(&closed).measured, 0.027, 15.0);
+    let status = Status::of(&closed, 0, Losses::default()).gripper.unwrap();
+    assert_eq!((status.state, closed.cause), ("commanded", None));
+    assert!(status.force_n.is_some_and(|force| (force - 15.0).abs() < 1e-3));
+}
+
+#[test]
+fn two_buttons_open_and_close_the_gripper() {
+    let buttons = |open: bool, close: bool| format!("buttons = [false, {open}, {close}, false]");
+    let [opens, closes, rests] =
+        [(true, false), (false, true), (false, false)].map(|(open, close)| buttons(open, close));
+    let script = script(&[(2.0, &closes), (4.5, &rests), (5.5, &opens), (5.7, &rests)]);
+    let mut bench = bench(&gripping(DIGITAL), script);
+    let before = until(&mut bench, 1.9);
+    assert_at(gripper(&before).command, 0.08, 15.0);
+    let closed = until(&mut bench, 5.4);
+    assert_at(gripper(&closed).measured, 0.027, 15.0);
+    let opened = until(&mut bench, 8.0);
+    let rise =
+        gripper(&opened).command.unwrap().position - gripper(&closed).command.unwrap().position;
+    assert!((rise - 0.01).abs() < 1e-3, "0.2 s at 0.05 m/s: {rise} m");
+}
+
+#[test]
+fn released_deadman_keeps_the_opening() {
+    let script = script(&[
+        (0.1, "gripper = -12000"),
+        (2.0, "deadman = false"),
+        (2.5, "gripper = 20000"),
+        (4.0, "deadman = true"),
+    ]);
+    let mut bench = bench(&gripping(ANALOGUE), script);
+    let released = gripper(&until(&mut bench, 2.1));
+    let later = until(&mut bench, 3.9);
+    assert_eq!((later.mode, gripper(&later).command), (Mode::Armed, released.command));
+    let engaged = gripper(&until(&mut bench, 4.5)).command.unwrap().position;
+    assert!(engaged > released.command.unwrap().position + 0.01, "{engaged} m");
+}
+
+#[test]
+fn hazard_50_input_out_of_range_ends_reflection_in_time() {
+    for (keys, lever, message) in [
+        (
+            ANALOGUE,
+            "gripper = 21601",
+            "gripper input at 21601 counts, beyond its range from -12000 (closed) to 20000 (open): check its wire, and \
+             closed_counts and open_counts of switches.gripper",
+        ),
+        (
+            DIGITAL,
+            "buttons = [false, true, true, false]",
+            "gripper inputs contradict each other: bits 5 (open) and 6 (close) are both set",
+        ),
+    ] {
+        let mut bench = bench(&gripping(keys), script(&[(3.0, lever)]));
+        let before = until(&mut bench, 2.999);
+        assert_eq!((before.mode, before.cause), (Mode::Engaged, None));
+        let mut record = before;
+        while record.cause.is_none() {
+            assert_eq!(gripper(&record).command, gripper(&before).command, "{keys}");
+            record = bench.cycle();
+            assert!(bench.elapsed().as_secs_f64() < 3.1, "{keys}");
+        }
+        assert_eq!(record.cause.unwrap().to_string(), message);
+        let after = until(&mut bench, 4.0);
+        assert_eq!(after.mode, Mode::ReflectionOff);
+        assert_eq!(gripper(&after).command, None);
+        assert_eq!(gripper(&after).measured, gripper(&before).measured, "it stays");
+        assert!(bench.ask(Request::Reset).is_err(), "the cause is present");
+    }
+}
+
+#[test]
+fn hazard_50_silent_input_releases_the_deadman_with_it() {
+    let text = "seconds = 20.0\n[hand]\ntremor_mm = 0.0\n\
+        [[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+        [[switch]]\nat_s = 0.1\ngripper = -12000\n[[switch]]\nat_s = 1.2\ndeadman = true\n\
+        [[fault]]\nat_s = 1.5\nkind = \"drop\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nfor_s = 0.5\n";
+    let mut bench = bench(&gripping(ANALOGUE), Scenario::parse(text).unwrap());
+    assert_eq!(until(&mut bench, 1.49).mode, Mode::Engaged);
+    let silent = until(&mut bench, 1.53);
+    assert_eq!((silent.mode, silent.cause, silent.inputs), (Mode::Armed, None, None));
+    let kept = gripper(&silent).command;
+    assert!(kept.is_some());
+    assert_eq!(gripper(&until(&mut bench, 1.99)).command, kept);
+    let status = Status::of(&silent, 0, Losses::default());
+    assert_eq!(status.switches_online, Some(false));
+}
+
+#[test]
+fn commanded_side_without_a_gripper_is_armed_all_the_same() {
+    let mut bench = bench(&hand(ANALOGUE), script(&[(0.1, "gripper = -12000")]));
+    let record = until(&mut bench, 3.0);
+    assert_eq!((record.mode, record.cause), (Mode::Engaged, None));
+    assert_eq!(record.gripper, Some(GripperRecord::default()));
+    let status = Status::of(&record, 0, Losses::default()).gripper.unwrap();
+    assert_eq!(status.state, "the commanded side reports none");
+}
+
+#[test]
+fn gripper_of_another_process_is_commanded_and_measured() {
+    let near = parse(&linked_text(&hand(ANALOGUE), LINK)).unwrap();
+    let far = parse(&TEXT.replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1)).unwrap();
+    let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
+    let switches = script(&[(0.1, "gripper = -12000"), (6.0, "gripper = 20000")]);
+    let world = world::build(&near, switches, 1);
+    let handle = Rc::new(Handle::default());
+    let remote = Linked::new(&near, &far, Network::default(), Rc::clone(&handle));
+    let mut node = Node::new(&near, Memory::new(&bitrates, world, ()), remote);
+    node.bring_up(&mut || false).unwrap();
+    while node.cycle().inputs.is_none() || node.bus().now() < Instant::from_micros(1_000_000) {}
+    assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));
+    let engaged = (0..3_000).find(|_| node.cycle().mode == Mode::Engaged);
+    assert!(engaged.is_some(), "{:?}", node.cause());
+    let closed = cycles(&mut node, 2_500);
+    assert_at(gripper(&closed).measured, 0.027, 15.0);
+    // A far side that holds keeps what it has gripped.
+    handle.hold.set(Some(contract::Reason::Robot));
+    let stopped = cycles(&mut node, 500);
+    assert!(matches!(stopped.cause, Some(Cause::FarSideHolds { .. })), "{:?}", stopped.cause);
+    assert_at(gripper(&stopped).measured, 0.027, 15.0);
+}
+
+#[test]
+fn invalid_keys_of_a_gripper_are_refused_by_name() {
+    let refused = |text: &str| parse(text).unwrap_err().to_string();
+    for (keys, reason) in [
+        ("", "switches.gripper: needs input, open_counts and closed_counts, or else open_bit"),
+        (
+            "input = 1\nopen_counts = 5",
+            "switches.gripper.closed_counts: missing field `closed_counts`",
+        ),
+        ("open_counts = 5", "switches.gripper.input: missing field `input`"),
+        (
+            "input = 0\nopen_counts = 5\nclosed_counts = 6",
+            "switches.gripper.input: must be within 1..=254, got 0",
+        ),
+        (
+            "input = 1\nopen_counts = 5\nclosed_counts = 5",
+            "switches.gripper.closed_counts: must be another number",
+        ),
+        ("input = 1\nopen_counts = 50000\nclosed_counts = 5", "invalid value: integer `50000`"),
+        ("open_bit = 4", "switches.gripper.close_bit: missing field `close_bit`"),
+        (
+            "open_bit = 4\nclose_bit = 4",
+            "switches.gripper.close_bit: must be another bit than open_bit, got 4",
+        ),
+        ("open_bit = 3\nclose_bit = 4", "switches.gripper.open_bit: must be within 4..=7, got 3"),
+        (
+            "input = 1\nopen_bit = 4\nclose_bit = 5",
+            "switches.gripper.open_bit: contradicts the analogue input",
+        ),
+        (
+            "input = 9\nopen_counts = 5\nclosed_counts = 6",
+            "switches.eds: switch box: its EDS lacks 6401h:9",
+        ),
+    ] {
+        let found = refused(&hand(keys));
+        assert!(found.contains(reason), "{reason}: {found}");
+    }
+    let button = "[[switches.button]]\nbit = 5\npress = \"align\"\n\n[switches.gripper]";
+    let found = refused(&hand(DIGITAL).replacen("[switches.gripper]", button, 1));
+    assert!(found.contains("switches.gripper.open_bit: bit 5 is that of a button"), "{found}");
+    for (key, wrong) in [
+        ("stroke_m = 0.06", "stroke_m = nan"),
+        ("force_n = 15.0", "force_n = -1.0"),
+        ("max_speed_m_per_s = 0.05", "max_speed_m_per_s = inf"),
+    ] {
+        let found = refused(&hand(ANALOGUE).replacen(key, wrong, 1));
+        let name = key.split(' ').next().unwrap();
+        assert!(found.contains(&format!("switches.gripper.{name}: must be within")), "{found}");
+    }
+    for (key, wrong, reason) in [
+        (
+            "object_m = 0.03\n",
+            "object_m = 0.08\n",
+            "remote.gripper.object_m: must be below stroke_m",
+        ),
+        ("object_m = 0.03\n", "", "remote.gripper.object_m: missing field"),
+        ("stiffness_n_per_m = 5000.0\n", "", "remote.gripper.stiffness_n_per_m: missing field"),
+        (
+            "max_speed_m_per_s = 0.2",
+            "max_speed_m_per_s = nan",
+            "remote.gripper.max_speed_m_per_s: must",
+        ),
+    ] {
+        let found = refused(&TEXT.replacen(
+            "[safety]",
+            &format!("{}\n[safety]", GRIPPER.replace(key, wrong)),
+            1,
+        ));
+        assert!(found.contains(reason), "{reason}: {found}");
+    }
+    let linked = linked_text(&TEXT.replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1), LINK);
+    assert!(refused(&linked).contains("remote.gripper: with kind = \"link\" the far side has it"));
+}
+
+#[test]
+fn analogue_input_costs_two_bytes_of_the_switch_box_frame() {
+    let without = parse(TEXT).unwrap();
+    let with = parse(&hand(ANALOGUE)).unwrap();
+    let bits = |config: &Config| {
+        let plans = config.node_plans();
+        let (_, switches) = plans.last().unwrap();
+        let services = switches.pdos.iter().filter_map(|pdo| pdo.service.as_ref());
+        services.map(|service| service.bytes()).sum::<u32>()
+    };
+    assert_eq!((bits(&without), bits(&with)), (1, 3));
+    assert_eq!(bits(&parse(&hand(DIGITAL)).unwrap()), 1, "digital inputs are there already");
+}

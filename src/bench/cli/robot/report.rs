@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::robot::sensor::SensorStatus;
-use contract::{FarState, Measured, Pose};
+use contract::{FarState, Gripper, Measured, Pose};
 use testbench::far_robot::Status;
 use units::time::Instant;
 
@@ -55,6 +55,9 @@ impl Report {
         let wrench = measured
             .wrench
             .map(|[x, y, z, a, b, c]| json!({ "force_n": [x, y, z], "moment_nm": [a, b, c] }));
+        let gripper = measured
+            .gripper
+            .map(|Gripper { position, force }| json!({ "opening_m": position, "force_n": force }));
         let rejects: Map<_, _> =
             rejects.iter().map(|(reason, count)| (reason.to_string(), count.into())).collect();
         json!({
@@ -66,6 +69,7 @@ impl Report {
             "pose": pose,
             "joints_rad": q,
             "wrench": wrench,
+            "gripper": gripper,
             "rejects": rejects,
             "sensor": self.sensor.as_ref().map(SensorStatus::json),
         })
@@ -85,7 +89,10 @@ fn measured_text(measured: &Measured) -> String {
     let wrench = measured.wrench.map_or("no valid wrench".to_owned(), |[x, y, z, a, b, c]| {
         format!("contact {:.2} N, {:.3} N·m", norm([x, y, z]), norm([a, b, c]))
     });
-    format!("{pose}  {wrench}")
+    let gripper = measured
+        .gripper
+        .map(|Gripper { position, force }| format!("  gripper {position:.4} m, {force:.2} N"));
+    format!("{pose}  {wrench}{}", gripper.unwrap_or_default())
 }
 
 #[cfg(test)]

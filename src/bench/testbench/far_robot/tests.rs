@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use contract::{Motion, NodeEnd, Order, PayloadRemoval, Reject, Sample};
+use contract::{Gripper, Motion, NodeEnd, Order, PayloadRemoval, Reject, Sample};
 
 const ARM: u16 = 1;
 const MS: Duration = Duration::from_millis(1);
@@ -28,12 +28,14 @@ struct Ends {
     node: NodeEnd,
     far: FarRobot,
     cycle: u32,
+    /// Command to the gripper.
+    gripper: Option<Gripper>,
 }
 
 impl Ends {
     fn new(config: &Config, limits: RobotLimits) -> Self {
         let far = FarRobot::new(config, limits, ARM, 22, 1).unwrap();
-        Self { node: NodeEnd::new(ARM, 11), far, cycle: 0 }
+        Self { node: NodeEnd::new(ARM, 11), far, cycle: 0, gripper: None }
     }
 
     /// Returns both ends, the node armed once.
@@ -54,7 +56,7 @@ impl Ends {
 
     fn command(&mut self, motion: Motion) -> [u8; contract::Command::LENGTH] {
         let now = self.now();
-        self.node.command(now, &Order { motion, is_engaged: true, gripper: None })
+        self.node.command(now, &Order { motion, is_engaged: true, gripper: self.gripper })
     }
 
     /// Exchanges once, with what `supply` makes of the measurements.
@@ -124,6 +126,25 @@ fn robot_follows_poses() {
     ends.run(pose, 2_000);
     let off = (goal.inverse() * ends.far.site().pose()).translation.vector.norm();
     assert!(off < 1e-4, "{off} m");
+}
+
+#[test]
+fn robot_grips_with_the_commanded_force_and_keeps_it_on_a_hold() {
+    let gripper = "[remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.2\nobject_m = 0.03\n\
+        stiffness_n_per_m = 5000.0\n\n[safety]";
+    let config = config(&[("[safety]", gripper)]);
+    let mut ends = Ends::new(&config, RobotLimits::default());
+    assert!(ends.far.figures().has_gripper && !Ends::usual().far.figures().has_gripper);
+    ends.gripper = Some(Gripper { position: 0.0, force: 12.0 });
+    let unarmed = ends.run(Motion::Hold, 500).unwrap().measured.gripper.unwrap();
+    assert!((unarmed.position - 0.08).abs() < 1e-9, "not armed: {unarmed:?}");
+    ends.node.begin_epoch();
+    let gripped = ends.run(Motion::Hold, 500).unwrap().measured.gripper.unwrap();
+    assert!((gripped.force - 12.0).abs() < 1e-6, "{gripped:?}");
+    ends.far.end();
+    ends.gripper = Some(Gripper { position: 0.08, force: 12.0 });
+    let held = ends.run(Motion::Hold, 500).unwrap();
+    assert_eq!((held.reason, held.measured.gripper), (Reason::Ending, Some(gripped)));
 }
 
 #[test]

@@ -13,6 +13,7 @@ use crate::common::linked::{LINK, linked_text};
 use crate::linked_node::{Handle, Linked, Network, ask, cycles, parse};
 use bus::Bus;
 use config::Config;
+use config::shipped::HAND_CONTROLLERS;
 use memory_bus::Memory;
 use node::cause::Cause;
 use node::record::{GripperRecord, Mode, Record};
@@ -43,13 +44,21 @@ const GRIPPER: &str = "[remote.gripper]\nstroke_m = 0.08\nmax_speed_m_per_s = 0.
 
 /// Returns the hand controller with these keys of its gripper's input.
 fn hand(keys: &str) -> String {
+    hand_of(TEXT, keys)
+}
+
+fn hand_of(text: &str, keys: &str) -> String {
     let section = format!("[switches.gripper]\n{keys}\n{MOTION}\n\n[controller]");
-    TEXT.replacen("[controller]", &section, 1)
+    text.replacen("[controller]", &section, 1)
 }
 
 /// Returns the same with a gripper of the object.
 fn gripping(keys: &str) -> String {
-    hand(keys).replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1)
+    gripping_of(TEXT, keys)
+}
+
+fn gripping_of(text: &str, keys: &str) -> String {
+    hand_of(text, keys).replacen("[safety]", &format!("{GRIPPER}\n[safety]"), 1)
 }
 
 /// Returns a script that arms at 0.3 s and holds the deadman from 1.2 s on, with further switches, each with its time.
@@ -150,35 +159,37 @@ fn released_deadman_keeps_the_opening() {
 
 #[test]
 fn hazard_50_input_out_of_range_ends_reflection_in_time() {
-    for (keys, lever, message) in [
-        (
-            ANALOGUE,
-            "gripper = 21601",
-            "gripper input at 21601 counts, beyond its range from -12000 (closed) to 20000 (open): check its wire, and \
-             closed_counts and open_counts of switches.gripper",
-        ),
-        (
-            DIGITAL,
-            "buttons = [false, true, true, false]",
-            "gripper inputs contradict each other: bits 5 (open) and 6 (close) are both set",
-        ),
-    ] {
-        let mut bench = bench(&gripping(keys), script(&[(3.0, lever)]));
-        let before = until(&mut bench, 2.999);
-        assert_eq!((before.mode, before.cause), (Mode::Engaged, None));
-        let mut record = before;
-        while record.cause.is_none() {
-            assert_eq!(gripper(&record).command, gripper(&before).command, "{keys}");
-            record = bench.cycle();
-            assert!(bench.elapsed().as_secs_f64() < 3.1, "{keys}");
-        }
-        assert_eq!(record.cause.unwrap().to_string(), message);
-        let after = until(&mut bench, 4.0);
-        assert_eq!(after.mode, Mode::ReflectionOff);
-        assert_eq!(gripper(&after).command, None);
-        assert_eq!(gripper(&after).measured, gripper(&before).measured, "it stays");
-        assert!(bench.ask(Request::Reset).is_err(), "the cause is present");
+    let contradiction =
+        "gripper inputs contradict each other: bits 5 (open) and 6 (close) are both set";
+    let both = "buttons = [false, true, true, false]";
+    let range = "gripper input at 21601 counts, beyond its range from -12000 (closed) to 20000 (open): check its wire, \
+        and closed_counts and open_counts of switches.gripper";
+    input_ends_reflection("config/kraft_like_500hz.toml", ANALOGUE, "gripper = 21601", range);
+    for file in HAND_CONTROLLERS {
+        input_ends_reflection(file, DIGITAL, both, contradiction);
     }
+}
+
+/// Asserts that this input at 3 s ends reflection with this cause, and that the gripper stays.
+fn input_ends_reflection(file: &str, keys: &str, input: &str, message: &str) {
+    let text = gripping_of(&std::fs::read_to_string(file).unwrap(), keys);
+    let config = Config::parse(Path::new(file), &text).unwrap();
+    let mut bench = Bench::new(&config, script(&[(3.0, input)]), 1, ());
+    bench.bring_up().unwrap();
+    let before = until(&mut bench, 2.999);
+    assert_eq!((before.mode, before.cause), (Mode::Engaged, None), "{file}");
+    let mut record = before;
+    while record.cause.is_none() {
+        assert_eq!(gripper(&record).command, gripper(&before).command, "{file}, {keys}");
+        record = bench.cycle();
+        assert!(bench.elapsed().as_secs_f64() < 3.1, "{file}, {keys}");
+    }
+    assert_eq!(record.cause.unwrap().to_string(), message, "{file}");
+    let after = until(&mut bench, 4.0);
+    assert_eq!(after.mode, Mode::ReflectionOff, "{file}");
+    assert_eq!(gripper(&after).command, None, "{file}");
+    assert_eq!(gripper(&after).measured, gripper(&before).measured, "{file}: it stays");
+    assert!(bench.ask(Request::Reset).is_err(), "{file}: the cause is present");
 }
 
 #[test]

@@ -46,6 +46,11 @@ pub(crate) fn parse(text: &str) -> Result<Config, config::Invalid> {
     Config::parse(Path::new("config/kraft_like.toml"), text)
 }
 
+/// Parses a text in place of the shipped file of a hand controller, such as `drives/elmo_gold`.
+pub(crate) fn parse_as(hand: &str, text: &str) -> Result<Config, config::Invalid> {
+    Config::parse(Path::new(&format!("config/{hand}.toml")), text)
+}
+
 /// A network between the two ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Network {
@@ -264,7 +269,7 @@ pub(crate) fn booted_near<T: Tap>(
     tap: T,
 ) -> (Wired<T>, Rc<Handle>) {
     let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
-    let far = parse(&text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
+    let far = parse_as(hand, &text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
     let world = world::build(near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
     let handle = Rc::new(Handle::default());

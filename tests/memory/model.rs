@@ -3,18 +3,22 @@
 use std::time::Duration;
 
 use crate::common::linked::{LINK, MODEL, linked, with_model};
-use crate::linked_node::{MS, Network, ask, booted_near, cycles, engage, parse};
+use crate::linked_node::{MS, Network, ask, booted_near, cycles, engage, parse, parse_as};
+use config::shipped::HAND_CONTROLLERS;
 use node::Request;
 use node::cause::{Cause, Kind};
 use node::record::Mode;
 use remote::model::Difference;
 use units::spatial::Motion;
 
-const HANDS: [&str; 3] = ["kraft_like", "jpl_like", "sixr_spherical"];
+/// Returns the names of the shipped hand controllers.
+fn hands() -> impl Iterator<Item = &'static str> {
+    HAND_CONTROLLERS.map(|file| &file["config/".len()..file.len() - ".toml".len()]).into_iter()
+}
 
 const HALF: Duration = Duration::from_micros(500);
 
-/// Within the figures of the link: 5 ms of round trip.
+/// Within the figures of the link: a round trip of five cycles.
 const NETWORKS: [Network; 3] = [
     Network { delay: Duration::ZERO, jitter: Duration::ZERO, loss: 0.0, duplicates: 0.0 },
     Network { delay: HALF, jitter: MS, loss: 0.0, duplicates: 0.0 },
@@ -23,8 +27,11 @@ const NETWORKS: [Network; 3] = [
 
 #[test]
 fn hazard_49_contact_over_a_link_stays_within_the_limit() {
-    for hand in HANDS {
-        let config = parse(&with_model(hand)).unwrap();
+    for hand in hands() {
+        let text = with_model(hand);
+        let cycles = 5.0e3 * parse_as(hand, &text).unwrap().period.as_secs_f64();
+        let stated = format!("round_trip_ms = {:.1}", cycles.max(5.0));
+        let config = parse_as(hand, &text.replace("round_trip_ms = 5.0", &stated)).unwrap();
         let limit = config.far_side.model_limit.unwrap();
         for network in NETWORKS {
             let (mut node, _) = booted_near(hand, &config, network, ());
@@ -48,8 +55,8 @@ fn hazard_49_contact_over_a_link_stays_within_the_limit() {
 
 #[test]
 fn hazard_49_robot_that_does_not_follow_ends_reflection() {
-    for hand in HANDS {
-        let config = parse(&with_model(hand)).unwrap();
+    for hand in hands() {
+        let config = parse_as(hand, &with_model(hand)).unwrap();
         let (mut node, handle) = booted_near(hand, &config, Network::default(), ());
         handle.is_blocked.set(true);
         assert_eq!(ask(&mut node, Request::Arm), Ok(Mode::Armed));

@@ -8,7 +8,7 @@ use std::os::unix::net::UnixListener;
 use serde_json::{Value, json};
 
 use crate::common::cli::frhc;
-use crate::common::linked::{LINK, linked};
+use crate::common::linked::{LINK, linked, with_model};
 use crate::common::process::Scratch;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -102,6 +102,8 @@ fn check_of_the_file_of_a_node_has_the_figures_of_its_robot() {
         "arm": 3,
         "socket": "far.sock",
         "round_trip_ms": 5.0,
+        "model_limit_m": null,
+        "model_limit_deg": null,
         "stiffest_contact_n_per_m": 2000.0,
         "max_sample_period_s": null,
         "max_hold_after_s": 0.05,
@@ -113,6 +115,10 @@ fn check_of_the_file_of_a_node_has_the_figures_of_its_robot() {
         "accommodation_deadband": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     });
     assert_eq!((far_side(&node), far_side(KRAFT)), (expected, Value::Null));
+    let text = with_model("kraft_like").replace("\"../eds/", &format!("\"{ROOT}/eds/"));
+    let beside_a_model = far_side(&scratch.write("model.toml", &text));
+    assert_eq!(beside_a_model["model_limit_m"], 0.02);
+    assert!((beside_a_model["model_limit_deg"].as_f64().unwrap() - 5.0).abs() < 1e-9);
 }
 
 #[test]

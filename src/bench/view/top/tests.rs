@@ -67,6 +67,7 @@ fn linked() -> State {
     snapshot["link"] = json!({ "connected": true, "far_side": "holding: no command for 50 ms", "round_trip_p50_ms": 1.25, "round_trip_p99_ms": 3.5, "lost": 12 });
     snapshot["scale"] = json!({ "motion": 0.5, "rotation": 1, "force": 0.25 });
     (snapshot["locked"], snapshot["aligning"]) = (json!(["z", "rx"]), json!(false));
+    snapshot["gripper"] = json!({ "state": "commanded", "commanded_m": 0.0, "max_force_n": 15, "opening_m": 0.027, "force_n": 14.96 });
     snapshot["f_g"] = json!(null);
     snapshot["tau"][3] = json!(null);
     state(&[description, mode, snapshot])

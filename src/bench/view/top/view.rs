@@ -92,8 +92,10 @@ impl Scene<'_> {
         links.push(links::bounded_sample_age(state));
         links.extend(links::link(state, palette, right));
         links.extend(links::watchdogs(state, palette, right));
+        let extras = [wrenches::gripper(state, columns), wrenches::adjusted(state, columns)];
+        let extras: Vec<Row> = extras.into_iter().flatten().collect();
         // Other blocks than the times and the budget have at most so many rows where nothing is stopped.
-        links.truncate(height.saturating_sub(OTHER_ROWS).max(timing::ROWS));
+        links.truncate(height.saturating_sub(OTHER_ROWS + extras.len()).max(timing::ROWS));
         let times = beside(&timing::table(state), timing::COLUMNS + 2, &links);
         let has_both = height >= BUDGET_ROWS;
         let (of_times, of_budget) = match view.is_budget && !has_both {
@@ -103,7 +105,6 @@ impl Scene<'_> {
             false => (85, 20),
         };
         let short_links = links::short_buses(state, palette);
-        let adjusted = wrenches::adjusted(state, columns).into_iter().collect();
         let mut blocks = vec![
             Block::gap(),
             Block::whole(78, vec![joints::heading(columns)]),
@@ -112,7 +113,7 @@ impl Scene<'_> {
             Block::whole(90, wrenches::wide(state)),
             Block::gap(),
             Block::whole(72, vec![wrenches::command(state), wrenches::port(state)]),
-            Block::whole(73, adjusted),
+            Block::divisible(73, extras),
             Block::gap(),
             Block::abridged((88, short_links), (of_times, times)),
             Block::whole(75, timing::counters(state, palette, columns)),
@@ -130,6 +131,7 @@ impl Scene<'_> {
         let short_links = links::short_buses(state, palette);
         let age = links::bounded_sample_age(state);
         let links = [links::buses(state, palette, columns), vec![age]].concat();
+        let extras = [wrenches::gripper(state, columns), wrenches::adjusted(state, columns)];
         vec![
             Block::whole(95, joints::narrow(state, palette, columns)),
             Block::whole(90, vec![wrenches::forces(state)]),
@@ -138,7 +140,7 @@ impl Scene<'_> {
             Block::whole(80, nearest.into_iter().collect()),
             Block::whole(75, wrenches::short_port(state)),
             Block::whole(72, vec![wrenches::short_command(state)]),
-            Block::whole(73, wrenches::adjusted(state, columns).into_iter().collect()),
+            Block::divisible(73, extras.into_iter().flatten().collect()),
             Block::whole(68, timing::counters(state, palette, columns)),
             Block::divisible(60, timing::others(state, palette, columns)),
             Block::whole(55, timing::table(state)),

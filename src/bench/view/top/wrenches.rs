@@ -137,6 +137,26 @@ pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
     (!parts.is_empty()).then(|| plain(cut(&format!("adjusted  {parts}"), columns)))
 }
 
+/// Returns opening and force of the gripper with what is commanded, or its state; `None` where nothing commands one.
+pub(super) fn gripper(state: &State, columns: usize) -> Option<Row> {
+    let gripper = at(&state.snapshot, &["gripper"]);
+    let description = text(at(gripper, &["state"]))?;
+    let value = |key| number(at(gripper, &[key]));
+    let newtons = |key| format!("{} N", fixed(value(key), 6, 1).trim_start());
+    let millimetres =
+        |key| format!("{} mm", fixed(value(key).map(|metres| 1e3 * metres), 7, 1).trim_start());
+    let (opening, commanded) = (millimetres("opening_m"), millimetres("commanded_m"));
+    let text = match (value("opening_m"), value("commanded_m")) {
+        (Some(_), Some(_)) => {
+            let (force, most) = (newtons("force_n"), newtons("max_force_n"));
+            format!("{opening}, {force}   commanded {commanded}, at most {most}")
+        }
+        (Some(_), None) => format!("{opening}   {description}"),
+        (None, _) => description,
+    };
+    Some(plain(cut(&format!("gripper   {text}"), columns)))
+}
+
 fn reflection(state: &State) -> String {
     fitted(&text(at(&state.snapshot, &["reflection"])).unwrap_or_else(|| "–".to_owned()), 15)
 }

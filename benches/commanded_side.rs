@@ -22,8 +22,8 @@ use contract::FarEnd;
 use nalgebra::Isometry3;
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
-use remote::stated::Stated;
-use remote::{Command, Remote, Sensed, messages};
+use remote::stated::StatedCapability;
+use remote::{Command, Remote, RemoteSample, messages};
 use socket2::{Domain, SockAddr, Socket, Type};
 use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
@@ -120,7 +120,7 @@ impl FarSide {
         }
         self.end.motion(now);
         let f_s = Wrench::from_components([0.0, 0.0, -6.0, 0.1, 0.0, 0.0]);
-        let sensed = Sensed { at: now, f_s, x_b_m: Isometry3::identity(), gripper: None };
+        let sensed = RemoteSample { at: now, f_s, x_b_m: Isometry3::identity(), gripper: None };
         let feedback = self.end.feedback(now, &messages::measured(&sensed));
         (&self.socket).write_all(&feedback).unwrap();
         self.thread.receive(now);
@@ -141,7 +141,10 @@ fn linked(config: &Config) -> (LinkSide, FarSide) {
         session: 1,
         period: config.period,
         round_trip: Duration::from_millis(5),
-        stated: Stated::of(&config.remote.interaction, &config.remote.servo),
+        stated: StatedCapability::from_interaction(
+            &config.remote.interaction,
+            &config.remote.servo,
+        ),
     };
     let (side, thread) = link(listener, &settings).unwrap();
     (side, FarSide { thread, socket, end: FarEnd::new(1, 2, Duration::from_millis(100)) })

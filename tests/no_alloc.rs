@@ -25,8 +25,8 @@ use config::{Config, RemoteLink};
 use contract::FarEnd;
 use remote::delay::DelaySettings;
 use remote::link::{self, link};
-use remote::stated::Stated;
-use remote::{Command, Remote, Sensed, messages};
+use remote::stated::StatedCapability;
+use remote::{Command, Remote, RemoteSample, messages};
 use sim::arm::{LinkSettings, Load};
 use sim::contact::{Scene, Shape, Surface, Wall};
 use sim::manipulator::{JointSettings, Manipulator, ManipulatorSettings, Tool};
@@ -124,11 +124,14 @@ fn cycle_with_a_robot_in_another_process_never_allocates() {
         session: 1,
         period: config.period,
         round_trip: Duration::from_millis(5),
-        stated: Stated::of(&config.remote.interaction, &config.remote.servo),
+        stated: StatedCapability::from_interaction(
+            &config.remote.interaction,
+            &config.remote.servo,
+        ),
     };
     let (mut side, mut thread) = link(listener, &settings).unwrap();
     let x_b_m = Isometry3::identity();
-    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
+    let sensed = RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
     let mut received = 0;
     for millis in 1..2_000 {
         let now = Instant::from_micros(1_000 * millis);

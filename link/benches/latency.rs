@@ -17,7 +17,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
+use contract::{FarEnd, Measurements, Motion, NodeEnd, Order};
 use frhc_link::certificate::Files;
 use frhc_link::role::{Role, Topic};
 use frhc_link::settings::Settings;
@@ -116,7 +116,7 @@ impl Answers {
 
     fn to(&mut self, command: &[u8]) -> Vec<u8> {
         self.0.on_message(time(), command);
-        self.0.feedback(time(), &Measured::default()).to_vec()
+        self.0.feedback(time(), &Measurements::default()).to_vec()
     }
 }
 

@@ -97,7 +97,7 @@ pub fn common_name(arm: u16, role: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
+    use contract::{FarEnd, Measurements, Motion, NodeEnd, Order};
     use std::time::Duration;
     use units::time::Instant;
 
@@ -110,7 +110,7 @@ mod tests {
         let mut far = FarEnd::new(3, 8, Duration::from_millis(100));
         let command =
             node.command(at, &Order { motion: Motion::Hold, is_engaged: false, gripper: None });
-        let feedback = far.feedback(at, &Measured::default());
+        let feedback = far.feedback(at, &Measurements::default());
         assert_eq!(Role::Near.read(&command, 3).map(|(topic, _)| topic), Ok(Topic::Command));
         assert_eq!(Role::Far.read(&feedback, 3).map(|(topic, _)| topic), Ok(Topic::Feedback));
         assert_eq!(Role::Near.read(&command, 4).map(drop), Err(Reject::Arm));

@@ -15,7 +15,7 @@ use crate::robots::RobotArm;
 use crate::value::Optional;
 use ::remote::model::Difference;
 use ::remote::site::Virtual;
-use ::remote::stated::Stated;
+use ::remote::stated::StatedCapability;
 
 /// Number of the arm where none is given.
 const USUAL_ARM: u16 = 1;
@@ -59,7 +59,7 @@ pub struct Agreement {
     /// Longest round trip of a message and its echo, the far side's cycle included; the 99th percentile is held to it.
     pub round_trip: Duration,
     /// Capability, or better.
-    pub stated: Stated,
+    pub stated: StatedCapability,
 }
 
 /// Reads the keys. Returns `None` after a problem.
@@ -98,12 +98,12 @@ pub(super) fn read(
             problems.add(&raw.round_trip_ms, reason);
         }
         let (Virtual { interaction, servo, .. }, _) = remote?;
-        let stated = Stated {
+        let stated = StatedCapability {
             stiffest_contact: stiffest?,
             sample_period: sample_period?.map_or(f64::INFINITY, |period| period / 1e3),
             hold_after: hold_after?.map_or(f64::INFINITY, |age| age.as_secs_f64()),
             sensor_range: [force?.unwrap_or(0.0), moment?.unwrap_or(0.0)],
-            ..Stated::of(interaction, servo)
+            ..StatedCapability::from_interaction(interaction, servo)
         };
         model::check(model_limit?.as_ref(), servo, round_trip, raw, problems);
         agreement = Some(Agreement { round_trip, stated });

@@ -4,7 +4,7 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
 use controller::interpretation::{
-    Centring, Difference, Displaced, Felt, Interpretation, Scaling, Weight,
+    Centring, Difference, DisplacementFrame, Interpretation, ReflectionFrame, Scaling, Weight,
 };
 use controller::orientation::Orientation;
 
@@ -30,7 +30,7 @@ pub(super) fn interpretation(
         ),
         displacement: choice.of(
             (&over.displacement, preset.displacement),
-            &[("reference", Displaced::InReference), ("base", Displaced::InBase)],
+            &[("reference", DisplacementFrame::Reference), ("base", DisplacementFrame::Base)],
         ),
         centring: choice.of(
             (&over.centring, preset.centring),
@@ -55,7 +55,7 @@ pub(super) fn interpretation(
         latches: over.latch_on_deadman.or(preset.latches).get()?,
         task: choice.of(
             (&over.task_wrench, preset.task),
-            &[("grip", Felt::InGrip), ("reference", Felt::InReference)],
+            &[("grip", ReflectionFrame::Grip), ("reference", ReflectionFrame::Reference)],
         ),
     };
     (is_known && !choice.is_wrong).then_some(interpretation)

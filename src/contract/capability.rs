@@ -1,22 +1,21 @@
-//! Figures of the far side, which a node asks for when the link comes up.
-//! docs/link.md has the table.
+//! Capability message: figures of the far side, sent on request of a node. docs/link.md has the table.
 
 use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within, packed, unpacked};
 use crate::codes::codes;
 use crate::head::{HEAD_LENGTH, Head, Kind};
 use crate::reject::Reject;
 
-/// Maximum of every figure; an unlimited one is sent as this.
+/// Maximum of every figure; encodes infinity.
 const MAX_FIGURE: f64 = 1e9;
 
 codes! {
     /// Part of the payload's load that the far side removes from its sensor's reading.
     pub enum PayloadRemoval {
-        /// Nothing.
+        /// The reading includes the payload.
         None = 0, "nothing";
-        /// Its weight.
+        /// Weight only.
         Weight = 1, "weight";
-        /// Its weight and inertia.
+        /// Weight and inertia.
         Inertia = 2, "weight and inertia";
     }
 }
@@ -24,43 +23,43 @@ codes! {
 /// Figures of a far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capability {
-    /// It has a force/torque sensor.
+    /// Has a force/torque sensor.
     pub senses_wrench: bool,
-    /// It measures its pose.
+    /// Measures the pose of {MRF}.
     pub senses_pose: bool,
-    /// It has a gripper.
+    /// Has a gripper.
     pub has_gripper: bool,
-    /// It follows rates.
+    /// Follows rate commands.
     pub follows_rates: bool,
-    /// It follows poses.
+    /// Follows pose commands.
     pub follows_poses: bool,
     /// Removal of the payload from the wrench.
     pub payload_removal: PayloadRemoval,
-    /// K_FA by axis of {MRF}, in m/(s·N) and rad/(s·N·m).
+    /// K_FA per axis of {MRF}, in m/(s·N) and rad/(s·N·m).
     pub accommodation: [f64; 6],
-    /// Wrench by axis that K_FA does not answer, in N and N·m.
+    /// Deadband of accommodation per axis, in N and N·m.
     pub deadband: [f64; 6],
-    /// Lag of its servos, in s.
+    /// Servo lag, in s.
     pub servo_lag: f64,
-    /// Period of its cycle, in s.
+    /// Cycle period, in s.
     pub sample_period: f64,
-    /// Age of the newest command after which it holds, in s.
+    /// Age of the newest command after which the far side holds, in s.
     pub hold_after: f64,
     /// Range of the sensor: force in N, moment in N·m.
     pub sensor_range: [f64; 2],
-    /// Stiffness of the stiffest contact that it may make, in N/m.
+    /// Maximum stiffness of a contact, in N/m.
     pub stiffest_contact: f64,
     /// Maximum speed of {MRF}, in m/s and rad/s.
     pub max_speed: [f64; 2],
-    /// Least and greatest position of {MRF} in {b}, in m.
+    /// Minimum and maximum position of {MRF} in {b}, in m.
     pub workspace: [[f64; 3]; 2],
 }
 
 impl Capability {
-    /// Length, in bytes.
+    /// Length of the message, in bytes.
     pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 232;
 
-    /// Encodes the capability. What is infinite becomes the largest figure that may be sent.
+    /// Encodes the capability. Figures beyond ±1e9, infinity included, are clamped.
     pub fn encode(&self, head: &Head) -> [u8; Self::LENGTH] {
         let senses = packed([self.senses_wrench, self.senses_pose, self.has_gripper]);
         let follows = packed([self.follows_rates, self.follows_poses]);
@@ -89,7 +88,7 @@ impl Capability {
     /// Decodes a message.
     ///
     /// # Errors
-    /// A message that is not a capability of this version, or has a figure out of range.
+    /// Returns the reason if it is not a capability of this version, or has a figure out of range.
     pub fn decode(bytes: &[u8]) -> Result<(Head, Self), Reject> {
         let (head, mut reader) = Head::open(bytes, Kind::Capability, Self::LENGTH)?;
         let [senses, follows, removal] = reader.take()?;

@@ -1,5 +1,5 @@
-//! Little-endian CDR of fixed length (OMG DDS-XTypes 1.3, 7.4): an encapsulation header of four bytes, then numbers that
-//! stand at multiples of their size. Reserved fields fill the gaps that would be before them.
+//! Little-endian CDR of fixed length (OMG DDS-XTypes 1.3, 7.4): an encapsulation header of four bytes, then numbers aligned
+//! to their size. Explicit reserved fields take the place of padding.
 
 use crate::reject::Reject;
 
@@ -9,7 +9,7 @@ const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Length of the encapsulation header, in bytes.
 pub(crate) const ENCAPSULATION_LENGTH: usize = ENCAPSULATION.len();
 
-/// A message under construction; what is not written is zero.
+/// Writer of a message; bytes not written remain zero.
 #[derive(Debug)]
 pub(crate) struct Writer<'b> {
     rest: &'b mut [u8],
@@ -23,7 +23,7 @@ impl<'b> Writer<'b> {
         writer
     }
 
-    /// Appends bytes. Those beyond the end are dropped: the lengths are constants, which tests compare.
+    /// Appends bytes; drops them if they do not fit. Lengths are constants, and tests compare them.
     pub(crate) fn put<const N: usize>(&mut self, part: [u8; N]) {
         if let Some((place, rest)) = std::mem::take(&mut self.rest).split_first_chunk_mut() {
             *place = part;
@@ -31,20 +31,20 @@ impl<'b> Writer<'b> {
         }
     }
 
-    /// Appends numbers.
+    /// Appends numbers as little-endian IEEE 754 binary64.
     pub(crate) fn numbers(&mut self, numbers: &[f64]) {
         numbers.iter().for_each(|number| self.put(number.to_le_bytes()));
     }
 }
 
-/// The rest of a received message.
+/// Reader of a received message.
 #[derive(Debug)]
 pub(crate) struct Reader<'b> {
     rest: &'b [u8],
 }
 
 impl<'b> Reader<'b> {
-    /// Reads a message after its encapsulation header.
+    /// Creates a reader behind the encapsulation header, or returns [`Reject::Foreign`].
     pub(crate) fn new(bytes: &'b [u8]) -> Result<Self, Reject> {
         let rest = bytes.strip_prefix(&ENCAPSULATION).ok_or(Reject::Foreign)?;
         Ok(Self { rest })
@@ -65,12 +65,12 @@ impl<'b> Reader<'b> {
     }
 }
 
-/// Packs flags, the first into bit 0.
+/// Packs flags into a byte, the first into bit 0.
 pub(crate) fn packed<const N: usize>(flags: [bool; N]) -> u8 {
     flags.into_iter().rev().fold(0, |bits, is_set| bits << 1 | u8::from(is_set))
 }
 
-/// Unpacks flags; the bits beyond them must be zero.
+/// Unpacks flags from a byte; other bits must be zero.
 pub(crate) fn unpacked<const N: usize>(bits: u8) -> Result<[bool; N], Reject> {
     let flags = std::array::from_fn(|place| bits >> place & 1 == 1);
     if packed(flags) == bits { Ok(flags) } else { Err(Reject::Impossible) }

@@ -1,6 +1,6 @@
 //! Enums with codes on the wire.
 
-/// Declares an enum by one row per variant: its code on the wire, and its words.
+/// Declares an enum with one row per variant: code on the wire, and description.
 macro_rules! codes {
     ($(#[$doc:meta])* $visible:vis enum $name:ident {
         $($(#[$of_variant:meta])* $variant:ident = $code:literal, $words:literal;)+
@@ -10,7 +10,7 @@ macro_rules! codes {
         $visible enum $name { $($(#[$of_variant])* $variant,)+ }
 
         impl $name {
-            /// All, by their codes.
+            /// All variants, in order of their codes.
             $visible const ALL: [Self; [$($code),+].len()] = [$(Self::$variant),+];
 
             /// Returns the code on the wire.
@@ -18,12 +18,12 @@ macro_rules! codes {
                 match self { $(Self::$variant => $code,)+ }
             }
 
-            /// Returns the one with this code.
+            /// Returns the variant with this code.
             $visible fn from_code(code: u8) -> Option<Self> {
                 Self::ALL.into_iter().find(|one| one.code() == code)
             }
 
-            /// Returns it in words.
+            /// Returns the description for messages.
             $visible const fn words(self) -> &'static str {
                 match self { $(Self::$variant => $words,)+ }
             }

@@ -1,6 +1,6 @@
-//! The command of a cycle, from the node to the far side. docs/link.md has the table.
+//! Command message of a cycle, from the node to the far side. docs/link.md has the table.
 //!
-//! Values that mode and flags exclude are those of no motion, and are not read; nor are reserved bytes.
+//! Values that mode and flags exclude are sent as zero or identity. Receivers ignore them, and reserved bytes.
 
 use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within};
 use crate::head::{HEAD_LENGTH, Head, Kind};
@@ -10,21 +10,21 @@ use crate::reject::Reject;
 /// Maximum component of a twist, in m/s or rad/s.
 const MAX_RATE: f64 = 100.0;
 
-/// Maximum opening of a gripper in m, and maximum force in N.
+/// Maximum opening of a gripper, in m, and maximum force, in N.
 const MAX_GRIPPER: f64 = 1e3;
 
-/// Motion of {MRF} that is commanded.
+/// Commanded motion of {MRF}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Stay where it is.
+    /// Hold the present pose.
     Hold,
-    /// Move with this twist of {MRF}, written in {MRF}: linear in m/s, then angular in rad/s.
+    /// Twist of {MRF}, written in {MRF}: linear in m/s, then angular in rad/s.
     Rate([f64; 6]),
-    /// Go to this pose.
+    /// Pose of {MRF} in {b}.
     Pose(Pose),
 }
 
-/// Position and force of a gripper.
+/// Opening and force of a gripper, commanded or measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gripper {
     /// Opening, in m.
@@ -34,17 +34,17 @@ pub struct Gripper {
 }
 
 impl Gripper {
-    /// Returns whether opening and force are within their ranges. NaN is not.
+    /// Returns whether opening and force are within their ranges; NaN is not.
     pub fn is_possible(&self) -> bool {
         are_within(&[self.position, self.force], MAX_GRIPPER)
     }
 
-    /// Returns its numbers; zeros for none.
+    /// Returns opening and force for the wire; zeros for `None`.
     pub(crate) fn numbers(gripper: Option<Self>) -> [f64; 2] {
         gripper.map_or([0.0; 2], |Self { position, force }| [position, force])
     }
 
-    /// Returns the gripper with these numbers.
+    /// Creates a gripper from the wire; out of range it is [`Reject::Impossible`].
     pub(crate) fn from_numbers(numbers: [f64; 2]) -> Result<Self, Reject> {
         let [position, force] = numbers;
         let gripper = Self { position, force };
@@ -52,23 +52,23 @@ impl Gripper {
     }
 }
 
-/// A command.
+/// Command message of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Head.
+    /// Head of the message.
     pub head: Head,
-    /// Motion.
+    /// Commanded motion of {MRF}.
     pub motion: Motion,
-    /// True while the motion comes from the operator's hand.
+    /// The operator's hand commands the motion.
     pub is_engaged: bool,
-    /// The node has no capability of this far side's session yet.
+    /// Requests the capability of the far side's session.
     pub asks_capability: bool,
-    /// Gripper, where the hand controller has one.
+    /// Opening and maximum force of the gripper; `None` without a gripper command.
     pub gripper: Option<Gripper>,
 }
 
 impl Command {
-    /// Length, in bytes.
+    /// Length of the message, in bytes.
     pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 144;
 
     /// Encodes the command.
@@ -94,7 +94,7 @@ impl Command {
     /// Decodes a message.
     ///
     /// # Errors
-    /// A message that is not a command of this version, or has a value out of range.
+    /// Returns the reason if it is not a command of this version, or has a value out of range.
     pub fn decode(bytes: &[u8]) -> Result<Self, Reject> {
         let (head, mut reader) = Head::open(bytes, Kind::Command, Self::LENGTH)?;
         let [mode, engaged, asks, has_gripper] = reader.take()?;
@@ -118,7 +118,7 @@ impl Command {
     }
 }
 
-/// Reads a flag, which is 0 or 1.
+/// Decodes a flag, 0 or 1.
 const fn flag(byte: u8) -> Result<bool, Reject> {
     match byte {
         0 => Ok(false),

@@ -1,4 +1,4 @@
-//! The far side's end: which node leads, which command acts, and when to hold.
+//! Far side's end of the link: leading node, effective command, and hold.
 //!
 //! ```text
 //!                   fresh echo                          a later epoch
@@ -12,31 +12,31 @@ use std::time::Duration;
 
 use crate::capability::Capability;
 use crate::command::{Command, Gripper, Motion};
-use crate::feedback::{Feedback, Measured, Reason};
+use crate::feedback::{Feedback, Measurements, Reason};
 use crate::link_end::LinkEnd;
 use crate::reject::{Reject, Rejects};
 use units::time::Instant;
 
-/// The far side's end of the link.
+/// Far side's end of the link.
 #[derive(Clone, Debug)]
 pub struct FarEnd {
     end: LinkEnd,
     hold_after: Duration,
-    /// Epoch of the session that leads.
+    /// Epoch of the leading session.
     epoch: u32,
     command: Option<Newest>,
-    /// Newest command that acted.
+    /// Number of the newest command that has taken effect.
     acted: u64,
-    /// Gripper of the newest command that acted and had one.
+    /// Newest gripper command that has taken effect.
     gripper: Option<Gripper>,
     hold: Reason,
     asks_capability: bool,
 }
 
-/// The newest command of the session that leads.
+/// Newest command of the leading session.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
-    /// Send time of its echo.
+    /// Send time of the message that the command echoes.
     at: Instant,
     sequence: u64,
     motion: Motion,
@@ -45,8 +45,8 @@ struct Newest {
 }
 
 impl FarEnd {
-    /// Creates the end of `arm` with a session, which must be random. Holds when the newest command is older than
-    /// `hold_after`. Allocates once.
+    /// Creates the end of `arm` with a random session. It holds if the newest command is older than `hold_after`. Allocates
+    /// once.
     pub fn new(arm: u16, session: u64, hold_after: Duration) -> Self {
         Self {
             end: LinkEnd::new(arm, session, hold_after),
@@ -60,7 +60,7 @@ impl FarEnd {
         }
     }
 
-    /// Takes a message of a node.
+    /// Receives a message of a node.
     pub fn on_message(&mut self, now: Instant, bytes: &[u8]) {
         if let Err(reject) = self.take(now, bytes) {
             self.end.rejects.count(reject);
@@ -72,7 +72,7 @@ impl FarEnd {
             Command::decode(bytes)?;
         let Some(admission) = self.end.admit(now, &head)? else { return Ok(()) };
         if admission.is_new_session {
-            // It may have been armed for another far side: its present epoch moves nothing here.
+            // The node may have been armed for another far side, so its present epoch does not end the hold.
             (self.epoch, self.acted, self.hold) = (head.epoch, 0, Reason::NotArmed);
         } else if head.epoch < self.epoch {
             return Err(Reject::Left);
@@ -85,8 +85,7 @@ impl FarEnd {
         Ok(())
     }
 
-    /// Returns the motion to perform at `now`. Holds from the first time at which no fresh command is there, until a new
-    /// epoch.
+    /// Returns the motion to perform at `now`. Without a fresh command it holds, until a new epoch.
     pub fn motion(&mut self, now: Instant) -> Motion {
         let fresh = self.command.filter(|newest| now.since(newest.at) <= self.hold_after);
         let Some(fresh) = fresh else {
@@ -101,13 +100,13 @@ impl FarEnd {
         fresh.motion
     }
 
-    /// Returns the opening and maximum force that acted last; `None` before the first. They stay during a hold, and where
-    /// commands have none: a gripper does not drop its object.
+    /// Returns the last effective opening and maximum force; `None` before the first. They remain during a hold and without
+    /// gripper commands, so that a gripper does not drop its object.
     pub const fn gripper(&self) -> Option<Gripper> {
         self.gripper
     }
 
-    /// Holds for a reason of the robot's, until a new epoch. The first reason stays.
+    /// Holds for a reason of the robot until a new epoch. The first reason is kept.
     pub fn hold(&mut self, reason: Reason) {
         let is_silent_unarmed = self.hold == Reason::NotArmed && reason == Reason::Silence;
         if matches!(self.hold, Reason::None | Reason::NotArmed) && !is_silent_unarmed {
@@ -116,7 +115,7 @@ impl FarEnd {
     }
 
     /// Returns the next message to the node.
-    pub fn feedback(&mut self, now: Instant, measured: &Measured) -> [u8; Feedback::LENGTH] {
+    pub fn feedback(&mut self, now: Instant, measured: &Measurements) -> [u8; Feedback::LENGTH] {
         let feedback = Feedback {
             head: self.end.head(now, self.epoch),
             reason: self.hold,
@@ -127,7 +126,7 @@ impl FarEnd {
         feedback.encode()
     }
 
-    /// Returns the message with these figures, if the node asked for them.
+    /// Returns the capability message with these figures, if the node has requested it.
     pub fn capability(
         &mut self,
         now: Instant,
@@ -137,22 +136,22 @@ impl FarEnd {
         is_asked.then(|| figures.encode(&self.end.head(now, self.epoch)))
     }
 
-    /// Returns why it holds; [`Reason::None`] while it follows.
+    /// Returns the reason of the hold; [`Reason::None`] while following.
     pub const fn reason(&self) -> Reason {
         self.hold
     }
 
-    /// Returns session and epoch of the node that leads; session zero for none.
+    /// Returns session and epoch of the leading node; session zero without one.
     pub fn leader(&self) -> (u64, u32) {
         (self.end.peers.session(), self.epoch)
     }
 
-    /// Returns whether the motion of the newest command comes from the operator's hand.
+    /// Returns whether the operator's hand commands the motion of the newest command.
     pub fn is_engaged(&self) -> bool {
         self.command.is_some_and(|newest| newest.is_engaged)
     }
 
-    /// Returns the counts of messages that had no effect.
+    /// Returns the counts of rejected messages.
     pub const fn rejects(&self) -> &Rejects {
         &self.end.rejects
     }

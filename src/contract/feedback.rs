@@ -1,4 +1,4 @@
-//! The feedback of a cycle, from the far side to the node. docs/link.md has the table.
+//! Feedback message of a cycle, from the far side to the node. docs/link.md has the table.
 
 use crate::codec::{ENCAPSULATION_LENGTH, Writer, are_within, packed, unpacked};
 use crate::codes::codes;
@@ -13,39 +13,39 @@ pub const MAX_WRENCH: f64 = 1e5;
 codes! {
     /// State of the far side.
     pub enum FarState {
-        /// It stays where it is.
+        /// Holds its pose.
         Holding = 0, "holding";
-        /// It follows the commands of the session that leads.
+        /// Follows the commands of the leading session.
         Following = 1, "following";
     }
 }
 
 codes! {
-    /// Reason to hold. Only a new epoch ends it.
+    /// Reason of a hold. Only a new epoch ends it.
     pub enum Reason {
-        /// It follows.
+        /// No hold: the far side follows.
         None = 0, "none";
         /// No node leads, or its session was never armed.
         NotArmed = 1, "not armed";
-        /// No fresh command.
+        /// The newest command is older than `hold_after`.
         Silence = 2, "no fresh command";
         /// The force/torque sensor reports an invalid reading.
         SensorInvalid = 3, "force sensor invalid";
         /// The force/torque sensor is beyond its range.
         SensorSaturated = 4, "force sensor saturated";
-        /// The force/torque sensor reports nothing new.
+        /// The force/torque sensor sends no new readings.
         SensorSilent = 5, "force sensor silent";
         /// The contact wrench is above its limit.
         WrenchLimit = 6, "contact wrench above its limit";
-        /// The far side ends.
+        /// The far side terminates.
         Ending = 7, "far side ends";
-        /// A fault of the robot itself.
+        /// Fault of the robot.
         Robot = 8, "fault of the robot";
     }
 }
 
 impl Reason {
-    /// Returns the state that the reason stands for.
+    /// Returns [`FarState::Following`] for [`Reason::None`], else [`FarState::Holding`].
     pub fn state(self) -> FarState {
         if self == Self::None { FarState::Following } else { FarState::Holding }
     }
@@ -53,37 +53,37 @@ impl Reason {
 
 /// Measurements of one cycle of the far side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Wrench of the environment on the object at {S}, payload removed: force in N, then moment in N·m. `None` is invalid.
+pub struct Measurements {
+    /// Wrench of the environment on the object at {S}, without payload: force in N, then moment in N·m. `None` if invalid.
     pub wrench: Option<[f64; 6]>,
-    /// Pose of {MRF} in {b}.
+    /// Pose of {MRF} in {b}; `None` if invalid.
     pub pose: Option<Pose>,
-    /// Gripper.
+    /// Opening and force of the gripper; `None` without a gripper, or if invalid.
     pub gripper: Option<Gripper>,
 }
 
-/// Feedback of the far side.
+/// Feedback message of one cycle of the far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feedback {
-    /// Head.
+    /// Head of the message.
     pub head: Head,
-    /// Why it holds; [`Reason::None`] while it follows.
+    /// Reason of the hold; [`Reason::None`] while following.
     pub reason: Reason,
-    /// Session of the node that leads; zero for none.
+    /// Session of the leading node; zero without one.
     pub obeyed_session: u64,
-    /// Newest command of it that acted; zero for none.
+    /// Number of that session's newest command that has taken effect; zero without one.
     pub acted_sequence: u64,
-    /// Measurements.
-    pub measured: Measured,
+    /// Measurements of this cycle.
+    pub measured: Measurements,
 }
 
 impl Feedback {
-    /// Length, in bytes.
+    /// Length of the message, in bytes.
     pub const LENGTH: usize = ENCAPSULATION_LENGTH + HEAD_LENGTH + 152;
 
     /// Encodes the feedback.
     pub fn encode(&self) -> [u8; Self::LENGTH] {
-        let Measured { wrench, pose, gripper } = self.measured;
+        let Measurements { wrench, pose, gripper } = self.measured;
         let valid = packed([wrench.is_some(), pose.is_some(), gripper.is_some()]);
         let mut bytes = [0; Self::LENGTH];
         let mut writer = Writer::new(&mut bytes);
@@ -101,7 +101,7 @@ impl Feedback {
     /// Decodes a message.
     ///
     /// # Errors
-    /// A message that is not a feedback of this version, or has a value out of range.
+    /// Returns the reason if it is not a feedback of this version, or has a value out of range.
     pub fn decode(bytes: &[u8]) -> Result<Self, Reject> {
         let (head, mut reader) = Head::open(bytes, Kind::Feedback, Self::LENGTH)?;
         let [state, reason, valid] = reader.take()?;
@@ -121,7 +121,7 @@ impl Feedback {
             reason,
             obeyed_session,
             acted_sequence,
-            measured: Measured {
+            measured: Measurements {
                 wrench: has_wrench.then_some(wrench),
                 pose: has_pose.then_some(pose).transpose()?,
                 gripper: has_gripper.then_some(gripper).transpose()?,

@@ -1,4 +1,4 @@
-//! The head of every message: kind, version, arm, and the numbers that say how old the message is. docs/link.md has the table.
+//! Head of every message: kind, version, arm, and the numbers from which its age follows. docs/link.md has the table.
 
 use crate::codec::{Reader, Writer};
 use crate::codes::codes;
@@ -13,29 +13,29 @@ pub(crate) const HEAD_LENGTH: usize = 40;
 codes! {
     /// Kind of a message.
     pub(crate) enum Kind {
-        /// To the far side.
+        /// From the node, every cycle.
         Command = 1, "command";
         /// From the far side, every cycle.
         Feedback = 2, "feedback";
-        /// From the far side, where asked for.
+        /// From the far side, on request.
         Capability = 3, "capability";
     }
 }
 
 impl Kind {
-    /// Returns the kind of a message.
-    pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
+    /// Reads the kind of a message; `None` if it is not CDR, or has another code.
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let [code] = Reader::new(bytes).and_then(|mut reader| reader.take()).ok()?;
         Self::from_code(code)
     }
 }
 
-/// A message of the other end, by its session and number.
+/// Identity of a message: session of its sender, and its number in that session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Echo {
-    /// Session; zero for none.
+    /// Session; zero for no message.
     pub session: u64,
-    /// Number in that session; zero for none.
+    /// Number in the session, from 1; zero for no message.
     pub sequence: u64,
 }
 
@@ -47,13 +47,13 @@ impl Echo {
 /// Head of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
-    /// Number of the arm.
+    /// Arm number, which both ends must share.
     pub arm: u16,
-    /// Epoch of the node's session that the sender is in.
+    /// Present epoch of the node's session.
     pub epoch: u32,
-    /// Session and number of the message.
+    /// Session and number of this message.
     pub own: Echo,
-    /// Newest message from the other end.
+    /// Session and number of the newest message received from the other end.
     pub echo: Echo,
 }
 
@@ -69,7 +69,7 @@ impl Head {
         }
     }
 
-    /// Opens a message of this kind and length; returns its head, and the rest to read.
+    /// Checks kind, version and length of a message, and decodes its head. Returns it with a reader of the rest.
     pub(crate) fn open(
         bytes: &[u8],
         kind: Kind,

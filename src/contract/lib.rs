@@ -1,6 +1,7 @@
-//! The contract between a node and its far side, a robot in another process: messages, and what each end accepts.
+//! Contract between a node and its far side, a robot in another process: messages, and the rules of acceptance of each
+//! end.
 //!
-//! No I/O and no clock: bytes and times are arguments. docs/link.md has the byte tables, the states and test vectors.
+//! The crate has no I/O and no clock: bytes and times are arguments. docs/link.md has byte tables, states and test vectors.
 //!
 //! ```text
 //!  node: [`NodeEnd`]                                                              robot: [`FarEnd`]
@@ -9,23 +10,23 @@
 //!    ◄───────────────────────────────────────────────────────────── Capability ──   where a Command asks for it
 //! ```
 //!
-//! Each end draws a random session when it starts, numbers its messages, and repeats the newest session and number that it
-//! got from the other end: the *echo*. An end knows when it sent the echoed message, so it knows a maximum age of what the
-//! other end sends, on its own clock.
+//! Each end draws a random session at its start and numbers its messages. Each message repeats the newest session and
+//! number received from the other end: the *echo*. An end knows the send time of the echoed message, which bounds the age
+//! of the received message on its own clock.
 //!
 //! ```
-//! use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
+//! use contract::{FarEnd, Measurements, Motion, NodeEnd, Order};
 //! use std::time::Duration;
 //! use units::time::Instant;
 //!
 //! let at = |ms: u64| Instant::from_micros(1_000 * ms);
 //! let mut node = NodeEnd::new(0, 0x5eed);
 //! let mut far = FarEnd::new(0, 0xface, Duration::from_millis(100));
-//! // Once each end has received from the other, an echo says how old a message is.
+//! // After each end has received from the other, echoes bound the age of messages.
 //! let hold = Order { motion: Motion::Hold, is_engaged: false, gripper: None };
 //! for ms in 1..3 {
 //!     far.on_message(at(ms), &node.command(at(ms), &hold));
-//!     node.on_message(at(ms), &far.feedback(at(ms), &Measured::default()));
+//!     node.on_message(at(ms), &far.feedback(at(ms), &Measurements::default()));
 //! }
 //! node.begin_epoch();
 //! let rate = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true, gripper: None };
@@ -55,7 +56,7 @@ mod tests;
 pub use capability::{Capability, PayloadRemoval};
 pub use command::{Command, Gripper, Motion};
 pub use far_end::FarEnd;
-pub use feedback::{FarState, Feedback, MAX_WRENCH, Measured, Reason};
+pub use feedback::{FarState, Feedback, MAX_WRENCH, Measurements, Reason};
 pub use head::{Echo, Head, VERSION};
 pub use node_end::{NodeEnd, Order, Sample};
 pub use pose::{MAX_DISTANCE, NORM_TOLERANCE, Pose};

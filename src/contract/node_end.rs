@@ -1,4 +1,4 @@
-//! The node's end: sends the commands, and says which feedback of the far side may act, and how old it is.
+//! Node's end of the link: sends commands, and accepts feedback of the far side with a bound on its age.
 
 use std::time::Duration;
 
@@ -11,43 +11,43 @@ use crate::reject::{Reject, Rejects};
 use crate::round_trips::RoundTrips;
 use units::time::Instant;
 
-/// Maximum age of what may act (ADR 16).
+/// Maximum age of an accepted message (ADR 16).
 const MAX_AGE: Duration = Duration::from_millis(100);
 
 /// Command of the node for one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
-    /// Motion of {MRF}.
+    /// Commanded motion of {MRF}.
     pub motion: Motion,
-    /// True while the motion comes from the operator's hand.
+    /// The operator's hand commands the motion.
     pub is_engaged: bool,
-    /// Opening and maximum force of the gripper, where the hand controller has one.
+    /// Opening and maximum force of the gripper; `None` without a gripper command.
     pub gripper: Option<Gripper>,
 }
 
-/// A feedback that may act.
+/// Accepted feedback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time on the node's clock at which it was measured, or before.
+    /// Lower bound of the time of measurement, on the node's clock.
     pub at: Instant,
-    /// Feedback.
+    /// Decoded message.
     pub feedback: Feedback,
 }
 
-/// The node's end of the link.
+/// Node's end of the link.
 #[derive(Clone, Debug)]
 pub struct NodeEnd {
     end: LinkEnd,
     epoch: u32,
-    /// Capability, and the far side's session that it is of.
+    /// Session of a far side, and its capability.
     capability: Option<(u64, Capability)>,
-    /// Why the newest message had no effect.
+    /// Reason why the newest message was rejected.
     rejected: Option<Reject>,
     round_trips: RoundTrips,
 }
 
 impl NodeEnd {
-    /// Creates the end of `arm` with a session, which must be random. Allocates once.
+    /// Creates the end of `arm` with a random session. Allocates once.
     pub fn new(arm: u16, session: u64) -> Self {
         Self {
             end: LinkEnd::new(arm, session, MAX_AGE),
@@ -58,17 +58,17 @@ impl NodeEnd {
         }
     }
 
-    /// Begins a new epoch: at each arming and each reset.
+    /// Begins a new epoch, at each arming and each reset.
     pub const fn begin_epoch(&mut self) {
         self.epoch = self.epoch.saturating_add(1);
     }
 
-    /// Returns the epoch.
+    /// Returns the present epoch, from 0.
     pub const fn epoch(&self) -> u32 {
         self.epoch
     }
 
-    /// Returns the session.
+    /// Returns the session of this end.
     pub const fn session(&self) -> u64 {
         self.end.session()
     }
@@ -81,9 +81,9 @@ impl NodeEnd {
         Command { head, motion, is_engaged, asks_capability, gripper }.encode()
     }
 
-    /// Takes a message; returns it if it is a feedback that may act.
+    /// Receives a message; returns it if it is an accepted feedback.
     pub fn on_message(&mut self, now: Instant, bytes: &[u8]) -> Option<Sample> {
-        let taken = match Kind::of(bytes) {
+        let taken = match Kind::read(bytes) {
             Some(Kind::Capability) => self.on_capability(now, bytes).map(|()| None),
             _ => self.on_feedback(now, bytes),
         };
@@ -94,7 +94,7 @@ impl NodeEnd {
         taken.ok().flatten()
     }
 
-    /// Returns why the newest message had no effect; `None` if it had one.
+    /// Returns the reason why the newest message was rejected; `None` if it was accepted.
     pub const fn rejected(&self) -> Option<Reject> {
         self.rejected
     }
@@ -113,35 +113,35 @@ impl NodeEnd {
         Ok(at.map(|at| Sample { at, feedback }))
     }
 
-    /// Returns the send time of the message's echo; `None` for a first message.
+    /// Returns the send time of the message that the received one echoes; `None` for a first message.
     fn admit(&mut self, now: Instant, head: &Head) -> Result<Option<Instant>, Reject> {
         let Some(admission) = self.end.admit(now, head)? else { return Ok(None) };
         self.round_trips.add(now.since(admission.at));
         Ok(Some(admission.at))
     }
 
-    /// Returns the current session of the far side, zero for none.
+    /// Returns the current session of the far side; zero without one.
     pub fn far_session(&self) -> u64 {
         self.end.peers.session()
     }
 
-    /// Returns the capability of the current session of the far side.
+    /// Returns the capability of the far side's current session; `None` before it is received.
     pub fn capability(&self) -> Option<&Capability> {
         let current = self.end.peers.session();
         self.capability.as_ref().filter(|(session, _)| *session == current).map(|(_, it)| it)
     }
 
-    /// Returns the newest round trips.
+    /// Returns the record of the newest round trips.
     pub const fn round_trips(&self) -> &RoundTrips {
         &self.round_trips
     }
 
-    /// Returns the number of messages of the far side that were lost.
+    /// Returns the number of messages lost from the far side.
     pub const fn lost(&self) -> u64 {
         self.end.peers.lost()
     }
 
-    /// Returns the counts of messages that had no effect.
+    /// Returns the counts of rejected messages.
     pub const fn rejects(&self) -> &Rejects {
         &self.end.rejects
     }

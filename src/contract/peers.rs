@@ -1,4 +1,4 @@
-//! Sessions of the other end: which of them is current, what to echo, and which were left.
+//! Sessions of the other end: the current one, the message to echo, and former sessions.
 
 use std::time::Duration;
 
@@ -6,41 +6,43 @@ use crate::head::Echo;
 use crate::reject::Reject;
 use units::time::Instant;
 
-/// Maximum number of sessions that are remembered as left; with more, no new one becomes current.
+/// Maximum number of former sessions; at the maximum no new session becomes current.
 const MAX_LEFT: usize = 4_096;
 
 /// Sessions of the other end.
 #[derive(Clone, Debug)]
 pub(crate) struct Peers {
-    /// Age of an echo from which the current session may be replaced.
+    /// Age of the newest echo after which another session may replace the current one.
     max_age: Duration,
     current: Option<Peer>,
     /// Newest message of the current session, or of one that may become current.
     echo: Echo,
+    /// Former sessions.
     left: Vec<u64>,
-    /// Messages of current sessions that were not received.
+    /// Number of messages of current sessions not received.
     lost: u64,
 }
 
-/// The current session.
+/// Current session.
 #[derive(Clone, Copy, Debug)]
 struct Peer {
     session: u64,
-    /// Messages received, whatever their echo.
-    received: Received,
+    /// Numbers of received messages, with any echo.
+    received: ReplayWindow,
     /// Send time of the newest echo.
     fresh_at: Instant,
 }
 
-/// Numbers of the messages received: the newest, and a bit for each of the 128 up to it.
+/// Replay window: the newest number received, and one bit for each of the 128 numbers up to it.
 #[derive(Clone, Copy, Debug)]
-struct Received {
+struct ReplayWindow {
     newest: u64,
     bits: u128,
 }
 
-impl Received {
-    /// Takes a number, and adjusts the count of lost messages.
+impl ReplayWindow {
+    /// Records a number and adjusts the count of lost messages. Returns an error for a number received before, out of the
+    /// window, or overtaken.
     fn take(&mut self, sequence: u64, lost: &mut u64) -> Result<(), Reject> {
         if let Some(back) = self.newest.checked_sub(sequence) {
             let bit = u32::try_from(back).ok().and_then(|back| 1_u128.checked_shl(back));
@@ -57,10 +59,10 @@ impl Received {
     }
 }
 
-/// A message that passed.
+/// Accepted message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Admission {
-    /// Send time of its echo: it was made after that.
+    /// Send time of the echoed message: a lower bound of this message's send time.
     pub(crate) at: Instant,
     /// Its session has become current.
     pub(crate) is_new_session: bool,
@@ -76,7 +78,7 @@ impl Peers {
         self.echo
     }
 
-    /// Returns the current session; zero for none.
+    /// Returns the current session; zero without one.
     pub(crate) fn session(&self) -> u64 {
         self.current.map_or(0, |current| current.session)
     }
@@ -86,14 +88,14 @@ impl Peers {
         self.lost
     }
 
-    /// Checks a message by its session and number, and by the send time of its echo. `None`: a first message, whose sender
-    /// has received nothing yet.
+    /// Checks a message by its session and number, and by the send time of its echo. Returns `None` for a first message,
+    /// whose sender has not received one yet.
     ///
-    /// Only a fresh echo makes a session current, and only when the current one has none. A message of the current session
-    /// is echoed even if its own echo is too old, or two ends would never find back to each other after an interruption.
+    /// Only a fresh echo makes a session current, and only if the current session has no fresh echo. A message of the current
+    /// session is echoed even if its own echo is too old. Otherwise both ends could not resume after an interruption.
     ///
     /// # Errors
-    /// The reason why the message must not act.
+    /// Returns the reason why the message is rejected.
     pub(crate) fn admit(
         &mut self,
         now: Instant,
@@ -116,8 +118,8 @@ impl Peers {
         let at = sent_at?;
         self.left.extend(self.current.map(|current| current.session));
         let Echo { session, sequence } = message;
-        // What comes late of before is not counted as lost.
-        let received = Received { newest: sequence, bits: u128::MAX };
+        // Earlier messages that arrive late do not change the count of lost messages.
+        let received = ReplayWindow { newest: sequence, bits: u128::MAX };
         self.current = Some(Peer { session, received, fresh_at: at });
         Ok(Some(Admission { at, is_new_session: true }))
     }

@@ -1,4 +1,4 @@
-//! A pose as ROS writes it: position, then orientation as x, y, z, w.
+//! Pose in the layout of ROS (`geometry_msgs/Pose`): position, then orientation as x, y, z, w.
 
 use crate::codec::are_within;
 
@@ -24,13 +24,13 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// Returns its numbers in their order.
+    /// Returns position and orientation in the order of the wire.
     pub(crate) const fn numbers(&self) -> [f64; 7] {
         let ([x, y, z], [i, j, k, w]) = (self.position, self.orientation);
         [x, y, z, i, j, k, w]
     }
 
-    /// Returns the pose with these numbers, unless it is out of range.
+    /// Creates a pose from the wire; `None` for a distance out of range, or a quaternion that is not a unit.
     pub(crate) fn from_numbers([x, y, z, i, j, k, w]: [f64; 7]) -> Option<Self> {
         let (position, orientation) = ([x, y, z], [i, j, k, w]);
         let norm = orientation.iter().map(|part| part * part).sum::<f64>().sqrt();

@@ -1,8 +1,8 @@
-//! Newest round trips of the link.
+//! Record of the newest round trips of the link.
 
 use std::time::Duration;
 
-/// Round trips that are kept: a second at 1 kHz.
+/// Maximum number of round trips: 1 s at 1 kHz.
 const LENGTH: usize = 1_000;
 
 /// Newest round trips, from a command to the message that echoes it.
@@ -18,7 +18,7 @@ impl RoundTrips {
         Self { newest: Vec::with_capacity(LENGTH), ..Self::default() }
     }
 
-    /// Adds a message that echoes a command of `duration` ago.
+    /// Adds a round trip; replaces the oldest one of a full record.
     pub(crate) fn add(&mut self, duration: Duration) {
         match self.newest.get_mut(self.next) {
             Some(place) => *place = duration,
@@ -27,12 +27,12 @@ impl RoundTrips {
         self.next = (self.next + 1) % LENGTH;
     }
 
-    /// Returns the number of round trips that are kept, at most 1,000.
+    /// Returns the number of round trips in the record, at most 1,000.
     pub const fn count(&self) -> usize {
         self.newest.len()
     }
 
-    /// Returns the round trip that `percent` of the newest ones do not exceed; `None` before the first.
+    /// Returns a percentile of the round trips; `None` for an empty record. Sorts a copy.
     pub fn percentile(&self, percent: usize) -> Option<Duration> {
         let mut sorted = self.newest.clone();
         sorted.sort_unstable();

@@ -1,4 +1,4 @@
-//! Send times of one end's newest messages: from an echo follows a maximum age of what comes with it.
+//! Send times of one end's newest messages, from which an echo bounds the age of a received message.
 
 use std::time::Duration;
 
@@ -6,31 +6,31 @@ use crate::head::Echo;
 use crate::reject::Reject;
 use units::time::Instant;
 
-/// Messages whose send times are kept: a second at 4 kHz.
+/// Number of send times in the ring: 1 s at 4 kHz.
 const LENGTH: u64 = 4_096;
 
 /// Numbers and send times of the messages of one session.
 #[derive(Clone, Debug)]
-pub(crate) struct Sent {
+pub(crate) struct SendTimes {
     session: u64,
     /// Number of the newest message; zero before the first.
     newest: u64,
     times: Vec<Instant>,
 }
 
-impl Sent {
-    /// Creates the numbering of a session. Allocates once.
+impl SendTimes {
+    /// Creates an empty log of a session. Allocates once.
     pub(crate) fn new(session: u64) -> Self {
         let length = usize::try_from(LENGTH).unwrap_or_default();
         Self { session, newest: 0, times: vec![Instant::ZERO; length] }
     }
 
-    /// Returns the session.
+    /// Returns the session of this end.
     pub(crate) const fn session(&self) -> u64 {
         self.session
     }
 
-    /// Returns session and number of the message that is sent now.
+    /// Records a message sent at `now`; returns its session and number.
     pub(crate) fn stamp(&mut self, now: Instant) -> Echo {
         self.newest += 1;
         if let Some(time) = place(self.newest).and_then(|place| self.times.get_mut(place)) {
@@ -39,10 +39,10 @@ impl Sent {
         Echo { session: self.session, sequence: self.newest }
     }
 
-    /// Returns when the echoed message was sent. What carries the echo was made after that.
+    /// Returns the send time of an echoed message, a lower bound of that of the message with the echo.
     ///
     /// # Errors
-    /// [`Reject::Session`], [`Reject::NeverSent`], and [`Reject::Old`] if it was sent more than `max_age` ago.
+    /// Returns [`Reject::Session`], [`Reject::NeverSent`], or [`Reject::Old`] if it was sent more than `max_age` ago.
     pub(crate) fn time_of(
         &self,
         echo: Echo,
@@ -62,7 +62,7 @@ impl Sent {
     }
 }
 
-/// Returns the place of a message in the ring.
+/// Returns the index of a message in the ring.
 fn place(sequence: u64) -> Option<usize> {
     usize::try_from(sequence % LENGTH).ok()
 }
@@ -80,7 +80,7 @@ mod tests {
         fn property_13_age_of_an_echo_is_the_time_since_it_was_sent(
             count in 1..10_000_u64, back in 0..12_000_u64, later in 0..200_000_u64,
         ) {
-            let mut sent = Sent::new(7);
+            let mut sent = SendTimes::new(7);
             for at in 1..=count {
                 assert_eq!(sent.stamp(Instant::from_micros(at)).sequence, at);
             }

@@ -1,4 +1,4 @@
-//! Changes that the operator makes while running: scales, locks, alignment. What may be changed when, and by how much.
+//! Adjustments by the operator while the arm runs (scales, locks, alignment), with their bounds and preconditions.
 
 use serde::Serialize;
 use thiserror::Error;
@@ -7,63 +7,63 @@ use crate::scaling::{Factors, Scale, Scaling};
 use units::adjustment::{LockAxis, Quantity};
 use units::spatial::Wrench;
 
-/// Maximum force and moment at {MRF} that are not yet a contact, in N and N·m.
+/// Maximum force and moment at {MRF} without contact, in N and N·m.
 pub const CONTACT: [f64; 2] = [1.0, 0.1];
 
-/// Bounds of adjustments, as the gains were judged.
+/// Bounds of adjustments that the gain check covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Smallest and greatest scale.
+    /// Minimum and maximum scale.
     pub scale: [Scale; 2],
-    /// Axes along or about which the object yields to force (K_FA).
+    /// Axes on which the object yields to force (K_FA > 0).
     pub yields: [bool; 6],
 }
 
 /// State of all adjustments in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Adjusted {
-    /// Scale that was set.
+pub struct AdjustmentState {
+    /// Configured scale, which `factors` reach within 0.5 s.
     pub scale: Scale,
-    /// Locked axes.
+    /// Locked axes of {MRF}.
     pub locked: [bool; 6],
-    /// Factors on the gains, which reach scale and locks within half a second.
+    /// Present factors on the gains.
     pub factors: Factors,
-    /// The object is being turned to the orientation of the grip.
+    /// An alignment of the object to the grip is in progress.
     pub is_aligning: bool,
 }
 
 /// Reason why an adjustment is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum AdjustmentRefused {
-    /// A factor beyond what the gains were judged with.
+pub enum AdjustmentError {
+    /// Factor outside the bounds of the gain check.
     #[error(
         "scale of {quantity} must be within {low}..={high} (controller.scale.{quantity}), got {value}"
     )]
     OutOfBounds {
-        /// Quantity.
+        /// Scaled quantity.
         quantity: Quantity,
-        /// Smallest factor.
+        /// Minimum factor.
         low: f64,
-        /// Greatest factor.
+        /// Maximum factor.
         high: f64,
         /// Requested factor.
         value: f64,
     },
-    /// In rate mode the command along an axis that yields is what holds the contact's force.
+    /// In rate mode the command along a yielding axis maintains the contact force.
     #[error(
         "lock of {axis}: the rate along it holds the force of the contact, since the object yields; move off first"
     )]
     HoldsContact {
-        /// Axis.
+        /// Requested axis.
         axis: LockAxis,
     },
     /// In rate mode the orientation of the grip commands a rate.
     #[error("align turns the object by pose: select pose mode first")]
     NotPose,
-    /// The object moves by the operator's command only.
+    /// The operator does not command, and the object moves by command only.
     #[error("align turns the object: hold the deadman until it commands")]
     NotCommanding,
-    /// The object touches something.
+    /// The object is in contact.
     #[error("align turns the object, which is in contact: move off first")]
     InContact,
     /// A rotation is locked.
@@ -75,25 +75,25 @@ pub enum AdjustmentRefused {
 }
 
 impl Bounds {
-    /// Fixed scales, and an object that does not yield.
+    /// Scales fixed at 1, and an object that does not yield.
     pub const FIXED: Self = Self { scale: [Scale::ONE; 2], yields: [false; 6] };
 
-    /// Checks a scale.
+    /// Checks a factor against the bounds of its quantity.
     ///
     /// # Errors
-    /// A value out of the bounds, or NaN.
-    pub fn check_scale(&self, quantity: Quantity, value: f64) -> Result<(), AdjustmentRefused> {
-        let [low, high] = self.scale.map(|scale| scale.of(quantity));
+    /// Returns [`AdjustmentError::OutOfBounds`] for a factor outside, or NaN.
+    pub fn check_scale(&self, quantity: Quantity, value: f64) -> Result<(), AdjustmentError> {
+        let [low, high] = self.scale.map(|scale| scale.factor(quantity));
         if (low..=high).contains(&value) {
             Ok(())
         } else {
-            Err(AdjustmentRefused::OutOfBounds { quantity, low, high, value })
+            Err(AdjustmentError::OutOfBounds { quantity, low, high, value })
         }
     }
 }
 
-impl Adjusted {
-    /// Returns the state of a scaling, and whether an alignment is under way.
+impl AdjustmentState {
+    /// Combines the state of a scaling with that of the alignment.
     pub(crate) const fn new(scaling: &Scaling, is_aligning: bool) -> Self {
         Self {
             scale: *scaling.scale(),
@@ -103,19 +103,19 @@ impl Adjusted {
         }
     }
 
-    /// Returns the locked axes, in order.
+    /// Returns the locked axes, translations first.
     pub fn locked_axes(&self) -> impl Iterator<Item = LockAxis> + '_ {
         LockAxis::ALL.into_iter().filter(|axis| axis.entry(&self.locked))
     }
 }
 
-/// Returns whether a wrench at {MRF} is that of a contact.
+/// Returns whether a wrench at {MRF} exceeds [`CONTACT`].
 pub(crate) fn is_contact(f_m: &Wrench) -> bool {
     let [force, moment] = CONTACT;
     f_m.force.norm() > force || f_m.moment.norm() > moment
 }
 
-/// Returns whether a contact resists along or about an axis of {MRF}.
+/// Returns whether a wrench at {MRF} exceeds [`CONTACT`] along or about `axis`.
 pub(crate) fn is_contact_on(f_m: &Wrench, axis: LockAxis) -> bool {
     let [force, moment] = CONTACT;
     axis.entry(&f_m.components()).abs() > if axis.is_rotation() { moment } else { force }

@@ -1,7 +1,7 @@
 //! Alignment: turns the commanded orientation to that of the grip, in pose mode.
 //!
-//! The turn starts and ends at rest, at constant acceleration and at most [`MAX_RATE`]. Axes of {0} and {b} with the same name
-//! are taken for parallel.
+//! The rate profile is a trapezoid with [`ACCELERATION`] and [`MAX_RATE`], at rest on both ends. The axes of {0} and {b}
+//! are assumed parallel.
 
 use nalgebra::UnitQuaternion;
 
@@ -13,7 +13,7 @@ const MAX_RATE: f64 = 0.5;
 /// Angular acceleration of the turn, in rad/s².
 const ACCELERATION: f64 = 1.0;
 
-/// A turn under way.
+/// Alignment in progress.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Alignment {
     /// Rate of the last cycle, in rad/s.
@@ -21,8 +21,8 @@ pub(crate) struct Alignment {
 }
 
 impl Alignment {
-    /// Returns the commanded orientation of the next cycle, from that of this one to that of the grip; also whether they are equal
-    /// then. The grip may turn meanwhile.
+    /// Returns the commanded orientation of the next cycle, turned from `r_b_d` towards `r_0_g`, and whether it has reached
+    /// `r_0_g`. The grip may turn between calls.
     pub(crate) fn next(
         &mut self,
         period: Period,

@@ -1,10 +1,9 @@
-//! The hand controller as a chain of `N` joints: forward kinematics (Eq. 1), the Jacobian at the
-//! grip, the torques that hold its own weight (3.3), and its mass matrix.
+//! Hand controller as a chain of `N` joints: forward kinematics (Eq. 1), Jacobian at the grip, gravity torques (3.3)
+//! and mass matrix.
 //!
-//! Not its motion, and no inverse of anything. Craig's modified Denavit-Hartenberg frames (Craig
-//! 1989, 3.4): link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)` from link `i - 1`, with α and a of the axis
-//! before it. The Jacobian is always the one at {G}, so a spherical wrist needs no second wrench
-//! transformation (decisions 10, 11 and 31).
+//! Frames are Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4): link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)` from
+//! link `i - 1`, with α and a of the axis before it. The Jacobian is always that at {G}, so a spherical wrist needs no
+//! second wrench transformation (decisions 10, 11 and 31).
 
 use nalgebra::{Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -12,30 +11,30 @@ use thiserror::Error;
 use units::math;
 use units::spatial::{Jacobian, Twist, Wrench};
 
-/// No length, mass or position is larger, so that the products of them stay finite.
+/// Maximum magnitude of a length, mass or position, so that their products stay finite.
 const MAX_MAGNITUDE: f64 = 1e6;
 
 /// Motion of a joint along or about its z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// Revolute: its position is in rad, its torque in N·m.
+    /// Position in rad, torque in N·m.
     Revolute,
-    /// Prismatic: its position is in m, its "torque" a force in N.
+    /// Position in m; its "torque" is a force in N.
     Prismatic,
 }
 
-/// One joint and the link it moves. A plain description, checked by [`Arm::new`].
+/// Description of one joint and the link that it moves; [`Arm::new`] checks it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
     /// Revolute or prismatic.
     pub kind: JointKind,
-    /// α of the axis before, in rad.
+    /// Link twist α of the preceding link (Craig), in rad.
     pub alpha: f64,
-    /// a of the axis before, in m.
+    /// Link length a of the preceding link (Craig), in m.
     pub a: f64,
-    /// d, in m; to it a sliding joint adds its position.
+    /// Offset d, in m; a prismatic joint adds its position.
     pub d: f64,
-    /// θ, in rad; to it a turning joint adds its position.
+    /// Angle θ, in rad; a revolute joint adds its position.
     pub theta: f64,
     /// Mass of the link, in kg.
     pub mass: f64,
@@ -43,23 +42,23 @@ pub struct Link {
     pub centre_of_mass: [f64; 3],
     /// Inertia about the centre of mass, in kg·m²: xx, yy, zz, xy, xz, yz.
     pub inertia: [f64; 6],
-    /// Inertia of the rotor, seen after its gear, in kg·m² (kg where it slides).
+    /// Inertia of the rotor at the joint side of the gear, in kg·m², or kg of a prismatic joint.
     pub rotor_inertia: f64,
-    /// Lowest and highest position of the joint, in rad or m.
+    /// Minimum and maximum position of the joint, in rad or m.
     pub range: [f64; 2],
 }
 
-/// The chain from {0} to {G}.
+/// Kinematic chain from {0} to {G}, with masses and gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm<const N: usize> {
-    links: [Placed; N],
+    links: [LinkModel; N],
     x_n_g: Isometry3<f64>,
     gravity: Vector3<f64>,
 }
 
-/// A link with its constant transforms precomputed.
+/// Link with its constant transforms precomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Placed {
+struct LinkModel {
     kind: JointKind,
     /// `Rx(α) Tx(a)`.
     fixed: Isometry3<f64>,
@@ -72,7 +71,7 @@ struct Placed {
     range: [f64; 2],
 }
 
-/// Poses of all links: one forward pass, from which Jacobian and gravity torques follow.
+/// Poses of all links: the result of one forward pass, from which Jacobian and gravity torques follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture<const N: usize> {
     /// Poses of the links in {0}.
@@ -87,15 +86,15 @@ pub enum InvalidArm {
     /// A joint or its link is invalid.
     #[error("joint {joint}: {link}")]
     Link {
-        /// The joint, from 1 to `N`: not every arm has six.
+        /// Joint number, from 1 to `N`.
         joint: usize,
-        /// Reason.
+        /// Invalid quantity.
         link: InvalidLink,
     },
-    /// The grip's place in the last link.
+    /// Pose of the grip in the last link.
     #[error("the pose of the grip in the last link is not finite")]
     Grip,
-    /// Gravity.
+    /// Gravity vector.
     #[error("gravity is not a finite vector")]
     Gravity,
 }
@@ -103,35 +102,35 @@ pub enum InvalidArm {
 /// Reason why the description of a joint and its link is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidLink {
-    /// A length, angle or position that is not a reasonable number.
+    /// Length, angle or position beyond ±1e6, or NaN.
     #[error("{quantity} = {value} is not within ±{MAX_MAGNITUDE}")]
     OutOfRange {
-        /// The invalid quantity.
+        /// Name of the quantity.
         quantity: &'static str,
-        /// The value given.
+        /// Rejected value, in rad, m or kg·m².
         value: f64,
     },
-    /// Mass must not be negative.
+    /// Mass not within 0 and 1e6 kg.
     #[error("mass = {value} kg is not within 0 and {MAX_MAGNITUDE}")]
     Mass {
-        /// The mass given, in kg.
+        /// Rejected mass, in kg.
         value: f64,
     },
-    /// The lowest position must lie below the highest.
+    /// Minimum position not below the maximum.
     #[error("range from {low} to {high} is empty")]
     EmptyRange {
-        /// Its lowest position.
+        /// Minimum position, in rad or m.
         low: f64,
-        /// Its highest position.
+        /// Maximum position, in rad or m.
         high: f64,
     },
 }
 
 impl<const N: usize> Arm<N> {
-    /// From its links, the pose of the grip in the last of them, and gravity in {0} in m/s².
+    /// Creates an arm from its links, the pose of the grip in the last link, and gravity in {0} in m/s².
     ///
     /// # Errors
-    /// The first number that cannot be.
+    /// Returns the first invalid quantity.
     pub fn new(
         links: [Link; N],
         x_n_g: Isometry3<f64>,
@@ -143,21 +142,20 @@ impl<const N: usize> Arm<N> {
         if !is_pose(&x_n_g) {
             return Err(InvalidArm::Grip);
         }
-        Self { links: links.map(Placed::from), x_n_g, gravity: Vector3::zeros() }
+        Self { links: links.map(LinkModel::from), x_n_g, gravity: Vector3::zeros() }
             .in_gravity(gravity)
     }
 
-    /// The same arm where springs or counterweights carry it: gravity asks for no torque
-    /// (decision 32).
+    /// Returns the arm balanced by springs or counterweights, whose gravity torques are zero (decision 32).
     #[must_use]
     pub fn balanced(self) -> Self {
         Self { gravity: Vector3::zeros(), ..self }
     }
 
-    /// The same arm in other gravity, in {0} in m/s²: on a base that is tilted, or not balanced.
+    /// Returns the arm with another gravity vector in {0}, in m/s², as on a tilted base.
     ///
     /// # Errors
-    /// A vector that is not finite.
+    /// Returns [`InvalidArm::Gravity`] if a component is beyond ±1e6 or NaN.
     pub fn in_gravity(self, gravity: [f64; 3]) -> Result<Self, InvalidArm> {
         if gravity.iter().all(|part| part.abs() <= MAX_MAGNITUDE) {
             Ok(Self { gravity: gravity.into(), ..self })
@@ -166,7 +164,7 @@ impl<const N: usize> Arm<N> {
         }
     }
 
-    /// The pose of the grip in the last link: of {G} in {W}.
+    /// Pose of the grip in the last link, {G} in {W}.
     pub const fn grip(&self) -> &Isometry3<f64> {
         &self.x_n_g
     }
@@ -182,13 +180,12 @@ impl<const N: usize> Arm<N> {
         Posture { x_0_links, x_0_g: x_0_i * self.x_n_g }
     }
 
-    /// The pose of the grip in {0} (Eq. 1).
+    /// Computes the pose of the grip in {0} at joint positions `q` (Eq. 1).
     pub fn forward(&self, q: &SVector<f64, N>) -> Isometry3<f64> {
         self.posture(q).x_0_g
     }
 
-    /// The Jacobian that gives the twist of {G} written in {G}, as Eq. 7 needs it for a wrench at
-    /// {G} written in {G}.
+    /// Computes the Jacobian from joint rates to the twist of {G}, written in {G} (Eq. 7).
     pub fn jacobian(&self, posture: &Posture<N>) -> Jacobian<N> {
         let r_g_0 = posture.x_0_g.rotation.inverse();
         let p_0_g = posture.x_0_g.translation.vector;
@@ -200,12 +197,12 @@ impl<const N: usize> Arm<N> {
         Jacobian::from_columns(&columns)
     }
 
-    /// The torques that hold the arm's own weight, `Σ J_ciᵀ (-m_i g)`: each joint carries the links
-    /// beyond it and no other (decision 12).
+    /// Computes the torques that hold the weight of the arm, `Σ J_ciᵀ (-m_i g)`, in N·m or N: each joint carries only the
+    /// links beyond it (decision 12).
     pub fn gravity(&self, posture: &Posture<N>) -> SVector<f64, N> {
         let mut tau = SVector::<f64, N>::zeros();
         let mut mass = 0.0;
-        let mut mass_moment = Vector3::zeros(); // of the links from here outwards, about {0}
+        let mut mass_moment = Vector3::zeros(); // of this link and those beyond it, about {0}
         let outwards = self.links.iter().zip(&posture.x_0_links).zip(tau.iter_mut());
         for ((link, x_0_i), torque) in outwards.rev() {
             let axis = x_0_i.rotation * Vector3::z();
@@ -222,8 +219,8 @@ impl<const N: usize> Arm<N> {
         tau
     }
 
-    /// The wrench at the grip, in {G}, that would hold all links if they were one body (decision 12, read
-    /// literally). Right for the first joint only: every other also carries what lies before it.
+    /// Computes the wrench at the grip, in {G}, that would hold all links as one rigid body (decision 12, read literally).
+    /// Its torque is correct for the first joint only; every other joint also carries the links before it.
     pub fn gravity_at_grip(&self, posture: &Posture<N>) -> Wrench {
         let p_0_g = posture.x_0_g.translation.vector;
         let r_g_0 = posture.x_0_g.rotation.inverse();
@@ -237,13 +234,13 @@ impl<const N: usize> Arm<N> {
         holding
     }
 
-    /// Lowest and highest position of each joint, in rad or m.
+    /// Minimum and maximum position of each joint, in rad or m.
     pub fn ranges(&self) -> [[f64; 2]; N] {
         self.links.map(|link| link.range)
     }
 
-    /// The mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` and the rotors: the kinetic energy of
-    /// every link, written in joint rates. In kg·m², kg·m and kg. Not needed in the loop.
+    /// Computes the mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` plus the rotors, in kg·m², kg·m and kg. The cycle does
+    /// not need it.
     pub fn mass_matrix(&self, posture: &Posture<N>) -> SMatrix<f64, N, N> {
         let rotors = SVector::from_iterator(self.links.iter().map(|link| link.rotor_inertia));
         let mut mass = SMatrix::from_diagonal(&rotors);
@@ -258,8 +255,8 @@ impl<const N: usize> Arm<N> {
         mass
     }
 
-    /// The Jacobian, in {0}, of the point `p_0_c` of link `outermost`, counted from 0: joints beyond
-    /// it do not move it.
+    /// Computes the Jacobian, in {0}, of the point `p_0_c` of link `outermost`, from 0. Joints beyond that link have zero
+    /// columns.
     fn columns(&self, posture: &Posture<N>, p_0_c: &Vector3<f64>, outermost: usize) -> Jacobian<N> {
         let mut columns = [Twist::ZERO; N];
         let joints = self.links.iter().zip(&posture.x_0_links).zip(&mut columns);
@@ -269,9 +266,9 @@ impl<const N: usize> Arm<N> {
         Jacobian::from_columns(&columns)
     }
 
-    /// The first joint outside its range, counted from 0.
+    /// Returns the first joint outside its range, from 0. NaN is outside.
     pub fn out_of_range(&self, q: &SVector<f64, N>) -> Option<usize> {
-        let inside = |(link, position): (&Placed, &f64)| {
+        let inside = |(link, position): (&LinkModel, &f64)| {
             let [low, high] = link.range;
             (low..=high).contains(position)
         };
@@ -280,8 +277,7 @@ impl<const N: usize> Arm<N> {
 }
 
 impl JointKind {
-    /// The twist, in {0}, of the point `p_0_c` when the joint whose frame is `x_0_i` moves at a rate
-    /// of one.
+    /// Returns the twist, in {0}, of the point `p_0_c` at unit rate of the joint with frame `x_0_i`.
     fn twist(self, x_0_i: &Isometry3<f64>, p_0_c: &Vector3<f64>) -> Twist {
         let axis = x_0_i.rotation * Vector3::z();
         match self {
@@ -294,7 +290,7 @@ impl JointKind {
 }
 
 impl Link {
-    /// A revolute joint about z, its link without length or mass: a starting point for descriptions.
+    /// Revolute joint about z with a link of no length or mass: a template for descriptions.
     pub const TURNING: Self = Self {
         kind: JointKind::Revolute,
         alpha: 0.0,
@@ -308,7 +304,7 @@ impl Link {
         range: [-3.0, 3.0],
     };
 
-    /// Returns the first invalid number.
+    /// Returns the first invalid quantity.
     fn check(&self) -> Result<(), InvalidLink> {
         let [x, y, z] = self.centre_of_mass;
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
@@ -345,8 +341,8 @@ impl Link {
     }
 }
 
-impl Placed {
-    /// The pose of this link in the one before it, its joint at `position`.
+impl LinkModel {
+    /// Returns the pose of this link in the preceding one, with its joint at `position` in rad or m.
     fn moved(&self, position: f64) -> Isometry3<f64> {
         let (theta, d) = match self.kind {
             JointKind::Revolute => (self.theta + position, self.d),
@@ -362,7 +358,7 @@ impl Placed {
     }
 }
 
-impl From<Link> for Placed {
+impl From<Link> for LinkModel {
     fn from(link: Link) -> Self {
         let about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), link.alpha);
         let [xx, yy, zz, xy, xz, yz] = link.inertia;
@@ -383,7 +379,7 @@ impl From<Link> for Placed {
     }
 }
 
-/// Returns whether a pose is finite, of reasonable size, and its rotation a unit quaternion.
+/// Returns whether a pose is finite and within ±1e6 m, with a unit quaternion.
 pub(crate) fn is_pose(x: &Isometry3<f64>) -> bool {
     let near = x.translation.vector.iter().all(|part| part.abs() <= MAX_MAGNITUDE);
     near && (x.rotation.norm() - 1.0).abs() < 1e-6
@@ -435,9 +431,9 @@ mod tests {
         prop::array::uniform5(-2.0..2.0_f64).prop_map(SVector::from)
     }
 
-    /// The energy of the weights, in J.
+    /// Returns the potential energy of the links, in J.
     fn energy(arm: &Arm<5>, q: &SVector<f64, 5>) -> f64 {
-        let weighed = |(link, x_0_i): (&Placed, &Isometry3<f64>)| {
+        let weighed = |(link, x_0_i): (&LinkModel, &Isometry3<f64>)| {
             let p_0_c = x_0_i.rotation * link.centre_of_mass + x_0_i.translation.vector;
             -link.mass * p_0_c.dot(&arm.gravity)
         };

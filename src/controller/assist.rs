@@ -1,7 +1,7 @@
-//! The operator assist: the return to centre as a wrench (Eq. 8) and damping (Eq. 9).
+//! Operator assist: return to centre as a wrench (Eq. 8), and damping (Eq. 9).
 //!
-//! Not gravity, which is no wrench at the grip (decision 12), and not the law of one axis, which is
-//! [`channels`](crate::channels).
+//! [`channels`](crate::channels) has the law of one axis. Gravity compensation acts at the joints, not at the grip
+//! (decision 12).
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -14,9 +14,8 @@ use crate::period::Period;
 use crate::reference::Displacement;
 use units::spatial::{Twist, Wrench};
 
-/// The wrench on the hand that draws it back to the reference, in {G} (Eq. 8): forces along the
-/// axes that ΔX is written along, turned by `r_g_dx` into those of {G} (decision 2); moments that
-/// belong to the numbers the orientation is written in (decision 15).
+/// Computes the wrench that returns the hand to the reference, in {G} (Eq. 8). Forces act along the axes of ΔX, rotated
+/// into {G} by `r_g_dx` (decision 2). Moments are conjugate to the orientation parameters (decision 15).
 pub fn centring(
     channels: &Channels,
     orientation: Orientation,
@@ -31,15 +30,15 @@ pub fn centring(
     }
 }
 
-/// The same as the paper prints it: the six forces on ΔX, taken for a wrench at {G}. It gives off
-/// energy round a loop, and pushes away a hand that is turned far enough (decisions 2 and 15).
+/// Computes Eq. 8 as printed: the six forces on ΔX, taken as a wrench at {G}. It generates energy on closed paths, and
+/// repels a hand at large rotations (decisions 2 and 15).
 pub fn centring_by_components(channels: &Channels, dx: &Displacement) -> Wrench {
     Wrench::from_components(channels.centring(dx))
 }
 
 /// Damping of the hand's motion (Eq. 9), with gains in SI rather than per cycle (decision 19).
 ///
-/// Keeps nothing of a twist, so a new reference is no motion; keeps the last ΔX.
+/// It depends on the twist of the grip, which a new reference does not change, or on the difference to the last ΔX.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damping {
     gain: Gains,
@@ -49,13 +48,13 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// From K_D in N·s/m and N·m·s/rad. The paper's gain per cycle is this over the period.
+    /// Creates a damping of K_D in N·s/m and N·m·s/rad. The paper's gain per cycle is K_D over the period.
     pub const fn new(gain: Gains, period: Period, reading: Difference) -> Self {
         Self { gain, period, reading, dx_before: None }
     }
 
-    /// The wrench on the hand, in {G}, against its motion. `forget` makes this cycle the first: the
-    /// reference was set here, or the mode or the time jumped.
+    /// Computes the wrench on the hand against its motion, in {G}. `forget` discards the last ΔX: after a new reference, a
+    /// change of mode or an overrun.
     pub fn wrench(
         &mut self,
         v_g: &Twist,
@@ -70,14 +69,14 @@ impl Damping {
         }
     }
 
-    /// Translation is damped along the axes of the reference, rotation about those of the grip.
+    /// Damps translation along the axes of the reference, and rotation about those of the grip.
     fn against(&self, v_g: &Twist, x_h_g: &Isometry3<f64>) -> Wrench {
         let moving = Twist { linear: x_h_g.rotation * v_g.linear, angular: v_g.angular };
         let against = moving.scaled(self.gain.values()) * -1.0;
         Wrench { force: x_h_g.rotation.inverse() * against.linear, moment: against.angular }
     }
 
-    /// Eq. 9 as printed: the change of each number of ΔX, taken for a wrench at {G}.
+    /// Computes Eq. 9 as printed: the change of each component of ΔX, taken as a wrench at {G}.
     fn against_change(&self, dx: &Displacement, dx_before: &Displacement) -> Wrench {
         let mut change = dx.components();
         for (now, before) in change.iter_mut().zip(dx_before.components()) {
@@ -88,25 +87,26 @@ impl Damping {
     }
 }
 
-/// Steepest fall of `1 / (1 + u²)`, at `u = 1/√3`: `3 √3 / 8`.
+/// Maximum slope of `1 / (1 + u²)`, at `u = 1/√3`: `3 √3 / 8`.
 const STEEPEST_FADE: f64 = 0.649_519_052_838_329;
 
 /// Fade of the return to centre in contact (decision 23): a factor of `1 / (1 + (|F| / F0)²)`.
 ///
-/// F0 is at least `3 √3 / 8` of the return along the task force, so the sum of both along it never falls as it grows.
+/// F0 is at least `3 √3 / 8` of the return along the task force. The sum of both along it is then monotonic in the task
+/// force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactFade(f64);
 
-/// The force F0 of a fade is invalid.
+/// Invalid force F0 of a fade, in N.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("the contact fade must be positive and finite, got {0} N")]
 pub struct InvalidFade(pub f64);
 
 impl ContactFade {
-    /// Fading to half at a task force of `half_at` N.
+    /// Creates a fade to one half at a task force of `half_at` N.
     ///
     /// # Errors
-    /// A force that is not positive and finite.
+    /// Returns an error unless the force is positive and finite.
     pub fn new(half_at: f64) -> Result<Self, InvalidFade> {
         if half_at.is_finite() && half_at > 0.0 {
             Ok(Self(half_at))
@@ -193,7 +193,7 @@ mod tests {
                 let f_g = centring(&channels(), orientation, &x_h_g.rotation.inverse(), &dx);
                 let outwards = x_h_g.rotation.inverse() * dx.translation;
                 prop_assert!(f_g.force.dot(&outwards) <= 0.0);
-                // Turning a little towards the reference, as its numbers shrink, is helped.
+                // A small turn towards the reference does positive work.
                 let step = 1e-6;
                 let shrunk = orientation.rotation(&(dx.orientation * (1.0 - step)));
                 let turn = rotation::rotation_vector(&(x_h_g.rotation.inverse() * shrunk));

@@ -1,80 +1,80 @@
-//! Booking: the part of the reflection port in the torques that the drives really hold.
+//! Booking: attributes to the reflection port its part of the torques that the drives hold.
 //!
-//! The port asks for a torque; [`Slew`](crate::limits::Slew), the gate of the node and a dropped frame decide how much
-//! of it a drive holds. Each joint goes some share of the way from its last torque to the one that was asked for, and
-//! all parts of its torque go the same share:
+//! A drive may hold less than the requested torque, because of [`Slew`](crate::limits::Slew), the node's target limiter
+//! or a dropped frame. Each actuator then covers a fraction `w` of the requested change, and so does each part of its
+//! torque:
 //!
 //! ```text
-//!  w = (τ_held - τ_held_before) / (τ_asked - τ_held_before)      within 0 and 1
-//!  p = p_before + w (p_asked - p_before)                         the port's part of τ_held
+//!  w = (τ_held - τ_held_before) / (τ_requested - τ_held_before)      within 0 and 1
+//!  p = p_before + w (p_requested - p_before)                         the port's part of τ_held
 //! ```
 //!
-//! The parts always add up to the torque that is held. All torques are those of the actuators, in N·m or N.
+//! The parts add up to the held torque. All torques are those of the actuators, in N·m or N.
 
 use crate::JointVector;
 
-/// Difference of two torques that is rounding, in N·m or N.
+/// Maximum difference of two torques that counts as rounding, in N·m or N.
 const ROUNDING: f64 = 1e-9;
 
-/// Parts of the port: all of it, and its damper alone.
+/// Actuator torques of the port, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PortTorques {
-    /// Task and damper.
+    /// Task and passivity damper together.
     pub(crate) port: JointVector,
-    /// The damper of the passivity controller.
+    /// Passivity damper alone.
     pub(crate) damper: JointVector,
 }
 
 impl PortTorques {
-    /// No torques.
+    /// Returns zero torques.
     pub(crate) fn zero() -> Self {
         Self { port: JointVector::zeros(), damper: JointVector::zeros() }
     }
 }
 
-/// The torques that the drives hold, and the port's parts of them.
+/// Held and requested torques, and the port's part of each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Booking {
     held: JointVector,
     parts: PortTorques,
-    asked: JointVector,
-    asked_parts: PortTorques,
+    requested: JointVector,
+    requested_parts: PortTorques,
 }
 
 impl Booking {
-    /// Starts with no torque.
+    /// Creates a booking with all torques zero.
     pub(crate) fn new() -> Self {
         let none = JointVector::zeros();
         let parts = PortTorques::zero();
-        Self { held: none, parts, asked: none, asked_parts: parts }
+        Self { held: none, parts, requested: none, requested_parts: parts }
     }
 
-    /// Keeps the torques that this cycle asks for before they are slewed, and the port's parts of them.
-    pub(crate) const fn ask(&mut self, tau: &JointVector, parts: &PortTorques) {
-        self.asked = *tau;
-        self.asked_parts = *parts;
+    /// Records the torques requested in this cycle, before their slew limit, and the port's part of them.
+    pub(crate) const fn request(&mut self, tau: &JointVector, parts: &PortTorques) {
+        self.requested = *tau;
+        self.requested_parts = *parts;
     }
 
-    /// Books the torques that the drives hold since; returns the port's parts of them. All must be finite.
+    /// Records the torques that the drives hold since the last request, which must be finite. Returns the port's part.
     pub(crate) fn book(&mut self, held: &JointVector) -> PortTorques {
-        let mut way = JointVector::zeros();
-        for (way, ((held, before), asked)) in
-            way.iter_mut().zip(held.iter().zip(self.held.iter()).zip(self.asked.iter()))
+        let mut fraction = JointVector::zeros();
+        for (fraction, ((held, before), requested)) in
+            fraction.iter_mut().zip(held.iter().zip(self.held.iter()).zip(self.requested.iter()))
         {
-            *way = share_of_way(*before, *asked, *held);
+            *fraction = applied_fraction(*before, *requested, *held);
         }
-        let PortTorques { port, damper } = self.asked_parts;
-        self.parts.port += way.component_mul(&(port - self.parts.port));
-        self.parts.damper += way.component_mul(&(damper - self.parts.damper));
+        let PortTorques { port, damper } = self.requested_parts;
+        self.parts.port += fraction.component_mul(&(port - self.parts.port));
+        self.parts.damper += fraction.component_mul(&(damper - self.parts.damper));
         self.held = *held;
         self.parts
     }
 }
 
-/// Share of the way from `before` to `asked` that `held` has gone, 0 to 1.
-fn share_of_way(before: f64, asked: f64, held: f64) -> f64 {
-    let way = asked - before;
-    if way.abs() <= ROUNDING { 1.0 } else { ((held - before) / way).clamp(0.0, 1.0) }
+/// Returns the applied fraction of the change from `before` to `requested`, 0 to 1.
+fn applied_fraction(before: f64, requested: f64, held: f64) -> f64 {
+    let change = requested - before;
+    if change.abs() <= ROUNDING { 1.0 } else { ((held - before) / change).clamp(0.0, 1.0) }
 }
 
 #[cfg(test)]
@@ -91,10 +91,10 @@ mod tests {
         PortTorques { port: first(port), damper: first(damper) }
     }
 
-    /// Asks for a torque with the port's parts of it, of which the drives take `held`.
-    fn booked(booking: &mut Booking, asked: [f64; 3], held: f64) -> [f64; 2] {
-        let [tau, port, damper] = asked;
-        booking.ask(&first(tau), &parts(port, damper));
+    /// Requests a torque and its port parts while the drives hold `held`; returns the booked parts.
+    fn booked(booking: &mut Booking, requested: [f64; 3], held: f64) -> [f64; 2] {
+        let [tau, port, damper] = requested;
+        booking.request(&first(tau), &parts(port, damper));
         let PortTorques { port, damper } = booking.book(&first(held));
         [port[0], damper[0]]
     }
@@ -138,7 +138,7 @@ mod tests {
         fn parts_always_add_up_to_what_is_held(
             steps in prop::collection::vec((-5.0..5.0_f64, 0.0..1.0_f64), 1..50)
         ) {
-            // The port is the whole torque: whatever the drives take is the port's.
+            // The port requests all of the torque, so all that the drives hold is its part.
             let (mut booking, mut held) = (Booking::new(), 0.0_f64);
             for (asked, share) in steps {
                 held += share * (asked - held);

@@ -1,8 +1,8 @@
-//! Between what drives count and what physics measures: encoder counts to joint positions, joint
-//! torques to per mille of rated torque by their torque curves (4.2, Fig. 6).
+//! Conversion between drive units and SI: encoder counts to joint positions, joint torques to per mille of rated torque
+//! by their torque curves (4.2, Fig. 6; decisions 24 and 25).
 //!
-//! Not the limits of the loop; a torque beyond the calibrated range is only cut off, so that the
-//! polynomial is never evaluated outside the measured range. Decisions 24 and 25.
+//! A torque beyond the calibrated range saturates, so that the polynomial is never evaluated outside of it.
+//! [`limits`](crate::limits) scales torques before that.
 
 use std::f64::consts::TAU;
 
@@ -13,13 +13,13 @@ use crate::coupling::Coupling;
 pub use crate::torque_curve::{InvalidTorqueCurve, TorqueCurve};
 use units::drive::{Counts, PerMille};
 
-/// Gear ratios between these keep positions exact and finite.
+/// Valid magnitudes of a gear ratio; positions stay exact and finite.
 const RATIOS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;
 
 /// Encoder, gear and torque curve of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointCalibration {
-    /// Counts per rad, or per m of a sliding joint; negative where the motor turns against it.
+    /// Counts per rad, or per m of a prismatic joint; negative if motor and joint turn in opposite directions.
     counts_per_unit: f64,
     zero_counts: i32,
     curve: TorqueCurve,
@@ -31,18 +31,18 @@ pub enum InvalidJointCalibration {
     /// Zero counts per revolution.
     #[error("an encoder of 0 counts per revolution")]
     NoCounts,
-    /// A gear ratio of zero, not finite, or out of range.
+    /// Gear ratio whose magnitude is not within 0.001 and 1e9.
     #[error("gear ratio {0} is not within 0.001 and 1e9 either way")]
     GearRatio(f64),
 }
 
 impl JointCalibration {
-    /// From the encoder's counts per revolution of the motor, motor revolutions per revolution of
-    /// the joint (motor rad per m for a sliding joint; negative where they turn against each
-    /// other), the counts at position zero, and the torque curve.
+    /// Creates the calibration of a joint. `counts_per_rev` counts one motor revolution; `zero_counts` is the actual
+    /// position (6064h) at joint position zero. `gear_ratio` is motor revolutions per joint revolution, or motor rad per m;
+    /// negative if they turn in opposite directions.
     ///
     /// # Errors
-    /// Unless counts and gear ratio give finite positions.
+    /// Returns an error for zero counts, or a gear ratio out of range.
     pub fn new(
         counts_per_rev: u32,
         gear_ratio: f64,
@@ -59,58 +59,58 @@ impl JointCalibration {
         Ok(Self { counts_per_unit, zero_counts, curve })
     }
 
-    /// The position, in rad or m. A count that has run over the end of 32 bits since zero is right.
+    /// Converts counts to a position in rad or m, modulo 2³² counts.
     fn position(&self, counts: Counts) -> f64 {
         f64::from(counts.0.wrapping_sub(self.zero_counts)) / self.counts_per_unit
     }
 
-    /// The counts nearest to a position in rad or m.
+    /// Converts a position in rad or m to the nearest counts.
     fn counts(&self, position: f64) -> Counts {
         Counts(whole_i32(position * self.counts_per_unit).wrapping_add(self.zero_counts))
     }
 
-    /// The target nearest to a joint torque in N·m.
+    /// Converts a torque in N·m or N to the nearest target.
     fn target(&self, torque: f64) -> PerMille {
         PerMille(whole_i16(self.curve.at(torque) * self.direction()))
     }
 
-    /// The target of the largest torque, whichever way the motor turns.
+    /// Magnitude of the target at the end of the calibrated range, rounded up.
     pub fn max_target(&self) -> PerMille {
         PerMille(whole_i16(self.curve.at(self.curve.max_torque()).ceil()))
     }
 
-    /// The same with another torque curve.
+    /// Replaces the torque curve.
     #[must_use]
     pub const fn with_curve(self, curve: TorqueCurve) -> Self {
         Self { curve, ..self }
     }
 
-    /// The torque curve.
+    /// Curve from joint torque to per mille of rated torque.
     pub const fn curve(&self) -> &TorqueCurve {
         &self.curve
     }
 
-    /// Torque of one per mille near zero, in N·m: the resolution of a target.
+    /// Resolution of a target near zero, in N·m or N: the torque of 1 ‰.
     pub fn resolution(&self) -> f64 {
         self.curve.torque(1.0)
     }
 
-    /// The joint's motion from one count to the next, in rad or m.
+    /// Resolution of the position, in rad or m: one count.
     pub const fn quantum(&self) -> f64 {
         self.counts_per_unit.recip().abs()
     }
 
-    /// Magnitude of a motion in rad or m, in counts; at most 2³¹ - 1.
+    /// Converts the magnitude of a motion in rad or m to counts, at most 2³¹ - 1.
     pub fn span(&self, motion: f64) -> u32 {
         whole_i32(motion * self.counts_per_unit).unsigned_abs()
     }
 
-    /// The joint torque in N·m that a target asks for.
+    /// Converts a target to a torque in N·m or N.
     fn torque(&self, target: PerMille) -> f64 {
         self.curve.torque(f64::from(target.0) * self.direction())
     }
 
-    /// -1 where the motor turns against the joint.
+    /// Returns -1 if motor and joint turn in opposite directions, else 1.
     fn direction(&self) -> f64 {
         self.counts_per_unit.signum()
     }
@@ -124,12 +124,12 @@ pub struct Calibration<const N: usize> {
 }
 
 impl<const N: usize> Calibration<N> {
-    /// Creates the calibration of joints with an actuator each, base first.
+    /// Creates the calibration of uncoupled joints, base first.
     pub fn new(actuators: [JointCalibration; N]) -> Self {
         Self { actuators, coupling: Coupling::none() }
     }
 
-    /// The same, actuators and joints being coupled.
+    /// Replaces the coupling of actuators and joints.
     #[must_use]
     pub const fn coupled(self, coupling: Coupling<N>) -> Self {
         Self { coupling, ..self }
@@ -140,7 +140,7 @@ impl<const N: usize> Calibration<N> {
         &self.coupling
     }
 
-    /// Joint positions, in rad or m.
+    /// Converts actual positions (6064h) to joint positions, in rad or m.
     pub fn positions(&self, counts: &[Counts; N]) -> SVector<f64, N> {
         let counted = self.actuators.iter().zip(counts);
         let m = counted.map(|(actuator, counts)| actuator.position(*counts));
@@ -176,7 +176,8 @@ impl<const N: usize> Calibration<N> {
         self.coupling.at_joints(&SVector::from_iterator(tau_a))
     }
 
-    /// Torques of the actuators that hold `held`: those of `targets` are known to be `tau_a`. In N·m or N.
+    /// Converts held targets to actuator torques, in N·m or N. `tau_a` are the torques of `targets`, and replace the
+    /// conversion where both targets agree.
     pub(crate) fn held_torques(
         &self,
         held: &[PerMille; N],
@@ -188,7 +189,7 @@ impl<const N: usize> Calibration<N> {
         for ((torque, (held, target)), actuator) in
             torques.iter_mut().zip(pairs).zip(&self.actuators)
         {
-            // The inverse of a curve costs more than all the rest of a joint.
+            // The inverse of a curve dominates the cost.
             if held != target {
                 *torque = actuator.torque(*held);
             }
@@ -196,13 +197,13 @@ impl<const N: usize> Calibration<N> {
         torques
     }
 
-    /// Largest torque of each actuator: the end of its calibrated range, in N·m or N.
+    /// Capacity of each actuator, in N·m or N: the end of its calibrated range.
     pub fn max_torques(&self) -> SVector<f64, N> {
         SVector::from_iterator(self.actuators.iter().map(|actuator| actuator.curve.max_torque()))
     }
 }
 
-/// The nearest whole number, halves to the even one; the nearest end beyond 16 bits.
+/// Rounds to the nearest `i16`, ties to even, saturating.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -212,7 +213,7 @@ fn whole_i16(value: f64) -> i16 {
     value.round_ties_even() as i16
 }
 
-/// The nearest whole number, halves to the even one; the nearest end beyond 32 bits.
+/// Rounds to the nearest `i32`, ties to even, saturating.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -270,7 +271,7 @@ mod tests {
         fn counts_may_run_over_the_end_of_32_bits(
             before in 0..300_000_i32, beyond in 1..300_000_i32, is_upwards in any::<bool>()
         ) {
-            // From before the end to beyond it: always over it.
+            // The path crosses the end of the range.
             let moved = if is_upwards { before + beyond } else { -before - beyond };
             let zero = if is_upwards { i32::MAX - before } else { i32::MIN + before };
             prop_assert!(zero.checked_add(moved).is_none());

@@ -1,9 +1,8 @@
-//! One law for each Cartesian axis (Fig. 4): a deadband that separates six inputs in one hand, and
-//! the constant-force return to centre that marks its edge (3.3, Eq. 8).
+//! Channels: a deadband and a constant-force return to centre on each Cartesian axis (Fig. 4, 3.3, Eq. 8).
 //!
-//! Not the wrench these make together, which is [`assist`](crate::assist). Odd in the
-//! displacement, as Fig. 4 is drawn and the text says (decision 14): as printed, the first line of
-//! Eq. 8 pushes a hand on the negative side away, without bound.
+//! The deadband separates six inputs of one hand; the return force marks its edge. [`assist`](crate::assist) combines
+//! the axes to a wrench. The law is odd in the displacement, as in Fig. 4 and the text (decision 14). As printed, the
+//! first line of Eq. 8 repels a hand on the negative side without bound.
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -11,43 +10,43 @@ use thiserror::Error;
 use crate::gains::{Gains, InvalidGain};
 use crate::reference::Displacement;
 
-/// Deadband, plateau and wall of all six axes.
+/// Deadband, return force and wall of all six axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channels([Channel; 6]);
 
-/// One axis, in m and N or in rad and N·m.
+/// Channel of one axis, in m and N or in rad and N·m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Channel {
     deadband: f64,
     plateau: f64,
-    /// Return force is a spring's, which reaches the plateau at the deadband's edge and goes on.
+    /// Return force is linear: the plateau at the edge of the deadband, and more beyond.
     is_spring: bool,
     wall: f64,
     stiffness: f64,
 }
 
-/// Why six numbers make no channels.
+/// Reason why channels are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidChannels {
-    /// One of them is no such number.
+    /// Value that is negative, too large or NaN.
     #[error(transparent)]
     Number(#[from] InvalidGain),
-    /// A plateau without a deadband to rise in would be a step at the centre.
+    /// Plateau without a deadband: a step at the centre.
     #[error("return to centre of {plateau} on axis {axis} needs a deadband to rise in")]
     Step {
-        /// The axis, 1 to 6.
+        /// Cartesian axis, 1 to 6.
         axis: usize,
-        /// The plateau asked for, in N or N·m.
+        /// Configured plateau, in N or N·m.
         plateau: f64,
     },
 }
 
 impl Channels {
-    /// From half-widths of the deadband (m, rad) and the plateaus of the return force (N, N·m).
+    /// Creates channels from half-widths of the deadband (m, rad) and plateaus of the return force (N, N·m).
     /// The paper's parabolic constant `a` is the plateau over the deadband squared.
     ///
     /// # Errors
-    /// A number that is negative or not finite, or a plateau without a deadband.
+    /// Returns the first invalid value, or a plateau without a deadband.
     pub fn new(deadband: [f64; 6], plateau: [f64; 6]) -> Result<Self, InvalidChannels> {
         let deadband = Gains::new(deadband, "deadband")?;
         let plateau = Gains::new(plateau, "return to centre")?;
@@ -62,11 +61,11 @@ impl Channels {
         Ok(Self(channels))
     }
 
-    /// The same with the third zone of Fig. 4: from `wall` (m, rad) on, a spring of `stiffness`
-    /// (N/m, N·m/rad) on top of the plateau. Off unless asked for, as in the paper (decision 16).
+    /// Adds the third zone of Fig. 4: beyond `wall` (m, rad), a spring of `stiffness` (N/m, N·m/rad) in addition to the
+    /// plateau. Off by default, as in the paper (decision 16).
     ///
     /// # Errors
-    /// A number that is negative or not finite.
+    /// Returns the first invalid value.
     pub fn with_wall(self, wall: [f64; 6], stiffness: [f64; 6]) -> Result<Self, InvalidChannels> {
         let wall = Gains::new(wall, "wall")?;
         let stiffness = Gains::new(stiffness, "stiffness of the wall")?;
@@ -78,15 +77,13 @@ impl Channels {
         Ok(Self(channels))
     }
 
-    /// The same with springs in place of the constant force (3.3 compares the two): each reaches its
-    /// plateau at the edge of its deadband, and grows beyond it.
+    /// Replaces the constant force by springs that reach the plateau at the edge of the deadband (3.3 compares both).
     #[must_use]
     pub fn as_springs(self) -> Self {
         Self(self.0.map(|channel| Channel { is_spring: true, ..channel }))
     }
 
-    /// The walls alone: what may mark the end of the workspace in pose mode, where nothing draws the
-    /// hand back (3.5).
+    /// Removes the return force, so that only walls remain: they may mark the end of the workspace in pose mode (3.5).
     #[must_use]
     pub fn walls_only(self) -> Self {
         Self(self.0.map(|channel| Channel { plateau: 0.0, ..channel }))
@@ -102,12 +99,12 @@ impl Channels {
         self.0.map(|channel| channel.plateau)
     }
 
-    /// Displacements from which on walls push, in m and rad; `None` where there is no wall.
+    /// Displacements at which walls begin, in m and rad; `None` without a wall.
     pub fn walls(&self) -> [Option<f64>; 6] {
         self.0.map(|channel| (channel.stiffness > 0.0).then_some(channel.wall))
     }
 
-    /// The largest force in N of return and walls on a hand displaced by `reach` m along every axis.
+    /// Force in N of return and walls on a hand displaced by `reach` m along every axis.
     pub fn strongest_force(&self, reach: f64) -> f64 {
         let [x, y, z, ..] = self.0.map(|channel| channel.centring(reach));
         Vector3::new(x, y, z).norm()
@@ -118,9 +115,8 @@ impl Channels {
         Displacement::from_components(self.each(dx, Channel::beyond_deadband))
     }
 
-    /// The return force of each axis (Eq. 8): N along the axes of the reference, N·m per rad of
-    /// each number of the orientation. Taken from the whole displacement, not what the deadband
-    /// leaves.
+    /// Computes the return force of each axis (Eq. 8), in N along the axes of the reference, and in N·m per rad of each
+    /// orientation parameter. It depends on the displacement before the deadband.
     pub fn centring(&self, dx: &Displacement) -> [f64; 6] {
         self.each(dx, Channel::centring)
     }
@@ -195,7 +191,7 @@ mod tests {
         fn property_03_neither_law_has_a_step(dx in dx(), by in -1e-6..1e-6_f64) {
             let (a, b) = (dx, dx.map(|x| x + by));
             let (a, b) = (Displacement::from_components(a), Displacement::from_components(b));
-            // The steepest of either: 2 F / DB = 400 N/m of the first axis, and the wall's 400.
+            // Maximum stiffness of both: 2 F / DB = 400 N/m on the first axis, and 400 N/m of the wall.
             for (a, b) in walled().centring(&a).iter().zip(walled().centring(&b)) {
                 prop_assert!((a - b).abs() <= 801.0 * by.abs());
             }

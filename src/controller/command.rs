@@ -1,52 +1,50 @@
-//! The command for the object: a rate (Eq. 5) or a pose (3.5) from the hand's displacement.
+//! Command for the object: a rate (Eq. 5) or a pose (3.5) from the hand's displacement.
 //!
-//! Not what the object makes of it. A command begins without a jump (decision 29): in pose mode the
-//! reference is set anew, in rate mode the rate stays zero until the hand has been back at the
-//! centre or a reference has been set. Where the numbers of the orientation jump it ends the same
-//! way (decision 4).
+//! A command starts without a jump (decision 29). In pose mode it sets a new reference. In rate mode the rate is zero
+//! until the hand has returned to the centre or set a reference. Near the singularity of the orientation parameters the
+//! command ends, and restarts in the same way (decision 4).
 
 use nalgebra::Isometry3;
 
 use crate::channels::Channels;
 use crate::gains::Gains;
-use crate::interpretation::{Displaced, Interpretation};
+use crate::interpretation::{DisplacementFrame, Interpretation};
 use crate::orientation::Orientation;
 use crate::reference::{Displacement, Reference};
-use crate::switches::{Mode, Pressed};
+use crate::switches::{Mode, Permissions};
 use units::spatial::{Motion, Twist};
 
-/// Gains from a displacement to a command.
+/// Gains from displacement to command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandLaw {
     /// K_V, in 1/s, applied after Eq. 5 in the axes of {MRF} (decision 6).
     pub rate_gain: Gains,
-    /// K_P: by how much the object outreaches the hand.
+    /// K_P: displacement of the object per displacement of the hand.
     pub pose_gain: Gains,
-    /// Deadband also applies in pose mode, where the paper did not find it useful.
+    /// Deadband also applies in pose mode, unlike in the paper.
     pub pose_deadband: bool,
 }
 
 /// Gate of the operator's command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// Deadman open: the command is to hold.
+    /// Deadman open: the object holds.
     Released,
-    /// The deadman is held; the hand must come back to the centre, or set a reference, first.
+    /// Deadman held; the object holds until the hand returns to the centre or sets a reference.
     Waiting,
-    /// As before, because the hand turned farther from its reference than its orientation can be
-    /// commanded.
+    /// Deadman held; the object holds, since the hand's rotation from its reference exceeds the commandable range.
     TurnedTooFar,
-    /// The command is the operator's.
+    /// The displacement commands the object.
     Open,
 }
 
 impl Gate {
-    /// The gate of this cycle: `centred` says that the hand commands nothing from where it is,
-    /// `set` that the reference was set here.
+    /// Returns the gate of this cycle. `centred`: the displacement is within the deadband. `set`: the reference was set in
+    /// this cycle. `is_within`: the orientation is in the commandable range.
     #[must_use]
     pub fn next(
         self,
-        pressed: &Pressed,
+        permissions: &Permissions,
         mode: Mode,
         set: bool,
         centred: bool,
@@ -54,21 +52,21 @@ impl Gate {
     ) -> Self {
         let fresh = match mode {
             Mode::Rate => set || centred,
-            // Elsewhere the object would jump to where the hand points.
-            Mode::Pose => set || pressed.engaged && !pressed.latches,
+            // Otherwise the object would jump to the displacement of the hand.
+            Mode::Pose => set || permissions.engaged && !permissions.latches,
         };
-        match (pressed.commands, is_within, fresh) {
+        match (permissions.commands, is_within, fresh) {
             (false, ..) => Self::Released,
             (true, false, _) => Self::TurnedTooFar,
             (true, true, true) => Self::Open,
-            (true, true, false) if pressed.engaged || self == Self::Released => Self::Waiting,
+            (true, true, false) if permissions.engaged || self == Self::Released => Self::Waiting,
             (true, true, false) => self,
         }
     }
 }
 
 impl CommandLaw {
-    /// The part of a displacement that commands: ΔX less the deadband (decision 5).
+    /// Returns the commanding part of a displacement: ΔX less the deadband (decision 5).
     pub fn effective(&self, mode: Mode, channels: &Channels, dx: &Displacement) -> Displacement {
         match mode {
             Mode::Pose if !self.pose_deadband => *dx,
@@ -76,7 +74,7 @@ impl CommandLaw {
         }
     }
 
-    /// The command for `dx_db`, what the deadband left of the displacement.
+    /// Returns the command for `dx_db`, the displacement less the deadband.
     pub fn motion(
         &self,
         interpretation: &Interpretation,
@@ -92,13 +90,13 @@ impl CommandLaw {
         }
     }
 
-    /// The twist of {MRF}, in its own axes: K_V on the translation, and on Eq. 5.
+    /// Computes the commanded twist of {MRF}, written in {MRF}: K_V times translation and Eq. 5.
     pub fn rate(&self, orientation: Orientation, dx_db: &Displacement) -> Twist {
         let angular = orientation.rate(&dx_db.orientation);
         Twist { linear: dx_db.translation, angular }.scaled(self.rate_gain.values())
     }
 
-    /// Returns the same with each gain times the factor of its axis.
+    /// Multiplies each gain by the factor of its axis.
     #[must_use]
     pub fn scaled(&self, factors: &[f64; 6]) -> Self {
         let [rate_gain, pose_gain] =
@@ -106,8 +104,8 @@ impl CommandLaw {
         Self { rate_gain, pose_gain, ..*self }
     }
 
-    /// The pose of {MRF} in its base: the object's reference, moved as the hand moved from its own,
-    /// times K_P (decision 7); along the axes of its base if ΔX is along those of the hand's.
+    /// Computes the commanded pose of {MRF} in its base: the object's reference, displaced by K_P times the displacement of
+    /// the hand (decision 7). The translation is along the axes of the object's base if ΔX is written in {0}.
     pub fn pose(
         &self,
         interpretation: &Interpretation,
@@ -116,14 +114,14 @@ impl CommandLaw {
     ) -> Isometry3<f64> {
         let x_r_d = self.enlarged(interpretation, dx_db);
         let mut x_b_d = reference.x_b_r * x_r_d;
-        if interpretation.displacement == Displaced::InBase {
+        if interpretation.displacement == DisplacementFrame::Base {
             x_b_d.translation.vector =
                 reference.x_b_r.translation.vector + x_r_d.translation.vector;
         }
         x_b_d
     }
 
-    /// The object's reference from which `dx_db` commands `x_b_d`: the inverse of [`pose`](Self::pose).
+    /// Computes the object's reference at which `dx_db` commands `x_b_d`: the inverse of [`pose`](Self::pose).
     pub fn reference(
         &self,
         interpretation: &Interpretation,
@@ -132,13 +130,13 @@ impl CommandLaw {
     ) -> Isometry3<f64> {
         let x_r_d = self.enlarged(interpretation, dx_db);
         let mut x_b_r = x_b_d * x_r_d.inverse();
-        if interpretation.displacement == Displaced::InBase {
+        if interpretation.displacement == DisplacementFrame::Base {
             x_b_r.translation.vector = x_b_d.translation.vector - x_r_d.translation.vector;
         }
         x_b_r
     }
 
-    /// The displacement times K_P.
+    /// Computes the displacement times K_P, as a pose.
     fn enlarged(&self, interpretation: &Interpretation, dx_db: &Displacement) -> Isometry3<f64> {
         let enlarged = dx_db.scaled(self.pose_gain.values());
         Isometry3::from_parts(
@@ -162,8 +160,8 @@ mod tests {
         }
     }
 
-    const HELD: Pressed = Pressed { commands: true, ..Pressed::NOTHING };
-    const ENGAGED: Pressed = Pressed { engaged: true, ..HELD };
+    const HELD: Permissions = Permissions { commands: true, ..Permissions::NOTHING };
+    const ENGAGED: Permissions = Permissions { engaged: true, ..HELD };
 
     proptest! {
         #[test]
@@ -205,9 +203,9 @@ mod tests {
         ) {
             let mut gate = Gate::Released;
             for [commands, engaged, set, centred, is_within, rate] in steps {
-                let pressed = Pressed { commands, engaged: engaged && commands, ..Pressed::NOTHING };
+                let permissions = Permissions { commands, engaged: engaged && commands, ..Permissions::NOTHING };
                 let mode = if rate { Mode::Rate } else { Mode::Pose };
-                gate = gate.next(&pressed, mode, set, centred, is_within);
+                gate = gate.next(&permissions, mode, set, centred, is_within);
                 prop_assert_eq!(gate == Gate::Released, !commands);
                 prop_assert!(gate != Gate::Open || is_within);
             }
@@ -216,8 +214,9 @@ mod tests {
 
     #[test]
     fn displaced_hand_commands_no_rate_before_centre() {
-        let next =
-            |gate: Gate, pressed, centred| gate.next(pressed, Mode::Rate, false, centred, true);
+        let next = |gate: Gate, permissions, centred| {
+            gate.next(permissions, Mode::Rate, false, centred, true)
+        };
         let gate = next(Gate::Released, &ENGAGED, false);
         assert_eq!(gate, Gate::Waiting);
         assert_eq!(next(gate, &HELD, false), Gate::Waiting);

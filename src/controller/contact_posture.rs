@@ -1,7 +1,7 @@
-//! Postures of the arm in contact: how well it renders a push there.
+//! Posture of the arm in contact, and the quality of force rendering there.
 //!
-//! The grip goes straight from where it is, with its orientation, by Newton steps on the Jacobian. Near a singularity the
-//! friction of the joints counts many times at the grip, and an error of their torques does.
+//! The grip moves on a straight line at constant orientation, by Newton's method on the Jacobian. Near a singularity,
+//! joint friction and torque errors are amplified at the grip.
 
 use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 use thiserror::Error;
@@ -10,19 +10,19 @@ use crate::JointVector;
 use crate::arm::Arm;
 use units::spatial::{Jacobian, Twist};
 
-/// Longest step of the way, in m: within it, one posture is near enough to the next for Newton's method.
+/// Maximum step along the path, in m, within which Newton's method converges from the previous posture.
 const STEP: f64 = 5e-3;
 
-/// Newton steps per step of the way.
+/// Newton iterations per step.
 const ITERATIONS: u32 = 8;
 
-/// Residual of a pose that is reached, in m and rad.
+/// Residual of convergence, in m and rad.
 const TOLERANCE: f64 = 1e-7;
 
-/// Maximum number of steps of a way; at most 50 m.
+/// Maximum number of steps of a path: 50 m.
 const MAX_STEPS: f64 = 1e4;
 
-/// Quality of a posture for pushes along one direction.
+/// Posture with its force rendering along one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactPosture {
     /// Joint positions, in rad or m.
@@ -33,10 +33,10 @@ pub struct ContactPosture {
     pub friction_n: f64,
 }
 
-/// Bounds of a posture in which contact is rendered well.
+/// Bounds of a posture with acceptable force rendering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PostureBounds {
-    /// Minimum of the smallest singular value (m, rad).
+    /// Minimum of the smallest singular value, in the units of [`ContactPosture::sigma_min`].
     pub min_sigma: f64,
     /// Maximum dry friction along the push, in N.
     pub max_friction_n: f64,
@@ -49,33 +49,33 @@ impl PostureBounds {
     }
 }
 
-/// Every posture is within these bounds.
+/// Bounds that every posture satisfies.
 impl Default for PostureBounds {
     fn default() -> Self {
         Self { min_sigma: 0.0, max_friction_n: f64::INFINITY }
     }
 }
 
-/// Reason why the arm does not come to a pose.
+/// Reason why the arm does not reach a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum OutOfReach {
-    /// No posture has this pose.
+    /// Newton's method does not converge: no posture reaches the pose.
     #[error("no posture of the arm reaches it: the way ends after {reached:.3} m")]
     NoPosture {
-        /// Way that the grip can go, in m.
+        /// Length of the path that is reachable, in m.
         reached: f64,
     },
     /// A joint leaves its range.
     #[error("joint {joint} would leave its range")]
     JointRange {
-        /// The joint, from 1.
+        /// Joint number, from 1.
         joint: usize,
     },
 }
 
 impl ContactPosture {
-    /// Judges a posture with Jacobian `j_g`, for pushes along the unit vector `n_g` in {G}, with the joints' dry friction
-    /// `coulomb` in N·m or N.
+    /// Evaluates the posture `q` with Jacobian `j_g`, for a push along the unit vector `n_g` in {G}. `coulomb` is the dry
+    /// friction of the joints, in N·m or N.
     pub fn new(
         q: &JointVector,
         j_g: &Jacobian<6>,
@@ -90,18 +90,18 @@ impl ContactPosture {
         Self { q: *q, sigma_min, friction_n }
     }
 
-    /// Returns the posture after a straight way of the grip from `q`, `way` in {0} in m, that pushes along it.
+    /// Moves the grip from `q` along the straight `path`, in {0} in m, and evaluates the posture for a push along it.
     ///
     /// # Errors
-    /// A pose out of reach, with the way to the last one within, or the joint that leaves its range first.
+    /// Returns the reachable length if a pose is out of reach, or the first joint that leaves its range.
     pub fn after(
         arm: &Arm<6>,
         q: &JointVector,
-        way: &Vector3<f64>,
+        path: &Vector3<f64>,
         coulomb: &JointVector,
     ) -> Result<Self, OutOfReach> {
         let x_0_first = arm.forward(q);
-        let length = way.norm();
+        let length = path.norm();
         if !length.is_finite() {
             return Err(OutOfReach::NoPosture { reached: 0.0 });
         }
@@ -111,19 +111,19 @@ impl ContactPosture {
             let reached = length * step / steps;
             step += 1.0;
             let mut x_0_g = x_0_first;
-            x_0_g.translation.vector += way * (step / steps);
+            x_0_g.translation.vector += path * (step / steps);
             q = solved(arm, &q, &x_0_g).ok_or(OutOfReach::NoPosture { reached })?;
             if let Some(place) = arm.out_of_range(&q) {
                 return Err(OutOfReach::JointRange { joint: place + 1 });
             }
         }
         let posture = arm.posture(&q);
-        let n_g = posture.x_0_g.rotation.inverse() * way.try_normalize(0.0).unwrap_or_default();
+        let n_g = posture.x_0_g.rotation.inverse() * path.try_normalize(0.0).unwrap_or_default();
         Ok(Self::new(&q, &arm.jacobian(&posture), &n_g, coulomb))
     }
 }
 
-/// Returns joint positions near `q` with the grip at `x_0_g`, by Newton's method.
+/// Solves for joint positions near `q` with the grip at `x_0_g`, by Newton's method. `None` without convergence.
 fn solved(arm: &Arm<6>, q: &JointVector, x_0_g: &Isometry3<f64>) -> Option<JointVector> {
     let mut q = *q;
     for _ in 0..ITERATIONS {
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use crate::arm::Link;
 
-    /// Three turning joints in a plane with links of 0.25 m, three for the orientation at the grip.
+    /// Returns an arm with a planar chain of three joints, links of 0.25 m, and three joints for orientation at the grip.
     fn arm() -> Arm<6> {
         let quarter = std::f64::consts::FRAC_PI_2;
         let link = |alpha, a| Link { alpha, a, ..Link::TURNING };
@@ -188,7 +188,7 @@ mod tests {
         let (arm, coulomb) = (arm(), JointVector::from([0.01, 0.02, 0.03, 0.04, 0.05, 0.06]));
         let way = Vector3::new(0.03, 0.0, 0.0);
         let found = ContactPosture::after(&arm, &bent(), &way, &coulomb).unwrap();
-        // Joint rates at which the grip moves by 1 m/s along the push.
+        // Joint rates at a grip speed of 1 m/s along the push.
         let small = 1e-5;
         let on = ContactPosture::after(&arm, &found.q, &Vector3::new(small, 0.0, 0.0), &coulomb);
         let power = (on.unwrap().q - found.q).abs().dot(&coulomb) / small;

@@ -1,52 +1,54 @@
-//! Stiffness of what the object touches, as sensed, and the energy that its spring stores.
+//! Estimate of the environment's stiffness k_e, and the energy that its spring stores.
 //!
-//! In pose mode the contact's spring is felt through both gains: along one axis the hand meets `K_T K_P k_e`. The hand
-//! that presses stores energy in it, and a hand that lets go gets it back. It is no credit of the port, but it is no
-//! debt either. In rate mode the depth is not the hand's, and nothing is stored.
+//! In pose mode the reflected stiffness along one axis is `K_T K_P k_e`. A hand that presses stores energy in it, and gets
+//! it back on release. That energy does not count as credit or debt of the port. In rate mode the depth does not depend on the
+//! hand's displacement, and no energy is stored.
 //!
-//! The estimate is the slope of the contact force over the object's way against that force, by least squares over all
-//! samples of one contact (the running form of Welford 1962). Force and pose are of one sample of the remote side, so
-//! delay does not matter. Ways along the surface do not count.
+//! The estimate is the slope of contact force over depth, by least squares over all samples of one contact (the running
+//! form of Welford 1962). Force and pose belong to the same sample of the remote side, so delay has no effect. Motion
+//! along the surface does not count.
 
 use nalgebra::Vector3;
 
 use crate::gains::Gains;
 use units::spatial::Wrench;
 
-/// Force on the object from which there is contact, in N.
+/// Minimum force on the object that counts as contact, in N.
 const MIN_FORCE: f64 = 0.5;
 
-/// Least spread of the depths from which a slope is known, in m (standard deviation).
+/// Minimum standard deviation of the depths for an estimate, in m.
 const MIN_SPREAD: f64 = 50e-6;
 
-/// Samples from which a slope is known.
+/// Minimum number of samples for an estimate.
 const MIN_SAMPLES: f64 = 5.0;
 
-/// Range of stiffnesses that are believed, in N/m.
+/// Plausible stiffnesses, in N/m.
 const STIFFNESSES: std::ops::RangeInclusive<f64> = 100.0..=1e7;
 
-/// Most that a contact is ever believed to store, in J.
+/// Maximum stored energy of a contact, in J.
 pub const MAX_STORED: f64 = 0.5;
 
-/// The estimate, from contact to contact.
+/// Estimator of the present contact's stiffness.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ContactStiffness {
     contact: Option<Regression>,
 }
 
-/// Regression of force over depth, since the contact began at `x_b_first`.
+/// Linear regression of force over depth, from the start of the contact at `x_b_first`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Regression {
     x_b_first: Vector3<f64>,
     count: f64,
     mean: [f64; 2],
-    /// Sum of squares of the depths, and of products of depth and force, about the means.
+    /// Sum of squared deviations of the depth, in m².
     spread: f64,
+    /// Sum of products of the deviations of depth and force, in N·m.
     product: f64,
 }
 
 impl ContactStiffness {
-    /// Takes the force on the object in N and its place in m, both written in its base.
+    /// Adds a sample: force on the object in N and its position in m, both written in its base. A small force ends the
+    /// contact.
     pub(crate) fn update(&mut self, f_b: &Vector3<f64>, x_b: &Vector3<f64>) {
         let force = f_b.norm();
         if force.is_nan() || force < MIN_FORCE {
@@ -57,15 +59,15 @@ impl ContactStiffness {
         contact.add((contact.x_b_first - x_b).dot(f_b) / force, force);
     }
 
-    /// The stiffness of the contact in N/m, once the object has moved enough in it.
+    /// Returns the stiffness of the contact in N/m; `None` with too few samples or too little depth.
     pub(crate) fn value(&self) -> Option<f64> {
         let Regression { count, spread, product, .. } = self.contact?;
         let is_known = count >= MIN_SAMPLES && spread >= count * MIN_SPREAD * MIN_SPREAD;
         Some(product / spread).filter(|stiffness| is_known && STIFFNESSES.contains(stiffness))
     }
 
-    /// Energy in J that the contact at force `f_m` on the object stores for a hand that feels `f_g_task`:
-    /// `½ Σ f_g f_m / (K_P k_e)`, at most [`MAX_STORED`]. Only translation counts.
+    /// Computes the energy that the contact stores at object force `f_m` and grip force `f_g_task`, in J:
+    /// `½ Σ f_g f_m / (K_P k_e)` over the translations, at most [`MAX_STORED`].
     pub(crate) fn stored(&self, f_g_task: &Wrench, f_m: &Wrench, pose_gain: &Gains) -> f64 {
         let Some(stiffness) = self.value() else { return 0.0 };
         let axes = f_g_task.force.iter().zip(f_m.force.iter()).zip(pose_gain.values());
@@ -103,7 +105,7 @@ mod tests {
         Gains::new([value; 6], "K").unwrap()
     }
 
-    /// Presses along -x into a spring, sliding along y by `slide` m.
+    /// Presses along -x into a spring while sliding along y by `slide` m.
     fn pressed(
         stiffness: f64,
         depths: impl IntoIterator<Item = f64>,
@@ -138,7 +140,7 @@ mod tests {
             let contact = pressed(stiffness, depths(), 0.0);
             let f_m = Wrench { force: Vector3::new(0.0, 10.0, 0.0), ..Wrench::ZERO };
             let stored = contact.stored(&(f_m * k_t), &f_m, &gains(k_p));
-            // The hand goes 1/K_P of the object's way against K_T of its force.
+            // Work of the hand: 1/K_P of the object's motion against K_T times its force.
             let expected = (0.5 * (10.0 * k_t) * (10.0 / stiffness / k_p)).min(MAX_STORED);
             prop_assert!((stored - expected).abs() < 1e-9 * expected.max(1.0), "{stored} J");
         }

@@ -1,15 +1,15 @@
-//! Coupling of joints and actuators where one motor moves several joints: parallelograms, cables.
+//! Coupling of joints and actuators if one motor moves several joints: parallelograms, cables.
 //!
-//! Joint positions are `θ = C m + offset` of the actuators' positions m, each behind its own gear; the
-//! virtual work of torques is the same on both sides, so `τ_a = Cᵀ τ` (decision 25).
+//! Joint positions are `θ = C m + offset`, with actuator positions m behind the gears. By virtual work, actuator torques
+//! are `τ_a = Cᵀ τ` (decision 25).
 
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
-/// A matrix whose inverse grows numbers by more than this is taken for singular.
+/// Maximum product of the largest entries of matrix and inverse; a matrix beyond it counts as singular.
 const LARGEST_GROWTH: f64 = 1e6;
 
-/// A coupling of `N` joints with `N` actuators.
+/// Coupling of `N` joints with `N` actuators.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling<const N: usize> {
     matrix: SMatrix<f64, N, N>,
@@ -17,34 +17,34 @@ pub struct Coupling<const N: usize> {
     offset: SVector<f64, N>,
 }
 
-/// Why a matrix couples nothing.
+/// Reason why a coupling is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidCoupling {
-    /// One of its numbers.
+    /// Entry of the matrix or the offsets beyond ±1e6, or NaN.
     #[error("{0} in the matrix or the offsets is not a reasonable number")]
     NotFinite(f64),
-    /// Some motion of the joints moves no actuator, or nearly none.
+    /// Matrix singular or ill-conditioned: some joint motion moves no actuator, or hardly any.
     #[error("the matrix is singular: not every motion of the joints moves an actuator")]
     Singular,
 }
 
 impl<const N: usize> Coupling<N> {
-    /// Each joint with its own actuator.
+    /// Returns the identity: each joint has its own actuator.
     pub fn none() -> Self {
         let one = SMatrix::identity();
         Self { matrix: one, inverse: one, offset: SVector::zeros() }
     }
 
-    /// From C, row by row, and the joints' offsets in rad or m.
+    /// Creates a coupling from the rows of C and the joint offsets in rad or m.
     ///
     /// # Errors
-    /// A number beyond ±1e6 or not finite, or a matrix without a usable inverse.
+    /// Returns the first invalid entry, or [`InvalidCoupling::Singular`].
     pub fn new(rows: [[f64; N]; N], offset: [f64; N]) -> Result<Self, InvalidCoupling> {
         let numbers = rows.iter().flatten().chain(&offset);
         if let Some(number) = numbers.copied().find(|number| !(-1e6..=1e6).contains(number)) {
             return Err(InvalidCoupling::NotFinite(number));
         }
-        // Read column by column, rows are those of the transpose.
+        // nalgebra reads columns, so these rows are those of the transpose.
         let matrix = SMatrix::<f64, N, N>::from(rows).transpose();
         let inverse = matrix.try_inverse().ok_or(InvalidCoupling::Singular)?;
         if inverse.amax() * matrix.amax() <= LARGEST_GROWTH {
@@ -54,33 +54,33 @@ impl<const N: usize> Coupling<N> {
         }
     }
 
-    /// C.
+    /// C, from actuator to joint positions.
     pub const fn matrix(&self) -> &SMatrix<f64, N, N> {
         &self.matrix
     }
 
-    /// The joints' positions when all actuators are at zero, in rad or m.
+    /// Joint positions with all actuators at zero, in rad or m.
     pub const fn offset(&self) -> &SVector<f64, N> {
         &self.offset
     }
 
-    /// Joint positions of actuator positions, in rad or m.
+    /// Converts actuator positions to joint positions, in rad or m.
     pub fn joints(&self, m: &SVector<f64, N>) -> SVector<f64, N> {
         self.matrix * m + self.offset
     }
 
-    /// Actuator positions of joint positions, in rad or m.
+    /// Converts joint positions to actuator positions, in rad or m.
     pub fn actuators(&self, q: &SVector<f64, N>) -> SVector<f64, N> {
         self.inverse * (q - self.offset)
     }
 
-    /// Maximum speed of each actuator while no joint is faster than `most`, in rad/s or m/s.
+    /// Returns the maximum speed of each actuator at joint speeds up to `most`, in rad/s or m/s.
     pub fn fastest(&self, most: &SVector<f64, N>) -> SVector<f64, N> {
         self.inverse.abs() * most
     }
 
-    /// The largest torque of each joint while no other joint has any, in N·m or N, where each actuator exerts
-    /// `max_torques` at most.
+    /// Returns the maximum torque of each joint with no torque on the others, in N·m or N, for actuators limited to
+    /// `max_torques`.
     pub fn capacities(&self, max_torques: &SVector<f64, N>) -> SVector<f64, N> {
         SVector::from_iterator(self.matrix.row_iter().map(|shares| {
             let limits = shares.iter().zip(max_torques.iter());
@@ -93,7 +93,7 @@ impl<const N: usize> Coupling<N> {
         self.matrix.tr_mul(tau)
     }
 
-    /// The joint torques of what actuators exert: `C⁻ᵀ τ_a`, in N·m or N.
+    /// Converts actuator torques to joint torques `C⁻ᵀ τ_a`, in N·m or N.
     pub fn at_joints(&self, tau_a: &SVector<f64, N>) -> SVector<f64, N> {
         self.inverse.tr_mul(tau_a)
     }

@@ -1,27 +1,26 @@
-//! Shape of the passivity controller's damper over time: it sets in and fades, instead of chattering.
+//! Shape of the passivity damper over time: rate-limited onset and exponential decay prevent chatter.
 //!
-//! The exact damper of each cycle, `α = -(E + E_f) / (dt vᵀ W v)`, divides an energy of microjoules by the square of a
-//! speed that encoder steps make uneven: near E = 0 it jumps from cycle to cycle, and the hand feels it as a rattle. So
-//! the damper's strength rises within [`ATTACK`] and fades within [`FADE`], and acts on a speed smoothed over
-//! [`SMOOTHING`]. The observer counts what is really exerted, so damping that is late or too long is not lost but
-//! booked.
+//! The exact damper of each cycle, `α = -(E + E_f) / (dt vᵀ W v)`, divides microjoules by the square of a quantised
+//! velocity. Near E = 0 it therefore chatters. This filter limits the rise to [`ATTACK`] and the decay to [`FADE`], and
+//! smooths the velocity over [`SMOOTHING`]. The observer books the held torques, so late or excess damping is accounted
+//! for.
 
 use units::math;
 use units::spatial::Twist;
 
-/// Time in which the damper rises from zero to its maximum, in s.
+/// Rise time from zero to the maximum damping, in s.
 const ATTACK: f64 = 10e-3;
 
-/// Steepest onset of its force, in N/s: a hand takes less for a pull, not for a knock.
+/// Maximum rise of the damper's force, in N/s: below it, the hand perceives a pull and not a knock.
 const ONSET: f64 = 450.0;
 
-/// Time constant with which it fades, in s.
+/// Time constant of the decay, in s.
 const FADE: f64 = 50e-3;
 
-/// Time constant of the low pass on the speed, in s.
+/// Time constant of the velocity low pass, in s.
 const SMOOTHING: f64 = 3e-3;
 
-/// The damper of the last cycle.
+/// Damping and smoothed velocity of the last cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Damper {
     damping: f64,
@@ -29,8 +28,8 @@ pub(crate) struct Damper {
 }
 
 impl Damper {
-    /// Follows the exact damper, `wanted` of at most `most` N·s/m, of a grip that moves at `v_g`, a cycle of `dt` s later.
-    /// A port that is not engaged has nothing to damp; the damper fades.
+    /// Advances by `dt` s towards the exact damping `wanted`, at most `most` N·s/m, at grip twist `v_g`. Without an engaged
+    /// port the damping decays.
     pub(crate) fn next(&mut self, dt: f64, wanted: f64, most: f64, v_g: &Twist, is_engaged: bool) {
         let rise = (most / ATTACK).min(ONSET / v_g.linear.norm());
         let highest = self.damping + rise * dt;
@@ -42,12 +41,12 @@ impl Damper {
         self.v_g = self.v_g * (1.0 - part) + *v_g * part;
     }
 
-    /// Its strength, in N·s/m.
+    /// Damping of this cycle, in N·s/m.
     pub(crate) const fn damping(&self) -> f64 {
         self.damping
     }
 
-    /// The speed that it acts on, in {G}.
+    /// Smoothed twist that the damping acts on, in {G}.
     pub(crate) const fn v_g(&self) -> &Twist {
         &self.v_g
     }
@@ -64,7 +63,7 @@ mod tests {
         Twist::from_components([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     }
 
-    /// Dampings of a damper that wants each of these in turn.
+    /// Returns the dampings that follow this sequence of exact dampings.
     fn followed(wanted: impl IntoIterator<Item = f64>) -> Vec<f64> {
         let mut damper = Damper::default();
         let step = |wanted| {

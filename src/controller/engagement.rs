@@ -1,8 +1,8 @@
-//! Ramp of task wrench and return to centre after reflection is switched on, optionally held back
-//! until the wrench is small.
+//! Ramp of task wrench and return to centre after reflection is switched on, optionally delayed until the wrench is
+//! small.
 //!
-//! The switches permit reflection at all. A hand that switches it on while
-//! the object leans on a wall is not hit by it (what CHAI3D's tools call waiting for a small force).
+//! The [`switches`](crate::switches) decide whether reflection is permitted; this ramp prevents a step of force if the
+//! object is in contact at that time. CHAI3D's tools wait for a small force in the same way.
 
 use thiserror::Error;
 
@@ -15,12 +15,12 @@ const SMALL_WRENCH_CYCLES: u32 = 3;
 /// Maximum length of the ramp, in s.
 const MAX_RAMP_S: f64 = 10.0;
 
-/// State of the ramp.
+/// Engagement ramp with its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Engagement {
     /// Increase of the share per cycle.
     step: f64,
-    /// Waits until force and moment are below these, in N and N·m.
+    /// Force and moment below which the ramp starts, in N and N·m; `None` starts it at once.
     wait_below: Option<[f64; 2]>,
     share: f64,
     cycles_below: u32,
@@ -30,20 +30,19 @@ pub struct Engagement {
 /// Reason why a ramp is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidEngagement {
-    /// Length of the ramp, in s.
+    /// Length of the ramp in s, not within 0 and 10.
     #[error("the engagement ramp must be within 0..={MAX_RAMP_S} s, got {0}")]
     Ramp(f64),
-    /// Threshold of a small wrench, in N or N·m.
+    /// Threshold in N or N·m, not positive and finite.
     #[error("the wrench to wait for must be positive and finite, got {0}")]
     Threshold(f64),
 }
 
 impl Engagement {
-    /// A ramp of `ramp` s, from the first cycle or from when the wrench to be felt has been below `wait_below`
-    /// (N, N·m) for three.
+    /// Creates a ramp of `ramp` s. It starts at once, or after three cycles with the wrench below `wait_below` (N, N·m).
     ///
     /// # Errors
-    /// A ramp out of range, or a threshold that is not positive and finite.
+    /// Returns an error if the ramp is out of range, or a threshold not positive and finite.
     pub fn new(
         ramp: f64,
         wait_below: Option<[f64; 2]>,
@@ -60,7 +59,7 @@ impl Engagement {
         Ok(Self { step, wait_below, share: 0.0, cycles_below: 0, has_begun: false })
     }
 
-    /// Returns the share felt this cycle, 0 to 1. `f_g` is the wrench at full share.
+    /// Returns the reflected share of this cycle, 0 to 1. `f_g` is the wrench at a share of 1.
     pub fn share(&mut self, is_permitted: bool, f_g: &Wrench) -> f64 {
         if !is_permitted {
             (self.share, self.cycles_below, self.has_begun) = (0.0, 0, false);
@@ -137,7 +136,7 @@ mod tests {
             (0..20).for_each(|_| _ = engagement.share(true, &push(0.1)));
             assert!(engagement.share(true, &push(5.0)) >= 1.0);
             assert!(engagement.share(false, &push(0.1)) == 0.0);
-            // Again, this time in contact.
+            // The second engagement is in contact.
             let share = engagement.share(true, &push(5.0));
             assert!((share - first).abs() < 1e-12, "{share}");
         }

@@ -1,19 +1,19 @@
 //! Friction compensation: a feed-forward of the joints' dry and viscous friction, with presliding memory.
 //!
-//! Not in the paper. Dry friction at rest is what the last motion left: a hand that has moved into a contact and holds
-//! still is resisted by friction that no velocity shows. Dahl's model (Dahl 1968) remembers it as a state `z` of each
-//! joint, -1 to 1, that a motion turns over a presliding distance `x_s`:
+//! Not in the paper. Dry friction at rest depends on the last motion, and no velocity shows it. It resists a hand that has
+//! moved into a contact and holds still. Dahl's model (Dahl 1968) describes it by a state `z` of each joint, -1 to 1, that
+//! reverses over a presliding distance `x_s`:
 //!
 //! ```text
 //!  dz/dq = (1 - z sgn q̇) / x_s          exactly, over a motion Δq > 0:  z := 1 - (1 - z) exp(-Δq / x_s)
 //!  τ     = s (f_c z + f_v q̇)            s: share that is compensated
 //! ```
 //!
-//! Dahl's friction is the torque -f_c z on the joint. `|z| ≤ 1`, so a joint is never pushed by more than `s f_c` beyond
-//! the viscous part. Friction of at least `s f_c` then takes all energy that the feed-forward gives, whatever the
-//! delay. A joint with less friction than that would be driven, so `s` leaves out how far the identified friction may be
-//! wrong: [`MAX_SHARE`]. In free motion it is [bounded](crate::friction_bound) further, and a joint that is driven all the
-//! same [loses its compensation](crate::self_drive).
+//! Dahl's friction is the torque -f_c z on the joint. `|z| ≤ 1`, so the compensation of dry friction is at most `s f_c`.
+//! Real friction of at least `s f_c` dissipates all energy of the feed-forward, at any delay. Less friction would let the
+//! feed-forward drive the joint, so `s` is at most [`MAX_SHARE`]: it allows for the error of identification. In free
+//! motion `s` is [bounded](crate::friction_bound) further. A joint that drives itself nevertheless
+//! [loses its compensation](crate::self_drive).
 
 use thiserror::Error;
 
@@ -23,10 +23,10 @@ use crate::self_drive::SelfDrive;
 use units::math;
 use units::numbering::Joint;
 
-/// Part by which identified friction may exceed the real one: it changes with load, temperature and wear.
+/// Relative excess of identified over real friction that the compensation allows for: load, temperature, wear.
 pub const UNCERTAINTY: f64 = 0.3;
 
-/// Largest share that is compensated: `1 - UNCERTAINTY`.
+/// Maximum compensated share of friction: `1 - UNCERTAINTY`.
 pub const MAX_SHARE: f64 = 0.7;
 
 /// Parameters of the compensation.
@@ -42,7 +42,7 @@ pub struct FrictionSettings {
     pub presliding: JointVector,
 }
 
-/// A parameter of [`FrictionSettings`] out of range.
+/// Parameter of [`FrictionSettings`] out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{quantity} of the friction compensation must be within {low}..={high}, got {value}")]
 pub struct InvalidFriction {
@@ -52,11 +52,11 @@ pub struct InvalidFriction {
     pub low: f64,
     /// Largest valid value.
     pub high: f64,
-    /// The value given.
+    /// Rejected value, in the unit of the parameter.
     pub value: f64,
 }
 
-/// The compensation with the state of every joint.
+/// Friction compensation with the state of every joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrictionCompensation {
     settings: FrictionSettings,
@@ -67,10 +67,10 @@ pub struct FrictionCompensation {
 }
 
 impl FrictionCompensation {
-    /// Creates a compensation that knows of no motion: it begins at zero.
+    /// Creates a compensation whose state is zero on every joint.
     ///
     /// # Errors
-    /// A share over its bound, negative friction, or no presliding distance.
+    /// Returns the first parameter out of range: share, friction or presliding distance.
     pub fn new(settings: FrictionSettings) -> Result<Self, InvalidFriction> {
         let FrictionSettings { share, coulomb, viscous, presliding } = &settings;
         let within = |quantity, [low, high]: [f64; 2], value: f64| {
@@ -89,32 +89,31 @@ impl FrictionCompensation {
         })
     }
 
-    /// The parameters.
+    /// Returns the parameters.
     pub const fn settings(&self) -> &FrictionSettings {
         &self.settings
     }
 
-    /// Stiffness with which each joint would be pushed away from where it rests, if it had no friction: `s f_c / x_s`,
-    /// in N·m/rad or N/m.
+    /// Negative stiffness of the feed-forward at each joint, without its friction: `s f_c / x_s`, in N·m/rad or N/m.
     pub fn negative_stiffness(&self) -> JointVector {
         let FrictionSettings { share, coulomb, presliding, .. } = &self.settings;
         coulomb.component_div(presliding) * *share
     }
 
-    /// Returns the joint that the compensation drove without a hand; it is withdrawn since.
+    /// Returns the joint that the compensation drove without a hand. The compensation is withdrawn until [`Self::rearm`].
     pub const fn self_driven(&self) -> Option<Joint> {
         self.self_drive.joint()
     }
 
-    /// Permits the compensation again, after it was withdrawn.
+    /// Restores a withdrawn compensation.
     pub fn rearm(&mut self) {
         self.self_drive = SelfDrive::default();
     }
 
-    /// Takes the joints' new positions, and returns the torques that move against friction, in N·m or N.
+    /// Updates the state with joint positions `q`; returns the compensating torques, in N·m or N.
     ///
-    /// The state follows every motion, also over gaps; the rate since the last cycle is `qd`, in rad/s or m/s. `load` at the
-    /// grip bounds the share. The compensation acts with `weight`, 0 to 1.
+    /// The state follows every motion, gaps included. `qd` is the rate since the last cycle, in rad/s or m/s. `load` bounds
+    /// the share; `weight`, 0 to 1, scales the result.
     pub fn torques(
         &mut self,
         q: &JointVector,
@@ -133,9 +132,9 @@ impl FrictionCompensation {
     }
 }
 
-/// Dahl's state after a motion `dq` of a joint with presliding distance `x_s`.
+/// Returns Dahl's state after a motion `dq` of a joint with presliding distance `x_s`.
 fn turned(z: f64, dq: f64, x_s: f64) -> f64 {
-    // A position that is not finite leaves no memory.
+    // A position that is not finite resets the state.
     let end = if dq.is_finite() { dq.signum() } else { return 0.0 };
     end - (end - z) * math::exp(-dq.abs() / x_s)
 }
@@ -163,13 +162,13 @@ mod tests {
         FrictionCompensation::new(settings()).unwrap()
     }
 
-    /// A grip that a surface presses with 2 N: the full share.
+    /// Returns the load of a grip that a surface presses with 2 N: the full share.
     fn contact() -> GripLoad {
         let f_g = Wrench::from_components([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         GripLoad::new(&Twist::ZERO, &f_g, &Wrench::ZERO, &Wrench::ZERO)
     }
 
-    /// The same, in a motion from which damping takes 0.02 W.
+    /// Returns the same load in a motion from which damping takes 0.02 W.
     fn damped() -> GripLoad {
         let along = |y| [0.0, y, 0.0, 0.0, 0.0, 0.0];
         let f_g = Wrench::from_components([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -177,7 +176,7 @@ mod tests {
         GripLoad::new(&Twist::from_components(along(0.02)), &f_g, &Wrench::ZERO, &against)
     }
 
-    /// Torque of the first joint along a path.
+    /// Returns the torque of the first joint along a path.
     fn along(path: impl IntoIterator<Item = f64>) -> f64 {
         let mut compensation = compensation();
         let step = |q| {
@@ -259,8 +258,8 @@ mod tests {
         fn friction_takes_all_that_is_given(
             steps in prop::collection::vec(-0.01..0.01_f64, 3..200), way in prop::sample::select(vec![-1.0, 1.0])
         ) {
-            // Torque of two cycles ago, against dry friction 30 % below the identified one. A steady motion of ten
-            // presliding distances ends it: all of that friction is given then.
+            // Torque of two cycles ago, against dry friction 30 % below the identified one. A steady motion over ten
+            // presliding distances ends it, with that friction fully developed.
             let mut compensation = compensation();
             let (mut q, mut delayed, mut given) = (0.0, [0.0; 2], 0.0);
             let steady = [way * X_S; 12];

@@ -1,32 +1,32 @@
-//! Bound of the share of friction that is compensated: the compensation must not move an arm that no hand holds.
+//! Bound on the compensated share of friction: the compensation must not move an arm that no hand holds.
 //!
 //! Not in the paper. Friction may be far less than identified: a warm gear, new grease, a wrong file. A share of `s` drives
-//! every joint with less friction than `s f_c`. So the full share needs a second reason (ADR 34):
+//! every joint with less friction than `s f_c`. The full share therefore acts in contact or against damping only (ADR 34):
 //!
 //! ```text
 //!  s = s_free + max(contact (s_full - s_free), part P_D / P_c)      at most s_full;  s_free = min(s_full, FREE_SHARE)
 //! ```
 //!
-//! `contact` rises from 0 to 1 with the reflected wrench: without a hand, the wrench pushes the grip off the surface.
-//! `P_D` is the power that damping K_D takes from the motion, `P_c` that of a share of 1. Of the damping a part remains,
-//! and friction of `s_free f_c` takes the rest, so an arm without a hand comes to rest.
+//! `contact` rises from 0 to 1 with the reflected wrench, which pushes a grip without a hand off the surface. `P_D` is the
+//! power that K_D dissipates, and `P_c` the power of a share of 1. The compensation returns only a part of `P_D`, and
+//! friction of `s_free f_c` dissipates the power of the free share. An arm without a hand therefore comes to rest.
 
 use units::spatial::{Twist, Wrench};
 
-/// Largest share that is compensated in free motion, without damping: real friction is at least this part of the
-/// identified one, with a margin of a third to the 0.3 that is promised.
+/// Maximum compensated share in free motion, without damping. Real friction is assumed to be at least 0.3 of the
+/// identified one; this share keeps a margin of a third.
 pub const FREE_SHARE: f64 = 0.2;
 
-/// Largest part of the damping's power that the compensation gives back.
+/// Maximum part of the power of damping that the compensation returns.
 const DAMPING_PART: f64 = 0.4;
 
-/// Reflected force from which on the share rises, and at which it is full, in N.
+/// Reflected forces at which the share starts to rise, and at which it is full, in N.
 const CONTACT_N: [f64; 2] = [0.3, 1.0];
 
-/// Least power of the damping, as a part of the compensation's, by which the source of a motion is judged.
+/// Minimum power of damping, relative to that of the compensation, at which the source of a motion is observable.
 const MIN_DAMPING_PART: f64 = 0.05;
 
-/// Size of the grip in m: converts a moment to a force.
+/// Size of the grip, in m; converts a moment to a force.
 const GRIP_SIZE: f64 = 0.1;
 
 /// Wrench and power at the grip that bound the compensation.
@@ -34,14 +34,14 @@ const GRIP_SIZE: f64 = 0.1;
 pub struct GripLoad {
     /// Share of contact, 0 to 1.
     contact: f64,
-    /// Power that damping takes from the motion, in W.
+    /// Power that damping dissipates, in W.
     damping: f64,
-    /// Power of the other wrenches on the hand, in W; positive where they drive the motion.
+    /// Power of the other wrenches on the hand, in W; positive if they drive the motion.
     driving: f64,
 }
 
 impl GripLoad {
-    /// The load at grip twist `v_g`, from the task wrench, the return to centre and the damping.
+    /// Computes the load at grip twist `v_g`, from the task wrench, the return to centre and the damping.
     pub fn new(
         v_g: &Twist,
         f_g_task: &Wrench,
@@ -68,19 +68,19 @@ impl GripLoad {
         Self { driving: self.driving + finite(power), ..self }
     }
 
-    /// Returns the share of friction to compensate, at most `full`. `power` is that of a share of 1, in W.
+    /// Returns the share of friction to compensate, at most `full`. `power` is the power of a share of 1, in W.
     pub fn share(&self, full: f64, power: f64) -> f64 {
         let free = full.min(FREE_SHARE);
         let returned = if power > 0.0 { DAMPING_PART * self.damping / power } else { 0.0 };
         (free + returned.max(self.contact * (full - free))).min(full)
     }
 
-    /// Returns whether a joint's compensation of `power` W, of `all` W in sum, is the source of its motion: damping and a
-    /// task that resists take less, and nothing else gives half as much. Without damping that cannot be said: a hand moves
-    /// the arm without any power from the node. What resists counts twice, since friction takes at least as much: only a
-    /// hand or swing overcomes both.
+    /// Returns whether a joint's compensation of `power` W is the source of its motion, with `all` W of all joints. It then
+    /// exceeds the dissipation, and other wrenches give less than half of it. Always false without damping, since a hand may
+    /// move an undamped arm.
     pub fn is_driven_by_friction(&self, power: f64, all: f64) -> bool {
         let is_known = self.damping > MIN_DAMPING_PART * power.max(all);
+        // A resisting task counts twice: friction dissipates at least as much. Only a hand or oscillation exceeds both.
         let taken = self.damping + 2.0 * (-self.driving).max(0.0);
         is_known && power > taken && self.driving < 0.5 * power
     }
@@ -101,7 +101,7 @@ mod tests {
         [value, 0.0, 0.0, 0.0, 0.0, 0.0]
     }
 
-    /// The load of a motion at `v` m/s, against a damping of `k_d` N·s/m, with a task force of `task` N.
+    /// Returns the load of a motion at `v` m/s, with damping `k_d` in N·s/m and task force `task` in N.
     fn load(v: f64, k_d: f64, task: f64) -> GripLoad {
         GripLoad::new(
             &Twist::from_components(along_x(v)),
@@ -131,9 +131,10 @@ mod tests {
         fn arm_without_contact_loses_energy_to_little_friction(
             v in 1e-3..2.0_f64, k_d in 0.0..40.0_f64, f_c in 0.01..5.0_f64, full in 0.0..0.7_f64
         ) {
-            // Friction at the grip of 0.3 of the identified one.
+            // Friction at the grip is 0.3 of the identified one.
             let given = load(v, k_d, 0.0).share(full, f_c * v) * f_c * v;
-            let taken = 0.3 * f_c * v + k_d * v * v;
+            // A resisting task counts twice: friction dissipates at least as much. Only a hand or oscillation exceeds both.
+        let taken = 0.3 * f_c * v + k_d * v * v;
             prop_assert!(given <= taken - 0.1 * f_c * v - 0.59 * k_d * v * v);
         }
 

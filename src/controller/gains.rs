@@ -1,29 +1,26 @@
-//! Six numbers, one per Cartesian axis, that cannot be wrong: the diagonal gain matrices of Fig. 3.
-//!
-//! Not the laws they are used in. Axes are numbered as in the paper: three translations, then three
-//! rotations.
+//! Diagonal gain matrices of Fig. 3: one checked value per Cartesian axis, three translations, then three rotations.
 
 use thiserror::Error;
 
-/// The six axes by name, in the order of every six-vector of the paper.
+/// Names of the six Cartesian axes, in the order of every six-vector of the paper.
 pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
-/// Maximum gain, deadband or plateau: products of them stay finite.
+/// Maximum gain, deadband or plateau; their products stay finite.
 pub const MAX_GAIN: f64 = 1e6;
 
-/// Six numbers that are finite and not negative: a diagonal gain matrix.
+/// Diagonal gain matrix: six values within 0 and [`MAX_GAIN`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains([f64; 6]);
 
-/// One of six gains is invalid.
+/// Invalid entry of [`Gains`].
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{quantity}, {axis}: {value} is not within 0 and {MAX_GAIN}")]
 pub struct InvalidGain {
-    /// Name of the gains, as the caller has it.
+    /// Name of the gains, given by the caller.
     pub quantity: &'static str,
-    /// The first axis that is wrong.
+    /// First invalid axis.
     pub axis: &'static str,
-    /// The value given.
+    /// Rejected value.
     pub value: f64,
 }
 
@@ -31,10 +28,10 @@ impl Gains {
     /// Zero on every axis.
     pub const ZERO: Self = Self([0.0; 6]);
 
-    /// Checks six numbers; `quantity` names them in the error.
+    /// Creates gains from six values; `quantity` names them in the error.
     ///
     /// # Errors
-    /// The first that is negative, too large or not a number.
+    /// Returns the first value that is negative, above [`MAX_GAIN`] or NaN.
     pub fn new(values: [f64; 6], quantity: &'static str) -> Result<Self, InvalidGain> {
         for (value, axis) in values.into_iter().zip(AXES) {
             if !(0.0..=MAX_GAIN).contains(&value) {
@@ -44,7 +41,7 @@ impl Gains {
         Ok(Self(values))
     }
 
-    /// Returns them times a factor each, which must not be negative.
+    /// Multiplies each gain by its factor, which must not be negative; saturates at [`MAX_GAIN`].
     #[must_use]
     pub fn scaled(&self, factors: &[f64; 6]) -> Self {
         let mut values = self.0;
@@ -53,7 +50,7 @@ impl Gains {
         Self(values)
     }
 
-    /// The six numbers.
+    /// Diagonal entries.
     pub const fn values(&self) -> &[f64; 6] {
         &self.0
     }

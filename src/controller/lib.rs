@@ -1,38 +1,39 @@
-//! One cycle of the hand controller's law: joint positions and the sensed wrench in, joint torques
-//! and the Cartesian command out (Williams 1997, Fig. 3).
+//! Control law of the hand controller, one cycle at a time (Williams 1997, Fig. 3): from joint positions and the sensed
+//! wrench to joint torques and the Cartesian command.
 //!
-//! Not when it runs, nor what becomes of its output. The paper is the index:
+//! Timing and the bus belong to the node. The paper is the index:
 //!
 //! | file                | paper         | what                                               |
 //! |---------------------|---------------|----------------------------------------------------|
 //! | [`mod@step`]        | Fig. 3        | one cycle, read from top to bottom                 |
-//! | [`interpretation`]        |               | how the paper is read where it can be read in several ways |
+//! | [`interpretation`]  |               | choices where the paper allows several             |
 //! | [`calibration`]     | 4.2           | counts to positions, torques to per mille          |
-//! | [`torque_curve`]    | Fig. 6        | an odd polynomial that is proven to rise           |
+//! | [`torque_curve`]    | Fig. 6        | odd polynomial, proven to rise                     |
 //! | [`coupling`]        | 4.2           | joints and the actuators that move them            |
 //! | [`arm`]             | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
-//! | [`switches`]        | 4.1           | what the operator permits                          |
-//! | [`mod@reference`]   | Eq. 2, 3      | where zero is                                      |
+//! | [`switches`]        | 4.1           | permissions and requests of the operator           |
+//! | [`mod@reference`]   | Eq. 2, 3      | grip pose of zero command                          |
 //! | [`orientation`]     | Eq. 4, 5      | orientation as three numbers                       |
 //! | [`channels`]        | Fig. 4, Eq. 8 | one law for each axis                              |
 //! | [`command`]         | Eq. 5, 3.5    | rate or pose of the object                         |
-//! | [`reflection`]      | Eq. 6         | the wrench on the object, felt                     |
+//! | [`reflection`]      | Eq. 6         | wrench on the object, at the grip                  |
 //! | [`assist`]          | Eq. 8, 9      | return to centre, damping                          |
-//! | [`limits`]          | Eq. 10        | what every joint can exert                         |
+//! | [`limits`]          | Eq. 10        | torque capacity of every joint                     |
 //!
-//! [`stability`] says which gains are fit to be felt.
-//! While it runs the operator sets scales, locks axes and aligns the object: [`adjustment`], [`scaling`], `alignment`.
-//! Beside the paper, each off unless asked for: [`velocity`] (a filter), [`virtual_coupling`],
-//! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`]. [`torque_delay`] says
-//! which torque caused which motion.
+//! [`stability`] checks the gains before anything moves. While the arm runs, the operator sets scales, locks axes and
+//! aligns the object: [`adjustment`], [`scaling`], `alignment`.
 //!
-//! Where the paper leaves a choice, "decision n" names the one taken; each stands in one function,
-//! so that another reading can stand beside it.
+//! Extensions that the paper does not have are off by default: [`velocity`] (a filter), [`virtual_coupling`],
+//! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`friction`], [`soft_stops`]. [`torque_delay`]
+//! relates each torque to the motion that it caused.
+//!
+//! "Decision n" refers to the list in `docs/paper.md`. One function implements each, so that an alternative can be
+//! added beside it.
 //!
 //! ```
 //! use controller::torque_curve::TorqueCurve;
 //!
-//! // Torque of a drive over ‰ of its rated torque: 12 x + x³ N·m, up to 6 N·m. It is proven to rise.
+//! // Target in ‰ of rated torque for a joint torque of t N·m: 12 t + t³, up to 6 N·m. It is proven to rise.
 //! let curve = TorqueCurve::new([12.0, 1.0, 0.0], 6.0).unwrap();
 //! assert!(TorqueCurve::new([12.0, -40.0, 0.0], 6.0).is_err());
 //! ```
@@ -54,7 +55,6 @@ pub mod engagement;
 pub mod friction;
 pub mod friction_bound;
 pub mod gains;
-mod intake;
 pub mod interpretation;
 pub mod limits;
 mod never_pulls;
@@ -76,6 +76,7 @@ pub mod tank;
 pub mod torque_curve;
 pub mod torque_delay;
 mod unloading;
+mod valid_input;
 pub mod velocity;
 pub mod virtual_coupling;
 

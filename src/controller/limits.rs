@@ -1,9 +1,9 @@
-//! From three torques to one that every joint can exert (3.4, both equations numbered 10).
+//! Limits of the joint torques to capacity and rate of change (3.4, both equations numbered 10).
 //!
-//! The assist is scaled as a whole to its fraction of capacity, then task and assist as a whole to
-//! what gravity leaves (decisions 13, 20, 21 and 22): directions are kept, the arm does not sag, and
-//! the task dominates. No torque is scaled up. Last, [`Slew`] limits each torque's change per cycle; only a
-//! torque that is not finite drops all to zero at once. Joints are actuators where both are coupled.
+//! The assist is scaled to its fraction of capacity, then task and assist to the capacity that gravity leaves (decisions
+//! 13, 20, 21 and 22). One scale for all joints keeps directions, prevents sagging, and lets the task dominate.
+//! Scales are at most 1. [`Slew`] then limits the change of each torque per cycle; a torque that is not finite sets all
+//! to zero at once. With a coupling, "joint" means actuator here.
 
 use nalgebra::SVector;
 use thiserror::Error;
@@ -11,25 +11,25 @@ use thiserror::Error;
 use crate::interpretation::Scaling;
 use crate::period::Period;
 
-/// The share of each joint's capacity that the assist may take, 0 to 1.
+/// Fraction of each joint's capacity that the assist may use, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssistFraction(f64);
 
-/// A share outside 0 to 1.
+/// Assist fraction outside 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("the assist fraction must be within 0..=1, got {0}")]
 pub struct InvalidAssistFraction(pub f64);
 
 impl AssistFraction {
-    /// The share, 0 to 1.
+    /// Returns the fraction, 0 to 1.
     pub const fn share(self) -> f64 {
         self.0
     }
 
-    /// Returns the share.
+    /// Creates an assist fraction.
     ///
     /// # Errors
-    /// A share outside 0 to 1, or NaN.
+    /// Returns an error for a fraction outside 0 to 1, or NaN.
     pub fn new(fraction: f64) -> Result<Self, InvalidAssistFraction> {
         if (0.0..=1.0).contains(&fraction) {
             Ok(Self(fraction))
@@ -39,7 +39,7 @@ impl AssistFraction {
     }
 }
 
-/// The capacities of `N` joints and how they are shared.
+/// Capacities of `N` joints, and their division between gravity, task and assist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits<const N: usize> {
     max_torques: SVector<f64, N>,
@@ -49,32 +49,32 @@ pub struct Limits<const N: usize> {
 
 /// Requested torques, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked<const N: usize> {
+pub struct TorqueRequest<const N: usize> {
     /// Gravity compensation.
     pub gravity: SVector<f64, N>,
-    /// Task wrench, passivity and soft stops: all that the assist must not delay.
+    /// Task wrench, passivity damper, soft stops and friction compensation: not scaled with the assist.
     pub task: SVector<f64, N>,
     /// Return to centre and damping.
     pub assist: SVector<f64, N>,
 }
 
-/// Torques within capacity, and the scales that led there.
+/// Torques within capacity, and the scales applied.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limited<const N: usize> {
-    /// Torque of each joint, in N·m or N; never more than its capacity, always finite.
+pub struct LimitedTorques<const N: usize> {
+    /// Torque of each joint, in N·m or N, within its capacity and finite.
     pub tau: SVector<f64, N>,
     /// Scale of the assist, 0 to 1.
     pub assist_scale: f64,
-    /// Scale of task and scaled assist together, 0 to 1; of gravity too, unless it is exempt.
+    /// Scale of task and scaled assist together, 0 to 1; it includes gravity unless gravity is exempt.
     pub rest_scale: f64,
-    /// Joint that set `rest_scale`, from 0; `None` at full scale.
+    /// Joint that determines `rest_scale`, from 0; `None` at a scale of 1.
     pub limiting_joint: Option<usize>,
-    /// A torque was not finite: then all are zero.
+    /// A requested torque was not finite, so all are zero.
     pub is_broken: bool,
 }
 
 impl<const N: usize> Limits<N> {
-    /// Returns limits for these capacities, in N·m or N, which must be positive.
+    /// Creates limits for these capacities, in N·m or N, which must be positive.
     pub const fn new(
         max_torques: SVector<f64, N>,
         assist: AssistFraction,
@@ -83,10 +83,10 @@ impl<const N: usize> Limits<N> {
         Self { max_torques, assist, scaling }
     }
 
-    /// Gravity, task and assist together (Eq. 10). `share` is how much of task and assist is let
-    /// through at all, 0 to 1; applied last, so that a ramp of it is a ramp of the torque.
-    pub fn combine(&self, asked: &Asked<N>, share: f64) -> Limited<N> {
-        let Asked { gravity, task, assist } = asked;
+    /// Combines gravity, task and assist (Eq. 10). `share`, 0 to 1, multiplies task and assist after the scaling, so that a
+    /// ramp of it is a ramp of the torque.
+    pub fn combine(&self, request: &TorqueRequest<N>, share: f64) -> LimitedTorques<N> {
+        let TorqueRequest { gravity, task, assist } = request;
         let none = SVector::zeros();
         let (assist_scale, carried, rest, rest_scale, limiting_joint);
         match self.scaling {
@@ -111,22 +111,22 @@ impl<const N: usize> Limits<N> {
             }
         }
         let wanted = carried + rest * (rest_scale * share);
-        // Clamped gravity hides what is infinite.
+        // Clamping would hide infinite gravity torques.
         let is_broken = !gravity.iter().chain(wanted.iter()).all(|torque| torque.is_finite());
         let tau =
             if is_broken { SVector::zeros() } else { wanted.zip_map(&self.max_torques, clamp) };
-        Limited { tau, assist_scale, rest_scale, limiting_joint, is_broken }
+        LimitedTorques { tau, assist_scale, rest_scale, limiting_joint, is_broken }
     }
 
-    /// The largest scale up to 1 at which the assist keeps to its fraction on every joint.
+    /// Returns the maximum scale, up to 1, at which the assist is within its fraction on every joint.
     fn assist_scale(&self, tau_assist: &SVector<f64, N>) -> f64 {
         let AssistFraction(fraction) = self.assist;
         let joints = tau_assist.iter().zip(self.max_torques.iter());
         joints.fold(1.0, |scale, (torque, max)| scale_to(fraction * max, torque.abs()).min(scale))
     }
 
-    /// The largest scale up to 1 at which what is carried and the rest keep within capacity on every
-    /// joint, and the joint that sets it.
+    /// Returns the maximum scale of `tau_rest`, up to 1, and the joint that determines it. With it, the sum with `carried` is
+    /// within capacity on every joint.
     fn rest_scale(
         &self,
         carried: &SVector<f64, N>,
@@ -145,11 +145,10 @@ impl<const N: usize> Limits<N> {
     }
 }
 
-/// Maximum time from capacity to zero once torque is no longer requested, however slowly it may rise,
-/// in s: a released hand must be free at once.
+/// Maximum fall time from capacity to zero, in s, for any rise time: a released hand must be free at once.
 const MAX_FALL_TIME: f64 = 0.02;
 
-/// Limits on the change of torques: per cycle and joint, in N·m or N.
+/// Limits on the change of each torque per cycle, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slew<const N: usize> {
     rise: SVector<f64, N>,
@@ -157,17 +156,17 @@ pub struct Slew<const N: usize> {
     before: SVector<f64, N>,
 }
 
-/// A rise time out of range.
+/// Rise time out of range, in s.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("the torque rise time must be within 0.001..=10 s, got {0}")]
 pub struct InvalidRise(pub f64);
 
 impl<const N: usize> Slew<N> {
-    /// Creates limits by which each joint takes `rise` s from zero to its capacity, and as long back, but at
-    /// most 20 ms. The first torque is zero.
+    /// Creates limits with a rise time of `rise` s from zero to capacity, and a fall time of at most 20 ms. Torques start at
+    /// zero.
     ///
     /// # Errors
-    /// A time out of range.
+    /// Returns an error for a rise time not within 0.001 and 10 s.
     pub fn new(
         max_torques: &SVector<f64, N>,
         rise: f64,
@@ -187,19 +186,19 @@ impl<const N: usize> Slew<N> {
         &self.rise
     }
 
-    /// Makes the next torques rise from zero.
+    /// Resets the last torques to zero, from which the next ones rise.
     pub fn reset(&mut self) {
         self.before = SVector::zeros();
     }
 
-    /// Sets all torques to zero without a ramp: a fault does not wait.
+    /// Sets all torques to zero without a ramp, after a fault.
     pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
         self.reset();
         (self.before, None)
     }
 
-    /// Returns the torques, each changed by at most its limit for one cycle, and the first joint held back,
-    /// from 0. `tau` must be finite.
+    /// Changes each torque towards `tau`, which must be finite, by at most its limit per cycle. Returns the torques, and the
+    /// first limited joint, from 0.
     pub fn limit(&mut self, tau: &SVector<f64, N>) -> (SVector<f64, N>, Option<usize>) {
         let rates = self.rise.iter().zip(self.fall.iter());
         let mut held = None;
@@ -216,19 +215,19 @@ impl<const N: usize> Slew<N> {
     }
 }
 
-/// Maximum change of a torque in a cycle: `rise` away from zero; towards zero `fall`, which is not less,
-/// but not beyond zero by more than `rise`.
+/// Returns the maximum change of a torque in a cycle: `rise` away from zero, `fall` towards it. `fall` is at least `rise`;
+/// beyond zero at most `rise` applies.
 fn reach(before: f64, tau: f64, rise: f64, fall: f64) -> f64 {
     let falls = tau.abs() < before.abs() || tau * before < 0.0;
     if falls { before.abs().clamp(rise, fall) } else { rise }
 }
 
-/// The scale, at most 1, that brings `size` down to `room`; neither is negative.
+/// Returns the scale, at most 1, that reduces `size` to `room`. Neither is negative.
 fn scale_to(room: f64, size: f64) -> f64 {
     if size > room { room / size } else { 1.0 }
 }
 
-/// A torque cut off at ±`max`. Rounding may have left it a bit beyond.
+/// Clamps a torque to ±`max`; rounding may exceed it slightly.
 fn clamp(torque: f64, max: f64) -> f64 {
     torque.clamp(-max, max)
 }
@@ -251,8 +250,13 @@ mod tests {
         Limits::new(Joints::from(MAX), AssistFraction::new(fraction).unwrap(), scaling)
     }
 
-    fn combine(limits: Limits<6>, gravity: &Joints, task: &Joints, assist: &Joints) -> Limited<6> {
-        limits.combine(&Asked { gravity: *gravity, task: *task, assist: *assist }, 1.0)
+    fn combine(
+        limits: Limits<6>,
+        gravity: &Joints,
+        task: &Joints,
+        assist: &Joints,
+    ) -> LimitedTorques<6> {
+        limits.combine(&TorqueRequest { gravity: *gravity, task: *task, assist: *assist }, 1.0)
     }
 
     fn scaling() -> impl Strategy<Value = Scaling> {
@@ -278,7 +282,7 @@ mod tests {
             gravity in any_torques(), task in any_torques(), assist in any_torques(),
             share in 0.0..=1.0_f64, scaling in scaling()
         ) {
-            let limited = scaled(scaling, 0.35).combine(&Asked { gravity, task, assist }, share);
+            let limited = scaled(scaling, 0.35).combine(&TorqueRequest { gravity, task, assist }, share);
             prop_assert!(is_within(&limited.tau, 1.0));
             prop_assert!(!limited.is_broken || limited.tau == Joints::zeros());
             let finite = |tau: &Joints| tau.iter().all(|torque| torque.is_finite());
@@ -319,7 +323,7 @@ mod tests {
             let limited = combine(limits(0.35), &gravity, &task, &assist);
             let rest = (task + assist * limited.assist_scale) * limited.rest_scale;
             prop_assert!((limited.tau - gravity - rest).norm() < 1e-12);
-            let alone = limits(0.35).combine(&Asked { gravity, task, assist }, 0.0);
+            let alone = limits(0.35).combine(&TorqueRequest { gravity, task, assist }, 0.0);
             prop_assert!(alone.tau == gravity);
         }
 
@@ -332,7 +336,7 @@ mod tests {
                 let ratios = torques.iter().zip(MAX).map(|(torque, max)| fraction * max / torque.abs());
                 ratios.fold(1.0, f64::min)
             };
-            // The assist keeps to its fraction without gravity.
+            // The assist is within its fraction, gravity excluded.
             let assist_scale = share(&assist, 0.35);
             let total = gravity + task + assist * assist_scale;
             let rest_scale = share(&total, 1.0);
@@ -345,8 +349,8 @@ mod tests {
         #[test]
         fn half_a_share_is_half_the_torque(task in torques(50.0), assist in torques(50.0)) {
             let whole = combine(limits(0.35), &Joints::zeros(), &task, &assist);
-            let asked = Asked { gravity: Joints::zeros(), task, assist };
-            let half = limits(0.35).combine(&asked, 0.5);
+            let request = TorqueRequest { gravity: Joints::zeros(), task, assist };
+            let half = limits(0.35).combine(&request, 0.5);
             prop_assert!((whole.tau - half.tau * 2.0).norm() < 1e-12);
         }
     }
@@ -384,20 +388,20 @@ mod tests {
             Joints::from([first, second, third, 0.0, 0.0, 0.0])
         };
         // 15 of 6 N·m, 8 of 8 N·m and 8 of 4 N·m.
-        let asked = Asked {
+        let request = TorqueRequest {
             gravity: on([3.0, 1.0, 2.0]),
             task: on([12.0, 7.0, 6.0]),
             assist: Joints::zeros(),
         };
         let total = scaled(Scaling::Total, 0.35);
-        let limited = total.combine(&asked, 1.0);
+        let limited = total.combine(&request, 1.0);
         assert!((limited.rest_scale - 0.4).abs() < 1e-12, "{limited:?}");
         assert_eq!((limited.limiting_joint, limited.assist_scale), (Some(0), 1.0));
         assert!((limited.tau - on([6.0, 3.2, 3.2])).norm() < 1e-12, "{limited:?}");
-        // The share is of task and assist: the scaled weight stays.
-        let alone = total.combine(&asked, 0.0);
+        // The share applies to task and assist; the scaled weight remains.
+        let alone = total.combine(&request, 0.0);
         assert!((alone.tau - on([1.2, 0.4, 0.8])).norm() < 1e-12, "{alone:?}");
-        let upwards = Asked { gravity: -asked.gravity, ..asked };
+        let upwards = TorqueRequest { gravity: -request.gravity, ..request };
         assert!((total.combine(&upwards, 1.0).rest_scale - 6.0 / 9.0).abs() < 1e-12);
     }
 
@@ -405,15 +409,15 @@ mod tests {
     fn step_becomes_a_ramp_that_reaches_its_target() {
         let period = Period::new(1e-3).unwrap();
         let mut slew = Slew::new(&Joints::from(MAX), 0.02, period).unwrap();
-        let asked = Joints::from(MAX) * 0.5;
+        let request = Joints::from(MAX) * 0.5;
         let mut before = Joints::zeros();
         for cycle in 1..=12 {
-            let (tau, held) = slew.limit(&asked);
+            let (tau, held) = slew.limit(&request);
             assert!((tau - before).iter().zip(MAX).all(|(by, max)| *by <= max * 0.0501));
             assert!(cycle == 10 || held.is_some() == (cycle < 10), "cycle {cycle}");
             before = tau;
         }
-        assert_eq!(before, asked);
+        assert_eq!(before, request);
         for wrong in [0.0, -1.0, 20.0, f64::NAN] {
             assert!(Slew::new(&Joints::from(MAX), wrong, period).is_err());
         }

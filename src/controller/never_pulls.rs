@@ -1,52 +1,52 @@
-//! Bound of everything that resists a hand in contact: task, passivity damper and damping together never pull it into the
+//! Bound on the wrenches that resist a hand in contact: task, passivity damper and K_D together never pull it into the
 //! surface.
 //!
 //! Along the direction of the task force:
 //!
 //! ```text
-//!  F_T + F_P       ≥ 0                    the damper takes away the push at most
+//!  F_T + F_P       ≥ 0                    the damper cancels the push at most
 //!  F_T + F_P + F_D ≥ -slack               slack = 0 in contact, and rises by 450 N/s after it
 //! ```
 //!
-//! A hand that withdraws feels the task fade to nothing, and then the damping of free motion, without a step. The damper's
-//! bound outlives the contact: a hand that leaves does not pay the energy debt of a contact that bounces. Nor does it when
-//! it comes back from farther away than a bounce goes.
+//! For a hand that withdraws, the task wrench decays to zero and the damping of free motion returns without a step.
+//! The bound on the damper remains after the contact. A hand that leaves is therefore not braked for the energy debt of a
+//! bouncing contact. Beyond the range of a bounce the debt is cleared.
 
 use nalgebra::Vector3;
 
 use units::spatial::{Twist, Wrench};
 
-/// Task force from which there is contact, in N.
+/// Minimum task force that counts as contact, in N.
 const CONTACT: f64 = 0.02;
 
-/// Rate at which damping returns after a contact, in N/s: a hand takes less for a drag, not for a knock.
+/// Rise of the permitted damping after a contact, in N/s: the hand perceives drag and not a knock.
 const RETURN: f64 = 450.0;
 
-/// Largest slack, in N: no damping is as strong.
+/// Maximum slack, in N, above any damping force.
 const MAX_SLACK: f64 = 1e3;
 
-/// Distance from the surface beyond which a hand has left it, in m: the bounces of a stiff wall are shorter.
+/// Distance from the surface beyond which the hand has left it, in m; bounces on a stiff wall are shorter.
 const LEFT: f64 = 0.01;
 
-/// The bound, from cycle to cycle.
+/// State of the bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct NeverPulls {
     contact: Option<LastContact>,
 }
 
-/// Contact of this cycle, or the last one before it.
+/// Present contact, or the most recent one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct LastContact {
-    /// Direction of the task force, in {G}: out of the surface.
+    /// Unit vector of the task force, in {G}: out of the surface.
     outwards: Vector3<f64>,
-    /// Slack since its end, in N.
+    /// Slack after its end, in N.
     slack: f64,
-    /// Way outwards since its end, in m.
+    /// Retreat from the surface after its end, in m.
     retreat: f64,
 }
 
 impl NeverPulls {
-    /// Takes the task wrench of this cycle, which lasts `dt` s, and the twist of the grip.
+    /// Updates the contact with the task wrench and grip twist of a cycle of `dt` s.
     pub(crate) fn update(&mut self, dt: f64, f_g_task: &Wrench, v_g: &Twist) {
         let force = f_g_task.force.norm();
         self.contact = if force >= CONTACT {
@@ -60,19 +60,19 @@ impl NeverPulls {
         };
     }
 
-    /// Returns whether the hand is farther from the surface than a bounce goes.
+    /// Returns whether the hand has retreated farther than a bounce.
     pub(crate) fn has_left(&self) -> bool {
         self.contact.is_some_and(|contact| contact.retreat > LEFT)
     }
 
-    /// Returns the damper's wrench, bounded.
+    /// Bounds the wrench of the passivity damper to the push of the task.
     pub(crate) fn bounded_damper(&self, f_g_damper: &Wrench, f_g_task: &Wrench) -> Wrench {
         self.contact.map_or(*f_g_damper, |LastContact { outwards, .. }| {
             bounded(f_g_damper, &outwards, f_g_task.force.dot(&outwards))
         })
     }
 
-    /// Returns the wrench of the damping K_D, bounded with the task and the damper, whose sum is `f_g_port`.
+    /// Bounds the wrench of K_D to the push of `f_g_port`, the sum of task and passivity damper, plus the slack.
     pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, f_g_port: &Wrench) -> Wrench {
         self.contact.map_or(*f_g_damping, |LastContact { outwards, slack, .. }| {
             bounded(f_g_damping, &outwards, f_g_port.force.dot(&outwards) + slack)
@@ -80,7 +80,7 @@ impl NeverPulls {
     }
 }
 
-/// Returns `f_g` with at most `push` N against the unit vector `outwards`.
+/// Limits the force of `f_g` against the unit vector `outwards` to `push` N.
 pub(crate) fn bounded(f_g: &Wrench, outwards: &Vector3<f64>, push: f64) -> Wrench {
     let too_much = (f_g.force.dot(outwards) + push.max(0.0)).min(0.0);
     Wrench { force: f_g.force - outwards * too_much, moment: f_g.moment }

@@ -1,7 +1,5 @@
-//! A relative orientation as three numbers (Eq. 4), and what follows from the choice: the angular
-//! velocity they command (Eq. 5) and the moment that belongs to them (Eq. 8).
-//!
-//! Not the extraction itself, which is [`rotation`]. Decisions 3, 4 and 15.
+//! Parametrisation of a relative orientation by three parameters (Eq. 4), with the commanded angular velocity (Eq. 5)
+//! and the conjugate moment (Eq. 8). Decisions 3, 4 and 15; [`rotation`] has the conversions.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -10,22 +8,21 @@ use nalgebra::{UnitQuaternion, Vector3};
 use units::math;
 use units::spatial::rotation;
 
-/// Distance from the jump of the numbers at which the command is held, in rad (decision 4): 10°.
+/// Distance from the singularity at which commands are held, in rad (decision 4): 10°.
 const MARGIN: f64 = PI / 18.0;
 
-/// Parametrisation of an orientation by three numbers.
+/// Parametrisation of an orientation by three parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Orientation {
-    /// Z-Y-X Euler angles in the order γ, β, α, as in the paper. They jump at β = ±90°; commands
-    /// are held beyond 80°.
+    /// Z-Y-X Euler angles in the order γ, β, α, as in the paper. Singular at β = ±90°; commands are held beyond 80°.
     #[default]
     EulerZyx,
-    /// The rotation vector. It jumps at half a turn; commands are held beyond 170°.
+    /// Rotation vector. Discontinuous at 180°; commands are held beyond 170°.
     RotationVector,
 }
 
 impl Orientation {
-    /// The three numbers of an orientation, in rad.
+    /// Converts an orientation to its parameters, in rad.
     pub fn numbers(self, rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {
             Self::EulerZyx => rotation::euler_zyx(rotation),
@@ -33,7 +30,7 @@ impl Orientation {
         }
     }
 
-    /// The orientation of three numbers in rad.
+    /// Converts parameters in rad to an orientation.
     pub fn rotation(self, numbers: &Vector3<f64>) -> UnitQuaternion<f64> {
         match self {
             Self::EulerZyx => rotation::from_euler_zyx(numbers),
@@ -41,8 +38,8 @@ impl Orientation {
         }
     }
 
-    /// The angular velocity that the numbers, taken as their own rates, command; in rad per unit of
-    /// gain, written in the turned frame (Eq. 5, decision 5).
+    /// Returns the angular velocity at parameter rates equal to `numbers`, written in the rotated frame, in rad/s for a gain
+    /// of 1/s (Eq. 5, decision 5).
     pub fn rate(self, numbers: &Vector3<f64>) -> Vector3<f64> {
         match self {
             Self::EulerZyx => rotation::euler_rates(numbers) * numbers,
@@ -50,10 +47,10 @@ impl Orientation {
         }
     }
 
-    /// The moment about the turned axes, in N·m, that does the same work as `conjugate` does on the
-    /// three numbers, in N·m per rad of each (decision 15: a moment that had the same components
-    /// would give off energy round a closed loop). Within 10° of the jump it is bounded: it falls to nothing there,
-    /// and no longer does that work exactly.
+    /// Returns the moment about the rotated axes, in N·m, that does the same work as `conjugate`, in N·m per rad, on the
+    /// parameters (decision 15). The components of `conjugate` themselves would generate energy on closed paths.
+    ///
+    /// Within 10° of the singularity the moment decreases to zero, and the work is no longer equal.
     pub fn moment(self, conjugate: &Vector3<f64>, numbers: &Vector3<f64>) -> Vector3<f64> {
         let share = self.share(numbers);
         let exact = match self {
@@ -63,12 +60,12 @@ impl Orientation {
         exact * (share * share)
     }
 
-    /// Returns whether the numbers are far enough from their jump to be commanded (decision 4).
+    /// Returns whether the parameters are at least 10° from their singularity, and may command (decision 4).
     pub fn is_within(self, numbers: &Vector3<f64>) -> bool {
         self.share(numbers) >= 1.0
     }
 
-    /// 1 where the numbers may be used; from there falls to 0 where they jump.
+    /// Returns 1 outside the margin of 10°, decreasing to 0 at the singularity.
     fn share(self, numbers: &Vector3<f64>) -> f64 {
         let room = match self {
             Self::EulerZyx => FRAC_PI_2 - numbers.y.abs(),
@@ -78,7 +75,7 @@ impl Orientation {
     }
 }
 
-/// `E⁻ᵀ μ`, written out. Its denominator cos β vanishes at β = ±90° only; it is kept off zero.
+/// Returns `E⁻ᵀ μ`. Its denominator cos β, zero only at β = ±90°, is bounded from below.
 fn euler_moment(conjugate: &Vector3<f64>, angles: &Vector3<f64>) -> Vector3<f64> {
     let (sin_gamma, cos_gamma) = math::sin_cos(angles.x);
     let (sin_beta, cos_beta) = math::sin_cos(angles.y);
@@ -116,7 +113,7 @@ mod tests {
         fn the_moment_does_the_work_of_the_numbers(
             numbers in vector(1.3), conjugate in vector(1.0), omega in vector(1.0)
         ) {
-            // Turn by a small ω: the moment's work equals that of the conjugate on the change.
+            // For a small rotation, the work of the moment equals that of the conjugate on the change.
             let step = 1e-6;
             for orientation in BOTH {
                 let rotation = orientation.rotation(&numbers);
@@ -160,7 +157,7 @@ mod tests {
 
     #[test]
     fn moment_is_bounded_at_every_pitch() {
-        // One number at its plateau of 1, and two.
+        // One parameter at its plateau of 1, and two.
         for (conjugate, most) in
             [(Vector3::new(0.0, 0.0, 1.0), 5.76), (Vector3::new(1.0, 0.0, 1.0), 11.5)]
         {
@@ -177,7 +174,7 @@ mod tests {
             let numbers = Vector3::new(0.3, degrees.to_radians(), 0.2);
             Orientation::EulerZyx.moment(&Vector3::z(), &numbers).norm()
         };
-        // 1/cos β, and from 80° on less: at 88.25° as much as upright, at 90° nothing.
+        // 1/cos β up to 80°, less beyond: the plateau at 88.25°, zero at 90°.
         assert!((one(60.0) - 2.0).abs() < 1e-9);
         assert!((one(88.0) - 1.146).abs() < 1e-3 && (one(88.25) - 1.0).abs() < 5e-3);
         assert!((1..=170).all(|step| one(88.3 + 1e-2 * f64::from(step)) < 1.0));

@@ -5,22 +5,22 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::JointVector;
-use crate::adjustment::Adjusted;
+use crate::adjustment::AdjustmentState;
 use crate::command::Gate;
-use crate::port::Passed;
+use crate::port::PortOutput;
 use crate::reference::{Displacement, Reference};
-use crate::switches::{Mode, Pressed, Switches};
-use crate::velocity::Moving;
+use crate::switches::{Mode, Permissions, Switches};
+use crate::velocity::GripTwist;
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
-/// Targets that the drives hold.
+/// Target torques (6071h) that the drives hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveTargets {
-    /// Those sent.
+    /// Targets as sent.
     Sent([PerMille; 6]),
-    /// Zero: those sent were withdrawn after a stall. Torques rise from zero again.
+    /// Zero, because the sent targets were withdrawn after a stall; torques rise from zero again.
     Withdrawn,
 }
 
@@ -39,21 +39,21 @@ impl DriveTargets {
 pub struct Input {
     /// Actual positions of the drives (6064h).
     pub counts: [Counts; 6],
-    /// The wrench of the environment on the object, at the sensor {S}, payload removed.
+    /// Wrench of the environment on the object at {S}, without the payload.
     pub f_s: Wrench,
     /// Pose of the object, in its base.
     pub x_b_m: Isometry3<f64>,
-    /// Closed switches.
+    /// Levels of the switches.
     pub switches: Switches,
-    /// Meaning of a displacement: rate or pose.
+    /// Rate or pose mode.
     pub mode: Mode,
     /// Share of the arm's weight to compensate, 0 to 1; ramped by the caller.
     pub gravity_share: f64,
     /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
-    /// Targets that the drives hold since the last cycle; `None` where they are those of its output.
+    /// Targets that the drives hold since the last cycle; `None` if they equal its output.
     pub held: Option<DriveTargets>,
-    /// Forget earlier cycles: this is the first one, or follows an overrun.
+    /// First cycle, or first after an overrun: differences to earlier cycles are invalid.
     pub restart: bool,
 }
 
@@ -62,86 +62,86 @@ pub struct Input {
 pub struct Output {
     /// Joint positions, in rad or m.
     pub q: JointVector,
-    /// The first joint outside its range.
+    /// First joint outside its range.
     pub joint_out_of_range: Option<Joint>,
-    /// The grip's pose (Eq. 1).
+    /// Pose of the grip in {0} (Eq. 1).
     pub x_0_g: Isometry3<f64>,
     /// Permissions and requests of the switches.
-    pub pressed: Pressed,
+    pub permissions: Permissions,
     /// Reference from this cycle on.
     pub reference: Reference,
-    /// The grip's pose seen from the reference (Eq. 2, 3).
+    /// Pose of the grip in the reference (Eq. 2, 3).
     pub x_h_g: Isometry3<f64>,
-    /// The same as six numbers (Eq. 4).
+    /// ΔX, the displacement as six components (Eq. 4).
     pub dx: Displacement,
-    /// The same less the deadband: the part that commands.
+    /// ΔX less the deadband: the commanding part.
     pub dx_db: Displacement,
     /// Gate of the operator's command.
     pub gate: Gate,
     /// Command for the object (Eq. 5, 3.5).
     pub command: Motion,
     /// Scales, locks and alignment from this cycle on.
-    pub adjusted: Adjusted,
+    pub adjusted: AdjustmentState,
     /// Twist of the grip, in {G}.
-    pub moving: Moving,
-    /// The wrench on the object at {MRF} (Eq. 6), or that of the virtual coupling, felt or not.
+    pub twist: GripTwist,
+    /// Wrench on the object at {MRF} (Eq. 6), or that of the virtual coupling, reflected or not.
     pub f_m_task: Wrench,
-    /// The part of it to reflect, at {G}.
+    /// Reflected task wrench at {G}.
     pub f_g_task: Wrench,
-    /// Wrench that keeps the reflection port passive, at {G}, with the energies it is computed from.
-    pub port: Passed,
-    /// The return to centre, at {G} (Eq. 8).
+    /// Wrenches and energies of the reflection port.
+    pub port: PortOutput,
+    /// Return to centre, at {G} (Eq. 8).
     pub f_g_centring: Wrench,
     /// Damping, at {G} (Eq. 9).
     pub f_g_damping: Wrench,
-    /// The Jacobian of {G} in {G}.
+    /// Jacobian of {G}, written in {G}.
     pub j_g: Jacobian<6>,
-    /// Components of every joint's torque.
+    /// Contributions to every joint torque.
     pub ledger: Ledger,
     /// Commanded joint torques (Eq. 10), in N·m or N.
     pub tau: JointVector,
-    /// The same as target torques (6071h, Fig. 6).
+    /// Target torques (6071h, Fig. 6) of `tau`.
     pub targets: [PerMille; 6],
-    /// The worst fault, if any. The torques are safe to send all the same.
+    /// Most severe fault. The torques are safe to send with any fault.
     pub fault: Option<Fault>,
 }
 
-/// Torque budget of one cycle: every request, and the scales applied to it. In N·m or N. It serializes as the `budget` of a
-/// status.
+/// Torque budget of one cycle: requested contributions in N·m or N, and the scales applied to them. It serializes as the
+/// `budget` of a status.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ledger {
-    /// The task (Eq. 7).
+    /// Reflected task wrench (Eq. 7).
     pub task: JointVector,
     /// Gravity compensation times its share.
     pub gravity: JointVector,
-    /// The return to centre, before its scaling.
+    /// Return to centre, before its scaling.
     pub centring: JointVector,
     /// Damping, before its scaling.
     pub damping: JointVector,
-    /// Damper of the passivity layer.
+    /// Dampers of passivity layer and tank.
     pub passivity: JointVector,
-    /// The soft stops.
+    /// Torques of the soft stops.
     pub soft_stops: JointVector,
-    /// Friction compensation, times the share of the engagement ramp.
+    /// Friction compensation, scaled by the engagement ramp.
     pub friction: JointVector,
-    /// Joint that its friction compensation drove without a hand: the compensation is withdrawn until the next arming.
+    /// Self-driven joint, for which friction compensation is withdrawn until the next arming.
     #[serde(skip)]
     pub self_driven: Option<Joint>,
     /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,
     /// Scale of task and assist together, 0 to 1.
     pub rest_scale: f64,
-    /// Share of task and assist that is reflected at all, 0 to 1.
+    /// Share of task and assist to reflect, 0 to 1: the input's `reflection_share`.
     #[serde(skip)]
     pub share: f64,
-    /// Joint that set the scale.
+    /// Joint that determines `rest_scale`.
     pub limiting_joint: Option<Joint>,
-    /// First joint whose torque was limited in its rate of change.
+    /// First joint whose torque the slew limits.
     pub slewing_joint: Option<Joint>,
 }
 
 impl Ledger {
-    /// No requests.
+    /// Returns a budget with zero torques and scales of 1.
     pub(crate) fn nothing() -> Self {
         let none = JointVector::zeros();
         Self {
@@ -161,23 +161,23 @@ impl Ledger {
         }
     }
 
-    /// Torques that carry the arm's weight and overcome its friction: the arm takes them, not the hand.
+    /// Returns the torques for weight and friction of the arm, in N·m or N; the hand does not receive them.
     pub fn carried(&self) -> JointVector {
         self.gravity + self.friction * (self.rest_scale * self.share)
     }
 }
 
 impl Output {
-    /// Returns whether a joint at its capacity reduces the reflected wrench.
+    /// Returns whether the capacity of a joint reduces the reflected wrench.
     pub const fn is_saturated(&self) -> bool {
         self.ledger.limiting_joint.is_some()
     }
 }
 
-/// An invalid value that was replaced. Worst first.
+/// Invalid value that was replaced, most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Fault {
-    /// All torques were replaced by zero.
+    /// All torques are zero.
     #[error("a torque is not a finite number")]
     TorqueNotFinite,
     /// Reflection is zero.
@@ -186,13 +186,13 @@ pub enum Fault {
     /// Reflection is zero.
     #[error("the sensed wrench is larger than any sensor reads")]
     WrenchTooLarge,
-    /// The last good pose is used.
+    /// The last valid pose is used.
     #[error("the object's pose is not finite or its rotation is not a unit quaternion")]
     ObjectPoseNotFinite,
     /// Gravity compensation or reflection is zero.
     #[error("a share is not within 0 and 1")]
     ShareOutOfRange,
-    /// The command is held until the operator takes a new reference.
+    /// The object holds until the operator sets a new reference.
     #[error("the hand is turned too far from its reference to be commanded")]
     TurnedTooFar,
 }

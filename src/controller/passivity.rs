@@ -1,53 +1,51 @@
-//! The passivity observer and controller at the reflection port, six axes at once (Hannaford and Ryu
-//! 2002, in the form that is exact for torques that are held between cycles).
+//! Passivity observer and controller (PO/PC) at the reflection port, in six axes (Hannaford and Ryu 2002). The form here is
+//! exact for torques held between cycles.
 //!
-//! The observer adds up the work that the task torques have really taken from the hand: those that were
-//! held, times how far the joints have really come. The textbook's product of this cycle's force and
-//! this cycle's speed takes each sample to have begun earlier than it did, and never sees the energy
-//! that a sampled wall gives off. Where the sum falls below zero, the port has given more than it was
-//! given, and the controller takes it back with a damper that is just strong enough.
+//! The observer sums the work of the hand on the port: held torques times joint motion. The product of this cycle's
+//! force and speed would attribute each sample to an earlier time, and miss the energy that a sampled wall generates.
+//! A negative sum means that the port was active; the controller then dissipates the excess with the smallest damper
+//! that suffices.
 //!
-//! Damping that the drives hold already, and whose effect no sample shows yet, is taken as done: else every cycle of
-//! the delay would ask for the same energy again. The credit of the sum is bounded, but what the spring of the contact
-//! stores ([`contact_stiffness`](crate::contact_stiffness)) is not credit: the hand that presses has put it there,
-//! and takes it back when it lets go.
+//! Damping that the drives hold, but that no sample shows yet, counts as done. Otherwise each cycle of delay would
+//! request the same energy again. The sum is capped, so that old credit does not hide new activity. The cap excludes
+//! the energy in the spring of the contact ([`contact_stiffness`](crate::contact_stiffness)), which the hand stored and
+//! gets back.
 
 use thiserror::Error;
 
 use crate::never_pulls;
 use units::spatial::{Twist, Wrench};
 
-/// Minimum speed at which a damper can take energy, in m/s.
+/// Minimum speed at which a damper dissipates energy, in m/s.
 const MIN_SPEED: f64 = 1e-6;
 
-/// Energy of a contact that bounces, in J: out of contact, less is not damped.
+/// Minimum energy debt that is damped out of contact, in J: that of a bounce.
 const BOUNCE: f64 = 5e-3;
 
 /// Parameters of observer and controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassivitySettings {
-    /// Maximum of the observed energy, in J: old credit must not hide present activity.
+    /// Maximum of the observed energy, in J, so that old credit does not hide new activity.
     pub max_energy: f64,
-    /// The strongest damper, in N·s/m.
+    /// Maximum damping, in N·s/m.
     pub max_damping: f64,
-    /// The lever that makes rotations comparable, in m: its square times a damper of translations is
-    /// one of rotations.
+    /// Lever between translations and rotations, in m: rotational damping is its square times the translational one.
     pub lever: f64,
-    /// Below this task force in N there is no contact.
+    /// Task force that counts as contact, in N.
     pub contact_threshold: f64,
-    /// Cycles without contact that end it and reset the observer: fewer are a bounce.
+    /// Maximum cycles without contact within one contact with bounces; more of them reset the observer.
     pub contact_release_cycles: u32,
-    /// Contact must never pull: the damper then never reverses the task force.
+    /// Contact is one-sided: the damper never reverses the task force.
     pub is_one_sided: bool,
 }
 
-/// A parameter of [`PassivitySettings`] out of range.
+/// Parameter of [`PassivitySettings`] out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{quantity} of the passivity controller must be positive and at most 1e6, got {value}")]
 pub struct InvalidPassivity {
     /// Name of the parameter.
     pub quantity: &'static str,
-    /// The value given.
+    /// Rejected value, in the unit of the parameter.
     pub value: f64,
 }
 
@@ -55,7 +53,7 @@ pub struct InvalidPassivity {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passivity {
     settings: PassivitySettings,
-    /// Energy from the hand into the port less energy out of it, in J.
+    /// Net energy from the hand into the port, in J.
     energy: f64,
     cycles_without_contact: u32,
 }
@@ -64,7 +62,7 @@ impl Passivity {
     /// Creates an observer at zero energy.
     ///
     /// # Errors
-    /// A number that is not positive and finite.
+    /// Returns the first parameter that is not within 0 (excluded) and 1e6.
     pub fn new(settings: PassivitySettings) -> Result<Self, InvalidPassivity> {
         let PassivitySettings { max_energy, max_damping, lever, contact_threshold, .. } = settings;
         for (quantity, value) in [
@@ -80,22 +78,22 @@ impl Passivity {
         Ok(Self { settings, energy: 0.0, cycles_without_contact: 0 })
     }
 
-    /// The strongest damper, in N·s/m.
+    /// Maximum damping, in N·s/m.
     pub const fn max_damping(&self) -> f64 {
         self.settings.max_damping
     }
 
-    /// Returns the lever whose square makes a damper of rotations of one of translations, in m.
+    /// Lever between translations and rotations, in m.
     pub const fn lever(&self) -> f64 {
         self.settings.lever
     }
 
-    /// Energy from the hand into the port less energy out of it, in J. Below zero the port was active.
+    /// Net energy from the hand into the port, in J. Below zero the port was active.
     pub const fn energy(&self) -> f64 {
         self.energy
     }
 
-    /// Most energy of the credit, in J, beside what the contact stores.
+    /// Maximum credit, in J, without the energy that the contact stores.
     pub const fn max_energy(&self) -> f64 {
         self.settings.max_energy
     }
@@ -105,19 +103,19 @@ impl Passivity {
         self.energy += credit;
     }
 
-    /// Returns whether the observer is within a contact or its bounces.
+    /// Returns whether a contact, bounces included, is in progress.
     pub const fn is_in_contact(&self) -> bool {
         self.cycles_without_contact <= self.settings.contact_release_cycles
     }
 
-    /// Ends the contact and its debt: the hand has left the surface.
+    /// Ends the contact and clears its energy, because the hand has left the surface.
     pub const fn release(&mut self) {
         self.cycles_without_contact = u32::MAX;
         self.energy = 0.0;
     }
 
-    /// Adds the work in J that the hand did against the port since the last cycle; `stored` J are in the spring of the
-    /// contact.
+    /// Adds the work of the hand on the port since the last cycle, in J. `stored` is the energy in the spring of the
+    /// contact, in J, by which the cap is raised.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench, stored: f64) {
         let has_no_contact = f_g_task.force.norm() < self.settings.contact_threshold;
         self.cycles_without_contact =
@@ -129,8 +127,8 @@ impl Passivity {
         };
     }
 
-    /// The damper in N·s/m that takes back in the next `dt` s what the port has given too much, if the hand goes on as
-    /// it moves: `α = -(E + E_f) / (dt vᵀ W v)`. `in_flight` is E_f, the energy in J that damping under way takes back.
+    /// Returns the damping in N·s/m that dissipates the energy debt in the next `dt` s at the present velocity:
+    /// `α = -(E + E_f) / (dt vᵀ W v)`. `in_flight` is E_f, the energy in J that damping in flight will dissipate.
     pub fn damping(&self, dt: f64, v_g: &Twist, in_flight: f64) -> f64 {
         let strength = self.weighted(v_g).power(v_g);
         let energy = self.energy + in_flight.max(0.0);
@@ -140,26 +138,26 @@ impl Passivity {
         (-energy / (dt * strength)).min(self.settings.max_damping)
     }
 
-    /// The wrench of a damper of `damping` N·s/m on the hand, in {G}: `-α W v_g`. If the contact is one-sided, it and
-    /// the task's together never pull the hand back into what pushes it away.
+    /// Returns the wrench of a damper of `damping` N·s/m on the hand, in {G}: `-α W v_g`. In one-sided contact its sum
+    /// with the task wrench never pulls the hand into the surface.
     pub fn wrench(&self, damping: f64, v_g: &Twist, f_g_task: &Wrench) -> Wrench {
         let against = self.weighted(v_g) * -damping;
         if self.settings.is_one_sided { one_sided(&against, f_g_task) } else { against }
     }
 
-    /// Returns whether there is contact, or the bounce of a contact that was active. A hand that lets go leaves less than 5 mJ behind.
+    /// Returns whether the port is in contact, or owes more than 5 mJ after one. A hand that lets go leaves less.
     pub const fn is_engaged(&self) -> bool {
         self.cycles_without_contact == 0 || self.energy < -BOUNCE
     }
 
-    /// `W v`: a damper of 1 N·s/m, and of its lever squared for rotations.
+    /// Returns `W v`, with W = 1 on translations and the lever squared on rotations.
     fn weighted(&self, v_g: &Twist) -> Wrench {
         let turning = self.settings.lever * self.settings.lever;
         Wrench { force: v_g.linear, moment: v_g.angular * turning }
     }
 }
 
-/// `f_g` without what would turn the force of the task round; where nothing pushes, nothing is.
+/// Limits `f_g` so that it does not reverse the task force; zero without a task force.
 fn one_sided(f_g: &Wrench, f_g_task: &Wrench) -> Wrench {
     let push = f_g_task.force.norm();
     if push <= 0.0 {
@@ -183,14 +181,14 @@ mod tests {
         is_one_sided: true,
     };
 
-    /// An observer that has seen `energy`.
+    /// Returns an observer at `energy` J.
     fn seen(energy: f64) -> Passivity {
         let mut passivity = Passivity::new(SETTINGS).unwrap();
         passivity.account(energy, &push(1.0), 0.0);
         passivity
     }
 
-    /// The wrench of the exact damper.
+    /// Returns the wrench of the exact damper.
     fn exact(passivity: &Passivity, v_g: &Twist, f_g_task: &Wrench, in_flight: f64) -> Wrench {
         passivity.wrench(passivity.damping(1e-3, v_g, in_flight), v_g, f_g_task)
     }
@@ -211,7 +209,7 @@ mod tests {
             passivity.account(energy, &push(1.0), 0.0);
             let f_g = exact(&passivity, &v_g, &push(1.0), 0.0);
             let taken = -f_g.power(&v_g) * 1e-3;
-            // All of it, or what the strongest damper takes in a cycle of 1 ms; the lever is 0.1 m.
+            // Dissipates all of it, or what the maximum damping does in a cycle of 1 ms; the lever is 0.1 m.
             let strength = v_g.linear.norm_squared() + 0.01 * v_g.angular.norm_squared();
             let expected = (-energy).min(1e3 * strength * 1e-3);
             prop_assert!((taken - expected).abs() <= 1e-9 * expected, "{taken} J for {expected} J");
@@ -249,7 +247,7 @@ mod tests {
     #[test]
     fn what_the_contact_stores_comes_back_without_a_brake() {
         let mut passivity = Passivity::new(SETTINGS).unwrap();
-        // Pressing stores 0.5 J; letting go takes it out again, and the cap sinks with it.
+        // Pressing stores 0.5 J; letting go returns it, and the cap falls along.
         for _ in 0..50 {
             passivity.account(0.01, &push(10.0), 0.5);
         }

@@ -6,16 +6,16 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Period(f64);
 
-/// A period out of range.
+/// Period out of range, in s.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("the cycle period must be within 10 µs and 1 s, got {0} s")]
 pub struct InvalidPeriod(pub f64);
 
 impl Period {
-    /// From seconds.
+    /// Creates a period.
     ///
     /// # Errors
-    /// A period out of range.
+    /// Returns an error for a period not within 10 µs and 1 s.
     pub fn new(seconds: f64) -> Result<Self, InvalidPeriod> {
         if (1e-5..=1.0).contains(&seconds) {
             Ok(Self(seconds))
@@ -24,12 +24,12 @@ impl Period {
         }
     }
 
-    /// In s.
+    /// Returns the period, in s.
     pub const fn seconds(self) -> f64 {
         self.0
     }
 
-    /// Number of cycles in a time in s, rounded up.
+    /// Converts a time in s to cycles, rounded up.
     #[expect(
         clippy::as_conversions,
         clippy::cast_possible_truncation,

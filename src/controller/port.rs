@@ -1,7 +1,7 @@
-//! The reflection port, where task and hand exchange energy, and what keeps it passive there.
+//! Reflection port, the one-port where task and hand exchange energy, with passivity layer and tank.
 //!
-//! Neither knows the task: both look only at the torques that were held and at how far the joints came.
-//! `Booking` says which part of those was the port's, [`TorqueDelay`] which torque acted until this sample.
+//! Both layers use only held torques and joint motion, not a model of the task. `Booking` computes the port's part of
+//! the held torques; [`TorqueDelay`] selects the torque that acted up to this sample.
 
 use crate::booking::{Booking, PortTorques};
 use crate::coupling::Coupling;
@@ -12,47 +12,46 @@ use crate::period::Period;
 use crate::tank::Tank;
 use crate::torque_delay::TorqueDelay;
 use crate::unloading::Unloading;
-use crate::velocity::Moving;
+use crate::velocity::GripTwist;
 use crate::{Extensions, JointVector};
 use units::spatial::{Twist, Wrench};
 
-/// The port with its state.
+/// Reflection port with its layers and their state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Port {
     period: Period,
     passivity: Option<Passivity>,
     damper: Damper,
-    /// Permits no damping that pulls into the surface.
+    /// Bounds K_D so that it never pulls into the surface.
     bounds_damping: bool,
     never_pulls: NeverPulls,
     unloading: Unloading,
     tank: Option<Tank>,
     booking: Booking,
-    /// Torques of the port at the joints, as they were held.
+    /// Held torques of the port, at the joints.
     held: TorqueDelay<PortTorques>,
     /// Joint positions of the last sample.
     q_before: Option<JointVector>,
 }
 
-/// Output of the port.
+/// Wrenches and energies of the reflection port in one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Passed {
-    /// The task wrench that may act, at {G}.
+pub struct PortOutput {
+    /// Permitted task wrench, at {G}.
     pub f_g_task: Wrench,
-    /// The wrench of the dampers that keep the port passive, at {G}.
+    /// Wrench of the passivity damper and the tank's damper, at {G}.
     pub f_g_passivity: Wrench,
-    /// Activity of the port, 0 to 1: 0 while the passivity controller has nothing to do, 1 from a quarter of its
-    /// strongest damper on.
+    /// Activity of the port, 0 to 1: four times the passivity damper over its maximum, at most 1.
     pub activity: f64,
-    /// Energy from the hand into the port less energy out of it, in J, where it is observed.
+    /// Observed net energy from the hand into the port, in J; `None` without a passivity layer.
     pub energy: Option<f64>,
-    /// Level of the tank, in J, where there is one.
+    /// Level of the tank, in J; `None` without one.
     pub tank: Option<f64>,
 }
 
 impl Port {
-    /// Returns the damping K_D that may act beside what this cycle passed: in contact nothing pulls into the surface.
-    pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, passed: &Passed) -> Wrench {
+    /// Bounds the wrench of K_D at {G}, so that its sum with this cycle's port wrenches does not pull into the surface.
+    pub(crate) fn bounded_damping(&self, f_g_damping: &Wrench, passed: &PortOutput) -> Wrench {
         let f_g_port = passed.f_g_task + passed.f_g_passivity;
         self.never_pulls.bounded_damping(f_g_damping, &f_g_port)
     }
@@ -74,39 +73,39 @@ impl Port {
         }
     }
 
-    /// Returns whether a layer observes energy: without one nothing need be booked.
+    /// Returns whether a layer observes energy. Without one, booking is unnecessary.
     pub(crate) const fn is_observed(&self) -> bool {
         self.passivity.is_some() || self.tank.is_some()
     }
 
-    /// Books the torques in N·m or N that the actuators hold since the last cycle.
+    /// Books the torques that the actuators hold since the last cycle, in N·m or N.
     pub(crate) fn book(&mut self, tau_a: &JointVector, coupling: &Coupling<6>) {
         let PortTorques { port, damper } = self.booking.book(tau_a);
         let [port, damper] = [port, damper].map(|tau_a| coupling.at_joints(&tau_a));
         self.held.push(PortTorques { port, damper });
     }
 
-    /// Keeps the torques at the actuators that this cycle asks for, before their slew, and the port's parts of them.
-    pub(crate) const fn ask(&mut self, tau_a: &JointVector, parts: &PortTorques) {
-        self.booking.ask(tau_a, parts);
+    /// Records the actuator torques requested in this cycle, before their slew limit, and the port's part of them.
+    pub(crate) const fn request(&mut self, tau_a: &JointVector, parts: &PortTorques) {
+        self.booking.request(tau_a, parts);
     }
 
-    /// Takes the joints' new positions, and lets through what may act of `f_g_task`.
+    /// Updates the layers with new joint positions; returns the permitted part of `f_g_task` and the dampers' wrench.
     ///
-    /// A target waits for the next SYNC, however long that takes, so the torque of two cycles ago acted over the whole
-    /// way since the last sample, even after skipped cycles.
+    /// A target takes effect at the next SYNC. The torque of two cycles ago therefore acted during all of the motion since
+    /// the last sample, skipped cycles included.
     pub(crate) fn pass(
         &mut self,
         q: &JointVector,
-        moving: &Moving,
+        twist: &GripTwist,
         f_g_task: &Wrench,
         storage: Storage,
-    ) -> Passed {
+    ) -> PortOutput {
         let dt = self.period.seconds();
-        let v_g = &moving.v_g_raw;
+        let v_g = &twist.v_g_raw;
         let dq = q - self.q_before.replace(*q).unwrap_or(*q);
-        let work = -self.held.acted().port.dot(&dq); // of the hand against the port, since the last sample
-        let mut passed = Passed { f_g_task: *f_g_task, ..Passed::default() };
+        let work = -self.held.acted().port.dot(&dq); // hand → port, since the last sample
+        let mut passed = PortOutput { f_g_task: *f_g_task, ..PortOutput::default() };
         if let Some(tank) = &mut self.tank {
             tank.account(work);
             passed.f_g_task = *f_g_task * tank.share(f_g_task.power(v_g) * dt);
@@ -125,7 +124,7 @@ impl Port {
             }
             let initial = passivity.max_energy();
             passivity.grant(self.unloading.grant(passivity.is_in_contact(), initial, returned));
-            // If the joints go on as they came.
+            // Predicted with the motion of the last cycle.
             let in_flight = -self.held.in_flight().damper.dot(&dq);
             let wanted = passivity.damping(dt, v_g, in_flight);
             self.damper.next(dt, wanted, passivity.max_damping(), v_g, passivity.is_engaged());
@@ -143,15 +142,15 @@ impl Port {
 /// Energy of a contact, in J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Storage {
-    /// In the spring of the contact, put there by the hand.
+    /// Energy that the hand has stored in the spring of the contact.
     pub(crate) stored: f64,
-    /// Returned by the law at most, if the hand unloaded now.
+    /// Maximum energy that the law returns if the hand unloads now.
     pub(crate) returned: f64,
-    /// Part of `stored` that a greater scale of the force has put there in this cycle: the hand did not, and gets it back.
+    /// Part of `stored` added in this cycle by a rising force scale. The observer grants it, since no work of the hand did.
     pub(crate) raised: f64,
 }
 
-/// A damper of `strength` N·s/m on translations; rotations have none of their own.
+/// Returns the wrench of a damper of `strength` N·s/m on translations; rotations are not damped.
 fn damper(strength: f64, v_g: &Twist) -> Wrench {
     Wrench { force: v_g.linear * -strength, ..Wrench::ZERO }
 }
@@ -199,20 +198,20 @@ mod tests {
         Wrench { force: [1.0, 0.0, 0.0].into(), ..Wrench::ZERO }
     }
 
-    /// Asks for a torque of the port, and lets the drives hold it.
+    /// Requests a port torque that the drives then hold.
     fn hold(port: &mut Port, tau: f64, damper: f64) {
-        port.ask(&first(tau), &PortTorques { port: first(tau), damper: first(damper) });
+        port.request(&first(tau), &PortTorques { port: first(tau), damper: first(damper) });
         port.book(&first(tau), &Coupling::none());
     }
 
-    fn at_rest() -> Moving {
-        Moving::default()
+    fn at_rest() -> GripTwist {
+        GripTwist::default()
     }
 
-    /// Work of the hand booked in each cycle, if these torques are held at these rates.
+    /// Returns the work of the hand booked in each cycle, with these torques held at these rates.
     fn booked(has_tank: bool, taus: &[f64], rates: &[f64]) -> Vec<f64> {
         let mut port = port(has_tank);
-        // The passivity observer starts with its credit.
+        // The observer starts with a credit of `max_energy`.
         let mut before = if has_tank { 0.1 } else { 1e3 };
         let mut q = 0.0;
         let mut held = 0.0;
@@ -229,7 +228,7 @@ mod tests {
 
     #[test]
     fn torque_works_from_the_sync_after_its_own_to_the_next() {
-        // Computed from sample 0, taken over at SYNC 1, in force until SYNC 2: sample 2 shows its motion.
+        // Computed from sample 0, applied from SYNC 1 to SYNC 2: sample 2 shows its motion.
         for has_tank in [false, true] {
             let work = booked(has_tank, &[-3.0, 0.0, 0.0, 0.0], &[-0.1, -1.0, -10.0, -100.0]);
             let of_third = -3.0 * 10.0 * DT;
@@ -250,7 +249,7 @@ mod tests {
     #[test]
     fn empty_tank_lets_no_power_out_and_damps() {
         let mut port = port(true);
-        let moving = Moving {
+        let twist = GripTwist {
             v_g_raw: Twist { linear: [0.5, 0.0, 0.0].into(), ..Twist::ZERO },
             ..at_rest()
         };
@@ -258,11 +257,11 @@ mod tests {
         for _ in 0..200 {
             hold(&mut port, 10.0, 0.0);
             q += DT;
-            port.pass(&first(q), &moving, &push(), Storage::default());
+            port.pass(&first(q), &twist, &push(), Storage::default());
         }
-        let passed = port.pass(&first(q + DT), &moving, &push(), Storage::default());
-        assert!(passed.f_g_task.power(&moving.v_g_raw).abs() < 1e-12, "{passed:?}");
-        assert!(passed.f_g_passivity.power(&moving.v_g_raw) < 0.0, "{passed:?}");
+        let passed = port.pass(&first(q + DT), &twist, &push(), Storage::default());
+        assert!(passed.f_g_task.power(&twist.v_g_raw).abs() < 1e-12, "{passed:?}");
+        assert!(passed.f_g_passivity.power(&twist.v_g_raw) < 0.0, "{passed:?}");
     }
 
     #[test]
@@ -270,7 +269,7 @@ mod tests {
         let mut port = Port::new(Period::new(DT).unwrap(), &Extensions::default());
         hold(&mut port, 1.0, 0.0);
         let passed = port.pass(&first(1.0), &at_rest(), &push(), Storage::default());
-        assert_eq!(passed, Passed { f_g_task: push(), ..Passed::default() });
+        assert_eq!(passed, PortOutput { f_g_task: push(), ..PortOutput::default() });
     }
 
     #[test]

@@ -1,26 +1,25 @@
-//! The reference pose, and how far the grip is from it (Eq. 2, 3 and 4).
+//! Reference pose, and the displacement of the grip from it (Eq. 2, 3 and 4).
 //!
-//! Not what the difference commands. The translation is written in the axes of the reference, {G0},
-//! unless those of the base are asked for as printed in Eq. 2 (decision 2): all six numbers, and the
-//! wrenches that answer them, then share one frame, and the base of the arm may stand anywhere.
+//! The translation is written in the reference {G0}, or optionally in the base as printed in Eq. 2 (decision 2). In
+//! {G0} all six components and their wrenches share one frame, independent of the arm's base.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-use crate::interpretation::{Displaced, Interpretation};
+use crate::interpretation::{DisplacementFrame, Interpretation};
 use crate::orientation::Orientation;
-use crate::switches::Pressed;
+use crate::switches::Permissions;
 
-/// ΔX of Eq. 4: where the grip is, seen from its reference.
+/// ΔX of Eq. 4: pose of the grip relative to its reference, as six components.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Displacement {
-    /// Along the axes of the reference, in m.
+    /// Translation, in m, along the axes of the reference or, with decision 2 as printed, of the base.
     pub translation: Vector3<f64>,
-    /// The three numbers of the relative orientation, in rad.
+    /// Parameters of the relative orientation, in rad.
     pub orientation: Vector3<f64>,
 }
 
 impl Displacement {
-    /// From a relative pose `x_h_g`, its rotation written as `orientation` says.
+    /// Converts a relative pose to components, with the rotation in the given parametrisation.
     pub fn between(x_h_g: &Isometry3<f64>, orientation: Orientation) -> Self {
         Self {
             translation: x_h_g.translation.vector,
@@ -28,24 +27,24 @@ impl Displacement {
         }
     }
 
-    /// The same with its translation along other axes, `r` taking the one to the other.
+    /// Rotates the translation by `r`, to the axes of another frame.
     #[must_use]
     pub fn along(self, r: &UnitQuaternion<f64>) -> Self {
         Self { translation: r * self.translation, ..self }
     }
 
-    /// From x, y, z in m and γ, β, α (or a rotation vector) in rad.
+    /// Creates a displacement from x, y, z in m and γ, β, α (or a rotation vector) in rad.
     pub const fn from_components([x, y, z, gamma, beta, alpha]: [f64; 6]) -> Self {
         Self { translation: Vector3::new(x, y, z), orientation: Vector3::new(gamma, beta, alpha) }
     }
 
-    /// x, y, z in m and γ, β, α (or a rotation vector) in rad.
+    /// Returns x, y, z in m and γ, β, α (or a rotation vector) in rad.
     pub fn components(&self) -> [f64; 6] {
         let (p, phi) = (&self.translation, &self.orientation);
         [p.x, p.y, p.z, phi.x, phi.y, phi.z]
     }
 
-    /// Each component multiplied by its own gain: a diagonal gain matrix.
+    /// Multiplies by a diagonal gain matrix.
     pub fn scaled(&self, gains: &[f64; 6]) -> Self {
         let [x, y, z, gamma, beta, alpha] = self.components();
         let [a, b, c, d, e, f] = *gains;
@@ -58,16 +57,16 @@ impl Displacement {
     }
 }
 
-/// The grip's pose that commands nothing, and the object's pose that belongs to it.
+/// Reference poses of grip and object, at which the displacement is zero.
 ///
-/// Until an operator has set one it follows the grip, so that nothing is displaced.
+/// Until the operator sets a reference, it follows the grip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// The grip's pose at the reference, in {0}: {G0}.
+    /// Pose of the grip at the reference, in {0}: {G0}.
     pub x_0_h: Isometry3<f64>,
-    /// The object's pose at the reference, in its base.
+    /// Pose of the object at the reference, in its base.
     pub x_b_r: Isometry3<f64>,
-    /// Set by an operator.
+    /// The operator has set a reference.
     pub is_set: bool,
 }
 
@@ -77,45 +76,46 @@ impl Reference {
         Self { x_0_h: Isometry3::identity(), x_b_r: Isometry3::identity(), is_set: false }
     }
 
-    /// Sets the reference here where the switches ask for it, and says whether they did: both poses
-    /// at once, so that no object can jump (decisions 28 and 29). `x_b_m` is the pose the object has
-    /// been commanded to, or has where it was not.
+    /// Sets both poses if the switches request a reference, so that the object does not jump (decisions 28 and 29).
+    /// Returns whether they did. `x_b_m` is the last commanded pose of the object, or its actual pose without a pose
+    /// command.
     pub fn update(
         &mut self,
-        pressed: &Pressed,
+        permissions: &Permissions,
         x_0_g: &Isometry3<f64>,
         x_b_m: &Isometry3<f64>,
     ) -> bool {
-        let set = pressed.reference || pressed.engaged && (pressed.latches || !self.is_set);
+        let set =
+            permissions.reference || permissions.engaged && (permissions.latches || !self.is_set);
         if set || !self.is_set {
             *self = Self { x_0_h: *x_0_g, x_b_r: *x_b_m, is_set: self.is_set || set };
         }
         set
     }
 
-    /// From the axes that the translation of ΔX is written along to those of the grip at `x_0_g`.
+    /// Returns the rotation from the axes of ΔX to those of the grip at `x_0_g`.
     pub fn turn_to_grip(
         &self,
-        displaced: Displaced,
+        displaced: DisplacementFrame,
         x_0_g: &Isometry3<f64>,
     ) -> UnitQuaternion<f64> {
         let r_g_0 = x_0_g.rotation.inverse();
         match displaced {
-            Displaced::InBase => r_g_0,
-            Displaced::InReference => r_g_0 * self.x_0_h.rotation,
+            DisplacementFrame::Base => r_g_0,
+            DisplacementFrame::Reference => r_g_0 * self.x_0_h.rotation,
         }
     }
 
-    /// ΔX of a grip at `x_h_g` (Eq. 4), as it is read.
+    /// Computes ΔX of a grip at `x_h_g` (Eq. 4), in the chosen interpretation.
     pub fn dx(&self, interpretation: &Interpretation, x_h_g: &Isometry3<f64>) -> Displacement {
         let dx = Displacement::between(x_h_g, interpretation.orientation);
         match interpretation.displacement {
-            Displaced::InReference => dx,
-            Displaced::InBase => dx.along(&self.x_0_h.rotation),
+            DisplacementFrame::Reference => dx,
+            DisplacementFrame::Base => dx.along(&self.x_0_h.rotation),
         }
     }
 
-    /// The grip's pose, seen from the reference: Eq. 2 and 3 in one.
+    /// Computes the pose of the grip in the reference (Eq. 2 and 3).
     pub fn displacement(&self, x_0_g: &Isometry3<f64>) -> Isometry3<f64> {
         self.x_0_h.inverse() * x_0_g
     }
@@ -127,7 +127,7 @@ mod tests {
 
     use super::*;
 
-    const SET: Pressed = Pressed { reference: true, ..Pressed::NOTHING };
+    const SET: Permissions = Permissions { reference: true, ..Permissions::NOTHING };
 
     fn pose() -> impl Strategy<Value = Isometry3<f64>> {
         prop::array::uniform6(-1.0..1.0_f64).prop_map(|[x, y, z, a, b, c]| {
@@ -164,7 +164,7 @@ mod tests {
         #[test]
         fn before_it_is_set_it_follows_the_grip(x_0_g in pose(), x_b_m in pose()) {
             let mut reference = Reference::none();
-            prop_assert!(!reference.update(&Pressed::NOTHING, &x_0_g, &x_b_m));
+            prop_assert!(!reference.update(&Permissions::NOTHING, &x_0_g, &x_b_m));
             prop_assert!(!reference.is_set);
             prop_assert_eq!(reference.x_0_h, x_0_g);
         }
@@ -176,7 +176,7 @@ mod tests {
         let x_0_h = Isometry3::translation(0.1, 0.2, 0.3);
         reference.update(&SET, &x_0_h, &Isometry3::identity());
         let moved = Isometry3::translation(1.0, 0.0, 0.0);
-        let engaged = Pressed { engaged: true, ..Pressed::NOTHING };
+        let engaged = Permissions { engaged: true, ..Permissions::NOTHING };
         assert!(!reference.update(&engaged, &moved, &moved));
         assert_eq!((reference.x_0_h, reference.is_set), (x_0_h, true));
     }

@@ -1,8 +1,8 @@
-//! The wrench on the object, felt at the grip (3.2, Eq. 6).
+//! Wrench reflection: from the wrench on the object to that at the grip (3.2, Eq. 6).
 //!
-//! Not the removal of the payload, which the commanded side does. A wrench is what the environment
-//! exerts *on* the object; the hand is pushed the same way. The gain is applied at {MRF} and its
-//! result taken for the wrench at the grip, along the grip's own axes (decisions 9, 10 and 30).
+//! Wrenches are those of the environment *on* the object; the hand is pushed in the same direction. The commanded side
+//! has already removed the payload. The gain applies at {MRF}, and its result is the wrench at the grip, along the axes
+//! of the grip (decisions 9, 10 and 30).
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -11,7 +11,7 @@ use crate::arm::is_pose;
 use crate::gains::Gains;
 use units::spatial::Wrench;
 
-/// From the sensor to the grip.
+/// Transformation, gain and limits of reflection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflection {
     x_m_s: Isometry3<f64>,
@@ -20,27 +20,27 @@ pub struct Reflection {
     max_moment: f64,
 }
 
-/// Why a wrench cannot be reflected so.
+/// Reason why parameters of reflection are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidReflection {
-    /// The sensor's place on the object.
+    /// Pose of the sensor in {MRF} is not finite.
     #[error("the pose of the sensor in the frame under control is not finite")]
     Sensor,
-    /// Limit of force or moment at the grip.
+    /// Limit at the grip is not positive and finite.
     #[error("the maximum {quantity} at the grip must be positive and finite, got {value}")]
     Limit {
-        /// Force or moment.
+        /// `force` or `moment`.
         quantity: &'static str,
-        /// The value given, in N or N·m.
+        /// Rejected value, in N or N·m.
         value: f64,
     },
 }
 
 impl Reflection {
-    /// From the sensor's pose on the object, K_T, and the most a hand may feel in N and N·m.
+    /// Creates a reflection from the sensor's pose in {MRF}, K_T, and the maximum force and moment at the grip in N and N·m.
     ///
     /// # Errors
-    /// An invalid pose, or a limit that is not positive and finite.
+    /// Returns an error for an invalid pose, or a limit that is not positive and finite.
     pub fn new(
         x_m_s: Isometry3<f64>,
         gain: Gains,
@@ -58,7 +58,7 @@ impl Reflection {
         Ok(Self { x_m_s, gain, max_force, max_moment })
     }
 
-    /// Returns the same with another K_T.
+    /// Replaces K_T.
     #[must_use]
     pub const fn with_gain(self, gain: Gains) -> Self {
         Self { gain, ..self }
@@ -69,22 +69,22 @@ impl Reflection {
         &self.x_m_s
     }
 
-    /// The most force at the grip, in N.
+    /// Maximum force at the grip, in N.
     pub const fn max_force(&self) -> f64 {
         self.max_force
     }
 
-    /// K_T.
+    /// K_T: wrench at the grip per wrench at {MRF}.
     pub const fn gain(&self) -> &Gains {
         &self.gain
     }
 
-    /// The wrench at the frame under control (Eq. 6).
+    /// Transforms a sensed wrench from {S} to {MRF} (Eq. 6).
     pub fn at_object(&self, f_s: &Wrench) -> Wrench {
         f_s.at(&self.x_m_s)
     }
 
-    /// Scales a wrench at {MRF} to the grip: by K_T, then as a whole to at most the limits.
+    /// Multiplies a wrench at {MRF} by K_T, then scales it to the limits of force and moment, keeping its direction.
     pub fn at_grip(&self, f_m: &Wrench) -> Wrench {
         let f_g = f_m.scaled(self.gain.values());
         let excess = (f_g.force.norm() / self.max_force).max(f_g.moment.norm() / self.max_moment);

@@ -1,8 +1,8 @@
-//! Scales of motion and force that the operator sets while running, and locked axes.
+//! Scales of motion, rotation and force that the operator sets while the arm runs, and locked axes.
 //!
-//! Each is a factor on a gain: on K_V and K_P by axis, and on K_T as a whole. A locked axis has the factor zero. Factors go to
-//! new values in a straight line within [`RAMP_S`]; the reference moves along
-//! ([`CommandLaw::reference`](crate::command::CommandLaw::reference)), so that no commanded pose jumps.
+//! Each is a factor on a gain: per axis on K_V and K_P, and on K_T as a whole. The factor of a locked axis is zero. Factors
+//! reach new values on a linear ramp of [`RAMP_S`]. The reference changes with them
+//! ([`CommandLaw::reference`](crate::command::CommandLaw::reference)), so that the commanded pose does not jump.
 
 use serde::Serialize;
 
@@ -10,49 +10,49 @@ use crate::gains::MAX_GAIN;
 use crate::period::Period;
 use units::adjustment::{LockAxis, Quantity};
 
-/// Duration of a change of factors, in s.
+/// Duration of the ramp to new factors, in s.
 pub const RAMP_S: f64 = 0.5;
 
-/// Scale of each quantity: a factor without unit.
+/// Dimensionless scale of each quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Scale {
-    /// On translations of the command.
+    /// Factor on commanded translations.
     pub motion: f64,
-    /// On rotations of the command.
+    /// Factor on commanded rotations.
     pub rotation: f64,
-    /// On the reflected wrench.
+    /// Factor on the reflected wrench.
     pub force: f64,
 }
 
-/// Factors on gains in one cycle.
+/// Factors on the gains in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Factors {
-    /// On K_V and K_P, by axis.
+    /// Factor on K_V and K_P, per axis.
     pub command: [f64; 6],
-    /// On K_T.
+    /// Factor on K_T.
     pub force: f64,
 }
 
-/// Scale and locks, and the factors on their way there.
+/// Scale and locks, with the ramp of the factors to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaling {
     scale: Scale,
     locked: [bool; 6],
     factors: Factors,
-    /// Factor on K_T of the last cycle.
+    /// Factor on K_T in the last cycle.
     force_before: f64,
-    /// Cycles of a ramp.
+    /// Duration of a ramp, in cycles.
     ramp: u32,
-    /// Cycles until the factors are those of scale and locks.
+    /// Remaining cycles of the ramp.
     left: u32,
 }
 
 impl Scale {
-    /// No change of any gain.
+    /// Scales of 1.
     pub const ONE: Self = Self { motion: 1.0, rotation: 1.0, force: 1.0 };
 
     /// Returns the scale of one quantity.
-    pub const fn of(&self, quantity: Quantity) -> f64 {
+    pub const fn factor(&self, quantity: Quantity) -> f64 {
         match quantity {
             Quantity::Motion => self.motion,
             Quantity::Rotation => self.rotation,
@@ -62,24 +62,24 @@ impl Scale {
 }
 
 impl Factors {
-    /// No change of any gain.
+    /// Factors of 1.
     pub const ONE: Self = Self { command: [1.0; 6], force: 1.0 };
 }
 
 impl Scaling {
-    /// Creates a scaling that changes nothing.
+    /// Creates a scaling with factors of 1 and no locks.
     pub fn new(period: Period) -> Self {
         let ramp = period.cycles(RAMP_S).max(1);
         let (scale, factors) = (Scale::ONE, Factors::ONE);
         Self { scale, locked: [false; 6], factors, force_before: 1.0, ramp, left: 0 }
     }
 
-    /// Returns the scale that was set.
+    /// Returns the scale last set.
     pub const fn scale(&self) -> &Scale {
         &self.scale
     }
 
-    /// Returns which axes are locked.
+    /// Returns the lock of each axis.
     pub const fn locked(&self) -> &[bool; 6] {
         &self.locked
     }
@@ -89,13 +89,13 @@ impl Scaling {
         &self.factors
     }
 
-    /// Returns the share of the reflected force by which its factor has risen in this cycle, 0 to 1.
+    /// Returns the rise of the force factor in this cycle, relative to the factor, 0 to 1.
     pub fn force_rise(&self) -> f64 {
         let now = self.factors.force;
         if now > self.force_before { (now - self.force_before) / now } else { 0.0 }
     }
 
-    /// Sets the scale of a quantity, from 0 on.
+    /// Sets the scale of a quantity, clamped to 0 and [`MAX_GAIN`], and starts a ramp.
     pub const fn set(&mut self, quantity: Quantity, factor: f64) {
         let scale = match quantity {
             Quantity::Motion => &mut self.scale.motion,
@@ -106,7 +106,7 @@ impl Scaling {
         self.left = self.ramp;
     }
 
-    /// Locks or releases an axis.
+    /// Locks or releases an axis, and starts a ramp.
     pub const fn lock(&mut self, axis: LockAxis, is_locked: bool) {
         let [x, y, z, rx, ry, rz] = &mut self.locked;
         *match axis {
@@ -120,7 +120,7 @@ impl Scaling {
         self.left = self.ramp;
     }
 
-    /// Moves the factors on by a cycle. Returns whether they have changed.
+    /// Advances the ramp by one cycle. Returns whether the factors changed.
     pub fn advance(&mut self) -> bool {
         self.force_before = self.factors.force;
         if self.left == 0 {
@@ -137,7 +137,7 @@ impl Scaling {
         true
     }
 
-    /// Returns the factors of scale and locks.
+    /// Returns the factors at the end of the ramp.
     fn goal(&self) -> Factors {
         let Scale { motion, rotation, force } = self.scale;
         let command = LockAxis::ALL.map(|axis| {
@@ -216,7 +216,7 @@ mod tests {
                     let before = *scaling.factors();
                     scaling.advance();
                     let after = scaling.factors();
-                    // Two in half a second at most.
+                    // A factor changes by at most 2 in 0.5 s.
                     let steps = before.command.iter().zip(after.command).map(|(a, b)| (a - b).abs());
                     prop_assert!(steps.chain([(before.force - after.force).abs()]).all(|step| step <= 2.0 / 500.0 + 1e-12));
                 }

@@ -1,31 +1,31 @@
-//! Monitor of friction compensation that drives a joint without a hand, because real friction is less than it may be.
+//! Monitor that withdraws friction compensation if it drives a joint without a hand.
 //!
 //! The [bound](crate::friction_bound) keeps an arm at rest whose friction is at least 0.3 of the identified one. This
-//! monitor sees what the bound cannot know: less friction than that, or the full share in a contact that no hand holds. A
-//! joint is self-driven while it moves with its compensation, does not slow down, and its own compensation gives more
-//! than all else. A hand that moves a joint faster than `MIN_SPEED` gives more than the compensation: damping K_D takes
-//! it. The full share of a contact hides slower hands, down to `MIN_SPEED_IN_CONTACT`.
+//! monitor detects the remaining cases: less friction than that, or the full share in a contact that no hand holds. A
+//! joint is self-driven while it moves with its compensation, does not slow down, and the compensation is the main source
+//! of its power. Above `MIN_SPEED` a hand gives more power than the compensation, since K_D dissipates it. In contact,
+//! with the full share, that holds above `MIN_SPEED_IN_CONTACT`.
 
 use crate::JointVector;
 use crate::friction_bound::GripLoad;
 use units::numbering::Joint;
 
-/// Minimum speed of a joint that counts as driven, in rad/s or m/s.
+/// Minimum speed of a self-driven joint in free motion, in rad/s or m/s.
 const MIN_SPEED: f64 = 0.5;
 
-/// The same in contact, where the share is full.
+/// Minimum speed of a self-driven joint in contact, with the full share, in rad/s or m/s.
 const MIN_SPEED_IN_CONTACT: f64 = 1.0;
 
-/// Motion after which the compensation is withdrawn, in rad or m.
+/// Self-driven motion after which the compensation is withdrawn, in rad or m.
 const MAX_TRAVEL: f64 = 0.05;
 
-/// Share of its peak speed below which a joint slows down: it coasts.
+/// Fraction of its peak speed below which a joint coasts.
 const COASTING: f64 = 0.8;
 
-/// Decrease of the compensation per cycle once it is withdrawn: gone within 40 cycles.
+/// Factor on a withdrawn compensation per cycle: 1.5 % remain after 40 cycles.
 const FADE: f64 = 0.9;
 
-/// Monitor of all joints.
+/// Self-drive monitor of all joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SelfDrive {
     joints: [Driven; 6],
@@ -33,12 +33,12 @@ pub struct SelfDrive {
     remaining: f64,
 }
 
-/// Motion of one joint since it last stopped, turned, slowed down or was driven by something else.
+/// Self-driven motion of one joint since it last stopped, reversed, coasted or had another drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Driven {
-    /// In rad or m, with its sign.
+    /// Signed travel, in rad or m.
     travel: f64,
-    /// In rad/s or m/s.
+    /// Maximum speed, in rad/s or m/s.
     peak: f64,
 }
 
@@ -49,13 +49,13 @@ impl Default for SelfDrive {
 }
 
 impl SelfDrive {
-    /// Returns the joint that was driven by its compensation, and has lost it.
+    /// Returns the self-driven joint for which the compensation was withdrawn.
     pub const fn joint(&self) -> Option<Joint> {
         self.withdrawn
     }
 
-    /// Takes the compensation `tau` in N·m or N at joint rates `qd`, with a motion of `dq` since the last cycle. Returns the
-    /// remaining share of the compensation, 0 to 1.
+    /// Updates the monitor with the compensation `tau` in N·m or N, the motion `dq` of this cycle and the joint rates `qd`.
+    /// Returns the remaining share of the compensation, 0 to 1.
     pub fn update(
         &mut self,
         tau: &JointVector,
@@ -100,15 +100,14 @@ mod tests {
 
     const DT: f64 = 1e-3;
 
-    /// A grip that nothing touches, and whose damping takes `watts`.
+    /// Returns the load of a grip without contact whose damping dissipates `watts`.
     fn load(watts: f64) -> GripLoad {
         let v_g = Twist::from_components([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let against = Wrench::from_components([-watts, 0.0, 0.0, 0.0, 0.0, 0.0]);
         GripLoad::new(&v_g, &Wrench::ZERO, &Wrench::ZERO, &against)
     }
 
-    /// Returns the motion in rad of the elbow until its compensation is withdrawn within 2 s, at a speed that depends on
-    /// the time.
+    /// Returns the elbow's motion in rad until the compensation is withdrawn, within 2 s, for a speed over time.
     fn travel(tau: f64, speed: impl Fn(f64) -> f64, watts: f64) -> Option<f64> {
         let mut monitor = SelfDrive::default();
         let mut q = 0.0;

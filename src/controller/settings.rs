@@ -19,49 +19,49 @@ use crate::tank::Tank;
 use crate::velocity::Filter;
 use crate::virtual_coupling::VirtualCoupling;
 
-/// All parameters of the law; each part is checked when it is made.
+/// Parameters of the control law. The constructor of each part checks it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Interpretation of the paper.
     pub interpretation: Interpretation,
-    /// The cycle.
+    /// Cycle period.
     pub period: Period,
-    /// The hand controller's links.
+    /// Kinematics and masses of the hand controller.
     pub arm: Arm<6>,
-    /// Its encoders, gears and torque curves; their ends are the joints' capacities.
+    /// Encoders, gears and torque curves, whose ends are the joints' capacities.
     pub calibration: Calibration<6>,
-    /// Deadband and return to centre.
+    /// Deadband and return to centre of each axis.
     pub channels: Channels,
-    /// From displacement to command.
+    /// Gains from displacement to command.
     pub command: CommandLaw,
-    /// From the sensor to the grip.
+    /// Sensor pose, K_T and limits at the grip.
     pub reflection: Reflection,
-    /// K_D, against the hand's motion, in N·s/m and N·m·s/rad.
+    /// K_D, in N·s/m and N·m·s/rad.
     pub damping: Gains,
     /// Fraction of each joint's capacity that the assist may use.
     pub assist_fraction: AssistFraction,
-    /// Bounds of what the operator changes while running.
+    /// Bounds of the operator's adjustments.
     pub bounds: Bounds,
-    /// Extensions that the paper does not have.
+    /// Extensions that are not in the paper.
     pub extensions: Extensions,
 }
 
 /// Extensions beside the paper's law; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extensions {
-    /// A low pass on the grip's velocity.
+    /// Low pass on the grip's velocity.
     pub velocity_filter: Filter,
     /// Walls of the channels also act in pose mode.
     pub walls_in_pose: bool,
     /// Fade of the return to centre in contact.
     pub contact_fade: Option<ContactFade>,
-    /// Ramp of reflection; without it reflection starts at once.
+    /// Ramp of reflection; `None` starts it at once.
     pub engagement: Option<Engagement>,
     /// Feed-forward of the joints' friction.
     pub friction: Option<FrictionCompensation>,
     /// Springs and dampers before the ends of the joints.
     pub soft_stops: Option<SoftStops<6>>,
-    /// The damping never pulls the hand into what the task pushes it out of; with a passivity layer it never does.
+    /// K_D never pulls the hand into the surface; implied by a passivity layer.
     pub damping_never_pulls: bool,
     /// Limits on the rate of change of torques.
     pub slew: Option<Slew<6>>,
@@ -69,6 +69,6 @@ pub struct Extensions {
     pub passivity: Option<Passivity>,
     /// Energy tank at the reflection port.
     pub tank: Option<Tank>,
-    /// Virtual coupling of hand and object in pose mode, in place of the sensor.
+    /// Virtual coupling of hand and object in pose mode; replaces the sensed wrench.
     pub virtual_coupling: Option<VirtualCoupling>,
 }

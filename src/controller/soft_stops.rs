@@ -1,44 +1,43 @@
-//! Soft stops: a joint near the end of its range is turned back, as by a spring with a damper.
+//! Soft stops: a spring and a damper return a joint near the end of its range.
 //!
-//! Not the end stop itself, and no limit of what is commanded. Each acts on its own joint: no wrench at
-//! the grip could.
+//! Each acts on its own joint, which a wrench at the grip could not. Commands are not limited.
 
 use nalgebra::SVector;
 use thiserror::Error;
 
-/// The damper pushes at a speed `v` as the spring does at a depth of `v` times this, in s.
+/// Ratio of damping to stiffness at full depth, in s.
 const DAMPING_TIME: f64 = 0.02;
 
-/// One at each end of `N` joints.
+/// Soft stops at both ends of `N` joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftStops<const N: usize>([Stop; N]);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stop {
     range: [f64; 2],
-    /// Distance from the ends at which it begins, in rad or m.
+    /// Distance from the ends at which the stop begins, in rad or m.
     margin: f64,
-    /// The most it pushes, in N·m or N: at the ends.
+    /// Maximum torque, reached at the ends, in N·m or N.
     push: f64,
 }
 
 /// Reason why soft stops are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidSoftStops {
-    /// Fraction of the range at which they begin.
+    /// Margin, as a fraction of the range, not within 0 (excluded) and 0.5.
     #[error("the margin of a soft stop must be above 0 and at most 0.5 of the range, got {0}")]
     Margin(f64),
-    /// Fraction of the joint's capacity that they may use.
+    /// Push, as a fraction of the joint's capacity, not within 0 and 1.
     #[error("the push of a soft stop must be within 0..=1 of capacity, got {0}")]
     Push(f64),
 }
 
 impl<const N: usize> SoftStops<N> {
-    /// At both ends of `ranges`, in rad or m: over the part `margin` of each, with up to the part
-    /// `push` of `max_torques`, what each joint (not its actuator) can exert.
+    /// Creates stops at both ends of `ranges`, in rad or m. `margin` is a fraction of the range, and `push` a fraction of
+    /// `max_torques`, the capacities of the joints (not of their actuators).
     ///
     /// # Errors
-    /// A margin or push out of range.
+    /// Returns an error for a margin or push out of range.
     pub fn new(
         ranges: [[f64; 2]; N],
         max_torques: &SVector<f64, N>,
@@ -59,7 +58,7 @@ impl<const N: usize> SoftStops<N> {
         Ok(Self(stops))
     }
 
-    /// Torques on joints at `q` that move with `qd`, in N·m or N.
+    /// Computes the torques on joints at `q` with rates `qd`, in N·m or N.
     pub fn torques(&self, q: &SVector<f64, N>, qd: &SVector<f64, N>) -> SVector<f64, N> {
         let joints = self.0.iter().zip(q.iter()).zip(qd.iter());
         SVector::from_iterator(joints.map(|((stop, q), qd)| stop.torque(*q, *qd)))
@@ -74,8 +73,8 @@ impl Stop {
         at_low - at_high
     }
 
-    /// Against a joint `depth` inside and moving outwards with `speed`. The damper comes in with depth,
-    /// so nothing jumps, and does not hold a joint that returns.
+    /// Computes the torque against a joint `depth` inside the margin that moves outwards with `speed`. Damping grows with
+    /// depth, so the torque has no step, and does not act on a joint that returns.
     fn resistance(&self, depth: f64, speed: f64) -> f64 {
         let inside = (depth / self.margin).clamp(0.0, 1.0);
         let slowed = inside * speed.max(0.0) * DAMPING_TIME / self.margin;

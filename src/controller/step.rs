@@ -1,10 +1,10 @@
-//! One cycle, from joint positions and wrench to torques and command: Fig. 3, from top to bottom.
+//! One cycle of the control law, from joint positions and wrench to torques and command, in the order of Fig. 3.
 
 mod adjusting;
 
 use nalgebra::Isometry3;
 
-use crate::adjustment::Adjusted;
+use crate::adjustment::AdjustmentState;
 use crate::alignment::Alignment;
 use crate::arm::Posture;
 use crate::assist::{self, Damping};
@@ -13,20 +13,20 @@ use crate::command::Gate;
 use crate::contact_stiffness::ContactStiffness;
 use crate::friction::FrictionCompensation;
 use crate::friction_bound::GripLoad;
-use crate::intake::Trusted;
-use crate::interpretation::{Centring, Felt, Weight};
-use crate::limits::{Asked, Limited, Limits, Slew};
-use crate::port::{Passed, Port, Storage};
+use crate::interpretation::{Centring, ReflectionFrame, Weight};
+use crate::limits::{LimitedTorques, Limits, Slew, TorqueRequest};
+use crate::port::{Port, PortOutput, Storage};
 use crate::reference::{Displacement, Reference};
 use crate::scaling::Scaling;
-use crate::switches::{Mode, Pressed, SwitchLogic};
-use crate::velocity::{JointRates, Moving, Velocity};
+use crate::switches::{Mode, Permissions, SwitchLogic};
+use crate::valid_input::ValidInput;
+use crate::velocity::{GripTwist, JointRates, Velocity};
 use crate::{DriveTargets, Extensions, Fault, Input, JointVector, Ledger, Output, Settings};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
 
-/// The control law (Fig. 3) with its state.
+/// Control law (Fig. 3) with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Controller {
     settings: Settings,
@@ -42,49 +42,51 @@ pub struct Controller {
     port: Port,
     contact: ContactStiffness,
     scaling: Scaling,
-    /// Turn of the object to the orientation of the grip, while it is under way.
+    /// Alignment in progress.
     alignment: Option<Alignment>,
     /// Sensed wrench of the last cycle, at {MRF}.
     f_m_sensed: Wrench,
-    /// Torques of the last cycle at the actuators, and the same as targets.
+    /// Actuator torques of the last cycle, and their targets.
     last: (JointVector, [PerMille; 6]),
     mode: Mode,
     /// Last pose of the object.
     x_b_m: Isometry3<f64>,
-    /// Last commanded pose, if the command was a pose.
-    x_b_asked: Option<Isometry3<f64>>,
+    /// Last command, if it was a pose.
+    x_b_commanded: Option<Isometry3<f64>>,
 }
 
-/// The arm in this cycle.
+/// State of the arm in this cycle.
 struct ArmState {
     q: JointVector,
     qd: JointVector,
     posture: Posture<6>,
     j_g: Jacobian<6>,
-    moving: Moving,
+    twist: GripTwist,
 }
 
-/// Wrenches on the hand, at {G}, that Jᵀ takes to the joints.
+/// Wrenches on the hand at {G}, for Jᵀ.
 struct GripWrenches {
-    port: Passed,
+    port: PortOutput,
     f_g_centring: Wrench,
     f_g_damping: Wrench,
     /// Share of the engagement ramp, 0 to 1.
-    begun: f64,
+    ramp: f64,
 }
 
-/// A contact, as the port takes it.
+/// Input of the reflection port.
 struct Touch {
-    /// The wrench to be felt, at {G}.
+    /// Task wrench at {G}, with K_T and the engagement ramp.
     f_g_felt: Wrench,
-    /// The same at {MRF}.
+    /// Task wrench at {MRF}.
     f_m_task: Wrench,
     /// Pose of the grip in its reference.
     x_h_g: Isometry3<f64>,
+    /// Pose of the object in its base.
+    x_b_m: Isometry3<f64>,
 }
 
 impl Controller {
-    /// Creates a controller before its first cycle: no reference, reflection off.
+    /// Creates a controller without a reference, with reflection off.
     pub fn new(settings: &Settings) -> Self {
         let Settings { interpretation, period, calibration, assist_fraction, extensions, .. } =
             *settings;
@@ -106,11 +108,11 @@ impl Controller {
             last: (JointVector::zeros(), [PerMille(0); 6]),
             mode: Mode::Rate,
             x_b_m: Isometry3::identity(),
-            x_b_asked: None,
+            x_b_commanded: None,
         }
     }
 
-    /// Returns the joint positions for these counts, in rad or m.
+    /// Converts actual positions (6064h) to joint positions, in rad or m.
     pub fn positions(&self, counts: &[Counts; 6]) -> JointVector {
         self.settings.calibration.positions(counts)
     }
@@ -121,62 +123,62 @@ impl Controller {
         self.step_at(&q, input)
     }
 
-    /// Computes one cycle at given joint positions in rad or m, which must be finite, in place of counts.
+    /// Computes one cycle at joint positions `q` in rad or m, which must be finite, in place of the input's counts.
     pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
         let Settings { interpretation, calibration, channels, command: law, reflection, .. } =
             self.settings;
-        let given = Trusted::of(input, &self.x_b_m);
-        let pressed = self.switch_logic.read(input.switches, input.mode); // 4.1
+        let given = ValidInput::from_input(input, &self.x_b_m);
+        let permissions = self.switch_logic.read(input.switches, input.mode); // 4.1
 
         let arm = self.arm_state(q, input.restart);
         let x_0_g = arm.posture.x_0_g; // Eq. 1
 
-        let x_b_last = self.x_b_asked.unwrap_or(given.x_b_m);
-        let is_new = self.reference.update(&pressed, &x_0_g, &x_b_last);
+        let x_b_last = self.x_b_commanded.unwrap_or(given.x_b_m);
+        let is_new = self.reference.update(&permissions, &x_0_g, &x_b_last);
         let x_h_g = self.reference.displacement(&x_0_g); // Eq. 2, 3
         let dx = self.reference.dx(&interpretation, &x_h_g); // Eq. 4
 
         let dx_db = law.effective(input.mode, &channels, &dx);
         let is_within = interpretation.orientation.is_within(&dx.orientation);
-        let gate = self.gate.next(&pressed, input.mode, is_new, dx_db.is_zero(), is_within);
+        let gate = self.gate.next(&permissions, input.mode, is_new, dx_db.is_zero(), is_within);
         self.f_m_sensed = reflection.at_object(&given.f_s); // Eq. 6
         let law = self.scaled(&law, input.mode, &dx_db);
         self.align(&law, (gate == Gate::Open && !is_new).then_some(input.mode), &x_0_g, &dx_db);
         let command = law.motion(&interpretation, input.mode, gate, &self.reference, &dx_db); // Eq. 5, 3.5
 
         let f_m_task = self.task(&given, &command);
-        let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
-        let begun = self.begun(&pressed, &f_g_felt);
-        let contact = Touch { f_g_felt: f_g_felt * begun, f_m_task, x_h_g };
-        let port = self.pass(input, &given, &arm, &contact);
+        let f_g_felt = self.reflected(&f_m_task, &x_h_g); // K_T
+        let ramp = self.ramp(&permissions, &f_g_felt);
+        let contact = Touch { f_g_felt: f_g_felt * ramp, f_m_task, x_h_g, x_b_m: given.x_b_m };
+        let port = self.pass(input, &arm, &contact);
 
-        let f_g_centring = self.centring(&pressed, input.mode, &x_0_g, &dx) * begun; // Eq. 8
+        let f_g_centring = self.centring(&permissions, input.mode, &x_0_g, &dx) * ramp; // Eq. 8
         let is_first = input.restart || is_new || input.mode != self.mode;
-        let against = self.damping.wrench(&arm.moving.v_g, &x_h_g, &dx, is_first); // Eq. 9
+        let against = self.damping.wrench(&arm.twist.v_g, &x_h_g, &dx, is_first); // Eq. 9
         let against = self.port.bounded_damping(&against, &port);
-        let f_g_damping = permitted(pressed.damping, against);
+        let f_g_damping = permitted(permissions.damping, against);
 
-        let grip = GripWrenches { port, f_g_centring, f_g_damping, begun };
-        let asked = self.torques(&given, &pressed, &arm, &grip); // Eq. 7, 3.3
-        let (tau, ledger, broken) = self.limit(asked, input.held); // Eq. 10
+        let grip = GripWrenches { port, f_g_centring, f_g_damping, ramp };
+        let request = self.torques(&given, &permissions, &arm, &grip); // Eq. 7, 3.3
+        let (tau, ledger, broken) = self.limit(request, input.held); // Eq. 10
         let targets = calibration.targets(&tau); // Fig. 6
 
         (self.gate, self.mode, self.last.1) = (gate, input.mode, targets);
-        (self.x_b_m, self.x_b_asked) = (given.x_b_m, asked_pose(&command));
+        (self.x_b_m, self.x_b_commanded) = (given.x_b_m, commanded_pose(&command));
         let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
         Output {
             q: arm.q,
             joint_out_of_range: self.settings.arm.out_of_range(q).and_then(Joint::at),
             x_0_g,
-            pressed,
+            permissions,
             reference: self.reference,
             x_h_g,
             dx,
             dx_db,
             gate,
             command,
-            adjusted: Adjusted::new(&self.scaling, self.alignment.is_some()),
-            moving: arm.moving,
+            adjusted: AdjustmentState::new(&self.scaling, self.alignment.is_some()),
+            twist: arm.twist,
             f_m_task,
             f_g_task: port.f_g_task,
             port,
@@ -190,7 +192,7 @@ impl Controller {
         }
     }
 
-    /// Forward kinematics and velocities at these joint positions.
+    /// Computes forward kinematics, Jacobian and velocities at joint positions `q`.
     fn arm_state(&mut self, q: &JointVector, restart: bool) -> ArmState {
         let arm = &self.settings.arm;
         let posture = arm.posture(q);
@@ -198,13 +200,13 @@ impl Controller {
             q: *q,
             qd: self.rates.update(q, restart),
             j_g: arm.jacobian(&posture),
-            moving: self.velocity.update(&posture.x_0_g, restart),
+            twist: self.velocity.update(&posture.x_0_g, restart),
             posture,
         }
     }
 
-    /// Task wrench at {MRF}: the sensor's reading, or that of the virtual coupling.
-    fn task(&mut self, given: &Trusted, command: &Motion) -> Wrench {
+    /// Returns the task wrench at {MRF}: the sensed one or, in pose mode with a virtual coupling, that of the coupling.
+    fn task(&mut self, given: &ValidInput, command: &Motion) -> Wrench {
         let f_m_sensed = self.f_m_sensed;
         let Some(coupling) = &mut self.layers.virtual_coupling else { return f_m_sensed };
         match command {
@@ -216,26 +218,26 @@ impl Controller {
         }
     }
 
-    /// Reflects a wrench at {MRF} to {G}, along the axes of the chosen interpretation (decision 30).
-    fn felt(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
+    /// Reflects a wrench from {MRF} to {G}, along the axes of the chosen interpretation (decision 30).
+    fn reflected(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
         let f = self.settings.reflection.at_grip(&(*f_m_task * self.scaling.factors().force));
         match self.settings.interpretation.task {
-            Felt::InGrip => f,
-            Felt::InReference => f.turned(&x_h_g.rotation.inverse()),
+            ReflectionFrame::Grip => f,
+            ReflectionFrame::Reference => f.turned(&x_h_g.rotation.inverse()),
         }
     }
 
-    /// Share of the engagement ramp, 0 to 1.
-    fn begun(&mut self, pressed: &Pressed, f_g_felt: &Wrench) -> f64 {
+    /// Returns the share of the engagement ramp, 0 to 1.
+    fn ramp(&mut self, permissions: &Permissions, f_g_felt: &Wrench) -> f64 {
         match &mut self.layers.engagement {
-            Some(engagement) => engagement.share(pressed.task, f_g_felt),
-            None if pressed.task => 1.0,
+            Some(engagement) => engagement.share(permissions.task, f_g_felt),
+            None if permissions.task => 1.0,
             None => 0.0,
         }
     }
 
-    /// Lets through the port what may act of `f_g_felt`, after booking what the drives hold.
-    fn pass(&mut self, input: &Input, given: &Trusted, arm: &ArmState, touch: &Touch) -> Passed {
+    /// Books the held torques, then passes the task wrench through the reflection port.
+    fn pass(&mut self, input: &Input, arm: &ArmState, touch: &Touch) -> PortOutput {
         let mut storage = Storage::default();
         if self.port.is_observed() {
             let (tau_a, targets) = &self.last;
@@ -243,16 +245,16 @@ impl Controller {
             let held =
                 input.held.map(|held| calibration.held_torques(&held.targets(), targets, tau_a));
             self.port.book(&held.unwrap_or(*tau_a), calibration.coupling());
-            storage = self.storage(input.mode, given, touch);
+            storage = self.storage(input.mode, touch);
         }
-        self.port.pass(&arm.q, &arm.moving, &touch.f_g_felt, storage)
+        self.port.pass(&arm.q, &arm.twist, &touch.f_g_felt, storage)
     }
 
-    /// Energy of the contact, as the law of the mode stores and returns it.
-    fn storage(&mut self, mode: Mode, given: &Trusted, touch: &Touch) -> Storage {
-        let Touch { f_g_felt, f_m_task, x_h_g } = touch;
-        let f_b = given.x_b_m.rotation * f_m_task.force;
-        self.contact.update(&f_b, &given.x_b_m.translation.vector);
+    /// Computes the energy that the contact stores and returns in this mode.
+    fn storage(&mut self, mode: Mode, touch: &Touch) -> Storage {
+        let Touch { f_g_felt, f_m_task, x_h_g, x_b_m } = touch;
+        let f_b = x_b_m.rotation * f_m_task.force;
+        self.contact.update(&f_b, &x_b_m.translation.vector);
         match mode {
             Mode::Pose => {
                 let pose_gain = self.settings.command.pose_gain;
@@ -261,7 +263,7 @@ impl Controller {
                 Storage { stored, returned: 0.0, raised: stored * self.scaling.force_rise() }
             }
             Mode::Rate => {
-                // Energy of a hand that goes back to its reference while the push stays.
+                // Work on a hand that returns to its reference at constant force.
                 let push = x_h_g.rotation * f_g_felt.force;
                 let returned = -push.dot(&x_h_g.translation.vector);
                 Storage { stored: 0.0, returned, raised: 0.0 }
@@ -269,17 +271,17 @@ impl Controller {
         }
     }
 
-    /// The return to centre in rate mode; in pose mode at most its walls (3.5).
+    /// Computes the return to centre in rate mode, and walls only in pose mode (3.5).
     fn centring(
         &self,
-        pressed: &Pressed,
+        permissions: &Permissions,
         mode: Mode,
         x_0_g: &Isometry3<f64>,
         dx: &Displacement,
     ) -> Wrench {
         let Settings { interpretation, channels, .. } = &self.settings;
         let channels = match mode {
-            Mode::Rate if pressed.centring => *channels,
+            Mode::Rate if permissions.centring => *channels,
             Mode::Pose if self.layers.walls_in_pose => channels.walls_only(),
             Mode::Rate | Mode::Pose => return Wrench::ZERO,
         };
@@ -292,29 +294,29 @@ impl Controller {
         }
     }
 
-    /// Torques of the joints: Jᵀ for the wrenches at the grip, gravity compensation, and what acts at the joints alone.
+    /// Computes the requested joint torques: Jᵀ times the wrenches at the grip, gravity, soft stops and friction.
     fn torques(
         &mut self,
-        given: &Trusted,
-        pressed: &Pressed,
+        given: &ValidInput,
+        permissions: &Permissions,
         arm: &ArmState,
         grip: &GripWrenches,
     ) -> Ledger {
-        let ArmState { qd, j_g, moving, .. } = arm;
-        let GripWrenches { port, f_g_centring, f_g_damping, begun } = grip;
+        let ArmState { qd, j_g, twist, .. } = arm;
+        let GripWrenches { port, f_g_centring, f_g_damping, ramp } = grip;
         let f_g_task = &port.f_g_task;
         let f_g_return = *f_g_centring * self.fade(f_g_task, f_g_centring);
-        let soft_stops = self.soft_stops(pressed, arm);
-        let load = GripLoad::new(&moving.v_g, f_g_task, &f_g_return, f_g_damping)
+        let soft_stops = self.soft_stops(permissions, arm);
+        let load = GripLoad::new(&twist.v_g, f_g_task, &f_g_return, f_g_damping)
             .driven_by(soft_stops.dot(qd));
-        // An active port needs the friction that takes energy.
-        let weight = begun * (1.0 - port.activity);
+        // An active port needs the dissipation of friction.
+        let weight = ramp * (1.0 - port.activity);
         Ledger {
             task: j_g.torques(f_g_task),                      // Eq. 7
             gravity: self.gravity(arm) * given.gravity_share, // 3.3
             centring: j_g.torques(&f_g_return),
             damping: j_g.torques(f_g_damping),
-            passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
+            passivity: j_g.torques(&permitted(permissions.task, port.f_g_passivity)),
             soft_stops,
             friction: self.friction(given, arm, &load, weight),
             self_driven: self.self_driven(),
@@ -323,12 +325,12 @@ impl Controller {
         }
     }
 
-    /// Remaining share of the return to centre in contact, 0 to 1 (decision 23). Damping stays: contact needs it.
+    /// Returns the remaining share of the return to centre in contact, 0 to 1 (decision 23). Damping does not fade.
     fn fade(&self, f_g_task: &Wrench, f_g_centring: &Wrench) -> f64 {
         self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task, f_g_centring))
     }
 
-    /// Gravity compensation (decision 12).
+    /// Computes the gravity compensation (decision 12).
     fn gravity(&self, ArmState { posture, j_g, .. }: &ArmState) -> JointVector {
         let arm = &self.settings.arm;
         match self.settings.interpretation.weight {
@@ -337,17 +339,17 @@ impl Controller {
         }
     }
 
-    /// Torques of the soft stops, while the deadman is held.
-    fn soft_stops(&self, pressed: &Pressed, ArmState { q, qd, .. }: &ArmState) -> JointVector {
-        let stops = self.layers.soft_stops.filter(|_| pressed.commands);
-        stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
+    /// Computes the torques of the soft stops; zero with the deadman open.
+    fn soft_stops(&self, permissions: &Permissions, arm: &ArmState) -> JointVector {
+        let stops = self.layers.soft_stops.filter(|_| permissions.commands);
+        stops.map_or_else(JointVector::zeros, |stops| stops.torques(&arm.q, &arm.qd))
     }
 
-    /// Torques that compensate friction with `weight`, 0 to 1; none without a compensation. An arm whose gravity is not compensated is not
-    /// armed: that ends a withdrawal.
+    /// Computes the friction compensation with `weight`, 0 to 1; zero if not configured. Without gravity compensation the
+    /// arm is not armed, which restores a withdrawn compensation.
     fn friction(
         &mut self,
-        given: &Trusted,
+        given: &ValidInput,
         arm: &ArmState,
         load: &GripLoad,
         weight: f64,
@@ -359,7 +361,7 @@ impl Controller {
         friction.torques(&arm.q, &arm.qd, load, weight)
     }
 
-    /// Returns the joint that its friction compensation has driven, until the next arming.
+    /// Returns the self-driven joint since the last arming.
     fn self_driven(&self) -> Option<Joint> {
         self.layers.friction.as_ref().and_then(FrictionCompensation::self_driven)
     }
@@ -367,48 +369,48 @@ impl Controller {
     /// Limits the requested torques to the actuators' capacities and rates of change.
     fn limit(
         &mut self,
-        asked: Ledger,
+        request: Ledger,
         held: Option<DriveTargets>,
     ) -> (JointVector, Ledger, Option<Fault>) {
         if held == Some(DriveTargets::Withdrawn) {
             self.layers.slew.iter_mut().for_each(Slew::reset);
         }
         let coupling = self.settings.calibration.coupling();
-        let port = asked.task + asked.passivity;
-        let torques = Asked {
-            gravity: coupling.at_actuators(&asked.gravity),
-            task: coupling.at_actuators(&(port + asked.soft_stops + asked.friction)),
-            assist: coupling.at_actuators(&(asked.centring + asked.damping)),
+        let port = request.task + request.passivity;
+        let torques = TorqueRequest {
+            gravity: coupling.at_actuators(&request.gravity),
+            task: coupling.at_actuators(&(port + request.soft_stops + request.friction)),
+            assist: coupling.at_actuators(&(request.centring + request.damping)),
         };
-        let limited = self.limits.combine(&torques, asked.share);
-        let Limited { assist_scale, rest_scale, limiting_joint, is_broken, .. } = limited;
+        let limited = self.limits.combine(&torques, request.share);
+        let LimitedTorques { assist_scale, rest_scale, limiting_joint, is_broken, .. } = limited;
         let (tau_a, slewing_joint) = match &mut self.layers.slew {
             Some(slew) if is_broken => slew.drop_to_zero(),
             Some(slew) => slew.limit(&limited.tau),
             None => (limited.tau, None),
         };
-        let held_share = if is_broken { 0.0 } else { rest_scale * asked.share };
-        let [port, damper] = [port, asked.passivity].map(|tau| {
+        let held_share = if is_broken { 0.0 } else { rest_scale * request.share };
+        let [port, damper] = [port, request.passivity].map(|tau| {
             coupling.at_actuators(&if is_broken { JointVector::zeros() } else { tau * held_share })
         });
-        self.port.ask(&limited.tau, &PortTorques { port, damper });
+        self.port.request(&limited.tau, &PortTorques { port, damper });
         self.last.0 = tau_a;
         let tau = coupling.at_joints(&tau_a);
         let broken = is_broken.then_some(Fault::TorqueNotFinite);
         let [limiting_joint, slewing_joint] =
             [limiting_joint, slewing_joint].map(|place| place.and_then(Joint::at));
-        let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..asked };
+        let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..request };
         (tau, ledger, broken)
     }
 }
 
-/// Returns the wrench where it is permitted, zero elsewhere.
+/// Returns the wrench if it is permitted, else zero.
 fn permitted(is_permitted: bool, f_g: Wrench) -> Wrench {
     if is_permitted { f_g } else { Wrench::ZERO }
 }
 
-/// Pose that a command requests, if it is a pose command.
-fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
+/// Returns `x_b_d` of a pose command; `None` for a hold or a rate.
+fn commanded_pose(command: &Motion) -> Option<Isometry3<f64>> {
     match command {
         Motion::Pose(x_b_d) => Some(*x_b_d),
         Motion::Hold | Motion::Rate(_) => None,
@@ -431,7 +433,7 @@ mod tests {
     use crate::switches::Switches;
     use units::spatial::Twist;
 
-    /// A controller whose last joint lifts 2 kg at a lever of 0.3 m, with 10 N·m in every joint.
+    /// Returns a controller whose last joint lifts 2 kg at a lever of 0.3 m, with a capacity of 10 N·m in every joint.
     fn lifting(interpretation: Interpretation) -> Controller {
         let mut links = [Link { rotor_inertia: 1e-3, ..Link::TURNING }; 6];
         links[5] = Link { mass: 2.0, centre_of_mass: [0.3, 0.0, 0.0], ..links[5] };
@@ -455,7 +457,7 @@ mod tests {
         })
     }
 
-    /// An input with every switch open, whose reflection share is not its gravity share.
+    /// Returns an input with every switch open, and different shares of reflection and gravity.
     fn carried(gravity_share: f64) -> Input {
         Input {
             counts: [Counts(0); 6],
@@ -507,8 +509,8 @@ mod tests {
     #[test]
     fn only_a_pose_is_asked_for_as_a_pose() {
         let x_b_d = Isometry3::translation(0.1, 0.2, 0.3);
-        assert_eq!(asked_pose(&Motion::Pose(x_b_d)), Some(x_b_d));
-        assert_eq!(asked_pose(&Motion::Hold), None);
-        assert_eq!(asked_pose(&Motion::Rate(Twist::ZERO)), None);
+        assert_eq!(commanded_pose(&Motion::Pose(x_b_d)), Some(x_b_d));
+        assert_eq!(commanded_pose(&Motion::Hold), None);
+        assert_eq!(commanded_pose(&Motion::Rate(Twist::ZERO)), None);
     }
 }

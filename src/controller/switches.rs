@@ -1,6 +1,6 @@
-//! The three switches of a hand controller (4.1), from levels to what they permit and ask for.
+//! Logic of the three switches of a hand controller (4.1): from levels to permissions and requests.
 //!
-//! Not their wiring: two antivalent deadman contacts are one level here. Decisions 27, 28 and 29:
+//! The two antivalent deadman contacts are one level here. Decisions 27, 28 and 29:
 //!
 //! | deadman | reflection | command | task wrench | return to centre | damping | gravity |
 //! |---------|------------|---------|-------------|------------------|---------|---------|
@@ -8,12 +8,11 @@
 //! | held    | off        | yes     | –           | –                | –       | yes     |
 //! | held    | on         | yes     | yes         | rate mode        | yes     | yes     |
 //!
-//! The reflection switch turns reflection on and off, one press each. The reference switch acts
-//! once a press in rate mode; in pose mode it is a clutch while held: grip and object are latched
-//! every cycle (the index button of the paper). A switch that is closed at the first cycle counts
-//! only after it has been released.
+//! Each press of the reflection switch toggles reflection. The reference switch acts once per press in rate mode. In pose
+//! mode it is a clutch while held: it latches grip and object in every cycle (the index button of the paper). A switch
+//! that is closed in the first cycle is ignored until it is released.
 
-/// Meaning of the hand's displacement.
+/// Quantity that the hand's displacement commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Displacement commands velocity (Fig. 3).
@@ -23,12 +22,12 @@ pub enum Mode {
     Pose,
 }
 
-/// Which switches are closed.
+/// Levels of the switches; `true` is closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Switches {
-    /// Held to command anything and to feel anything.
+    /// Enabling device: permits commands and reflection.
     pub deadman: bool,
-    /// Defines the reference; index button in pose mode.
+    /// Sets the reference; index button in pose mode.
     pub reference: bool,
     /// Turns reflection, return to centre and damping on and off.
     pub reflection: bool,
@@ -36,27 +35,27 @@ pub struct Switches {
 
 /// Permissions and requests of the switches in one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Pressed {
-    /// The object may be commanded.
+pub struct Permissions {
+    /// Permits commands to the object.
     pub commands: bool,
-    /// The task wrench may be felt.
+    /// Permits the task wrench.
     pub task: bool,
-    /// The hand may be drawn back to the reference.
+    /// Permits the return to centre.
     pub centring: bool,
-    /// The hand's motion may be damped.
+    /// Permits damping of the hand's motion.
     pub damping: bool,
-    /// The operator asks for the reference here.
+    /// Requests a new reference at the present poses.
     pub reference: bool,
-    /// Commanding begins: the deadman has just been pressed, or the mode changed under it.
+    /// First cycle of commanding: the deadman has closed, or the mode has changed with it closed.
     pub engaged: bool,
-    /// Commanding in this mode starts with a new reference, so that the object does not jump.
+    /// Commanding starts with a new reference in this mode, so that the object does not jump.
     pub latches: bool,
-    /// The reflection switch has turned reflection on, with the deadman held or not.
+    /// Reflection is switched on, with the deadman held or not.
     pub reflects: bool,
 }
 
-impl Pressed {
-    /// Nothing permitted, nothing asked for.
+impl Permissions {
+    /// No permissions and no requests.
     pub const NOTHING: Self = Self {
         commands: false,
         task: false,
@@ -69,7 +68,7 @@ impl Pressed {
     };
 }
 
-/// Debounced state of the switches, and the functions they have turned on.
+/// Edge detection of the switches, with the state of deadman and reflection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SwitchLogic {
     before: Switches,
@@ -80,20 +79,20 @@ pub struct SwitchLogic {
 }
 
 impl SwitchLogic {
-    /// Before the first cycle: every switch taken for closed, reflection off. `latches` says whether
-    /// closing the deadman in pose mode sets the reference (decision 29).
+    /// Creates the logic with every switch assumed closed and reflection off. `latches`: closing the deadman in pose mode
+    /// sets the reference (decision 29).
     pub const fn new(mode: Mode, latches: bool) -> Self {
         let closed = Switches { deadman: true, reference: true, reflection: true };
         Self { before: closed, mode, latches, held: false, reflecting: false }
     }
 
-    /// Takes this cycle's levels.
-    pub fn read(&mut self, now: Switches, mode: Mode) -> Pressed {
+    /// Evaluates the levels of this cycle.
+    pub fn read(&mut self, now: Switches, mode: Mode) -> Permissions {
         let Self { before, mode: mode_before, latches, held: held_before, reflecting } = *self;
         let held = now.deadman && (held_before || !before.deadman);
         let reflecting = reflecting != (now.reflection && !before.reflection);
         *self = Self { before: now, mode, latches, held, reflecting };
-        Pressed {
+        Permissions {
             commands: held,
             task: held && reflecting,
             centring: held && reflecting && mode == Mode::Rate,
@@ -132,7 +131,7 @@ mod tests {
             for [deadman, reference, reflection] in presses {
                 let pressed = switches.read(Switches { deadman, reference, reflection }, Mode::Rate);
                 if !deadman {
-                    let Pressed { commands, task, centring, damping, engaged, .. } = pressed;
+                    let Permissions { commands, task, centring, damping, engaged, .. } = pressed;
                     prop_assert!(!(commands || task || centring || damping || engaged));
                 }
             }
@@ -144,7 +143,7 @@ mod tests {
         let all = Switches { deadman: true, reference: true, reflection: true };
         let mut switches = SwitchLogic::new(Mode::Rate, true);
         for _ in 0..3 {
-            assert_eq!(switches.read(all, Mode::Rate), Pressed::NOTHING);
+            assert_eq!(switches.read(all, Mode::Rate), Permissions::NOTHING);
         }
         switches.read(UP, Mode::Rate);
         let pressed = switches.read(all, Mode::Rate);

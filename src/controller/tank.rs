@@ -1,34 +1,34 @@
-//! An energy tank: the port may give the hand only what is in it (the outer layer of Franken and
-//! others 2011). It uses no model of the task, so it bounds the effect of any wrong one.
+//! Energy tank: bounds the energy that the port delivers to the hand (passivity layer of Franken and others 2011).
+//! It uses no model of the task, so it bounds the effect of a wrong one.
 //!
-//! The hand's work on the port fills it; a weak damper refills it when it runs low; when it is empty
-//! the task wrench stops pushing the hand along and only resists.
+//! The hand's work on the port fills the tank, and a weak damper refills it when it is low. With an empty tank the task
+//! wrench resists the hand but does no work on it.
 
 use thiserror::Error;
 
-/// Levels in J, and the damper.
+/// Levels and damper of the tank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TankSettings {
-    /// Initial level.
+    /// Initial level, in J.
     pub initial: f64,
-    /// Minimum level.
+    /// Minimum level, in J, below which the port delivers no energy.
     pub min: f64,
-    /// Maximum level.
+    /// Maximum level, in J.
     pub max: f64,
-    /// Level below which the damper refills it.
+    /// Level below which the damper refills the tank, in J.
     pub low: f64,
-    /// The damper's strength per J that is missing, in N·s/m per J.
+    /// Damping per missing energy, in N·s/m per J.
     pub refill: f64,
-    /// The strongest damper, in N·s/m: a stronger one drives a sampled hand to and fro.
+    /// Maximum damping, in N·s/m. A sampled grip oscillates with more.
     pub max_damping: f64,
 }
 
-/// Reason why levels are invalid.
+/// Reason why settings of a tank are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("a tank needs 0 <= min <= low <= max, initial within min and max, and a damper: {0}")]
 pub struct InvalidTank(pub &'static str);
 
-/// A tank with its level.
+/// Energy tank with its level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tank {
     settings: TankSettings,
@@ -36,10 +36,10 @@ pub struct Tank {
 }
 
 impl Tank {
-    /// Filled to its initial level.
+    /// Creates a tank at its initial level.
     ///
     /// # Errors
-    /// Levels that are not in order, or not finite.
+    /// Returns the first violated constraint.
     pub fn new(settings: TankSettings) -> Result<Self, InvalidTank> {
         let TankSettings { initial, min, max, low, refill, max_damping } = settings;
         let fits = |ok: bool, what| if ok { Ok(()) } else { Err(InvalidTank(what)) };
@@ -57,28 +57,27 @@ impl Tank {
         self.level
     }
 
-    /// Adds the work in J that the hand has just done against the port.
+    /// Adds the work of the hand on the port since the last cycle, in J.
     pub fn account(&mut self, work: f64) {
         self.level = (self.level + work).min(self.settings.max);
     }
 
-    /// Returns the share of a task wrench that may act, 0 to 1, if it would give the hand `work` J by the next
-    /// cycle.
+    /// Returns the permitted share of a task wrench, 0 to 1, that would do `work` J on the hand until the next cycle.
     pub fn share(&self, work: f64) -> f64 {
         let left = (self.level - self.settings.min).max(0.0);
         if work > left { left / work } else { 1.0 }
     }
 
-    /// The damper that refills it, in N·s/m.
+    /// Damping that refills the tank at its present level, in N·s/m.
     pub fn refill(&self) -> f64 {
         let missing = (self.settings.low - self.level).max(0.0);
         (self.settings.refill * missing).min(self.settings.max_damping)
     }
 
-    /// The strongest damper it ever asks for, in N·s/m.
+    /// Maximum damping at any level, in N·s/m; zero without refill.
     pub const fn max_damping(&self) -> f64 {
         let TankSettings { refill, max_damping, .. } = self.settings;
-        // Torques that act late may empty it below its least level: nothing else bounds what is missing.
+        // Delayed torques may empty the tank below `min`, so no level bounds the missing energy.
         if refill > 0.0 { max_damping } else { 0.0 }
     }
 }
@@ -107,7 +106,7 @@ mod tests {
             let mut tank = Tank::new(SETTINGS).unwrap();
             let mut given = 0.0;
             for (force, moved) in steps {
-                // The force acts with the motion it was granted for.
+                // The motion is the one that the share was computed for.
                 let work = force * moved;
                 let applied = work * tank.share(work);
                 tank.account(-applied);
@@ -128,8 +127,7 @@ mod tests {
         assert!(Tank::new(TankSettings { max_damping: f64::NAN, ..SETTINGS }).is_err());
     }
 
-    /// Highest speed within the second half of 2 s of a mass of half a kilogram that is damped by an empty
-    /// tank, two cycles late as every torque.
+    /// Returns the highest speed in the second half of 2 s of a mass of 0.5 kg that an empty tank damps, two cycles late.
     fn speed_after_a_second(settings: TankSettings) -> f64 {
         let (dt, mass) = (1e-3, 0.5);
         let mut tank = Tank::new(settings).unwrap();

@@ -1,45 +1,43 @@
-//! The torque curve of one joint (4.2, Fig. 6): an odd polynomial of 5th order, proven to rise.
-//!
-//! Not what a drive counts. Decision 24.
+//! Torque curve of one joint (4.2, Fig. 6; decision 24): an odd polynomial of 5th order, proven to rise.
 
 use thiserror::Error;
 
-/// Largest target torque (6071h), in ‰.
+/// Maximum target torque (6071h), in ‰ of rated torque.
 const MAX_PER_MILLE: f64 = 32_767.0;
-/// Tolerance for rounding when a slope is compared with zero; smaller slopes are refused.
+/// Rounding tolerance in the comparison of a slope with zero; smaller slopes are refused.
 const ROUNDING: f64 = 1e-12;
-/// Halvings of the range that find a torque to within 1e-15 of it.
+/// Bisections of the range, for a relative accuracy of 1e-15.
 const HALVINGS: u32 = 52;
 
-/// The measured curve of one joint: per mille of rated torque, `c1 t + c3 t³ + c5 t⁵` for a joint
-/// torque `t` in N·m, strictly rising up to the end of the measured range. Odd, as the paper found
-/// its joints (4.2).
+/// Calibrated curve of one joint: `c1 t + c3 t³ + c5 t⁵` in ‰ of rated torque for a joint torque `t` in N·m.
+///
+/// It rises strictly up to the end of the calibrated range. It is odd, as the joints of the paper (4.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueCurve {
     coefficients: [f64; 3],
     max_torque: f64,
 }
 
-/// Reason why three coefficients are no torque curve.
+/// Reason why a torque curve is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidTorqueCurve {
-    /// The end of the calibrated range.
+    /// End of the calibrated range is not positive and finite.
     #[error("the calibrated range must be positive and finite, got {0} N·m")]
     MaxTorque(f64),
-    /// A coefficient.
+    /// Coefficient is not finite.
     #[error("c{power} = {value} is not a finite number")]
     NotFinite {
-        /// 1, 3 or 5.
+        /// Power of the coefficient: 1, 3 or 5.
         power: u8,
-        /// The value given.
+        /// Rejected value, in ‰ per N·m to that power.
         value: f64,
     },
-    /// Targets must rise with the torque; the slope vanishes here.
+    /// Curve does not rise strictly within its range.
     #[error("the curve stops rising at {torque:.3} N·m, within its range up to {max_torque} N·m")]
     NotMonotone {
-        /// Where its slope is zero for the first time, in N·m.
+        /// Smallest torque with zero slope, in N·m.
         torque: f64,
-        /// The end of its range, in N·m.
+        /// End of the range, in N·m.
         max_torque: f64,
     },
     /// Target out of the drive's range or below its resolution.
@@ -53,11 +51,11 @@ pub enum InvalidTorqueCurve {
 }
 
 impl TorqueCurve {
-    /// From its coefficients (c1, c3, c5) in ‰ per N·m, N·m³, N·m⁵, and the end of the calibrated
-    /// range in N·m (N for a sliding joint).
+    /// Creates a curve from its coefficients c1, c3, c5 in ‰ per N·m, (N·m)³, (N·m)⁵, up to the torque `max_torque`. For a
+    /// prismatic joint N replaces N·m.
     ///
     /// # Errors
-    /// Unless the curve is proven to rise over the whole range and to end where a drive can follow.
+    /// Returns an error unless the curve rises over the range, and ends within 1 ‰ and 32,767 ‰.
     pub fn new(coefficients: [f64; 3], max_torque: f64) -> Result<Self, InvalidTorqueCurve> {
         if !(max_torque.is_finite() && max_torque > 0.0) {
             return Err(InvalidTorqueCurve::MaxTorque(max_torque));
@@ -79,18 +77,18 @@ impl TorqueCurve {
         }
     }
 
-    /// The end of the calibrated range: the most this joint is ever asked for, in N·m.
+    /// End of the calibrated range, in N·m: the capacity of the joint.
     pub const fn max_torque(&self) -> f64 {
         self.max_torque
     }
 
-    /// Per mille of rated torque for a joint torque in N·m, not yet whole; beyond the range, its end.
+    /// Converts a joint torque in N·m to ‰ of rated torque, not rounded. A torque beyond the range saturates.
     pub fn at(&self, torque: f64) -> f64 {
         self.evaluate(torque.clamp(-self.max_torque, self.max_torque))
     }
 
-    /// The joint torque in N·m for which the curve gives `per_mille`; beyond its end, its end. By
-    /// halving, which cannot fail on a rising curve.
+    /// Converts ‰ of rated torque to a joint torque in N·m, by bisection, which cannot fail on a rising curve. A value beyond
+    /// the end of the curve saturates.
     pub fn torque(&self, per_mille: f64) -> f64 {
         let (mut low, mut high) = (0.0, self.max_torque);
         for _ in 0..HALVINGS {
@@ -104,15 +102,14 @@ impl TorqueCurve {
         high.copysign(per_mille)
     }
 
-    /// c1, c3, c5 in ‰ per N·m, N·m³, N·m⁵.
+    /// Coefficients c1, c3, c5 in ‰ per N·m, (N·m)³, (N·m)⁵.
     pub const fn coefficients(&self) -> [f64; 3] {
         self.coefficients
     }
 
-    /// The least slope within the range, in ‰ per N·m, and the torque in N·m where it is: how near
-    /// the curve comes to not rising.
+    /// Returns the minimum slope within the range, in ‰ per N·m, and its torque in N·m.
     ///
-    /// The slope is a parabola over `s = t²`: least at an end of the range or at its vertex.
+    /// The slope is a parabola in `s = t²`, with its minimum at an end of the range or at the vertex.
     pub fn least_slope(&self) -> (f64, f64) {
         let [_, c3, c5] = self.coefficients;
         let vertex = (-3.0 * c3 / (10.0 * c5)).sqrt(); // NaN without a vertex
@@ -126,7 +123,7 @@ impl TorqueCurve {
         )
     }
 
-    /// The slope at a torque in N·m, in ‰ per N·m.
+    /// Returns the slope at a torque in N·m, in ‰ per N·m.
     pub fn slope(&self, torque: f64) -> f64 {
         let [c1, c3, c5] = self.coefficients;
         let s = torque * torque;
@@ -139,10 +136,10 @@ impl TorqueCurve {
     }
 }
 
-/// The smallest torque in N·m within 0 and `max_torque` at which the slope is not positive.
+/// Returns the smallest torque in N·m, within 0 and `max_torque`, at which the slope is not positive.
 ///
-/// The slope is the quadratic `c1 + 3 c3 s + 5 c5 s²` in `s = t²`. Positive at 0, it is positive
-/// up to its smallest positive root, if it has one: a proof, not a sampling.
+/// The slope is the quadratic `c1 + 3 c3 s + 5 c5 s²` in `s = t²`. If it is positive at 0, it is positive up to its
+/// smallest positive root.
 fn first_flat([c1, c3, c5]: [f64; 3], max_torque: f64) -> Option<f64> {
     if c1 <= 0.0 {
         return Some(0.0);
@@ -153,12 +150,12 @@ fn first_flat([c1, c3, c5]: [f64; 3], max_torque: f64) -> Option<f64> {
     let a = 5.0 * (c5 / c1) * square * square;
     let discriminant = b * b - 4.0 * a;
     if !discriminant.is_finite() {
-        return Some(0.0); // next to the others, c1 is no slope at all
+        return Some(0.0); // c1 is negligible beside the others
     }
     if discriminant < -ROUNDING * b * b {
         return None;
     }
-    // The largest v = 1 / u of v² + b v + a = 0, without the difference of two near numbers.
+    // The largest v = 1 / u of v² + b v + a = 0, without cancellation.
     let root = discriminant.max(0.0).sqrt();
     let inverse = if b > 0.0 { -2.0 * a / (b + root) } else { (root - b) / 2.0 };
     (inverse >= 1.0 - ROUNDING).then(|| inverse.sqrt().recip().min(1.0) * max_torque)

@@ -1,4 +1,4 @@
-//! Delay between computing a torque and the motion it causes (CiA 301, 7.2.2.5.1: a synchronous RPDO acts
+//! Delay from the computation of a torque to the motion that it causes (CiA 301, 7.2.2.5.1: a synchronous RPDO acts
 //! from the next SYNC on).
 //!
 //! ```text
@@ -7,33 +7,33 @@
 //!           τ(k-2) sent   acts from here to here: its motion is q(k) - q(k-1)
 //! ```
 //!
-//! Everything that multiplies motion with torque takes the torque from here.
+//! Every product of motion and torque uses this torque.
 
-/// Torques of the last two cycles; `T` is one number per joint.
+/// Torques of the last two cycles. `T` holds one value per joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueDelay<T> {
     sent: [T; 2],
 }
 
 impl<T: Copy> TorqueDelay<T> {
-    /// Starts with `none` sent in the cycles before.
+    /// Creates a delay with `none` as the torque of earlier cycles.
     pub const fn new(none: T) -> Self {
         Self { sent: [none; 2] }
     }
 
-    /// Torques that acted between the last SYNC and the one before it.
+    /// Returns the torques that acted between the last two SYNCs.
     pub const fn acted(&self) -> T {
         let [_, acted] = self.sent;
         acted
     }
 
-    /// Torques of the last cycle: they act from the last SYNC to the next.
+    /// Returns the torques of the last cycle, which act from the last SYNC to the next.
     pub const fn in_flight(&self) -> T {
         let [in_flight, _] = self.sent;
         in_flight
     }
 
-    /// Keeps the torques that this cycle sends.
+    /// Records the torques that this cycle sends.
     pub const fn push(&mut self, torques: T) {
         let [last, _] = self.sent;
         self.sent = [torques, last];

@@ -1,20 +1,20 @@
-//! Credit of one unloading: energy that a contact returns once, without being driven.
+//! Credit of one unloading: energy that a contact returns once, without an oscillation.
 //!
-//! The law answers late, so a hand that presses and lets go gets more energy back than it gave: in pose mode by the lag of
-//! the object, in rate mode because the object backs off slower than the hand, and pressed long after the hand came to
-//! rest. Only what returns again and again swings the hand. So each contact starts with a credit, and in rate mode it
-//! grows by what one unloading from the present deflection returns at most, `F_T · Δx` along the push.
+//! Delay lets a hand that presses and lets go receive more energy than it gave. In pose mode the cause is the lag of the
+//! object. In rate mode the object retreats slower than the hand, and pressed on after the hand came to rest. Only
+//! energy that is returned repeatedly makes the hand oscillate. Each contact therefore starts with a credit, which in
+//! rate mode grows to the maximum that one unloading returns, `F_T · Δx` along the push.
 
-/// The credit of a contact so far.
+/// Credit granted to the present contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Unloading {
-    /// Largest energy in J that an unloading could have returned in this contact; `None` without contact.
+    /// Maximum energy that an unloading could have returned in this contact, in J; `None` without contact.
     peak: Option<f64>,
 }
 
 impl Unloading {
-    /// Returns the credit in J that this cycle adds: `initial` at the start of a contact, and each rise of `returned`, the
-    /// energy that an unloading would return now.
+    /// Returns the credit of this cycle, in J: `initial` at the start of a contact, and each rise of `returned`, the energy
+    /// that an unloading would return now.
     pub(crate) fn grant(&mut self, is_contact: bool, initial: f64, returned: f64) -> f64 {
         let returned = if returned.is_finite() { returned.max(0.0) } else { 0.0 };
         match (is_contact, self.peak) {

@@ -1,8 +1,7 @@
 //! Velocity of the grip, by difference to the last cycle.
 //!
-//! Not from joint rates: the drives do not send them. A first-order low pass may smooth what the
-//! encoders' steps make of a difference; without one the estimate is the difference itself (decision
-//! 19). After a gap it begins anew, with zero.
+//! The drives do not send joint rates. An optional first-order low pass smooths the quantisation of the encoders;
+//! without it, the estimate is the difference itself (decision 19). After a gap the estimate restarts at zero.
 
 use nalgebra::{Isometry3, SVector, Vector3};
 use thiserror::Error;
@@ -10,31 +9,31 @@ use thiserror::Error;
 use crate::period::Period;
 use units::spatial::{Twist, rotation};
 
-/// A time constant out of range.
+/// Time constant out of range, in s.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("the velocity filter must be within 0..=1 s, got {0}")]
 pub struct InvalidFilter(pub f64);
 
-/// The time constant of a first-order low pass on velocities, in s; none by default.
+/// Time constant of a first-order low pass on velocities, in s. Zero, the default, is no filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Filter(f64);
 
 impl Filter {
-    /// From seconds; zero lets everything through.
+    /// Creates a filter with this time constant; zero is no filter.
     ///
     /// # Errors
-    /// A time constant that is negative, not a number, or beyond a second.
+    /// Returns an error if the time constant is not within 0 and 1 s.
     pub fn new(seconds: f64) -> Result<Self, InvalidFilter> {
         if (0.0..=1.0).contains(&seconds) { Ok(Self(seconds)) } else { Err(InvalidFilter(seconds)) }
     }
 
-    /// In s.
+    /// Returns the time constant, in s.
     pub const fn seconds(self) -> f64 {
         self.0
     }
 }
 
-/// Joint rates, by difference.
+/// Joint rates by difference to the last cycle, unfiltered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointRates<const N: usize> {
     period: Period,
@@ -42,40 +41,40 @@ pub struct JointRates<const N: usize> {
 }
 
 impl<const N: usize> JointRates<N> {
-    /// At rest.
+    /// Creates an estimator without a last position: the first rates are zero.
     pub const fn new(period: Period) -> Self {
         Self { period, q_before: None }
     }
 
-    /// Takes this cycle's joint positions; the rates since the last, in rad/s or m/s. None after a gap.
+    /// Returns the joint rates since the last cycle, in rad/s or m/s; zero with `restart`.
     pub fn update(&mut self, q: &SVector<f64, N>, restart: bool) -> SVector<f64, N> {
         let q_before = self.q_before.replace(*q).filter(|_| !restart).unwrap_or(*q);
         (q - q_before) / self.period.seconds()
     }
 }
 
-/// The estimate, from cycle to cycle.
+/// Estimator of the grip's twist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velocity {
     period: f64,
-    /// The part of each new difference that is taken over: 1 without a filter.
+    /// Weight of a new difference, `T / (T + τ)`; 1 without a filter.
     part: f64,
     x_0_before: Option<Isometry3<f64>>,
     linear_in_0: Vector3<f64>,
     angular: Vector3<f64>,
 }
 
-/// Twist of the grip, raw and filtered, both in {G}.
+/// Twist of the grip in {G}, unfiltered and filtered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moving {
-    /// Since the last cycle, unfiltered: what its work is computed with.
+pub struct GripTwist {
+    /// Unfiltered difference, for work and power.
     pub v_g_raw: Twist,
-    /// The estimate: what damping acts on.
+    /// Filtered estimate, for damping.
     pub v_g: Twist,
 }
 
 impl Velocity {
-    /// At rest. By backward Euler the low pass lets `T / (T + τ)` of each difference through.
+    /// Creates an estimator at rest. The low pass is discretised by backward Euler.
     pub fn new(period: Period, filter: Filter) -> Self {
         let period = period.seconds();
         Self {
@@ -87,21 +86,21 @@ impl Velocity {
         }
     }
 
-    /// Takes the grip's pose of this cycle. `restart` makes it the first: after an overrun the motion
-    /// since the last one took longer than a cycle.
-    pub fn update(&mut self, x_0_g: &Isometry3<f64>, restart: bool) -> Moving {
+    /// Returns the twist since the last cycle. `restart` resets the estimate to zero: after an overrun the last motion took
+    /// longer than a cycle.
+    pub fn update(&mut self, x_0_g: &Isometry3<f64>, restart: bool) -> GripTwist {
         let last = self.x_0_before.replace(*x_0_g).filter(|_| !restart);
         let r_g_0 = x_0_g.rotation.inverse();
         let Some(x_0_before) = last else {
             (self.linear_in_0, self.angular) = (Vector3::zeros(), Vector3::zeros());
-            return Moving::default();
+            return GripTwist::default();
         };
         let moved_in_0 = x_0_g.translation.vector - x_0_before.translation.vector;
         let turned = rotation::rotation_vector(&(x_0_before.rotation.inverse() * x_0_g.rotation));
         let (linear_in_0, angular) = (moved_in_0 / self.period, turned / self.period);
         self.linear_in_0 += (linear_in_0 - self.linear_in_0) * self.part;
         self.angular += (angular - self.angular) * self.part;
-        Moving {
+        GripTwist {
             v_g_raw: Twist { linear: r_g_0 * linear_in_0, angular },
             v_g: Twist { linear: r_g_0 * self.linear_in_0, angular: self.angular },
         }
@@ -136,13 +135,13 @@ mod tests {
         fn a_steady_motion_is_found_filtered_or_not(x_0_g in pose(), v_g in twist()) {
             for (time_constant, cycles) in [(0.0, 2), (0.005, 200)] {
                 let mut velocity = Velocity::new(period(1e-3), filter(time_constant));
-                let mut moving = Moving::default();
+                let mut twist = GripTwist::default();
                 let mut x_0_now = x_0_g;
                 for _ in 0..cycles {
-                    moving = velocity.update(&x_0_now, false);
+                    twist = velocity.update(&x_0_now, false);
                     x_0_now *= v_g.over(1e-3);
                 }
-                for found in [moving.v_g_raw, moving.v_g] {
+                for found in [twist.v_g_raw, twist.v_g] {
                     for (found, true_) in found.components().iter().zip(v_g.components()) {
                         prop_assert!((found - true_).abs() < 0.02, "{found} for {true_}");
                     }
@@ -165,10 +164,10 @@ mod tests {
         #[test]
         fn a_gap_is_no_motion(x_0_g in pose(), elsewhere in pose()) {
             let mut velocity = Velocity::new(period(1e-3), filter(0.01));
-            prop_assert_eq!(velocity.update(&elsewhere, false), Moving::default());
+            prop_assert_eq!(velocity.update(&elsewhere, false), GripTwist::default());
             velocity.update(&x_0_g, false);
-            prop_assert_eq!(velocity.update(&elsewhere, true), Moving::default());
-            let Moving { v_g_raw, v_g } = velocity.update(&elsewhere, false);
+            prop_assert_eq!(velocity.update(&elsewhere, true), GripTwist::default());
+            let GripTwist { v_g_raw, v_g } = velocity.update(&elsewhere, false);
             for still in [v_g_raw, v_g] {
                 prop_assert!(still.components().iter().all(|part| part.abs() < 1e-9), "{still:?}");
             }

@@ -1,11 +1,11 @@
-//! Virtual coupling in pose mode: the hand is tied to the object by a spring and a damper, and feels
-//! those instead of the sensor.
+//! Virtual coupling in pose mode: a spring and a damper between hand and object replace the sensed wrench.
 //!
-//! The object must be one that surfaces stop, drawn by the same coupling: `robot::god_object`. Then the coupling is what
-//! they carry. A stiffly servoed object goes into them, and the coupling shows its lag only.
+//! The object must be a god-object drawn by the same coupling (`robot::god_object`), so that surfaces stop it. The
+//! coupling then carries the contact force. A stiffly servoed object would penetrate a surface, and the coupling would
+//! show the lag of its servo only.
 //!
-//! Whatever the object meets, however it is servoed, the hand meets no stiffness but this one: it can be
-//! chosen for the device (Colgate: `K T / 2 + |B| < b`), which the wall at the other end cannot.
+//! The coupling bounds the stiffness at the hand, for any environment and servo. It can be chosen for the device
+//! (Colgate: `K T / 2 + |B| < b`); the stiffness of the environment cannot.
 
 use nalgebra::Isometry3;
 
@@ -13,7 +13,7 @@ use crate::gains::Gains;
 use crate::period::Period;
 use units::spatial::{Twist, Wrench};
 
-/// Spring and damper between where the object is and where it is asked to be.
+/// Spring and damper between the commanded and the actual pose of the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VirtualCoupling {
     stiffness: Gains,
@@ -23,23 +23,23 @@ pub struct VirtualCoupling {
 }
 
 impl VirtualCoupling {
-    /// From six stiffnesses in N/m and N·m/rad, and six dampings in N·s/m and N·m·s/rad.
+    /// Creates a coupling of six stiffnesses in N/m and N·m/rad, and six dampings in N·s/m and N·m·s/rad.
     pub const fn new(stiffness: Gains, damping: Gains, period: Period) -> Self {
         Self { stiffness, damping, period, stretch_before: None }
     }
 
-    /// Its six stiffnesses, in N/m and N·m/rad.
+    /// Stiffness of each axis, in N/m and N·m/rad.
     pub const fn stiffness(&self) -> &Gains {
         &self.stiffness
     }
 
-    /// Its six dampings, in N·s/m and N·m·s/rad.
+    /// Damping of each axis, in N·s/m and N·m·s/rad.
     pub const fn damping(&self) -> &Gains {
         &self.damping
     }
 
-    /// The wrench that draws the commanded frame at `x_b_d` to the object at `x_b_m`, written in the
-    /// commanded frame; none, and a new beginning, where no pose is commanded.
+    /// Returns the wrench that draws the commanded frame at `x_b_d` to the object at `x_b_m`, written in the commanded
+    /// frame. Without a commanded pose it is zero, and the rate of the stretch restarts.
     pub fn wrench(&mut self, x_b_d: Option<&Isometry3<f64>>, x_b_m: &Isometry3<f64>) -> Wrench {
         let Some(x_b_d) = x_b_d else {
             self.stretch_before = None;
@@ -90,7 +90,7 @@ mod tests {
             let mut coupled = coupling();
             coupled.wrench(Some(&x_b_d), &x_b_m);
             let f_d = coupled.wrench(Some(&moved), &x_b_m);
-            // The spring alone: a coupling that begins here has no rate yet.
+            // The spring alone: the first cycle has no rate.
             let spring = coupling().wrench(Some(&moved), &x_b_m);
             let power = (f_d + spring * -1.0).power(&way);
             prop_assert!(power < 0.0 || way.linear.norm() < 1e-6, "{power} W");

@@ -8,7 +8,7 @@ use bus::{ReopenError, SendError, Wake};
 use canopen::frame::Channel;
 use node::Request;
 use node::cause::ResetReason;
-use remote::{Sensed, SideFault};
+use remote::{RemoteSample, SideFault};
 use units::time::Instant;
 
 /// Call of a node by its owner.
@@ -53,7 +53,7 @@ pub enum Input {
     /// Answer of the buses to being opened again.
     Reopened(Result<(), ReopenError>),
     /// Answer of the commanded side to a command.
-    Sensed(Option<Sensed>),
+    Sensed(Option<RemoteSample>),
     /// Fault of the commanded side.
     SideFault(Option<SideFault>),
     /// Reasons against arming with this commanded side, as text.

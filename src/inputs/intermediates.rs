@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 
 use controller::command::Gate;
 use controller::reference::Displacement;
-use controller::switches::Pressed;
+use controller::switches::Permissions;
 use controller::{JointVector, Ledger, Output};
 use units::spatial::{Motion, Twist, Wrench};
 
@@ -32,15 +32,15 @@ impl Digest {
 
 /// Returns the intermediates in the order in which they are computed.
 fn each(output: &Output) -> [(&'static str, Mix); COUNT] {
-    let Output { reference, moving, port, ledger, .. } = output;
+    let Output { reference, twist, port, ledger, .. } = output;
     let port_state = [port.activity, port.energy.unwrap_or(0.0), port.tank.unwrap_or(0.0)];
     let faults =
         u64::from(output.fault.is_some()) | u64::from(output.joint_out_of_range.is_some()) << 1;
     [
         ("q", Mix::new().vector(&output.q)),
         ("x_0_g", Mix::new().pose(&output.x_0_g)),
-        ("v_g", Mix::new().twist(&moving.v_g_raw).twist(&moving.v_g)),
-        ("switches", Mix::new().pressed(&output.pressed)),
+        ("v_g", Mix::new().twist(&twist.v_g_raw).twist(&twist.v_g)),
+        ("switches", Mix::new().permissions(&output.permissions)),
         ("reference", Mix::new().pose(&reference.x_0_h).pose(&reference.x_b_r)),
         ("x_h_g", Mix::new().pose(&output.x_h_g)),
         ("dx", Mix::new().displacement(&output.dx)),
@@ -122,9 +122,17 @@ impl Mix {
         })
     }
 
-    fn pressed(self, pressed: &Pressed) -> Self {
-        let &Pressed { commands, task, centring, damping, reference, engaged, latches, reflects } =
-            pressed;
+    fn permissions(self, permissions: &Permissions) -> Self {
+        let &Permissions {
+            commands,
+            task,
+            centring,
+            damping,
+            reference,
+            engaged,
+            latches,
+            reflects,
+        } = permissions;
         let flags = [commands, task, centring, damping, reference, engaged, latches, reflects];
         self.word(flags.into_iter().fold(1, |bits, flag| bits << 1 | u64::from(flag)))
     }

@@ -2,7 +2,7 @@
 
 use crate::input::{Input, InputSink};
 use remote::stated::Misfit;
-use remote::{Command, Remote, RobotJoints, Sensed, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
 use units::time::Instant;
 
 /// Commanded side `R`; its answers go to `S`.
@@ -19,7 +19,7 @@ impl<R, S> RecordedRemote<R, S> {
 }
 
 impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         let sensed = self.remote.exchange(now, command);
         self.sink.on_input(Input::Sensed(sensed));
         sensed

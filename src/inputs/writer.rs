@@ -11,7 +11,7 @@ use canopen::frame::{Channel, Frame};
 use controller::switches::Mode as CommandMode;
 use node::Request;
 use node::cause::ResetReason;
-use remote::{Sensed, SideFault};
+use remote::{RemoteSample, SideFault};
 use units::time::Instant;
 
 /// Writer of a file of inputs.
@@ -244,7 +244,7 @@ impl<W: Write> InputWriter<W> {
         }
     }
 
-    fn sensed(&mut self, sensed: Option<&Sensed>) {
+    fn sensed(&mut self, sensed: Option<&RemoteSample>) {
         let Some(sensed) = sensed else { return self.tag(table::NOT_SENSED) };
         let next = (sensed.at.as_micros(), numbers(sensed), sensed.gripper.is_some());
         if self.last.sensed == next {
@@ -318,7 +318,7 @@ impl<W: Write> InputWriter<W> {
 }
 
 /// Returns the bits of the numbers of a sample.
-fn numbers(sensed: &Sensed) -> [u64; NUMBERS] {
+fn numbers(sensed: &RemoteSample) -> [u64; NUMBERS] {
     let [f0, f1, f2, m0, m1, m2] = sensed.f_s.components();
     let [x, y, z] = sensed.x_b_m.translation.vector.into();
     let [i, j, k, w] = sensed.x_b_m.rotation.coords.into();

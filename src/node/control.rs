@@ -6,7 +6,7 @@ use crate::permit::Permit;
 use crate::record::RefusedPress;
 use crate::samples::Samples;
 use config::Config;
-use controller::adjustment::{Adjusted, AdjustmentRefused};
+use controller::adjustment::{AdjustmentError, AdjustmentState};
 use controller::switches::Mode as CommandMode;
 use controller::{Controller, DriveTargets, Input, JointVector, Output};
 use units::adjustment::Adjustment;
@@ -68,7 +68,7 @@ impl Control {
     ///
     /// # Errors
     /// A change out of bounds, or not possible now.
-    pub(super) fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentRefused> {
+    pub(super) fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentError> {
         self.controller.adjust(adjustment)
     }
 
@@ -77,10 +77,10 @@ impl Control {
     /// # Errors
     /// A change that is not possible now.
     pub(super) fn press(&mut self, button: Adjustment) -> Result<(), RefusedPress> {
-        let Adjusted { scale, locked, .. } = self.controller.adjusted();
+        let AdjustmentState { scale, locked, .. } = self.controller.adjusted();
         let adjustment = match button {
             Adjustment::Scale(quantity, factor) => {
-                let is_set = scale.of(quantity).to_bits() == factor.to_bits();
+                let is_set = scale.factor(quantity).to_bits() == factor.to_bits();
                 Adjustment::Scale(quantity, if is_set { 1.0 } else { factor })
             }
             Adjustment::Lock(axis, _) => Adjustment::Lock(axis, !axis.entry(&locked)),

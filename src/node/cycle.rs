@@ -233,7 +233,7 @@ mod tests {
             let record = node.cycle();
             last = record.at;
             assert_eq!(record.sampled, [true, false, false, false, false, false]);
-            moved.push(record.output.moving.v_g_raw.angular.norm() > 1e-9);
+            moved.push(record.output.twist.v_g_raw.angular.norm() > 1e-9);
         }
         assert_eq!(moved, [false, true, false, false]);
     }

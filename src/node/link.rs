@@ -9,7 +9,7 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::cause::Cause;
-use remote::{Gripper, Sensed};
+use remote::{Gripper, RemoteSample};
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -18,7 +18,7 @@ use units::time::Instant;
 pub(super) struct Link {
     /// Maximum age of a sample.
     timeout: Duration,
-    newest: Option<Sensed>,
+    newest: Option<RemoteSample>,
 }
 
 impl Link {
@@ -28,17 +28,17 @@ impl Link {
     }
 
     /// Keeps the sample if it is valid and not older than the newest one.
-    pub(super) fn update(&mut self, now: Instant, sensed: Option<Sensed>) {
+    pub(super) fn update(&mut self, now: Instant, sensed: Option<RemoteSample>) {
         let Some(sensed) = sensed else { return };
         let is_newest = self.newest.is_none_or(|newest| newest.at <= sensed.at);
         if is_newest && sensed.at <= now && sensed.is_possible() {
             let gripper = sensed.gripper.filter(Gripper::is_possible);
-            self.newest = Some(Sensed { gripper, ..sensed });
+            self.newest = Some(RemoteSample { gripper, ..sensed });
         }
     }
 
     /// Returns the newest valid sample.
-    pub(super) const fn newest(&self) -> Option<&Sensed> {
+    pub(super) const fn newest(&self) -> Option<&RemoteSample> {
         self.newest.as_ref()
     }
 
@@ -82,10 +82,10 @@ mod tests {
         Instant::from_micros(micros)
     }
 
-    fn sensed(at: Instant, force: f64) -> Sensed {
+    fn sensed(at: Instant, force: f64) -> RemoteSample {
         let f_s = Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO };
         let gripper = Some(Gripper { position: 0.03, force });
-        Sensed { at, f_s, x_b_m: Isometry3::translation(force, 0.0, 0.0), gripper }
+        RemoteSample { at, f_s, x_b_m: Isometry3::translation(force, 0.0, 0.0), gripper }
     }
 
     /// Values that no sensor can read.
@@ -105,7 +105,7 @@ mod tests {
             part in 0..10_usize, wild in wild(), after in 0..20_000_u64,
         ) {
             let good = sensed(at(5_000), 3.0);
-            let mut bad = Sensed { at: at(5_000 + after), ..good };
+            let mut bad = RemoteSample { at: at(5_000 + after), ..good };
             let mut quaternion = *bad.x_b_m.rotation.quaternion();
             match part {
                 0..3 => bad.f_s.force[part] = wild,
@@ -155,7 +155,7 @@ mod tests {
             let mut link = Link::new(TIMEOUT);
             let good = sensed(at(1_000), 3.0);
             let gripper = Some(Gripper { position, force: 1.0 });
-            link.update(at(1_000), Some(Sensed { gripper, ..good }));
+            link.update(at(1_000), Some(RemoteSample { gripper, ..good }));
             assert_eq!((link.f_s(), link.gripper()), (good.f_s, None), "{position}");
             link.update(at(1_000), Some(good));
             assert_eq!(link.gripper(), good.gripper);

@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 use crate::cause::Cause;
 use crate::cycle_times::CycleTimes;
 use controller::Output;
-use controller::adjustment::AdjustmentRefused;
+use controller::adjustment::AdjustmentError;
 use remote::model::Difference;
 use remote::{Gripper, RobotJoints};
 use units::adjustment::Adjustment;
@@ -157,7 +157,7 @@ pub struct RefusedPress {
     /// Adjustment.
     pub adjustment: Adjustment,
     /// Reason.
-    pub refused: AdjustmentRefused,
+    pub refused: AdjustmentError,
 }
 
 /// Counters of SDO transfers.

@@ -9,7 +9,7 @@ use crate::{BringUpError, Node};
 use bus::Bus;
 use config::facts::FactsRefused;
 use config::force_cap::ForceAboveCap;
-use controller::adjustment::AdjustmentRefused;
+use controller::adjustment::AdjustmentError;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
 use remote::stated::Misfit;
@@ -43,7 +43,7 @@ pub enum RequestError {
     Unfit(Vec<Unfit>),
     /// The adjustment is out of bounds, or not possible now.
     #[error(transparent)]
-    Adjustment(#[from] AdjustmentRefused),
+    Adjustment(#[from] AdjustmentError),
     /// The boot after a reset failed.
     #[error(transparent)]
     Boot(#[from] BringUpError),

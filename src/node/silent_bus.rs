@@ -8,7 +8,7 @@ use bus::{Bus, BusEvent, BusFault, Received, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
-use remote::{Command, Remote, Sensed};
+use remote::{Command, Remote, RemoteSample};
 use units::time::Instant;
 
 /// A bus without any other node.
@@ -80,7 +80,7 @@ impl SilentBus {
 pub(super) struct NoRemote;
 
 impl Remote for NoRemote {
-    fn exchange(&mut self, _: Instant, _: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, _: Instant, _: &Command) -> Option<RemoteSample> {
         None
     }
 }

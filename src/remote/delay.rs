@@ -1,30 +1,30 @@
-//! Properties of a simulated link with delay to the commanded side.
+//! Parameters of a simulated link with delay to the commanded side.
 
 use std::time::Duration;
 
-/// Properties of a link; each direction has them alike.
+/// Parameters of a link, the same in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DelaySettings {
     /// Constant delay.
     pub delay: Duration,
-    /// Maximum delay on top, uniformly distributed.
+    /// Maximum additional delay, uniformly distributed.
     pub jitter: Duration,
-    /// Share of datagrams that are lost, 0 to 1.
+    /// Fraction of datagrams lost, 0 to 1.
     pub loss: f64,
-    /// A datagram may overtake another by its jitter.
+    /// Jitter may reorder datagrams.
     pub reorders: bool,
-    /// Start and end of an outage, since the first exchange: every datagram that is sent in it is lost.
+    /// Start and end of an outage, since the first exchange; datagrams sent in it are lost.
     pub outage: Option<[Duration; 2]>,
-    /// Cycle of the far side; not zero.
+    /// Cycle period of the far side; not zero.
     pub period: Duration,
     /// Time without a new command after which the far side holds.
     pub hold_after: Duration,
-    /// Seed of jitter and loss.
+    /// Random seed of jitter and loss.
     pub seed: u64,
 }
 
 impl Default for DelaySettings {
-    /// No delay, a far side at 1 kHz that holds after 100 ms without a command.
+    /// Returns a link without delay or loss, to a far side at 1 kHz that holds after 100 ms without a command.
     fn default() -> Self {
         Self {
             delay: Duration::ZERO,
@@ -40,12 +40,12 @@ impl Default for DelaySettings {
 }
 
 impl DelaySettings {
-    /// Maximum age that samples reach without loss, beside the node's own cycle: both ways, and the far side's cycle.
+    /// Returns the maximum age of samples without loss: both directions and the far side's cycle, without the node's.
     pub fn round_trip(&self) -> Duration {
         (self.delay + self.jitter) * 2 + self.period
     }
 
-    /// Returns whether the outage lasts at this time since the first exchange.
+    /// Returns whether the link is out at this time since the first exchange.
     pub fn is_out(&self, elapsed: Duration) -> bool {
         self.outage.is_some_and(|[start, end]| (start..end).contains(&elapsed))
     }

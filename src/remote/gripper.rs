@@ -1,18 +1,18 @@
-//! Simulated gripper, of the virtual object and of the simulated robot.
+//! Simulated gripper of the virtual object and the simulated robot.
 //!
-//! Its fingers move with a limited speed and press an object like a spring, at most with the commanded force. A command
-//! stays until another one comes: a gripper that loses its commands does not drop what it holds.
+//! Its fingers move at a limited speed and press an object like a spring, with at most the commanded force. The last
+//! command remains in effect, so that a gripper without commands does not drop its object.
 
 use contract::Gripper;
 
 /// Parameters of a simulated gripper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GripperSettings {
-    /// Opening at which it starts, and the greatest one, in m.
+    /// Maximum opening, in m, which is also the initial one.
     pub stroke: f64,
     /// Maximum speed of opening and closing, in m/s.
     pub max_speed: f64,
-    /// Object between its fingers.
+    /// Object between the fingers.
     pub object: Option<GrippedObject>,
 }
 
@@ -31,13 +31,13 @@ impl GrippedObject {
         (self.stiffness * (self.width - opening)).max(0.0)
     }
 
-    /// Returns the opening at which it is pressed with a force in N, in m; zero where it is pressed flat before.
+    /// Returns the opening in m at which a force in N presses the object; at least zero.
     fn opening(&self, force: f64) -> f64 {
         (self.width - force.max(0.0) / self.stiffness).max(0.0)
     }
 }
 
-/// A simulated gripper.
+/// Simulated gripper with its opening and command.
 #[derive(Clone, Copy, Debug)]
 pub struct SimulatedGripper {
     settings: GripperSettings,
@@ -48,12 +48,12 @@ pub struct SimulatedGripper {
 }
 
 impl SimulatedGripper {
-    /// Creates the gripper, open and at rest.
+    /// Creates a gripper, open and at rest.
     pub const fn new(settings: GripperSettings) -> Self {
         Self { settings, opening: settings.stroke, command: None }
     }
 
-    /// Moves for `dt` s towards a command, or else towards the last one; returns opening and force.
+    /// Moves for `dt` s towards `command`, or the last one if it is `None`; returns opening and force.
     pub fn step(&mut self, dt: f64, command: Option<Gripper>) -> Gripper {
         self.command = command.or(self.command);
         if let Some(Gripper { position, force }) = self.command {
@@ -62,13 +62,13 @@ impl SimulatedGripper {
             let least = object.map_or(0.0, |object| object.opening(force));
             let aim = position.max(least).min(stroke);
             let moved = aim.max(self.opening - travel).min(self.opening + travel);
-            // The force is controlled, not the speed, where less of it is commanded than acts.
+            // A force above the commanded one is released at once, faster than the speed limit.
             self.opening = moved.max(least);
         }
         self.measured()
     }
 
-    /// Returns its opening and force.
+    /// Returns opening in m and force in N.
     pub fn measured(&self) -> Gripper {
         let force = self.settings.object.map_or(0.0, |object| object.force(self.opening));
         Gripper { position: self.opening, force }
@@ -86,7 +86,7 @@ mod tests {
     const SETTINGS: GripperSettings =
         GripperSettings { stroke: 0.08, max_speed: 0.1, object: Some(OBJECT) };
 
-    /// Follows a command for some milliseconds; returns what it measures then.
+    /// Follows a command for some milliseconds; returns opening and force.
     fn followed(gripper: &mut SimulatedGripper, millis: u32, command: Option<Gripper>) -> Gripper {
         (0..millis).for_each(|_| _ = gripper.step(1e-3, command));
         gripper.measured()
@@ -137,7 +137,7 @@ mod tests {
                 prop_assert!(force <= limit.max(0.0) + 1e-9, "{force} of {limit} N");
                 let travel = SETTINGS.max_speed * dt + 1e-12;
                 prop_assert!(before.position - position <= travel);
-                // It yields faster only where it would press with more than commanded.
+                // The speed limit is exceeded only to release a force above the commanded one.
                 prop_assert!(position - before.position <= travel || before.force > limit.max(0.0));
             }
         }

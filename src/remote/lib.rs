@@ -1,8 +1,8 @@
-//! Commanded side: destination of commands and source of wrenches. A virtual object in this process, a robot over a
-//! network, or a force/torque sensor. One exchange per cycle, which never waits.
+//! Commanded side, destination of commands and source of wrenches: a virtual object in this process, a robot over a
+//! network, or a force/torque sensor. One exchange per cycle, which never blocks.
 //!
 //! ```
-//! use remote::{Command, Remote, Sensed};
+//! use remote::{Command, Remote, RemoteSample};
 //! use units::spatial::Wrench;
 //! use units::time::Instant;
 //!
@@ -10,9 +10,9 @@
 //! struct Robot;
 //!
 //! impl Remote for Robot {
-//!     fn exchange(&mut self, now: Instant, _: &Command) -> Option<Sensed> {
+//!     fn exchange(&mut self, now: Instant, _: &Command) -> Option<RemoteSample> {
 //!         let x_b_m = nalgebra::Isometry3::identity();
-//!         Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
+//!         Some(RemoteSample { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
 //!     }
 //! }
 //! assert!(Robot.exchange(Instant::ZERO, &Command::HOLD).unwrap().is_possible());
@@ -39,21 +39,21 @@ use contract::{MAX_DISTANCE, MAX_WRENCH, NORM_TOLERANCE, Reason};
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
-/// Joint positions of a robot, base first, in rad; zero for joints that it does not have.
+/// Joint positions of a robot, base first, in rad; zero for absent joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotJoints(pub [f64; MAX_JOINTS]);
 
 /// Command of one cycle to the commanded side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Motion of the object.
+    /// Motion of {MRF}.
     pub motion: Motion,
-    /// Opening and maximum force of the gripper; `None` leaves it as it is.
+    /// Opening and maximum force of the gripper; `None` leaves it unchanged.
     pub gripper: Option<Gripper>,
 }
 
 impl Command {
-    /// Command of no motion, which leaves the gripper as it is.
+    /// Command to hold, without a gripper command.
     pub const HOLD: Self = Self { motion: Motion::Hold, gripper: None };
 }
 
@@ -63,41 +63,40 @@ impl From<Motion> for Command {
     }
 }
 
-/// Commanded side.
+/// Commanded side, as the cycle of the node uses it.
 pub trait Remote {
-    /// Sends the command of this cycle and returns the newest sample, `None` before the first. Never waits: without a
-    /// new sample the last one is returned, and is older.
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed>;
+    /// Sends the command of this cycle and returns the newest sample; `None` before the first. Never blocks: without a new
+    /// sample it returns the last one again.
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample>;
 
-    /// Begins a new epoch: the node was armed, or a stop was reset. A far side that holds goes on only in one.
+    /// Begins a new epoch, after an arming or the reset of a stop. A far side that holds follows again only in a new epoch.
     fn begin_epoch(&mut self) {}
 
-    /// Ends the epoch: the node was disarmed or stopped.
+    /// Ends the epoch, after a disarming or a stop.
     fn end_epoch(&mut self) {}
 
-    /// Returns each reason why the node must not be armed with this commanded side. Called between two cycles.
+    /// Returns every reason against arming with this commanded side. Called between two cycles.
     fn misfits(&mut self, _now: Instant) -> Vec<Misfit> {
         Vec::new()
     }
 
-    /// Returns the joint positions of the robot, where they are known in this process. For views: nothing acts on them, and
-    /// a link does not delay them.
+    /// Returns the joint positions of the robot, if this process knows them. They serve views only, and have no link delay.
     fn joints(&self) -> Option<RobotJoints> {
         None
     }
 
-    /// Returns a fault of the commanded side or of the way to it, beside the age of its samples.
+    /// Returns a fault of the commanded side or its link, other than old samples.
     fn fault(&mut self) -> Option<SideFault> {
         None
     }
 }
 
-/// Fault of the commanded side or of the way to it.
+/// Fault of the commanded side or its link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SideFault {
-    /// It holds, although it knows the present epoch.
+    /// The far side holds in the present epoch.
     Holds(Reason),
-    /// One round trip in a hundred is longer than stated.
+    /// 1 % of the round trips or more exceed the stated maximum.
     Slow {
         /// 99th percentile, in µs.
         p99_us: u32,
@@ -107,28 +106,28 @@ pub enum SideFault {
 }
 
 impl SideFault {
-    /// Returns the fault of a 99th percentile above the stated maximum.
+    /// Creates the fault of a 99th percentile above the stated maximum.
     pub(crate) fn slow(p99: Duration, stated: Duration) -> Self {
         let micros = |duration: Duration| u32::try_from(duration.as_micros()).unwrap_or(u32::MAX);
         Self::Slow { p99_us: micros(p99), stated_us: micros(stated) }
     }
 }
 
-/// A sample from the commanded side.
+/// Sample from the commanded side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sensed {
-    /// Sample time on the receiver's clock; errs towards too early.
+pub struct RemoteSample {
+    /// Lower bound of the sample time, on the receiver's clock.
     pub at: Instant,
     /// Wrench of the environment *on* the object, at the sensor {S}, without payload.
     pub f_s: Wrench,
-    /// Pose of the frame under control in its base.
+    /// Pose of {MRF} in its base.
     pub x_b_m: Isometry3<f64>,
-    /// Opening and force of the gripper; `None` without one, and where its sensor is invalid.
+    /// Opening and force of the gripper; `None` without a gripper, or with an invalid sensor.
     pub gripper: Option<Gripper>,
 }
 
-impl Sensed {
-    /// Returns whether wrench and pose are within their ranges; not whether they are plausible. A gripper does not count.
+impl RemoteSample {
+    /// Returns whether wrench and pose are within their ranges. The gripper is not checked.
     pub fn is_possible(&self) -> bool {
         let is_wrench = self.f_s.components().iter().all(|part| part.abs() <= MAX_WRENCH);
         let place = &self.x_b_m.translation.vector;

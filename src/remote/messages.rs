@@ -1,13 +1,13 @@
-//! Commands and samples of the node, as messages of the [`contract`].
+//! Conversion between commands and samples of the node and messages of the [`contract`].
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use crate::{Command, Sensed};
-use contract::{FarEnd, Gripper, Measured, Order, Pose, Sample};
+use crate::{Command, RemoteSample};
+use contract::{FarEnd, Gripper, Measurements, Order, Pose, Sample};
 use units::spatial::{Motion, Twist, Wrench};
 use units::time::Instant;
 
-/// Returns a command of the node as an order to the far side.
+/// Converts a command of the node to an order to the far side.
 pub fn order(command: &Command) -> Order {
     let motion = match &command.motion {
         Motion::Hold => contract::Motion::Hold,
@@ -17,13 +17,13 @@ pub fn order(command: &Command) -> Order {
     Order { motion, is_engaged: command.motion != Motion::Hold, gripper: command.gripper }
 }
 
-/// Returns the command to perform at `now`.
+/// Returns the command of a far side's end at `now`.
 pub fn command(end: &mut FarEnd, now: Instant) -> Command {
     let motion = motion(&end.motion(now));
     Command { motion, gripper: end.gripper() }
 }
 
-/// Returns the motion of a message as a command to an object.
+/// Converts the motion of a message to a command to an object.
 pub fn motion(motion: &contract::Motion) -> Motion {
     match motion {
         contract::Motion::Hold => Motion::Hold,
@@ -32,21 +32,21 @@ pub fn motion(motion: &contract::Motion) -> Motion {
     }
 }
 
-/// Returns what an object measured, for a message. A sample out of range is invalid.
-pub fn measured(sensed: &Sensed) -> Measured {
+/// Converts a sample of an object to a message. Values out of range become invalid.
+pub fn measured(sensed: &RemoteSample) -> Measurements {
     let is_possible = sensed.is_possible();
-    Measured {
+    Measurements {
         wrench: is_possible.then(|| sensed.f_s.components()),
         pose: is_possible.then(|| pose(&sensed.x_b_m)),
         gripper: sensed.gripper.filter(Gripper::is_possible),
     }
 }
 
-/// Returns the sample of a message; `None` without a valid wrench and pose.
-pub fn sensed(sample: &Sample) -> Option<Sensed> {
-    let Measured { wrench, pose, gripper } = sample.feedback.measured;
+/// Converts a message to a sample; `None` without a valid wrench and pose.
+pub fn sensed(sample: &Sample) -> Option<RemoteSample> {
+    let Measurements { wrench, pose, gripper } = sample.feedback.measured;
     let (f_s, x_b_m) = (Wrench::from_components(wrench?), isometry(&pose?));
-    Some(Sensed { at: sample.at, f_s, x_b_m, gripper })
+    Some(RemoteSample { at: sample.at, f_s, x_b_m, gripper })
 }
 
 fn pose(x: &Isometry3<f64>) -> Pose {
@@ -81,8 +81,8 @@ mod tests {
         ) {
             let gripper = Gripper { position, force };
             let x_b_m = Isometry3::identity();
-            let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: Some(gripper) };
-            let Measured { wrench, pose, gripper } = measured(&sensed);
+            let sensed = RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: Some(gripper) };
+            let Measurements { wrench, pose, gripper } = measured(&sensed);
             let is_valid = position.abs() <= 1e3 && force.abs() <= 1e3;
             prop_assert!(wrench.is_some() && pose.is_some());
             prop_assert_eq!(gripper.is_some(), is_valid);

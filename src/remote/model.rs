@@ -1,5 +1,5 @@
-//! The virtual model beside remote hardware: mode 3 of the paper (section 4). An arm follows the sensed pose, for views; an
-//! object is predicted from the commands, so that hardware that does not follow them is found.
+//! Virtual model of remote hardware: mode 3 of the paper (section 4). An arm follows the sensed pose, for views. An object
+//! is predicted from the commands, to detect hardware that does not follow them.
 //!
 //! ```text
 //!  commands ──► history ── up to the time of the sample ──► predicted object ──┐
@@ -9,10 +9,9 @@
 //!                       └──► arm of the views
 //! ```
 //!
-//! A sample has the time of the newest command that the robot had received (its echo, docs/link.md). The prediction has
-//! every command up to that one, those of a measured round trip ago, so delay, jitter and loss age both alike. While
-//! nothing is commanded, the predicted object stands where the robot is. It is free: it has no joints that could be at
-//! their limit, so a robot that stands at one differs.
+//! The time of a sample is that of the newest command that the robot had received (its echo, docs/link.md). The prediction
+//! uses all commands up to that one, so delay, jitter and loss affect both alike. During a hold the predicted object is
+//! reset to the sensed pose. It is a free object without joint limits, so a robot at a joint limit differs from it.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -20,22 +19,22 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::site::Virtual;
-use crate::{RobotJoints, Sensed};
+use crate::{RemoteSample, RobotJoints};
 use robot::interaction::{Interaction, ToolState};
 use robot::object::Object;
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
-/// Commands that are kept: 100 ms, the most that a sample may be old, at 4 kHz, and as many again for an overrun.
+/// Maximum number of stored commands: 100 ms, the maximum age of a sample, at 4 kHz, twice over for an overrun.
 const HISTORY: usize = 800;
 
-/// Periods of motion at most between two commands: a cycle that stalls longer has a hold sent in its place.
+/// Maximum periods of motion between two commands; for a longer stall the link sends a hold.
 const MAX_PERIODS: u32 = 10;
 
-/// Lag of what views show behind the sensed pose, in s: joints with a maximum acceleration swing without one.
+/// Time constant of the shown arm behind the sensed pose, in s, so that joints with limited acceleration do not oscillate.
 const SHOWN_LAG: f64 = 0.02;
 
-/// Difference of two poses, without direction.
+/// Magnitude of the difference of two poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Difference {
     /// Distance of the origins, in m.
@@ -46,12 +45,12 @@ pub struct Difference {
 
 impl Difference {
     /// Returns the difference of two poses in the same base.
-    fn of(x_b_m: &Isometry3<f64>, other: &Isometry3<f64>) -> Self {
+    fn between(x_b_m: &Isometry3<f64>, other: &Isometry3<f64>) -> Self {
         let between = x_b_m.inv_mul(other);
         Self { distance: between.translation.vector.norm(), angle: between.rotation.angle() }
     }
 
-    /// Returns the greater distance and the greater angle of two.
+    /// Returns the maximum of both distances and of both angles.
     #[must_use]
     pub const fn max(self, other: Self) -> Self {
         Self { distance: self.distance.max(other.distance), angle: self.angle.max(other.angle) }
@@ -63,26 +62,27 @@ impl Difference {
     }
 }
 
-/// The arm that views show, and the object that is predicted.
+/// Arm for views, and predicted object.
 #[derive(Clone, Debug)]
 pub struct Model {
     limit: Difference,
     interaction: Interaction,
     max_step: Duration,
-    /// Tool for views, in the arm that holds it; `None` without one.
+    /// Tool with its arm, for views; `None` without an arm.
     shown: Option<Object>,
     shown_at: Option<Instant>,
     predicted: Object,
-    /// Commands that the newest sample is too old for, oldest first.
+    /// Commands newer than the newest sample, oldest first.
     history: VecDeque<(Instant, Motion)>,
-    /// Command that the predicted object follows.
+    /// Present command of the predicted object.
     followed: Motion,
     predicted_at: Option<Instant>,
     difference: Option<Difference>,
 }
 
 impl Model {
-    /// Creates the model of a robot with the figures of `remote`, one exchange per `period`. Beyond `limit` it does not follow.
+    /// Creates the model of a robot with the parameters of `remote` and one exchange per `period`. A difference beyond
+    /// `limit` is a fault.
     pub fn new(remote: &Virtual, limit: Difference, period: Duration) -> Self {
         let Virtual { x_b_m, interaction, servo, arm, .. } = *remote;
         let shown = |arm| Object::new(servo.with_lag(SHOWN_LAG), x_b_m).held_by(arm);
@@ -100,8 +100,8 @@ impl Model {
         }
     }
 
-    /// Takes the command of this cycle, and the newest valid sample.
-    pub fn exchange(&mut self, now: Instant, command: &Motion, newest: Option<&Sensed>) {
+    /// Updates the model with the command of this cycle and the newest valid sample.
+    pub fn exchange(&mut self, now: Instant, command: &Motion, newest: Option<&RemoteSample>) {
         if self.history.len() == HISTORY {
             self.history.pop_front();
         }
@@ -113,22 +113,22 @@ impl Model {
         }
     }
 
-    /// Returns predicted less sensed pose; `None` before the first sample.
+    /// Returns the difference of predicted and sensed pose; `None` before the first sample.
     pub const fn difference(&self) -> Option<Difference> {
         self.difference
     }
 
-    /// Returns the difference, if it is beyond its limit.
+    /// Returns the difference if it exceeds the limit.
     pub fn fault(&self) -> Option<Difference> {
         self.difference.filter(|difference| difference.exceeds(&self.limit))
     }
 
-    /// Returns the joint positions of the arm that follows the sensed pose.
+    /// Returns the joint positions of the arm for views; `None` without an arm.
     pub fn joints(&self) -> Option<RobotJoints> {
         self.shown?.arm().map(|arm| RobotJoints((*arm.q()).into()))
     }
 
-    /// Moves what views show to the sensed pose, within the limits of its joints.
+    /// Moves the arm for views to the sensed pose, within its joint limits.
     fn show(&mut self, now: Instant, x_b_m: &Isometry3<f64>) {
         let dt = self.time_since(self.shown_at, now);
         self.shown_at = Some(now);
@@ -137,8 +137,8 @@ impl Model {
         }
     }
 
-    /// Moves the predicted object by the commands up to the time of the sample.
-    fn predict(&mut self, sensed: &Sensed) {
+    /// Advances the predicted object by the commands up to the time of the sample.
+    fn predict(&mut self, sensed: &RemoteSample) {
         let f_m = self.contact(sensed);
         while let Some((at, command)) = self.history.front().copied()
             && at <= sensed.at
@@ -151,20 +151,20 @@ impl Model {
         if self.followed == Motion::Hold {
             self.predicted.place(sensed.x_b_m);
         }
-        self.difference = Some(Difference::of(self.predicted.pose(), &sensed.x_b_m));
+        self.difference = Some(Difference::between(self.predicted.pose(), &sensed.x_b_m));
     }
 
     fn step(&mut self, until: Instant, f_m: &Wrench) {
         let dt = self.time_since(self.predicted_at, until);
         self.predicted_at = Some(until);
-        // No time, no motion: a pose would be reached at once.
+        // With a time of zero, the object would jump to a commanded pose.
         if dt > 0.0 {
             self.predicted.step(dt, &self.followed, f_m);
         }
     }
 
-    /// Returns the wrench at {MRF} that the robot yields to.
-    fn contact(&self, Sensed { f_s, x_b_m, .. }: &Sensed) -> Wrench {
+    /// Returns the contact wrench at {MRF}, for accommodation.
+    fn contact(&self, RemoteSample { f_s, x_b_m, .. }: &RemoteSample) -> Wrench {
         let f_s = if self.interaction.feels_payload {
             self.interaction.contact(&ToolState::at_rest(*x_b_m), f_s)
         } else {

@@ -1,12 +1,12 @@
 //! Contact model of the commanded object: a wall, a box and a sphere, as springs, dampers and dry friction in six
 //! degrees of freedom.
 //!
-//! The object touches with points fixed in it. A surface pushes each point inside it along its normal, with a share of
-//! its stiffness and, against the approach, of its damping; the moment follows from the points' positions. A surface
-//! never pulls. Damping grows with depth, so the force is continuous at contact (Hunt and Crossley 1975).
+//! Contact points are fixed in the object. A surface pushes each point inside it along the normal, with its share of
+//! stiffness and damping. Moments follow from the positions of the points. A surface never pulls. Damping grows with
+//! depth, so the force is continuous at contact (Hunt and Crossley 1975).
 //!
-//! Coulomb friction acts along the surface; it is viscous below [`FULL_SLIDING`], so it is continuous when sliding
-//! reverses. Friction only dissipates energy. The model has no stiction: a point under tangential load creeps.
+//! Coulomb friction acts along the surface. Below [`FULL_SLIDING`] it is viscous, and so continuous when sliding
+//! reverses. Friction only dissipates energy. Without stiction, a point under tangential load creeps.
 //!
 //! ```text
 //!  f_t = -µ f_n v_t / max(|v_t|, FULL_SLIDING)      |f_t| ≤ µ f_n,   f_t · v_t ≤ 0
@@ -27,68 +27,68 @@ pub struct Surface {
     pub friction: f64,
 }
 
-/// Depth from which damping is complete, in m.
+/// Minimum depth of full damping, in m.
 pub const FULL_DAMPING: f64 = 1e-3;
 
-/// Sliding speed from which friction is complete, in m/s. With a lower value friction would chatter in a loop of 1 kHz
-/// with force accommodation.
+/// Minimum sliding speed of full friction, in m/s. With a lower value friction would chatter in a 1 kHz loop with force
+/// accommodation.
 pub const FULL_SLIDING: f64 = 0.01;
 
-/// A plane that is solid behind its normal.
+/// Half space behind a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// A point of the plane, in the object's base.
+    /// Point of the plane in the object's base, in m.
     pub point: Vector3<f64>,
-    /// Outward normal.
+    /// Outward normal, in the object's base.
     pub normal: Unit<Vector3<f64>>,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
-/// A solid box along the axes of the object's base.
+/// Solid box along the axes of the object's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Centre.
+    /// Centre in the object's base, in m.
     pub centre: Vector3<f64>,
-    /// Half the edge lengths.
+    /// Half the edge lengths, in m.
     pub half_size: Vector3<f64>,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
-/// A solid sphere.
+/// Solid sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Centre, in the object's base.
+    /// Centre in the object's base, in m.
     pub centre: Vector3<f64>,
     /// Radius, in m.
     pub radius: f64,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
-/// Half the edge of the cube whose corners are the contact points, in m.
+/// Half the edge of the cube in {MRF} whose corners are the contact points, in m.
 pub const HALF_CUBE: f64 = 0.02;
 
 /// Share of a surface's stiffness per contact point: a face has four.
 const SHARE: f64 = 0.25;
 
-/// Solids in the environment; all optional.
+/// Solids in the environment of the object; the default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// Wall.
+    /// Half space; `None` without a wall.
     pub wall: Option<Wall>,
-    /// Box.
+    /// Box along the axes of the base; `None` without a box.
     pub block: Option<Block>,
-    /// Sphere.
+    /// Sphere; `None` without a sphere.
     pub sphere: Option<Sphere>,
 }
 
-/// Depth of a point inside a solid, in m, and the direction out.
+/// Depth of a point inside a solid, in m, and the outward normal there.
 type Inside = (f64, Unit<Vector3<f64>>);
 
 impl Scene {
-    /// Returns the wrench on the object, at {MRF} in {MRF}, for pose `x_b_m` and twist `v_m`.
+    /// Computes the wrench on the object, at {MRF} in {MRF}, for pose `x_b_m` and twist `v_m`.
     pub fn wrench(&self, x_b_m: &Isometry3<f64>, v_m: &Twist) -> Wrench {
         let mut f_m = Wrench::ZERO;
         for p_m in corners() {
@@ -103,7 +103,7 @@ impl Scene {
         f_m
     }
 
-    /// Returns the contacts of a point.
+    /// Returns the contacts of a point with each solid.
     fn touches(&self, p_b: &Vector3<f64>) -> [Option<(Inside, Surface)>; 3] {
         [
             self.wall.and_then(|wall| Some((wall.depth(p_b)?, wall.surface))),
@@ -114,7 +114,7 @@ impl Scene {
 }
 
 impl Surface {
-    /// Returns the force on one point, `depth` m inside, with velocity `v` in m/s.
+    /// Computes the force on one point, `depth` m inside, with velocity `v` in m/s.
     fn force(&self, depth: f64, normal: &Unit<Vector3<f64>>, v: &Vector3<f64>) -> Vector3<f64> {
         let leaving = v.dot(normal);
         let push = self.push(depth, leaving);
@@ -123,7 +123,7 @@ impl Surface {
         normal.into_inner() * push - sliding * held_back
     }
 
-    /// Returns the normal force on one point, `depth` m inside and leaving with `speed` m/s; not negative.
+    /// Computes the normal force on one point, `depth` m inside and leaving with `speed` m/s; not negative.
     fn push(&self, depth: f64, speed: f64) -> f64 {
         let damping = self.damping * (depth / FULL_DAMPING).min(1.0);
         (SHARE * (self.stiffness * depth - damping * speed)).max(0.0)
@@ -138,29 +138,29 @@ impl Wall {
 }
 
 impl Block {
-    /// Returns the depth along the shortest way out.
+    /// Returns the depth to the nearest face, and its normal.
     fn depth(&self, p_b: &Vector3<f64>) -> Option<Inside> {
         let inside = p_b - self.centre;
         let depths = self.half_size - inside.abs();
         let side = |along: f64| 1.0_f64.copysign(along);
-        let ways_out = [
+        let faces = [
             (depths.x, Vector3::x() * side(inside.x)),
             (depths.y, Vector3::y() * side(inside.y)),
             (depths.z, Vector3::z() * side(inside.z)),
         ];
-        let shortest = ways_out.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
-        let (depth, way_out) = shortest.filter(|(depth, _)| *depth > 0.0)?;
-        Some((depth, Unit::new_unchecked(way_out)))
+        let nearest = faces.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (depth, normal) = nearest.filter(|(depth, _)| *depth > 0.0)?;
+        Some((depth, Unit::new_unchecked(normal)))
     }
 }
 
 impl Sphere {
-    /// Returns the depth; at the centre, where the direction is undefined, the way out is up.
+    /// Returns the depth and the outward normal; the z axis at the centre, where the normal is undefined.
     fn depth(&self, p_b: &Vector3<f64>) -> Option<Inside> {
         let from_centre = p_b - self.centre;
         let depth = self.radius - from_centre.norm();
-        let way_out = Unit::try_new(from_centre, f64::MIN_POSITIVE).unwrap_or(Vector3::z_axis());
-        (depth > 0.0).then_some((depth, way_out))
+        let normal = Unit::try_new(from_centre, f64::MIN_POSITIVE).unwrap_or(Vector3::z_axis());
+        (depth > 0.0).then_some((depth, normal))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Virtual commanded side in this process: an object, and a scene in contact with it.
+//! Virtual commanded side in this process: an object in a scene.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 
 use crate::gripper::{GripperSettings, SimulatedGripper};
 use crate::scene::{Block, Scene, Sphere, Surface, Wall};
-use crate::{Command, Remote, RobotJoints, Sensed};
+use crate::{Command, Remote, RemoteSample, RobotJoints};
 use robot::following_arm::FollowingArm;
 use robot::god_object::{Coupling, GodObject};
 use robot::interaction::Interaction;
@@ -22,13 +22,13 @@ pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 pub struct Virtual {
     /// Initial pose of the object in its base.
     pub x_b_m: Isometry3<f64>,
-    /// Arm that holds the object, at the start; `None` for a free object.
+    /// Arm that holds the object, at its initial posture; `None` for a free object.
     pub arm: Option<FollowingArm>,
     /// Sensor, payload, force accommodation and shared control.
     pub interaction: Interaction,
     /// Servo of the object.
     pub servo: Servo,
-    /// Virtual coupling that draws the object in pose mode, so that surfaces stop it; without one its servo does.
+    /// Virtual coupling that draws the object in pose mode, so that surfaces stop it; `None` moves it by its servo.
     pub coupling: Option<Coupling>,
     /// Wall: point, normal, surface.
     pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
@@ -36,12 +36,12 @@ pub struct Virtual {
     pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
     /// Sphere: centre, radius, surface.
     pub sphere: Option<(Vector3<f64>, f64, Contact)>,
-    /// Gripper of the object.
+    /// Gripper of the object; `None` without one.
     pub gripper: Option<GripperSettings>,
 }
 
 impl Virtual {
-    /// Returns the wrench of the surfaces on the object at its start, at {MRF}.
+    /// Computes the contact wrench on the object at its initial pose, at {MRF}.
     pub fn contact_at_start(&self) -> Wrench {
         scene(self).wrench(&self.x_b_m, &Twist::ZERO)
     }
@@ -58,7 +58,7 @@ pub struct Contact {
     pub friction: f64,
 }
 
-/// A virtual object under command, in a scene.
+/// Virtual object under command, in a scene.
 #[derive(Clone, Debug)]
 pub struct VirtualSite {
     object: Object,
@@ -92,7 +92,7 @@ impl VirtualSite {
         self.object.pose()
     }
 
-    /// Moves the object for `dt` s, while `f_m` acts on it: in pose mode by its coupling, if there is one.
+    /// Moves the object for `dt` s with the contact wrench `f_m`; in pose mode by its coupling, if configured.
     fn follow(&mut self, dt: f64, command: &Motion, f_m: &Wrench) {
         let Self { object, drawn, scene, .. } = self;
         match (drawn, command) {
@@ -110,16 +110,16 @@ impl VirtualSite {
 }
 
 impl Remote for VirtualSite {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
-        let f_s = self.object.felt(&self.object.reading(&f_m));
+        let f_s = self.object.operator_wrench(&self.object.reading(&f_m));
         // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
         let dt = dt.min(self.max_step);
         self.follow(dt, &command.motion, &f_m);
         let gripper = self.gripper.as_mut().map(|gripper| gripper.step(dt, command.gripper));
         self.before = Some(now);
-        Some(Sensed { at: now, f_s, x_b_m: *self.object.pose(), gripper })
+        Some(RemoteSample { at: now, f_s, x_b_m: *self.object.pose(), gripper })
     }
 
     fn joints(&self) -> Option<RobotJoints> {
@@ -127,7 +127,7 @@ impl Remote for VirtualSite {
     }
 }
 
-/// Builds the scene.
+/// Builds the scene of a virtual commanded side.
 fn scene(remote: &Virtual) -> Scene {
     let surface =
         |Contact { stiffness, damping, friction }| Surface { stiffness, damping, friction };
@@ -157,7 +157,7 @@ mod tests {
 
     const STIFFNESS: f64 = 5_000.0;
 
-    /// Returns a coupled object at `x`, 0.3 m above a base with a wall at 0.55 m and a box from 0.8 m to 0.9 m.
+    /// Returns a coupled object at `x`, 0.3 m above the base, with a wall at 0.55 m and a box from 0.8 m to 0.9 m.
     fn site(x: f64, contact: Contact) -> VirtualSite {
         let coupling = Coupling::new([STIFFNESS, STIFFNESS, STIFFNESS, 20.0, 20.0, 20.0], [0.0; 6]);
         let remote = Virtual {
@@ -178,7 +178,7 @@ mod tests {
     fn followed(
         site: &mut VirtualSite,
         commands: impl Iterator<Item = Isometry3<f64>>,
-    ) -> (Sensed, Twist) {
+    ) -> (RemoteSample, Twist) {
         let mut last = None;
         for (cycle, x_b_d) in (1..).zip(commands) {
             let at = Instant::ZERO + Duration::from_millis(1) * cycle;
@@ -194,7 +194,7 @@ mod tests {
         let slide = (0..2_000).map(|cycle| {
             Isometry3::translation(0.54, 5e-5 * f64::from(cycle), 0.3) // 5 cm/s along the wall
         });
-        let (Sensed { f_s, .. }, stretch) = followed(&mut site(0.5, rough), slide);
+        let (RemoteSample { f_s, .. }, stretch) = followed(&mut site(0.5, rough), slide);
         assert!(f_s.force.x < -20.0 && f_s.force.y < -8.0, "{f_s:?}");
         assert!((f_s.force - stretch.linear * STIFFNESS).norm() < 0.01, "{f_s:?} {stretch:?}");
     }
@@ -203,8 +203,8 @@ mod tests {
     fn coupled_object_stays_on_its_side_of_a_box() {
         let stiff = Contact { stiffness: 50_000.0, damping: 20.0, friction: 0.0 };
         let through = (0..4_000).map(|_| Isometry3::translation(0.95, 0.0, 0.3));
-        let (Sensed { x_b_m, .. }, _) = followed(&mut site(0.7, stiff), through);
-        // The command is beyond the box; a tenth of its depth is given way.
+        let (RemoteSample { x_b_m, .. }, _) = followed(&mut site(0.7, stiff), through);
+        // The command is beyond the box, which yields by a tenth of the depth.
         assert!((0.78..0.80).contains(&x_b_m.translation.x), "{x_b_m}");
     }
 }

@@ -1,4 +1,4 @@
-//! Figures of a far side that the configuration states, compared with its capability before arming.
+//! Figures of a far side in the configuration, and their comparison with its capability before arming.
 
 use thiserror::Error;
 
@@ -6,29 +6,29 @@ use contract::{Capability, PayloadRemoval, Reject, VERSION};
 use robot::interaction::Interaction;
 use robot::object::Servo;
 
-/// Relative tolerance of a comparison: both ends may have rounded the same figure.
+/// Relative tolerance of a comparison, since each end may have rounded the same figure.
 const TOLERANCE: f64 = 1e-6;
 
-/// Figures that gains and limits are checked with.
+/// Figures of the far side that the gain check and the limits assume.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stated {
-    /// K_FA by axis of {MRF}, in m/(s·N) and rad/(s·N·m).
+pub struct StatedCapability {
+    /// K_FA per axis of {MRF}, in m/(s·N) and rad/(s·N·m).
     pub accommodation: [f64; 6],
-    /// Wrench by axis that K_FA does not answer, in N and N·m.
+    /// Deadband of accommodation per axis, in N and N·m.
     pub deadband: [f64; 6],
-    /// Maximum lag of its servos, in s.
+    /// Maximum servo lag, in s.
     pub servo_lag: f64,
     /// Maximum speed of {MRF}, in m/s and rad/s.
     pub max_speed: [f64; 2],
-    /// Removal of the payload from the wrench, or more.
+    /// Minimum removal of the payload from the wrench.
     pub payload_removal: PayloadRemoval,
     /// Maximum stiffness of a contact, in N/m.
     pub stiffest_contact: f64,
-    /// Maximum period of its cycle, in s; infinite where none is stated.
+    /// Maximum cycle period, in s; infinite if not configured.
     pub sample_period: f64,
-    /// Maximum age of a command that it follows, in s; infinite where none is stated.
+    /// Maximum age of a command that the far side follows, in s; infinite if not configured.
     pub hold_after: f64,
-    /// Minimum range of its sensor, in N and N·m; zero where none is stated.
+    /// Minimum sensor range, in N and N·m; zero if not configured.
     pub sensor_range: [f64; 2],
 }
 
@@ -38,45 +38,45 @@ pub enum Misfit {
     /// No process is connected, or it does not answer.
     #[error("the far side does not answer: connect it to the link's socket")]
     Absent,
-    /// Its messages are foreign to this contract or arm.
+    /// Messages of another contract, version or arm.
     #[error("messages of the far side have no effect: {}", foreign(*.0))]
     Foreign(Reject),
     /// Its capability has not been received.
     #[error("the far side has not said yet what it can do: try again")]
     Unknown,
-    /// It follows another node.
+    /// The far side follows another node, with this session.
     #[error("the far side follows another node, of session {0:016x}: stop that one first")]
     Led(u64),
-    /// It has received no fresh command of any node.
+    /// The far side has received no fresh command from any node.
     #[error("the far side follows no node: this node's commands reach it too late, or not at all")]
     Unled,
     /// Its newest sample has no wrench or no pose.
     #[error("the far side's newest sample has no valid wrench and pose: see its log")]
     Senseless,
-    /// It cannot do what is needed.
+    /// The far side lacks a required function.
     #[error("the far side {0}")]
     Lacks(&'static str),
-    /// A figure is worse than stated.
+    /// A figure is worse than configured.
     #[error("{key} is {stated}, and the far side has {found}: correct the key, or the far side")]
     Worse {
         /// Key of the configuration.
         key: &'static str,
-        /// Its value.
+        /// Configured value, in the unit of the key.
         stated: f64,
-        /// Figure of the far side.
+        /// Figure of the far side, in the unit of the key.
         found: f64,
     },
-    /// It removes less of the payload.
+    /// The far side removes less of the payload than configured.
     #[error("[remote] states that the far side removes the payload's {stated}; it removes {found}")]
     Payload {
-        /// Stated removal.
+        /// Configured removal.
         stated: PayloadRemoval,
         /// Removal of the far side.
         found: PayloadRemoval,
     },
 }
 
-/// Returns the remedy for messages that are foreign to this contract or arm.
+/// Returns the remedy for messages of another contract, version or arm.
 fn foreign(reject: Reject) -> String {
     if reject == Reject::Arm {
         "another arm than remote.link.arm: correct the key, or the far side".to_owned()
@@ -87,9 +87,9 @@ fn foreign(reject: Reject) -> String {
     }
 }
 
-impl Stated {
-    /// Returns the figures of `[remote]`, which the far side must have alike; the others are not stated.
-    pub fn of(interaction: &Interaction, servo: &Servo) -> Self {
+impl StatedCapability {
+    /// Creates the figures of `[remote]`; those of `[remote.link]` are not configured.
+    pub fn from_interaction(interaction: &Interaction, servo: &Servo) -> Self {
         let Interaction { payload, removes_inertia, feels_payload, accommodation, .. } =
             interaction;
         let payload_removal = match (*feels_payload || payload.mass() <= 0.0, removes_inertia) {
@@ -110,7 +110,7 @@ impl Stated {
         }
     }
 
-    /// Returns the capability of a robot without a gripper that has exactly these figures, and this workspace in {b}, in m.
+    /// Returns the capability of a robot without a gripper that has exactly these figures. `workspace` is in {b}, in m.
     pub const fn capability(&self, workspace: [[f64; 3]; 2]) -> Capability {
         Capability {
             senses_wrench: true,
@@ -131,7 +131,7 @@ impl Stated {
         }
     }
 
-    /// Returns each figure of a capability that is worse than stated.
+    /// Returns each figure of a capability that is worse than configured.
     pub fn misfits(&self, has: &Capability) -> Vec<Misfit> {
         let lacks = [
             (has.senses_wrench, "has no force/torque sensor"),
@@ -157,27 +157,27 @@ impl Stated {
         let [linear_band, angular_band] =
             [0, 3].map(|first| farthest(first, &self.deadband, &has.deadband));
         [
-            // A compliance that differs either way is another loop than was checked.
-            Figure::of("remote.accommodation_m_per_ns", linear, Needs::Alike),
-            Figure::of("remote.accommodation_rad_per_nms", angular, Needs::Alike),
-            Figure::of("remote.accommodation_deadband_n", linear_band, Needs::Alike),
-            Figure::of("remote.accommodation_deadband_nm", angular_band, Needs::Alike),
-            Figure::of(
+            // The gain check holds for exactly this accommodation.
+            Figure::new("remote.accommodation_m_per_ns", linear, Needs::Alike),
+            Figure::new("remote.accommodation_rad_per_nms", angular, Needs::Alike),
+            Figure::new("remote.accommodation_deadband_n", linear_band, Needs::Alike),
+            Figure::new("remote.accommodation_deadband_nm", angular_band, Needs::Alike),
+            Figure::new(
                 "remote.servo_time_constant_s",
                 [self.servo_lag, has.servo_lag],
                 Needs::AtMost,
             ),
-            Figure::of("remote.max_speed_m_per_s", [speed, has.max_speed[0]], Needs::AtMost),
-            Figure::of("remote.max_turn_rad_per_s", [turn, has.max_speed[1]], Needs::AtMost),
-            Figure::of(
+            Figure::new("remote.max_speed_m_per_s", [speed, has.max_speed[0]], Needs::AtMost),
+            Figure::new("remote.max_turn_rad_per_s", [turn, has.max_speed[1]], Needs::AtMost),
+            Figure::new(
                 "remote.link.stiffest_contact_n_per_m",
                 [self.stiffest_contact, has.stiffest_contact],
                 Needs::AtMost,
             ),
-            Figure::of("remote.link.sample_period_ms", period, Needs::AtMost),
-            Figure::of("remote.link.hold_after_ms", hold_after, Needs::AtMost),
-            Figure::of("remote.link.sensor_range_n", [force, has.sensor_range[0]], Needs::AtLeast),
-            Figure::of(
+            Figure::new("remote.link.sample_period_ms", period, Needs::AtMost),
+            Figure::new("remote.link.hold_after_ms", hold_after, Needs::AtMost),
+            Figure::new("remote.link.sensor_range_n", [force, has.sensor_range[0]], Needs::AtLeast),
+            Figure::new(
                 "remote.link.sensor_range_nm",
                 [moment, has.sensor_range[1]],
                 Needs::AtLeast,
@@ -186,7 +186,7 @@ impl Stated {
     }
 }
 
-/// Needed relation of a figure to the stated one.
+/// Required relation of a figure to the configured one.
 #[derive(Clone, Copy, Debug)]
 enum Needs {
     Alike,
@@ -194,7 +194,7 @@ enum Needs {
     AtLeast,
 }
 
-/// A figure of a far side, beside the stated one.
+/// Figure of a far side, with the configured one.
 #[derive(Clone, Copy, Debug)]
 struct Figure {
     key: &'static str,
@@ -204,7 +204,7 @@ struct Figure {
 }
 
 impl Figure {
-    const fn of(key: &'static str, [stated, found]: [f64; 2], needs: Needs) -> Self {
+    const fn new(key: &'static str, [stated, found]: [f64; 2], needs: Needs) -> Self {
         Self { key, stated, found, needs }
     }
 
@@ -221,7 +221,7 @@ impl Figure {
     }
 }
 
-/// Returns the stated and the found figure of that axis of three, from the `first` on, at which they differ most.
+/// Returns both figures of the axis with the largest difference, among the three from `first` on.
 fn farthest(first: usize, stated: &[f64; 6], found: &[f64; 6]) -> [f64; 2] {
     let pairs =
         stated.iter().zip(found).skip(first).take(3).map(|(stated, found)| [*stated, *found]);

@@ -1,8 +1,8 @@
-//! Force accommodation: the object yields to contact, so that a rate command in free space becomes a force command in
-//! contact (NTRFC, 4.3) without a change of mode or gain.
+//! Force accommodation: the object yields to contact. A rate command in free space thereby becomes a force command in
+//! contact (NTRFC, 4.3), without a change of mode or gain.
 //!
-//! Not force reflection. At a constant rate command the object stops where `K_FA F` cancels it: it pushes with
-//! `K_FA⁻¹ K_V ΔX`. `controller::stability::bounds` checks the gain before any motion.
+//! At a constant rate command the object stops where `K_FA F` cancels it, with the force `K_FA⁻¹ K_V ΔX`.
+//! `controller::stability` checks the gain before any motion.
 
 use thiserror::Error;
 
@@ -22,9 +22,9 @@ pub struct Accommodation {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("accommodation {quantity} must be within 0..={MAX_VALUE}, got {value}")]
 pub struct InvalidAccommodation {
-    /// Gain or deadband.
+    /// `gain` or `deadband`.
     pub quantity: &'static str,
-    /// Value given.
+    /// Rejected value.
     pub value: f64,
 }
 
@@ -33,7 +33,7 @@ impl Accommodation {
     /// must exceed the sensor's bias, or the object drifts.
     ///
     /// # Errors
-    /// A negative, too large or NaN value.
+    /// Returns the first value that is negative, above 1000 or NaN.
     pub fn new(gain: [f64; 6], deadband: [f64; 6]) -> Result<Self, InvalidAccommodation> {
         for (quantity, values) in [("gain", gain), ("deadband", deadband)] {
             let wrong = values.into_iter().find(|value| !(0.0..=MAX_VALUE).contains(value));
@@ -54,7 +54,7 @@ impl Accommodation {
         &self.deadband
     }
 
-    /// Returns the rate of the object for a commanded rate while `f_m` acts on it.
+    /// Computes the rate of the object from the commanded rate and the wrench `f_m` on the object, both at {MRF}.
     pub fn rate(&self, v_m_commanded: &Twist, f_m: &Wrench) -> Twist {
         let mut effective = f_m.components();
         for (part, deadband) in effective.iter_mut().zip(self.deadband) {

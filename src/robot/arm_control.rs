@@ -1,20 +1,20 @@
 //! Control of an arm at the commanded side: joint rates from a command, the measured joints and the wrist sensor.
 //!
-//! The arm has masses and servos of its own; this law knows its kinematics, its limits and the lag of its servos:
+//! The law uses the kinematics and limits of the arm and the lag of its servos, but not its masses:
 //!
 //! ```text
 //!  rate   S v_operator + (I - S) v_auto + K_FA f_m          pose   twist that reaches it, over 4 τ
-//!  hold   as a pose: the one at which the hold began        then   speed limits, resolved rate, joint limits
+//!  hold   as a pose: the one at the start of the hold       then   speed limits, resolved rate, joint limits
 //! ```
 //!
-//! A pose is approached with the gain 1/(4 τ), at which a servo of lag τ does not overshoot. The arm holds where it is: a
-//! rate of zero alone would let its servos go on to where the rates before were to lead, which in contact is deeper.
+//! A pose is approached with the gain 1/(4 τ), at which a servo of lag τ does not overshoot. A hold commands a pose and
+//! not a rate of zero, after which lagging servos would move on, in contact deeper into the surface.
 //!
-//! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN; it holds until
-//! [`reset`](ArmControl::reset). An arm that is reset while its wrench is above the limit may move out and sideways, and
-//! yields as before; its command loses what works against the wrench ([`WrenchLimit::without_advance`]), however often it is
-//! reset. It stops again where the wrench rises all the same, by more than 5 % above its lowest since the reset: a moving
-//! environment, or a servo that lags. Once the wrench is within the limit, the limit acts.
+//! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN, until
+//! [`reset`](ArmControl::reset). After a reset with the wrench still above the limit, the arm yields, and may move out and
+//! sideways. Commands against the wrench have no effect ([`WrenchLimit::without_advance`]). If the wrench nevertheless
+//! rises by more than 5 % above its minimum since the reset, the arm stops again: the environment moves, or a servo lags.
+//! The configured limit applies again as soon as the wrench is within it.
 
 use nalgebra::Isometry3;
 
@@ -25,28 +25,28 @@ use crate::resolved_rate::ResolvedRate;
 use crate::wrench_limit::WrenchLimit;
 use units::spatial::{Motion, Twist, Wrench};
 
-/// The law and its state.
+/// Arm control with its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmControl {
     law: ResolvedRate,
     servo: Servo,
     interaction: Interaction,
     limit: WrenchLimit,
-    /// Limit that acts: above `limit` after a reset above it, until the wrench is within it.
+    /// Effective limit: raised by a reset above `limit`, until the wrench is within it.
     limit_now: WrenchLimit,
     tool: ToolState,
     qd: Joints,
     /// Contact wrench at {MRF}.
     f_m: Wrench,
     /// Wrench for the operator, at {S}.
-    f_s_felt: Wrench,
+    f_s_operator: Wrench,
     is_stopped: bool,
-    /// Pose at which the present hold began.
+    /// Pose at the start of the present hold.
     x_b_h: Option<Isometry3<f64>>,
 }
 
 impl ArmControl {
-    /// Creates the law for an arm at rest at `q`. `servo` has the lag of its servos and the speed limits of {MRF}.
+    /// Creates the law for an arm at rest at `q`. `servo` holds the lag of the arm's servos and the speed limits of {MRF}.
     pub fn new(
         law: ResolvedRate,
         servo: Servo,
@@ -63,14 +63,14 @@ impl ArmControl {
             limit_now: limit,
             qd: Joints::zeros(),
             f_m: Wrench::ZERO,
-            f_s_felt: Wrench::ZERO,
+            f_s_operator: Wrench::ZERO,
             is_stopped: false,
             x_b_h: None,
         }
     }
 
-    /// Takes the joints `q` in rad and the reading of the wrist sensor, measured `dt` s after the last ones; returns the
-    /// joint rates to command, in rad/s.
+    /// Computes the joint rates to command, in rad/s, from joint positions `q` in rad and a reading of the wrist sensor.
+    /// `dt` is the time since the last ones, in s.
     pub fn step(&mut self, dt: f64, command: &Motion, q: &Joints, reading: &Wrench) -> Joints {
         let is_valid = q.iter().all(|q| q.is_finite()) && reading.is_finite() && dt > 0.0;
         if !is_valid {
@@ -86,13 +86,13 @@ impl ArmControl {
         self.qd
     }
 
-    /// Lets the arm move again; in a contact whose wrench is above the limit out and sideways, but not further in.
+    /// Ends a stop. With the contact wrench above the limit, the arm may only move out and sideways.
     pub fn reset(&mut self) {
         self.is_stopped = false;
         self.limit_now = self.limit.after_reset_at(&self.f_m);
     }
 
-    /// Returns whether the arm has stopped for a wrench above the limit, or a measurement that is infinite or NaN.
+    /// Returns whether a wrench above the limit, or an infinite or NaN measurement, has stopped the arm.
     pub const fn is_stopped(&self) -> bool {
         self.is_stopped
     }
@@ -108,8 +108,8 @@ impl ArmControl {
     }
 
     /// Returns the wrench for the operator, at {S}.
-    pub const fn felt(&self) -> &Wrench {
-        &self.f_s_felt
+    pub const fn operator_wrench(&self) -> &Wrench {
+        &self.f_s_operator
     }
 
     /// Updates pose, twist and contact from the measurements.
@@ -120,10 +120,10 @@ impl ArmControl {
         self.tool = ToolState { x_b_m, v_m, v_dot_m };
         let f_s = self.interaction.contact(&self.tool, reading);
         self.f_m = f_s.at(&self.interaction.sensor.x_m_s);
-        self.f_s_felt = self.interaction.felt(&self.tool, reading);
+        self.f_s_operator = self.interaction.operator_wrench(&self.tool, reading);
     }
 
-    /// Returns the twist of {MRF} that a command asks for. A command that is infinite or NaN holds.
+    /// Returns the twist of {MRF} that a command requests. A command that is infinite or NaN holds.
     fn twist(&mut self, dt: f64, command: &Motion) -> Twist {
         let v_m = match command {
             Motion::Hold => None,
@@ -144,7 +144,7 @@ impl ArmControl {
         self.reaching(&x_b_h, dt)
     }
 
-    /// Returns the twist that reaches a pose.
+    /// Returns the twist that approaches a pose within 4 τ, or within `dt` if that is longer.
     fn reaching(&self, x_b_d: &Isometry3<f64>, dt: f64) -> Twist {
         let reach_time = (4.0 * self.servo.time_constant()).max(dt);
         Twist::reaching(&(self.tool.x_b_m.inverse() * x_b_d), reach_time)

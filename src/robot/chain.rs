@@ -1,17 +1,15 @@
-//! A serial chain of six to nine revolute joints, in Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4):
-//! forward kinematics, and the body Jacobian of the frame under control {MRF}.
+//! Serial chain of six to nine revolute joints: forward kinematics, and the body Jacobian of the frame under control
+//! {MRF}. Frames are Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4).
 //!
-//! Arms with different numbers of joints are one type: [`Joints`] has nine places, and a joint that an arm does not have
-//! neither moves it nor is moved. Its column of the Jacobian is zero.
-//!
-//! Not the hand controller, whose chain is in `controller`, and without masses: a robot is commanded by rates here.
+//! All numbers of joints share one type: [`Joints`] has nine entries, and absent joints have zero columns in the
+//! Jacobian. The chain has no masses, since rates command the robot; that of the hand controller is in `controller`.
 
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use units::spatial::{Jacobian, Twist};
 
-/// Minimum number of joints: a grip has six degrees of freedom.
+/// Minimum number of joints, for six degrees of freedom of {MRF}.
 pub const MIN_JOINTS: usize = 6;
 
 /// Maximum number of joints.
@@ -20,23 +18,23 @@ pub const MAX_JOINTS: usize = 9;
 /// Maximum magnitude of a length in m or an angle in rad.
 const MAX_MAGNITUDE: f64 = 1e3;
 
-/// One value per joint, base first; zero for joints that the arm does not have.
+/// One value per joint, base first; zero for absent joints.
 pub type Joints = SVector<f64, MAX_JOINTS>;
 
-/// A joint and its link. A plain description, checked by [`Chain::new`].
+/// Description of a joint and its link; [`Chain::new`] checks it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Link {
-    /// Angle α from the previous axis, in rad.
+    /// Link twist α of the preceding link, in rad.
     pub alpha: f64,
-    /// Distance a from the previous axis, in m.
+    /// Link length a of the preceding link, in m.
     pub a: f64,
-    /// Offset d, in m.
+    /// Joint offset d, in m.
     pub d: f64,
-    /// Angle θ, in rad; the joint position is added.
+    /// Joint angle θ at joint position zero, in rad.
     pub theta: f64,
 }
 
-/// Reasons to refuse a chain.
+/// Reason why a chain is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidChain {
     /// Too few or too many joints.
@@ -45,40 +43,40 @@ pub enum InvalidChain {
     /// Length or angle out of range, or NaN.
     #[error("joint {joint}: {quantity} must be within ±{MAX_MAGNITUDE}, got {value}")]
     Link {
-        /// The joint, from 1.
+        /// Joint number, from 1.
         joint: usize,
-        /// Length or angle.
+        /// `alpha`, `a`, `d` or `theta`.
         quantity: &'static str,
-        /// Value given.
+        /// Rejected value, in rad or m.
         value: f64,
     },
-    /// A pose that is not finite.
+    /// Pose of base or tool is not finite.
     #[error("{0} must be finite")]
     Pose(&'static str),
 }
 
-/// The chain from its base in {b} to {MRF}.
+/// Serial chain from its base in {b} to {MRF}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain {
     x_b_0: Isometry3<f64>,
-    links: [Option<Placed>; MAX_JOINTS],
+    links: [Option<LinkTransform>; MAX_JOINTS],
     joint_count: usize,
     x_n_m: Isometry3<f64>,
 }
 
-/// A link with its constant transform precomputed.
+/// Link with its constant transform precomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Placed {
+struct LinkTransform {
     /// `Rx(α) Tx(a) Tz(d)`: a translation along z commutes with a rotation about it.
     fixed: Isometry3<f64>,
     theta: f64,
 }
 
 impl Chain {
-    /// Creates a chain whose base stands at `x_b_0`, with {MRF} at `x_n_m` in its last link.
+    /// Creates a chain with the pose of its base in {b}, `x_b_0`, and that of {MRF} in its last link, `x_n_m`.
     ///
     /// # Errors
-    /// A number of joints outside 6 to 9, or a value that is too large or NaN.
+    /// Returns an error for a number of joints outside 6 to 9, or the first value out of range.
     pub fn new(
         x_b_0: Isometry3<f64>,
         links: &[Link],
@@ -95,11 +93,11 @@ impl Chain {
                 return Err(InvalidChain::Pose(name));
             }
         }
-        let mut placed = [None; MAX_JOINTS];
-        for (placed, link) in placed.iter_mut().zip(links) {
-            *placed = Some(link.placed());
+        let mut transforms = [None; MAX_JOINTS];
+        for (transform, link) in transforms.iter_mut().zip(links) {
+            *transform = Some(link.transform());
         }
-        Ok(Self { x_b_0, links: placed, joint_count: links.len(), x_n_m })
+        Ok(Self { x_b_0, links: transforms, joint_count: links.len(), x_n_m })
     }
 
     /// Returns the number of joints, 6 to 9.
@@ -107,13 +105,13 @@ impl Chain {
         self.joint_count
     }
 
-    /// Returns the pose of {MRF} in {b} at joint positions `q` in rad.
+    /// Computes the pose of {MRF} in {b} at joint positions `q` in rad.
     pub fn forward(&self, q: &Joints) -> Isometry3<f64> {
         let links = self.links.iter().flatten().zip(q);
         links.fold(self.x_b_0, |x_b_i, (link, q)| x_b_i * link.step(*q)) * self.x_n_m
     }
 
-    /// Returns the pose of {MRF}, and its body Jacobian: `v_m = J qd`, written in {MRF}.
+    /// Computes the pose of {MRF} in {b} and its body Jacobian, `v_m = J qd`, written in {MRF}.
     pub fn forward_and_jacobian(&self, q: &Joints) -> (Isometry3<f64>, Jacobian<MAX_JOINTS>) {
         let mut axes = [None; MAX_JOINTS];
         let mut x_b_i = self.x_b_0;
@@ -144,16 +142,16 @@ impl Link {
         Ok(())
     }
 
-    fn placed(&self) -> Placed {
+    fn transform(&self) -> LinkTransform {
         let turned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.alpha);
         let along_z = turned * Vector3::new(0.0, 0.0, self.d);
         let place = Translation3::from(Vector3::new(self.a, 0.0, 0.0) + along_z);
-        Placed { fixed: Isometry3::from_parts(place, turned), theta: self.theta }
+        LinkTransform { fixed: Isometry3::from_parts(place, turned), theta: self.theta }
     }
 }
 
-impl Placed {
-    /// Returns the pose of this link in the one before.
+impl LinkTransform {
+    /// Returns the pose of this link in the preceding one, at joint position `q` in rad.
     fn step(&self, q: f64) -> Isometry3<f64> {
         self.fixed * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.theta + q)
     }

@@ -1,14 +1,14 @@
 //! Damped least squares: joint rates for a twist of {MRF} (Nakamura and Hanafusa 1986; Maciejewski and Klein 1988).
 //!
-//! The twist's translations are divided by a characteristic length, so that singular values compare metres with radians.
+//! Translations of the twist are divided by a characteristic length, so that singular values are dimensionless.
 //! With `A = S J = Σ σ_i u_i v_iᵀ` the rates are
 //!
 //! ```text
 //!  qd = Σ σ_i / (σ_i² + λ_i²) v_i u_iᵀ S v_m        λ_i² = σ_0² (1 - (σ_i / σ_0)²)  where σ_i < σ_0, else 0
 //! ```
 //!
-//! Away from singularities, `σ_min ≥ σ_0`, there is no damping: the twist is met exactly. Near one, only its singular
-//! directions are damped. No direction has a gain above `1 / σ_0`, so rates stay bounded through every singularity.
+//! Away from singularities, with `σ_min ≥ σ_0`, the solution is exact and undamped. Near a singularity only its singular
+//! directions are damped. The gain of every direction is at most `1 / σ_0`, so rates stay bounded.
 
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 use thiserror::Error;
@@ -16,15 +16,15 @@ use thiserror::Error;
 use crate::chain::{Joints, MAX_JOINTS};
 use units::spatial::{Jacobian, Twist};
 
-/// Range of the singular value at which damping starts.
+/// Valid range of the singular value at which damping starts.
 const MIN_THRESHOLD: f64 = 1e-3;
 const MAX_THRESHOLD: f64 = 1.0;
 
-/// Range of the characteristic length, in m.
+/// Valid range of the characteristic length, in m.
 const MIN_LENGTH: f64 = 1e-2;
 const MAX_LENGTH: f64 = 1e2;
 
-/// Settings of the inverse.
+/// Damped least-squares inverse of a Jacobian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DampedInverse {
     threshold: f64,
@@ -49,10 +49,10 @@ impl Default for DampedInverse {
     }
 }
 
-/// The inverse at one posture.
+/// Inverse at one posture.
 #[derive(Clone, Copy, Debug)]
-pub struct Solved {
-    /// `A`, translations over the characteristic length.
+pub struct PostureInverse {
+    /// `A`: the Jacobian with translations over the characteristic length.
     scaled: SMatrix<f64, 6, MAX_JOINTS>,
     /// `u_i`, one per column.
     directions: SMatrix<f64, 6, 6>,
@@ -67,7 +67,7 @@ impl DampedInverse {
     /// Creates an inverse that is damped below the singular value `threshold`, with lengths over `length` in m.
     ///
     /// # Errors
-    /// A value out of range, or NaN.
+    /// Returns the value out of range, or NaN.
     pub fn new(threshold: f64, length: f64) -> Result<Self, InvalidInverse> {
         if !(MIN_THRESHOLD..=MAX_THRESHOLD).contains(&threshold) {
             return Err(InvalidInverse::Threshold(threshold));
@@ -88,8 +88,8 @@ impl DampedInverse {
         self.length
     }
 
-    /// Solves for one Jacobian, which must be finite.
-    pub fn solved(&self, j_m: &Jacobian<MAX_JOINTS>) -> Solved {
+    /// Inverts one Jacobian, which must be finite.
+    pub fn invert(&self, j_m: &Jacobian<MAX_JOINTS>) -> PostureInverse {
         let mut scaled = j_m.matrix();
         scaled.fixed_rows_mut::<3>(0).scale_mut(self.length.recip());
         let SymmetricEigen { eigenvectors, eigenvalues } =
@@ -99,17 +99,17 @@ impl DampedInverse {
         let squares = eigenvalues.map(|square| square.max(0.0));
         let gains = squares.map(|square| (square + (start - square).max(0.0)).recip());
         let sigma_min = squares.min().sqrt();
-        Solved { scaled, directions: eigenvectors, gains, sigma_min, length: self.length }
+        PostureInverse { scaled, directions: eigenvectors, gains, sigma_min, length: self.length }
     }
 }
 
-impl Solved {
+impl PostureInverse {
     /// Returns the smallest singular value of the Jacobian, with lengths over the characteristic length.
     pub const fn sigma_min(&self) -> f64 {
         self.sigma_min
     }
 
-    /// Returns the joint rates for a twist: the smallest that meet it, damped near a singularity.
+    /// Computes the joint rates of minimum norm for a twist, damped near a singularity.
     pub fn rates(&self, v_m: &Twist) -> Joints {
         let Twist { linear, angular } = *v_m;
         let linear = linear / self.length;
@@ -118,7 +118,7 @@ impl Solved {
         ]))
     }
 
-    /// Returns the part of joint rates that leaves {MRF} at rest.
+    /// Projects joint rates into the null space of the Jacobian, where {MRF} is at rest.
     pub fn within_null_space(&self, qd: &Joints) -> Joints {
         qd - self.applied(&(self.scaled * qd))
     }
@@ -141,7 +141,7 @@ mod tests {
         prop::array::uniform6(-1.0..1.0_f64).prop_map(Twist::from_components)
     }
 
-    /// Returns the largest difference of two twists, in m/s or rad/s.
+    /// Returns the maximum difference of two twists, in m/s or rad/s.
     fn difference(a: &Twist, b: &Twist) -> f64 {
         let pairs = a.components().into_iter().zip(b.components());
         pairs.fold(0.0, |most, (a, b)| most.max((a - b).abs()))
@@ -152,9 +152,9 @@ mod tests {
         fn twist_is_met_exactly_away_from_singularities(q in joints(2.5), v_m in twist()) {
             for chain in [puma(), eight_r()] {
                 let (_, j_m) = chain.forward_and_jacobian(&q);
-                let solved = DampedInverse::default().solved(&j_m);
-                if solved.sigma_min() >= 0.05 {
-                    let met = j_m.twist(&solved.rates(&v_m));
+                let inverse = DampedInverse::default().invert(&j_m);
+                if inverse.sigma_min() >= 0.05 {
+                    let met = j_m.twist(&inverse.rates(&v_m));
                     prop_assert!(difference(&met, &v_m) < 1e-10, "{met:?} {v_m:?}");
                 }
             }
@@ -163,10 +163,10 @@ mod tests {
         #[test]
         fn rates_are_bounded_in_every_posture(q in joints(3.2), v_m in twist()) {
             for chain in [puma(), eight_r()] {
-                let solved = DampedInverse::default().solved(&chain.forward_and_jacobian(&q).1);
+                let inverse = DampedInverse::default().invert(&chain.forward_and_jacobian(&q).1);
                 let Twist { linear, angular } = v_m;
                 let size = (linear.norm_squared() / 0.25 + angular.norm_squared()).sqrt();
-                let rates = solved.rates(&v_m);
+                let rates = inverse.rates(&v_m);
                 prop_assert!(rates.norm() <= size / 0.05 * (1.0 + 1e-9), "{rates}");
             }
         }
@@ -175,12 +175,12 @@ mod tests {
         fn null_space_motion_leaves_the_tool_at_rest(q in joints(2.5), qd in joints(1.0)) {
             let chain = eight_r();
             let (_, j_m) = chain.forward_and_jacobian(&q);
-            let solved = DampedInverse::default().solved(&j_m);
-            if solved.sigma_min() >= 0.05 {
-                let still = solved.within_null_space(&qd);
+            let inverse = DampedInverse::default().invert(&j_m);
+            if inverse.sigma_min() >= 0.05 {
+                let still = inverse.within_null_space(&qd);
                 prop_assert!(difference(&j_m.twist(&still), &Twist::ZERO) < 1e-10);
-                // Two joints are left over, and a projection is one.
-                let again = solved.within_null_space(&still);
+                // Two joints are redundant, and a projection is idempotent.
+                let again = inverse.within_null_space(&still);
                 prop_assert!((again - still).norm() < 1e-9);
             }
         }
@@ -203,13 +203,13 @@ mod tests {
                 linear: lost.fixed_rows::<3>(0) * inverse.length(),
                 angular: lost.fixed_rows::<3>(3).into(),
             };
-            let solved = inverse.solved(&j_m);
+            let local = inverse.invert(&j_m);
             assert!(
-                (solved.sigma_min() - sigma).abs() < 1e-7 && (bend != 0.0 || sigma < 1e-9),
+                (local.sigma_min() - sigma).abs() < 1e-7 && (bend != 0.0 || sigma < 1e-9),
                 "{sigma}"
             );
-            // Of a speed of 1 it moves (σ/σ_0)², so nothing at its reach.
-            let rates = solved.rates(&outwards);
+            // The response to a speed of 1 is (σ/σ_0)², zero at full reach.
+            let rates = local.rates(&outwards);
             let part = math::powf(sigma / inverse.threshold(), 2.0).min(1.0);
             let moved = lost.dot(&(scaled * rates));
             assert!((moved - part).abs() < 1e-6, "moves by {moved}, not {part}, at {bend} rad");

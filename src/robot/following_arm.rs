@@ -1,8 +1,7 @@
-//! An arm that follows twists of its tool exactly, within the limits of its joints: a kinematic model (mode 1 of the
-//! paper, section 4).
+//! Kinematic arm that follows twists of its tool exactly, within the limits of its joints (mode 1 of the paper,
+//! section 4).
 //!
-//! Its joints have no mass: they are where their rates bring them. The lag of its servo is that of the
-//! [`object`](crate::object) it holds.
+//! Its joints have no mass and integrate their rates. Servo lag belongs to the [`object`](crate::object) that it holds.
 
 use nalgebra::Isometry3;
 
@@ -10,7 +9,7 @@ use crate::chain::Joints;
 use crate::resolved_rate::ResolvedRate;
 use units::spatial::Twist;
 
-/// An arm, and where its joints are.
+/// Kinematic arm with joint positions and rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowingArm {
     law: ResolvedRate,
@@ -39,13 +38,12 @@ impl FollowingArm {
         self.law.chain().forward(&self.q)
     }
 
-    /// Returns the smallest singular value where it stands, with lengths over the characteristic length.
+    /// Returns the smallest singular value at the present posture, with lengths over the characteristic length.
     pub fn sigma_min(&self) -> f64 {
         self.law.sigma_min(&self.q)
     }
 
-    /// Moves for `dt` s with a twist of {MRF}; returns the pose it reached. Stops for a twist or a time that is no
-    /// number.
+    /// Moves for `dt` s with a twist of {MRF}; returns the resulting pose. Stops if twist or time are not finite.
     pub fn moved(&mut self, dt: f64, v_m: &Twist) -> Isometry3<f64> {
         if v_m.is_finite() && dt.is_finite() && dt > 0.0 {
             self.qd = self.law.rates(dt, &self.q, &self.qd, v_m);

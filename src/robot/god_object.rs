@@ -1,17 +1,17 @@
 //! God-object: in pose mode, an object that a virtual coupling draws to its command and that surfaces stop
 //! (Zilles and Salisbury 1995; coupling: Colgate, Stanley and Brown 1995).
 //!
-//! The object has no mass. At the end of every period it stands where the coupling presses with what the surfaces carry:
+//! The object has no mass. At the end of every period the coupling and the contact are in equilibrium:
 //!
 //! ```text
 //!  K s + B ds/dt = f_m(x_b_m, v_m)      s: from the commanded pose to the object, in the commanded frame
 //! ```
 //!
-//! In free space that is the commanded pose, without lag. On a rigid surface it is the point of the surface nearest to the
-//! command; a surface of stiffness `k_e` gives way by `K / (K + k_e)` of the depth that is commanded.
+//! In free space the equilibrium is the commanded pose, without lag. On a rigid surface it is the point of the surface
+//! nearest to the command. A surface of stiffness `k_e` yields by `K / (K + k_e)` of the commanded depth.
 //!
-//! The balance is solved for the end of the period (backward Euler), by Newton's method: no stiffness of a surface makes it
-//! unstable. It starts at the last pose, so the object stays on its side of a surface.
+//! Backward Euler with Newton's method is stable for any stiffness of the surface. The iteration starts at the last pose,
+//! so the object stays on its side of a surface.
 
 use std::iter;
 
@@ -20,19 +20,19 @@ use thiserror::Error;
 
 use units::spatial::{Twist, Wrench};
 
-/// Maximum stiffness and damping, in SI units.
+/// Maximum stiffness and damping, in N/m, N·m/rad, N·s/m and N·m·s/rad.
 const MAX_VALUE: f64 = 1e6;
 
-/// Steps of Newton's method in a period; a rest is left to the next period.
+/// Maximum Newton steps in a period; the next period continues from the result.
 const MAX_STEPS: usize = 16;
 
-/// Halvings of a step that does not reduce the imbalance.
+/// Maximum halvings of a step that does not reduce the imbalance.
 const MAX_HALVINGS: usize = 32;
 
-/// Displacement by which a derivative is taken, in m or rad.
+/// Step of the numerical derivative, in m or rad.
 const DIFFERENCE: f64 = 1e-8;
 
-/// Energy of an imbalance that is left, in J: 0.1 µN at 5 kN/m.
+/// Energy of a converged imbalance, in J: 0.1 µN at 5 kN/m.
 const TOLERANCE: f64 = 1e-18;
 
 /// Spring and damper that draw the object to its command, per axis of {MRF}.
@@ -45,7 +45,7 @@ pub struct Coupling {
 /// Stiffness or damping out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidCoupling {
-    /// Without a spring the object would not follow its command.
+    /// Stiffness out of range. Without a spring the object would not follow its command.
     #[error("stiffness of a virtual coupling must be above 0 and at most {MAX_VALUE}, got {0}")]
     Stiffness(f64),
     /// Damping out of range.
@@ -57,7 +57,7 @@ impl Coupling {
     /// Creates a coupling from its stiffness in N/m and N·m/rad, and its damping in N·s/m and N·m·s/rad.
     ///
     /// # Errors
-    /// A value out of range, or NaN.
+    /// Returns the first value out of range, or NaN.
     pub fn new(stiffness: [f64; 6], damping: [f64; 6]) -> Result<Self, InvalidCoupling> {
         let is_spring = |value: &f64| *value > 0.0 && *value <= MAX_VALUE;
         if let Some(wrong) = stiffness.into_iter().find(|value| !is_spring(value)) {
@@ -78,18 +78,18 @@ pub struct GodObject {
 }
 
 impl GodObject {
-    /// Creates a coupling that has no command yet.
+    /// Creates a god-object without a command.
     pub const fn new(coupling: Coupling) -> Self {
         Self { coupling, stretch: None }
     }
 
-    /// Forgets the stretch, where no pose is commanded.
+    /// Discards the stretch, if no pose is commanded.
     pub const fn release(&mut self) {
         self.stretch = None;
     }
 
-    /// Returns the twist that brings the object from `x_b_m` to its balance in `dt` s, which must be above zero.
-    /// `contact` returns the wrench on the object at {MRF}, for a pose and a twist of {MRF}.
+    /// Computes the twist that moves the object from `x_b_m` to equilibrium in `dt` s, which must be positive. `contact`
+    /// returns the wrench on the object at {MRF} for a pose and a twist of {MRF}.
     pub fn twist(
         &self,
         dt: f64,
@@ -99,7 +99,7 @@ impl GodObject {
     ) -> Twist {
         let balance = Balance {
             stiffness: self.coupling.stiffness,
-            // A coupling that begins has no rate yet.
+            // In the first cycle the stretch has no rate.
             damping: self.stretch.map_or([0.0; 6], |_| self.coupling.damping),
             before: self.stretch.unwrap_or_default(),
             x_d_m: x_b_d.inverse() * x_b_m,
@@ -110,14 +110,14 @@ impl GodObject {
         balance.solved() * dt.recip()
     }
 
-    /// Takes the pose that the object reached for the command of [`twist`](Self::twist).
+    /// Records the pose that the object reached after [`twist`](Self::twist).
     pub fn reached(&mut self, x_b_d: &Isometry3<f64>, x_b_m: &Isometry3<f64>) {
         let stretch = Twist::reaching(&(x_b_d.inverse() * x_b_m), 1.0);
         self.stretch = stretch.is_finite().then_some(stretch);
     }
 }
 
-/// Balance of coupling and contact at the end of a period. Unknown is the way of the object, a twist times the period.
+/// Equilibrium of coupling and contact at the end of a period. The unknown is the displacement of the object in {MRF}.
 struct Balance<C> {
     stiffness: [f64; 6],
     damping: [f64; 6],
@@ -129,53 +129,53 @@ struct Balance<C> {
 }
 
 impl<C: Fn(&Isometry3<f64>, &Twist) -> Wrench> Balance<C> {
-    /// Returns the way on which the imbalance vanishes, or the best one found.
+    /// Returns the displacement without imbalance, or the best one found.
     fn solved(&self) -> Twist {
-        let mut way = Twist::ZERO;
-        let mut f_rest = self.imbalance(&way);
+        let mut dx = Twist::ZERO;
+        let mut f_rest = self.imbalance(&dx);
         for _ in 0..MAX_STEPS {
             if self.energy(&f_rest) < TOLERANCE {
                 break;
             }
-            let Some(step) = self.newton_step(&way, &f_rest) else { break };
-            let Some(next) = self.shorter(&way, &f_rest, step) else { break };
-            (way, f_rest) = next;
+            let Some(step) = self.newton_step(&dx, &f_rest) else { break };
+            let Some(next) = self.shorter(&dx, &f_rest, step) else { break };
+            (dx, f_rest) = next;
         }
-        way
+        dx
     }
 
-    /// Returns the contact on the object less the pull of the coupling on the hand, after a way.
-    fn imbalance(&self, way: &Twist) -> Wrench {
-        let moved = way.over(1.0);
+    /// Returns the contact wrench on the object less that of the coupling on the hand, after a displacement.
+    fn imbalance(&self, dx: &Twist) -> Wrench {
+        let moved = dx.over(1.0);
         let stretch = Twist::reaching(&(self.x_d_m * moved), 1.0);
         let rate = (stretch + self.before * -1.0) * self.dt.recip();
         let pull = stretch.scaled(&self.stiffness) + rate.scaled(&self.damping);
-        let f_m = (self.contact)(&(self.x_b_m * moved), &(*way * self.dt.recip()));
+        let f_m = (self.contact)(&(self.x_b_m * moved), &(*dx * self.dt.recip()));
         f_m - Wrench { force: pull.linear, moment: pull.angular }
     }
 
-    /// Returns the energy in J that the spring would store under a wrench: the common measure of force and moment.
+    /// Returns the energy that a wrench stores in the spring, in J: a common norm of force and moment.
     fn energy(&self, f: &Wrench) -> f64 {
         let squares = f.components().into_iter().zip(self.stiffness);
         squares.map(|(part, stiffness)| part * part / (2.0 * stiffness)).sum()
     }
 
-    /// Returns the step that would remove the imbalance if it were linear; `None` where it has no slope.
-    fn newton_step(&self, way: &Twist, f_rest: &Wrench) -> Option<Twist> {
+    /// Returns the Newton step, which removes a linear imbalance; `None` if the derivative is singular.
+    fn newton_step(&self, dx: &Twist, f_rest: &Wrench) -> Option<Twist> {
         let slope = SMatrix::<f64, 6, 6>::from([0, 1, 2, 3, 4, 5].map(|axis| {
             let unit = std::array::from_fn(|other| if other == axis { DIFFERENCE } else { 0.0 });
-            let f_moved = self.imbalance(&(*way + Twist::from_components(unit)));
+            let f_moved = self.imbalance(&(*dx + Twist::from_components(unit)));
             ((f_moved - *f_rest) * DIFFERENCE.recip()).components()
         }));
         let step = slope.lu().solve(&SVector::from((-*f_rest).components()))?;
         Some(Twist::from_components(step.into()))
     }
 
-    /// Halves `step` until it reduces the imbalance; returns the new way and what is left.
-    fn shorter(&self, way: &Twist, f_rest: &Wrench, step: Twist) -> Option<(Twist, Wrench)> {
+    /// Halves `step` until it reduces the imbalance; returns the new displacement and its imbalance.
+    fn shorter(&self, dx: &Twist, f_rest: &Wrench, step: Twist) -> Option<(Twist, Wrench)> {
         let energy = self.energy(f_rest);
         let halved = iter::successors(Some(step), |step| Some(*step * 0.5)).take(MAX_HALVINGS);
-        let mut next = halved.map(|step| (*way + step, self.imbalance(&(*way + step))));
+        let mut next = halved.map(|step| *dx + step).map(|next| (next, self.imbalance(&next)));
         next.find(|(_, f_next)| self.energy(f_next) < energy)
     }
 }
@@ -189,7 +189,7 @@ mod tests {
 
     const DT: f64 = 1e-3;
 
-    /// Place of the wall's surface along x, in m.
+    /// Position of the wall's surface along x, in m.
     const SURFACE: f64 = 0.5;
 
     fn coupling() -> Coupling {

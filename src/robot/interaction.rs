@@ -1,44 +1,46 @@
-//! Interaction of an arm with what it touches: contact without payload, a rate that yields to it, and the wrench to be felt.
+//! Interaction of an arm with its environment: contact wrench without payload, accommodation, and the wrench for the
+//! operator.
 //!
 //! ```text
 //!  reading ── sign, bias ──► f_s ── payload ──► contact at {S} ──► {MRF} ── K_FA ──► + S v_operator + (I - S) v_auto
 //! ```
 //!
-//! The payload is never yielded to, or its weight would draw the arm down. `feels_payload` shows it to the operator.
+//! Accommodation excludes the payload, whose weight would otherwise draw the arm down. `feels_payload` includes it in the
+//! wrench for the operator.
 
 use nalgebra::{Isometry3, Vector3};
 
 use crate::accommodation::Accommodation;
-use crate::payload::{Moving, Payload};
+use crate::payload::{Payload, SensorMotion};
 use crate::shared_control::SharedControl;
 use crate::wrist_sensor::WristSensor;
 use units::spatial::{Twist, Wrench};
 
-/// Sensor, payload, accommodation and shared control.
+/// Parameters of sensor, payload, accommodation and shared control.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Interaction {
-    /// Sensor.
+    /// Pose, sign and bias of the sensor at {S}.
     pub sensor: WristSensor,
-    /// Mass beyond the sensor.
+    /// Body between sensor and contact.
     pub payload: Payload,
     /// Gravity in the base, in m/s².
     pub gravity_in_b: Vector3<f64>,
-    /// The payload's inertia is removed, too, not its weight alone.
+    /// Removes the inertia of the payload in addition to its weight.
     pub removes_inertia: bool,
-    /// The operator feels the payload.
+    /// Includes the payload in the wrench for the operator.
     pub feels_payload: bool,
-    /// Force accommodation.
+    /// K_FA and its deadband (4.3).
     pub accommodation: Accommodation,
-    /// Axes that follow the operator.
+    /// Share of the operator on each axis.
     pub shared: SharedControl,
 }
 
 /// Pose and motion of {MRF}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolState {
-    /// Pose in the base.
+    /// Pose of {MRF} in the base.
     pub x_b_m: Isometry3<f64>,
-    /// Twist.
+    /// Twist of {MRF}, written in {MRF}.
     pub v_m: Twist,
     /// Rate of change of the twist's components, in m/s² and rad/s².
     pub v_dot_m: Twist,
@@ -52,33 +54,34 @@ impl ToolState {
 }
 
 impl Interaction {
-    /// Returns the reading of the sensor while `f_m_contact` acts on the tool.
+    /// Simulates the reading of the sensor with the contact wrench `f_m_contact` on the tool.
     pub fn reading(&self, tool: &ToolState, f_m_contact: &Wrench) -> Wrench {
         let f_s = f_m_contact.at(&self.sensor.x_m_s.inverse()) + self.load(tool);
         self.sensor.reading(&f_s)
     }
 
-    /// Returns the contact wrench at {S} of a reading: without payload (decision 8).
+    /// Removes the payload from a reading; returns the contact wrench at {S} (decision 8).
     pub fn contact(&self, tool: &ToolState, reading: &Wrench) -> Wrench {
         self.sensor.on_tool(reading) - self.load(tool)
     }
 
-    /// Returns what the operator shall feel of a reading, at {S}.
-    pub fn felt(&self, tool: &ToolState, reading: &Wrench) -> Wrench {
+    /// Converts a reading to the wrench for the operator, at {S}.
+    pub fn operator_wrench(&self, tool: &ToolState, reading: &Wrench) -> Wrench {
         if self.feels_payload { self.sensor.on_tool(reading) } else { self.contact(tool, reading) }
     }
 
-    /// Returns the rate of {MRF} for a commanded one while `f_m_contact` acts on it.
+    /// Computes the rate of {MRF} from a commanded rate, with shared control and accommodation to `f_m_contact`.
     pub fn rate(&self, v_m_commanded: &Twist, f_m_contact: &Wrench) -> Twist {
         self.accommodation.rate(&self.shared.rate(v_m_commanded), f_m_contact)
     }
 
-    /// Returns the load of the payload on the sensor.
+    /// Computes the load of the payload on the sensor, at {S}.
     fn load(&self, tool: &ToolState) -> Wrench {
         let x_b_s = tool.x_b_m * self.sensor.x_m_s;
         if self.removes_inertia {
             let x_s_m = self.sensor.x_m_s.inverse();
-            let moving = Moving { v_s: tool.v_m.at(&x_s_m), v_dot_s: tool.v_dot_m.at(&x_s_m) };
+            let moving =
+                SensorMotion { v_s: tool.v_m.at(&x_s_m), v_dot_s: tool.v_dot_m.at(&x_s_m) };
             self.payload.load(&x_b_s, &self.gravity_in_b, &moving)
         } else {
             self.payload.weight(&x_b_s, &self.gravity_in_b)
@@ -133,7 +136,7 @@ mod tests {
                 let reading = made.reading(&tool, &f_m);
                 let left = made.contact(&tool, &reading).at(&made.sensor.x_m_s) - f_m;
                 prop_assert!(left.components().iter().all(|part| part.abs() < 1e-9), "{left:?}");
-                let felt = made.felt(&tool, &reading) - made.contact(&tool, &reading);
+                let felt = made.operator_wrench(&tool, &reading) - made.contact(&tool, &reading);
                 prop_assert_eq!(felt.force.norm() > 1e-9, feels_payload);
             }
         }

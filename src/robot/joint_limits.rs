@@ -1,15 +1,15 @@
-//! Limits of positions, rates and accelerations of joints that keep the direction of motion.
+//! Limits of joint positions, rates and accelerations that keep the direction of motion.
 //!
-//! All joints are slowed down together, never one alone: in joint space the arm stays on its line, so a twist keeps its
-//! direction. A step is allowed if the arm can still be stopped on the line of its rates, all joints together, within the
-//! limits of acceleration and position. From an allowed step, stopping is always allowed: positions hold by construction.
+//! All joints slow down together, so the arm stays on its line in joint space, and a twist keeps its direction. A step is
+//! allowed if the arm can then still stop on this line within the limits of acceleration and position. Stopping is always
+//! possible after an allowed step, so position limits hold by construction.
 
 use crate::chain::{Joints, MAX_JOINTS};
 
-/// Halvings of the search for the largest allowed step.
+/// Bisections of the search for the maximum allowed step.
 const HALVINGS: u32 = 12;
 
-/// Limits of all joints. Joints that the arm does not have are not limited.
+/// Limits of all joints; absent joints are not limited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits {
     joints: [JointLimit; MAX_JOINTS],
@@ -18,7 +18,7 @@ pub struct JointLimits {
 /// Limits of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimit {
-    /// Lowest and highest position, in rad.
+    /// Minimum and maximum position, in rad.
     pub range: [f64; 2],
     /// Maximum rate, in rad/s.
     pub max_rate: f64,
@@ -33,7 +33,7 @@ impl JointLimit {
         max_acceleration: f64::INFINITY,
     };
 
-    /// Returns whether a joint that stands at `q` is within its range, or leaves the wrong side of it.
+    /// Returns whether position `q` is within the range, or rate `qd` leads back into it.
     fn allows(&self, q: f64, qd: f64) -> bool {
         let [low, high] = self.range;
         (q >= low || qd >= 0.0) && (q <= high || qd <= 0.0)
@@ -55,8 +55,8 @@ impl JointLimits {
         &self.joints
     }
 
-    /// Returns the rates for the next `dt` s that are nearest to `wanted`, on the line from `before`, at positions `q`.
-    /// Rates that are not finite stop the arm.
+    /// Returns the allowed rates for the next `dt` s nearest to `wanted`, on the line from `before`, at positions `q`.
+    /// The arm stops if `wanted` is not finite.
     pub fn allowed(&self, dt: f64, q: &Joints, before: &Joints, wanted: &Joints) -> Joints {
         let braked = before * (1.0 - self.part(dt, before).min(1.0));
         if !wanted.iter().all(|rate| rate.is_finite()) {
@@ -78,13 +78,13 @@ impl JointLimits {
         braked.lerp(&next, kept)
     }
 
-    /// Returns the largest share of rates that no joint's maximum exceeds, at most 1.
+    /// Returns the maximum factor on rates, at most 1, that satisfies every rate limit.
     fn rate_part(&self, rates: &Joints) -> f64 {
         let joints = self.joints.iter().zip(rates);
         joints.fold(1.0, |part, (joint, rate)| part.min(ratio(joint.max_rate, rate.abs())))
     }
 
-    /// Returns the share of a change of rates that all joints can make in `dt` s.
+    /// Returns the fraction of a change of rates that the acceleration limits permit in `dt` s; may exceed 1.
     fn part(&self, dt: f64, change: &Joints) -> f64 {
         let joints = self.joints.iter().zip(change);
         joints.fold(f64::INFINITY, |part, (joint, change)| {
@@ -95,14 +95,14 @@ impl JointLimits {
     /// Returns whether the arm, after `dt` s at these rates, can stop on their line within all ranges.
     fn can_stop(&self, dt: f64, q: &Joints, rates: &Joints) -> bool {
         let stop_time = self.part(1.0, rates).recip();
-        // The sum of rates that fall in steps of dt is below the area under their line.
+        // Rates that fall in steps of dt travel less than rates that fall linearly.
         let travel = dt + stop_time / 2.0;
         let ends = self.joints.iter().zip(q.iter().zip(rates));
         ends.into_iter().all(|(joint, (q, rate))| joint.allows(q + rate * travel, *rate))
     }
 }
 
-/// Returns `most / value`; infinity where there is nothing to limit.
+/// Returns `most / value`; infinity for a value that is not positive.
 fn ratio(most: f64, value: f64) -> f64 {
     if value > 0.0 { most / value } else { f64::INFINITY }
 }

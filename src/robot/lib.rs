@@ -1,6 +1,6 @@
-//! Commanded side: reaction of a robot or a virtual object to commands (Williams 1997, 3.2 and 4.3).
+//! Commanded side: motion of a robot or a virtual object under commands (Williams 1997, 3.2 and 4.3).
 //!
-//! Contact wrenches are inputs. Independent of the hand controller.
+//! Contact wrenches are inputs. The crate does not depend on the hand controller.
 //!
 //! ```
 //! use nalgebra::Isometry3;

@@ -1,9 +1,8 @@
-//! The object under control at {MRF}: follows commands as a robot with servos does, with a first-order lag and speed
-//! limits.
+//! Object under control at {MRF}: follows commands with a first-order servo lag and speed limits.
 //!
-//! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3). In pose mode surfaces stop it
-//! where a virtual coupling draws it: [`god_object`](crate::god_object). The object is free, or the tool of an arm, which
-//! follows the same twists within the limits of its joints: [`following_arm`](crate::following_arm).
+//! The object has no dynamics. Contact moves it by force accommodation only, in rate mode (4.3). In pose mode surfaces
+//! stop it if a virtual coupling draws it: [`god_object`](crate::god_object). The object is free, or the tool of an arm
+//! that follows the same twists within the limits of its joints: [`following_arm`](crate::following_arm).
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -16,7 +15,7 @@ use units::spatial::{Motion, Twist, Wrench};
 /// Maximum distance from the base, in m.
 const MAX_DISTANCE: f64 = 1e5;
 
-/// Servo of an object.
+/// First-order servo with speed limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Servo {
     time_constant: f64,
@@ -28,17 +27,17 @@ pub struct Servo {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{quantity} of the servo must be within 0..=1000, got {value}")]
 pub struct InvalidServo {
-    /// Time constant, speed or angular velocity.
+    /// `time constant`, `speed` or `angular speed`.
     pub quantity: &'static str,
-    /// Value given.
+    /// Rejected value, in s, m/s or rad/s.
     pub value: f64,
 }
 
 impl Servo {
-    /// Creates a servo from its time constant in s, zero for none, and speed limits in m/s and rad/s.
+    /// Creates a servo from its time constant in s, zero for no lag, and speed limits in m/s and rad/s.
     ///
     /// # Errors
-    /// A negative, too large or NaN value.
+    /// Returns the first value that is negative, above 1000 or NaN.
     pub fn new(time_constant: f64, max_speed: f64, max_turn: f64) -> Result<Self, InvalidServo> {
         for (quantity, value) in
             [("time constant", time_constant), ("speed", max_speed), ("angular speed", max_turn)]
@@ -50,13 +49,13 @@ impl Servo {
         Ok(Self { time_constant, max_speed, max_turn })
     }
 
-    /// Returns it with another time constant, in s, which must be valid.
+    /// Replaces the time constant, in s, which must be valid.
     #[must_use]
     pub const fn with_lag(self, time_constant: f64) -> Self {
         Self { time_constant, ..self }
     }
 
-    /// Returns the time constant, in s; zero for none.
+    /// Returns the time constant, in s; zero for no lag.
     pub const fn time_constant(&self) -> f64 {
         self.time_constant
     }
@@ -66,12 +65,12 @@ impl Servo {
         [self.max_speed, self.max_turn]
     }
 
-    /// Returns the fraction of a distance that is covered in `dt` s.
+    /// Returns the step response after `dt` s, `1 - exp(-dt/τ)`.
     fn part(&self, dt: f64) -> f64 {
         if self.time_constant > 0.0 { -math::exp_m1(-dt / self.time_constant) } else { 1.0 }
     }
 
-    /// Scales the twist to the speed limits; keeps its direction.
+    /// Scales a twist to the speed limits, keeping its direction.
     pub(super) fn limited(&self, v_m: Twist) -> Twist {
         let slower = |limit: f64, speed: f64| if speed > limit { limit / speed } else { 1.0 };
         let scale = slower(self.max_speed, v_m.linear.norm());
@@ -79,7 +78,7 @@ impl Servo {
     }
 }
 
-/// A body with a force sensor and a payload beyond it: free, or held by an arm.
+/// Body with a wrist sensor and a payload: free, or held by an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
     servo: Servo,
@@ -101,7 +100,7 @@ impl Object {
         Self { interaction, ..self }
     }
 
-    /// Has an arm hold the object: it is where the arm's joints put it.
+    /// Attaches the object to an arm, whose pose it takes over.
     #[must_use]
     pub fn held_by(self, arm: FollowingArm) -> Self {
         Self { tool: ToolState::at_rest(arm.pose()), arm: Some(arm), ..self }
@@ -112,7 +111,7 @@ impl Object {
         self.tool = ToolState::at_rest(x_b_m);
     }
 
-    /// Returns the arm that holds it.
+    /// Returns the arm that holds the object; `None` for a free object.
     pub const fn arm(&self) -> Option<&FollowingArm> {
         self.arm.as_ref()
     }
@@ -127,18 +126,18 @@ impl Object {
         &self.tool.v_m
     }
 
-    /// Returns the sensor's reading while `f_m_contact` acts on the object: contact and payload.
+    /// Simulates the sensor's reading with the contact wrench `f_m_contact` on the object: contact and payload.
     pub fn reading(&self, f_m_contact: &Wrench) -> Wrench {
         self.interaction.reading(&self.tool, f_m_contact)
     }
 
-    /// Returns what the operator shall feel of a reading, at {S}: the contact alone, unless the payload is felt.
-    pub fn felt(&self, reading: &Wrench) -> Wrench {
-        self.interaction.felt(&self.tool, reading)
+    /// Converts a reading to the wrench for the operator, at {S}: the contact, with the payload if so configured.
+    pub fn operator_wrench(&self, reading: &Wrench) -> Wrench {
+        self.interaction.operator_wrench(&self.tool, reading)
     }
 
-    /// Follows `command` for `dt` s while `f_m_contact` acts on it at {MRF}. Stops at an invalid command, or at one
-    /// that leaves the range of positions.
+    /// Follows `command` for `dt` s with the contact wrench `f_m_contact` at {MRF}. Stops at a command that is invalid, or
+    /// leaves the range of positions.
     pub fn step(&mut self, dt: f64, command: &Motion, f_m_contact: &Wrench) {
         let part = self.servo.part(dt);
         let v_m = match command {
@@ -149,8 +148,8 @@ impl Object {
         self.advance(dt, v_m);
     }
 
-    /// Moves with `v_m` for `dt` s, within the speed limits of the servo and without its lag; with an arm, within the
-    /// limits of its joints. Stops at an invalid twist, or at one that leaves the range of positions.
+    /// Moves with `v_m` for `dt` s without servo lag, within the speed limits and, with an arm, its joint limits. Stops at a
+    /// twist that is invalid, or leaves the range of positions.
     pub fn advance(&mut self, dt: f64, v_m: Twist) {
         let limited = self.servo.limited(v_m);
         let before = self.tool;
@@ -172,7 +171,7 @@ impl Object {
         }
     }
 
-    /// Returns the twist after one lag step towards another.
+    /// Returns the twist after one step of the first-order lag towards another.
     fn towards(&self, v_m_other: &Twist, part: f64) -> Twist {
         self.tool.v_m * (1.0 - part) + *v_m_other * part
     }
@@ -236,7 +235,7 @@ mod tests {
             };
             let object = Object::new(servo(0.01), x_b_m).with_interaction(interaction);
             let f_m = Wrench::from_components(f);
-            let f_s = object.felt(&object.reading(&f_m));
+            let f_s = object.operator_wrench(&object.reading(&f_m));
             for (a, b) in f_s.at(&x_m_s).components().iter().zip(f_m.components()) {
                 prop_assert!((a - b).abs() < 1e-10);
             }
@@ -320,7 +319,7 @@ mod tests {
             let mut held = object(0.05).held_by(arm);
             let mut free = Object::new(servo(0.05), *held.pose());
             for cycle in 0..1_500 {
-                // There, back, and on to a pose.
+                // A rate, its reverse, then a pose.
                 let command = match cycle {
                     0..500 => Motion::Rate(v_m),
                     500..1_000 => Motion::Rate(v_m * -0.5),

@@ -1,14 +1,14 @@
-//! Payload between sensor and contact (3.2): what the sensor measures beside the contact.
+//! Payload between sensor and contact (3.2), and its load on the sensor.
 //!
-//! The sensor measures contact plus the payload's load: weight, and, where the motion is known, inertia (Newton-Euler).
-//! With `r` from {S} to the centre of mass, `a` its acceleration and `I` the inertia about it, in {S}:
+//! The sensor measures contact plus load: weight and inertia (Newton-Euler). With `r` from {S} to the centre of mass, `a`
+//! its acceleration and `I` the inertia about it, in {S}:
 //!
 //! ```text
 //!  f = m (g - a)        m_s = r × f - (I α + ω × I ω)
 //! ```
 //!
-//! Subtracting the load leaves the contact (decision 8). Without inertia only the weight is known: while the payload
-//! accelerates, its inertia is taken for contact.
+//! Subtracting the load leaves the contact (decision 8). If only the weight is subtracted, the inertia of an accelerated
+//! payload appears as contact.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use thiserror::Error;
@@ -18,7 +18,7 @@ use units::spatial::{Twist, Wrench};
 /// Maximum mass, in kg, distance of the centre of mass, in m, and inertia, in kg·m².
 const MAX_VALUE: f64 = 1e4;
 
-/// Mass carried beyond the sensor {S}.
+/// Rigid body beyond the sensor {S}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Payload {
     mass: f64,
@@ -28,14 +28,14 @@ pub struct Payload {
 
 /// Motion of {S}, written in {S}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moving {
-    /// Twist.
+pub struct SensorMotion {
+    /// Twist of {S}.
     pub v_s: Twist,
     /// Rate of change of the twist's components, in m/s² and rad/s².
     pub v_dot_s: Twist,
 }
 
-/// Reasons to refuse a payload.
+/// Reason why a payload is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidPayload {
     /// Mass out of range.
@@ -44,16 +44,16 @@ pub enum InvalidPayload {
     /// Centre of mass out of range.
     #[error("payload centre of mass must be within ±{MAX_VALUE} m, got {0}")]
     CentreOfMass(f64),
-    /// No body has this inertia.
+    /// Inertia out of range, or not positive semidefinite.
     #[error("payload inertia must be that of a body: finite and not negative, got {0:?}")]
     Inertia([f64; 6]),
 }
 
 impl Payload {
-    /// Creates a payload from its mass in kg and its centre of mass in {S}, in m, without inertia about it.
+    /// Creates a point mass from its mass in kg and its centre of mass in {S}, in m.
     ///
     /// # Errors
-    /// A negative mass, or a value that is too large or NaN.
+    /// Returns the first value out of range, or NaN.
     pub fn new(mass: f64, centre_of_mass: [f64; 3]) -> Result<Self, InvalidPayload> {
         if !(0.0..=MAX_VALUE).contains(&mass) {
             return Err(InvalidPayload::Mass(mass));
@@ -70,7 +70,7 @@ impl Payload {
     /// Sets the inertia about the centre of mass, xx, yy, zz, xy, xz, yz in {S}, in kg·m².
     ///
     /// # Errors
-    /// Values that are too large or NaN, or that no body has.
+    /// Returns [`InvalidPayload::Inertia`] for values out of range or NaN, or a tensor that is not positive semidefinite.
     pub fn with_inertia(self, inertia: [f64; 6]) -> Result<Self, InvalidPayload> {
         let [xx, yy, zz, xy, xz, yz] = inertia;
         let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
@@ -97,18 +97,18 @@ impl Payload {
         &self.inertia
     }
 
-    /// Returns its weight at a sensor with pose `x_b_s`, in gravity in the base, in m/s².
+    /// Computes the weight at {S}, for a sensor with pose `x_b_s` and gravity in the base, in m/s².
     pub fn weight(&self, x_b_s: &Isometry3<f64>, gravity_in_b: &Vector3<f64>) -> Wrench {
         let force = x_b_s.rotation.inverse() * gravity_in_b * self.mass;
         Wrench { force, moment: self.centre_of_mass.cross(&force) }
     }
 
-    /// Returns weight and inertia at a sensor that moves.
+    /// Computes weight and inertial load at {S}, for a moving sensor.
     pub fn load(
         &self,
         x_b_s: &Isometry3<f64>,
         gravity_in_b: &Vector3<f64>,
-        Moving { v_s, v_dot_s }: &Moving,
+        SensorMotion { v_s, v_dot_s }: &SensorMotion,
     ) -> Wrench {
         let (omega, alpha, r) = (v_s.angular, v_dot_s.angular, self.centre_of_mass);
         let origin = v_dot_s.linear + omega.cross(&v_s.linear);
@@ -154,10 +154,10 @@ mod tests {
                 let spin = v.angular.dot(&(payload.inertia * v.angular));
                 f64::midpoint(payload.mass * speed.norm_squared(), spin)
             };
-            // Without gravity, and kinetic energy does not depend on the place: its rate is that of the components.
+            // No gravity. Kinetic energy does not depend on the pose, so its rate follows from the components.
             let step = 1e-6;
             let gained = (kinetic(v_s + v_dot_s * step) - kinetic(v_s + v_dot_s * -step)) / (2.0 * step);
-            let moving = Moving { v_s, v_dot_s };
+            let moving = SensorMotion { v_s, v_dot_s };
             let f_s = payload.load(&Isometry3::identity(), &Vector3::zeros(), &moving);
             prop_assert!((f_s.power(&v_s) + gained).abs() < 1e-6, "{} {gained}", f_s.power(&v_s));
         }
@@ -167,8 +167,11 @@ mod tests {
     fn payload_in_free_fall_has_no_load() {
         let payload = Payload::new(2.0, [0.1, 0.0, 0.0]).unwrap();
         let v_dot_s = Twist { linear: DOWN, ..Twist::ZERO };
-        let f_s =
-            payload.load(&Isometry3::identity(), &DOWN, &Moving { v_dot_s, ..Moving::default() });
+        let f_s = payload.load(
+            &Isometry3::identity(),
+            &DOWN,
+            &SensorMotion { v_dot_s, ..SensorMotion::default() },
+        );
         assert!(f_s.force.norm() < 1e-12 && f_s.moment.norm() < 1e-12);
     }
 

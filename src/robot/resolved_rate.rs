@@ -1,13 +1,13 @@
-//! Resolved rate (Whitney 1969): joint rates of an arm for a twist of {MRF}, with what a redundant arm has left over used
-//! to keep its joints away from their limits.
+//! Resolved rate (Whitney 1969): joint rates of an arm for a twist of {MRF}. The null space of a redundant arm keeps its
+//! joints away from their limits.
 //!
 //! ```text
 //!  qd = J⁺ v_m + (I - J⁺ J) z        z_i = -k u_i / (1 - u_i²)²,  u_i: -1 … 1 over the range of joint i
 //! ```
 //!
-//! `z` descends a potential that is flat in the middle of the ranges and has a wall at each end (after Liégeois 1977). The
-//! rates are those of the middle of the period, so that an arm under a constant twist moves on its screw; limits are those
-//! of [`joint_limits`](crate::joint_limits).
+//! `z` descends a potential that is flat in mid-range and steep at both ends (after Liégeois 1977). Rates are evaluated at
+//! the middle of the period, so that an arm under a constant twist follows its screw. [`joint_limits`](crate::joint_limits)
+//! limits them.
 
 use thiserror::Error;
 
@@ -16,10 +16,10 @@ use crate::damped_inverse::DampedInverse;
 use crate::joint_limits::JointLimits;
 use units::spatial::Twist;
 
-/// Share of a range at which the wall of the potential is cut off.
+/// Fraction of a half-range at which the slope of the potential saturates.
 const WALL: f64 = 0.95;
 
-/// Share of a joint's maximum rate that centring may use.
+/// Fraction of a joint's maximum rate that centring may use.
 const CENTRING_SHARE: f64 = 0.25;
 
 /// Maximum gain of centring, in 1/s.
@@ -40,10 +40,10 @@ pub struct ResolvedRate {
 pub struct InvalidCentring(pub f64);
 
 impl ResolvedRate {
-    /// Creates the law; `centring` is the gain of null-space centring in 1/s, without effect on an arm of six joints.
+    /// Creates the law. `centring` is the gain of null-space centring in 1/s, without effect on an arm of six joints.
     ///
     /// # Errors
-    /// A gain that is negative, too large or NaN.
+    /// Returns an error for a gain not within 0 and 10 1/s.
     pub fn new(
         chain: Chain,
         inverse: DampedInverse,
@@ -57,22 +57,22 @@ impl ResolvedRate {
         }
     }
 
-    /// Returns the arm.
+    /// Returns the kinematic chain.
     pub const fn chain(&self) -> &Chain {
         &self.chain
     }
 
-    /// Returns the inverse of its Jacobian.
+    /// Returns the inverse of the Jacobian.
     pub const fn inverse(&self) -> &DampedInverse {
         &self.inverse
     }
 
-    /// Returns the limits of its joints.
+    /// Returns the joint limits.
     pub const fn limits(&self) -> &JointLimits {
         &self.limits
     }
 
-    /// Returns the joint rates for the next `dt` s at positions `q`, after the rates `before`.
+    /// Computes the joint rates for the next `dt` s for the twist `v_m`, at positions `q` and last rates `before`.
     pub fn rates(&self, dt: f64, q: &Joints, before: &Joints, v_m: &Twist) -> Joints {
         let first = self.unlimited(q, v_m);
         let middle = self.unlimited(&(q + first * (dt / 2.0)), v_m);
@@ -81,20 +81,20 @@ impl ResolvedRate {
 
     /// Returns the smallest singular value of the Jacobian at `q`, with lengths over the characteristic length.
     pub fn sigma_min(&self, q: &Joints) -> f64 {
-        self.inverse.solved(&self.chain.forward_and_jacobian(q).1).sigma_min()
+        self.inverse.invert(&self.chain.forward_and_jacobian(q).1).sigma_min()
     }
 
     fn unlimited(&self, q: &Joints, v_m: &Twist) -> Joints {
         let (_, j_m) = self.chain.forward_and_jacobian(q);
-        let solved = self.inverse.solved(&j_m);
-        let task = solved.rates(v_m);
+        let inverse = self.inverse.invert(&j_m);
+        let task = inverse.rates(v_m);
         if self.chain.joint_count() == MIN_JOINTS || self.centring <= 0.0 {
             return task;
         }
-        task + solved.within_null_space(&self.centring_rates(q))
+        task + inverse.within_null_space(&self.centring_rates(q))
     }
 
-    /// Returns the rates that lead away from the ends of the ranges.
+    /// Computes the rates `z`, away from the ends of the ranges.
     fn centring_rates(&self, q: &Joints) -> Joints {
         let mut rates = Joints::zeros();
         let joints = self.limits.joints().iter().zip(q).take(self.chain.joint_count());
@@ -129,7 +129,7 @@ mod tests {
         ResolvedRate::new(chain, DampedInverse::default(), limits, 0.5).unwrap()
     }
 
-    /// Follows a twist for `cycles` periods; returns the joints at the end and the smallest singular value on the way.
+    /// Follows a twist for `cycles` periods; returns the final joints and the smallest singular value met.
     fn followed(law: &ResolvedRate, q: Joints, v_m: &Twist, cycles: u32) -> (Joints, f64) {
         let (mut q, mut qd, mut least) = (q, Joints::zeros(), f64::INFINITY);
         for _ in 0..cycles {
@@ -152,7 +152,7 @@ mod tests {
         #[test]
         fn constant_twist_is_a_screw_motion(v_m in slow_twist()) {
             for chain in [puma(), eight_r()] {
-                // Ranges that no joint reaches the end of in a second at the rates of σ_min > 0.05.
+                // Wide enough that no joint reaches its end in a second, at the rates of σ_min > 0.05.
                 let fast = JointLimit { max_rate: 50.0, max_acceleration: 1e5, range: [-20.0, 20.0] };
                 let fast = JointLimits::new((0..chain.joint_count()).map(|_| fast));
                 let (law, q) = (limited(chain, fast), testing::posture(chain.joint_count()));

@@ -1,5 +1,5 @@
-//! Shared control: some axes of {MRF} follow the operator, the others a rate of their own (Williams 1997, 4.3 and its
-//! references). Force accommodation is always added to both.
+//! Shared control: some axes of {MRF} follow the operator, the others an autonomous rate (Williams 1997, 4.3 and its
+//! references). Force accommodation is added to both.
 //!
 //! ```text
 //!  v_m = S v_operator + (I - S) v_auto + K_FA f_m        S diagonal, 0 to 1
@@ -9,20 +9,20 @@ use thiserror::Error;
 
 use units::spatial::Twist;
 
-/// Share of the operator in each axis, and the rate that takes the rest.
+/// Share of the operator on each axis, and the autonomous rate for the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SharedControl {
     operator: [f64; 6],
     v_m_auto: Twist,
 }
 
-/// Reasons to refuse shared control.
+/// Reason why shared control is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidSharing {
     /// Share out of range.
     #[error("share of the operator must be within 0..=1, got {0}")]
     Share(f64),
-    /// Rate that is infinite or NaN.
+    /// Autonomous rate that is infinite or NaN.
     #[error("autonomous rate must be finite, got {0}")]
     Rate(f64),
 }
@@ -35,10 +35,10 @@ impl Default for SharedControl {
 }
 
 impl SharedControl {
-    /// Creates shared control from the operator's share per axis and the autonomous twist.
+    /// Creates shared control from the operator's share per axis and the autonomous twist, in m/s and rad/s.
     ///
     /// # Errors
-    /// A share outside 0..=1, a rate that is not finite, or NaN.
+    /// Returns the first share outside 0 to 1, or rate that is not finite.
     pub fn new(operator: [f64; 6], v_m_auto: [f64; 6]) -> Result<Self, InvalidSharing> {
         if let Some(wrong) = operator.into_iter().find(|share| !(0.0..=1.0).contains(share)) {
             return Err(InvalidSharing::Share(wrong));
@@ -49,7 +49,7 @@ impl SharedControl {
         }
     }
 
-    /// Returns the rate of both.
+    /// Combines the operator's rate with the autonomous rate.
     pub fn rate(&self, v_m_operator: &Twist) -> Twist {
         let rest = self.operator.map(|share| 1.0 - share);
         v_m_operator.scaled(&self.operator) + self.v_m_auto.scaled(&rest)

@@ -24,7 +24,7 @@ pub(crate) fn puma() -> Chain {
     Chain::new(Isometry3::identity(), &links, Isometry3::translation(0.0, 0.0, 0.12)).unwrap()
 }
 
-/// Returns a redundant arm with four joints in its wrist; invented.
+/// Returns an invented redundant arm with eight joints, four of them in its wrist.
 pub(crate) fn eight_r() -> Chain {
     let link = |alpha: f64, a: f64, d: f64| Link { alpha, a, d, theta: 0.0 };
     let links = [
@@ -60,7 +60,7 @@ pub(crate) fn joints(size: f64) -> impl Strategy<Value = Joints> {
     prop::array::uniform9(-size..size).prop_map(Joints::from)
 }
 
-/// Returns a law whose joints are as fast as `max_acceleration` in rad/s² lets them be.
+/// Returns a law limited by `max_acceleration`, in rad/s², and a maximum rate of 50 rad/s.
 pub(crate) fn law(chain: Chain, max_acceleration: f64) -> ResolvedRate {
     let limit = JointLimit { range: [-2.8, 2.8], max_rate: 50.0, max_acceleration };
     let limits = JointLimits::new((0..chain.joint_count()).map(|_| limit));

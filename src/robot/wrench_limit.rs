@@ -1,4 +1,4 @@
-//! Limit of the contact wrench of an arm: what stops it, and how it may move while the wrench is above.
+//! Limit of the contact wrench of an arm, and the twists that it permits above the limit.
 //!
 //! ```text
 //!  each part above its limit      v = v - f̂ min(0, f̂ · v)           ω = ω - m̂ min(0, m̂ · ω)
@@ -7,14 +7,14 @@
 //!  P = f · v + m · ω,  c = f² / F² + m² / M²,  limits F and M
 //! ```
 //!
-//! The second line is for a contact beside {MRF}: a turn goes deeper into it, though its moment may be within the limit. To
-//! go deeper takes power against the wrench.
+//! The second line covers a contact offset from {MRF}, where a rotation penetrates deeper with a moment within the limit.
+//! Deeper penetration requires negative power P.
 
 use nalgebra::Vector3;
 
 use units::spatial::{Twist, Wrench};
 
-/// Maximum wrench after a reset above the limit, over the lowest one since: noise of the sensor does not stop the arm again.
+/// Maximum wrench after a reset above the limit, relative to its minimum since, so that sensor noise does not stop the arm.
 const MAX_RISE: f64 = 1.05;
 
 /// Maximum contact wrench.
@@ -30,20 +30,20 @@ impl WrenchLimit {
     /// No limit.
     pub const NONE: Self = Self { force: f64::INFINITY, moment: f64::INFINITY };
 
-    /// Returns whether a wrench is within it; NaN is not.
+    /// Returns whether a wrench is within the limit; NaN is not.
     pub fn allows(&self, f: &Wrench) -> bool {
         f.force.norm() <= self.force && f.moment.norm() <= self.moment
     }
 
-    /// Returns the limit for an arm that is reset at a wrench: each part above its limit may rise by 5 %.
+    /// Returns the limit after a reset at wrench `f`: 5 % above each part that exceeds its limit.
     pub(crate) fn after_reset_at(&self, f: &Wrench) -> Self {
         let part = |limit: f64, now: f64| if now > limit { MAX_RISE * now } else { limit };
         let Self { force, moment } = *self;
         Self { force: part(force, f.force.norm()), moment: part(moment, f.moment.norm()) }
     }
 
-    /// Returns a commanded twist without what moves the arm further into a contact whose wrench `f` is above the limit: it
-    /// may move out and sideways. Within the limit every twist stays as it is.
+    /// Removes from a twist the part that moves deeper into a contact with wrench `f` above the limit. Motion out and
+    /// sideways remains. Within the limit the twist is unchanged.
     pub fn without_advance(&self, v: &Twist, f: &Wrench) -> Twist {
         if self.allows(f) {
             return *v;
@@ -58,13 +58,13 @@ impl WrenchLimit {
         v + along * (-f.power(&v).min(0.0) / f.power(&along))
     }
 
-    /// Returns the lower limit of each part.
+    /// Returns the lower limit of force and moment.
     pub(crate) const fn min(self, other: Self) -> Self {
         Self { force: self.force.min(other.force), moment: self.moment.min(other.moment) }
     }
 }
 
-/// Returns a velocity without its component against a part of the wrench, if that is above its limit.
+/// Removes from a velocity its component against a part of the wrench that is above its limit.
 fn unopposed(velocity: &Vector3<f64>, part: &Vector3<f64>, limit: f64) -> Vector3<f64> {
     if part.norm() <= limit {
         return *velocity;
@@ -81,7 +81,7 @@ mod tests {
 
     const LIMIT: WrenchLimit = WrenchLimit { force: 50.0, moment: 5.0 };
 
-    /// Rounding of a power, in W.
+    /// Rounding tolerance of a power, in W.
     const ROUNDING: f64 = 1e-9;
 
     fn six(force: f64, moment: f64) -> impl Strategy<Value = [f64; 6]> {

@@ -1,7 +1,7 @@
 //! Force/torque sensor in the wrist: its frame {S}, the sign of its reading, and its bias (3.2, Eq. 6).
 //!
-//! Wrenches here act *on* the tool. A sensor may report the reaction instead, the wrench of the tool on the arm, and
-//! reports a bias beside either.
+//! Wrenches here act *on* the tool. A sensor may report the reaction instead, the wrench of the tool on the arm. Its
+//! reading includes a bias.
 
 use nalgebra::Isometry3;
 
@@ -13,16 +13,16 @@ pub enum Reports {
     /// Wrench on the tool.
     #[default]
     OnTool,
-    /// Its reaction, on the arm.
+    /// Reaction of the tool on the arm.
     OnArm,
 }
 
-/// A sensor in the wrist.
+/// Six-axis force/torque sensor in the wrist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WristSensor {
     /// Pose of {S} in {MRF}.
     pub x_m_s: Isometry3<f64>,
-    /// Sign of the reading.
+    /// Body whose wrench the sensor reports, and so the sign of the reading.
     pub reports: Reports,
     /// Reading without load, in N and N·m.
     pub bias: Wrench,
@@ -35,12 +35,12 @@ impl Default for WristSensor {
 }
 
 impl WristSensor {
-    /// Returns the reading while `f_s` acts on the tool.
+    /// Simulates the reading with the wrench `f_s` on the tool, at {S}.
     pub fn reading(&self, f_s: &Wrench) -> Wrench {
         self.signed(f_s) + self.bias
     }
 
-    /// Returns the wrench on the tool of a reading, at {S}.
+    /// Converts a reading to the wrench on the tool, at {S}.
     pub fn on_tool(&self, reading: &Wrench) -> Wrench {
         self.signed(&(*reading - self.bias))
     }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::log_time;
-use controller::adjustment::Adjusted;
+use controller::adjustment::AdjustmentState;
 use node::record::{Record, RefusedPress};
 use telemetry::token_bucket::TokenBucket;
 use units::adjustment::{LockAxis, Quantity};
@@ -18,7 +18,7 @@ const LINES_AT_ONCE: u32 = 20;
 /// Log with the state that it last wrote.
 #[derive(Debug)]
 pub(super) struct AdjustmentLog {
-    before: Option<Adjusted>,
+    before: Option<AdjustmentState>,
     bucket: TokenBucket,
 }
 
@@ -52,9 +52,9 @@ impl AdjustmentLog {
 }
 
 /// Returns a line for each difference.
-fn changes(before: &Adjusted, now: &Adjusted) -> impl Iterator<Item = String> {
+fn changes(before: &AdjustmentState, now: &AdjustmentState) -> impl Iterator<Item = String> {
     let scales = Quantity::ALL.into_iter().filter_map(|quantity| {
-        let [before, now] = [before, now].map(|adjusted| adjusted.scale.of(quantity));
+        let [before, now] = [before, now].map(|adjusted| adjusted.scale.factor(quantity));
         (before.to_bits() != now.to_bits())
             .then(|| format!("scale of {quantity}: {before} to {now}"))
     });

@@ -9,7 +9,7 @@ use config::{Agreement, Config};
 use remote::link::{self, LinkSettings, LinkSide, LinkThread};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RobotJoints, Sensed, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
 use units::time::Instant;
 use unix_socket::SocketFile;
 
@@ -72,7 +72,7 @@ fn listen(
 }
 
 impl Remote for CommandedSide {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         match self {
             Self::Virtual(site) => site.exchange(now, command),
             Self::Link(side) => side.exchange(now, command),

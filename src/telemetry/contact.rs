@@ -49,7 +49,7 @@ impl Contact {
         }
         self.energy_j -= acted.dot(&(output.q - q_before));
         self.lowest_energy_j = self.lowest_energy_j.min(self.energy_j);
-        let v_g = &output.moving.v_g_raw.linear;
+        let v_g = &output.twist.v_g_raw.linear;
         self.peak_speed_m_per_s = self.peak_speed_m_per_s.max(v_g.norm());
         self.turn(v_g.dot(&direction(&output.f_g_task)));
     }

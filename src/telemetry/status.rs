@@ -9,7 +9,7 @@ use crate::recording::RecordingReport;
 use crate::timing::TimingReport;
 use config::{Config, JointParameters};
 use controller::Ledger;
-use controller::adjustment::Adjusted;
+use controller::adjustment::AdjustmentState;
 use controller::arm::JointKind;
 use controller::scaling::Scale;
 use node::cause;
@@ -221,15 +221,15 @@ impl Status {
 
 /// Returns the state of reflection: its switch, and the deadman that lets it act.
 fn reflection(record: &Record) -> &'static str {
-    let pressed = record.output.pressed;
-    match (pressed.reflects, pressed.task && record.mode == Mode::Engaged) {
+    let permissions = record.output.permissions;
+    match (permissions.reflects, permissions.task && record.mode == Mode::Engaged) {
         (false, _) => "off",
         (true, false) => "on when engaged",
         (true, true) => "on",
     }
 }
 
-fn locked(adjusted: &Adjusted) -> Vec<String> {
+fn locked(adjusted: &AdjustmentState) -> Vec<String> {
     adjusted.locked_axes().map(|axis| axis.to_string()).collect()
 }
 

@@ -1,4 +1,4 @@
-//! Changes that the operator makes while running, in words: `scale motion 0.5`, `lock rz on`, `align`. The console, the switch box
+//! Adjustments by the operator while the arm runs, as text: `scale motion 0.5`, `lock rz on`, `align`. Console, switch box
 //! and scenarios share them.
 
 use std::str::FromStr;
@@ -6,13 +6,13 @@ use std::str::FromStr;
 use derive_more::Display;
 use thiserror::Error;
 
-/// A change of the command or of the reflection.
+/// Change of the command or of the reflection.
 #[derive(Clone, Copy, Debug, PartialEq, Display)]
 pub enum Adjustment {
     /// Scales a quantity by a factor.
     #[display("scale {_0} {_1}")]
     Scale(Quantity, f64),
-    /// Locks an axis of the command, or releases it.
+    /// Locks (`true`) or releases an axis of the command.
     #[display("lock {_0} {}", if *_1 { "on" } else { "off" })]
     Lock(LockAxis, bool),
     /// Turns the object to the orientation of the grip.
@@ -57,7 +57,7 @@ pub enum LockAxis {
     Rz,
 }
 
-/// Text that is no adjustment.
+/// Text that is not an adjustment.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "expected \"scale motion|rotation|force FACTOR\", \"lock x|y|z|rx|ry|rz on|off\" or \"align\", got {0:?}"
@@ -73,7 +73,7 @@ impl LockAxis {
     /// All axes, in the order of every six-vector.
     pub const ALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::Rx, Self::Ry, Self::Rz];
 
-    /// Returns its entry of six.
+    /// Returns the entry of this axis in a six-vector.
     pub const fn entry<T: Copy>(self, [x, y, z, rx, ry, rz]: &[T; 6]) -> T {
         match self {
             Self::X => *x,
@@ -85,7 +85,7 @@ impl LockAxis {
         }
     }
 
-    /// Returns whether it is one of the three rotations.
+    /// Returns whether the axis is a rotation.
     pub const fn is_rotation(self) -> bool {
         matches!(self, Self::Rx | Self::Ry | Self::Rz)
     }

@@ -1,7 +1,7 @@
-//! Units common to all crates: time, joints and nodes, drive units, and vectors of Cartesian space.
+//! Units common to all crates: time, joints and nodes, drive units, and spatial vectors.
 //!
-//! A position is a number of a drive's counts, a time a number of microseconds, a wrench two vectors whose names say
-//! which is which. Nothing here knows a frame's name; STYLE.md has the notation.
+//! Positions of drives are in counts, times in microseconds. Twists and wrenches have named parts instead of six-vectors.
+//! STYLE.md has the notation of frames.
 //!
 //! ```
 //! use nalgebra::Isometry3;

@@ -1,10 +1,10 @@
 //! Transcendental functions whose results depend on the arguments alone.
 //!
-//! `f64::sin` and its kin call the platform's mathematics library, which selects a variant by the features of the
-//! processor: last bits differ between two machines, and so would a replay. `libm` is compiled from one source. Clippy
+//! `f64::sin` and similar methods call the platform's mathematics library, which selects a variant by the features of the
+//! processor. The last bits differ between machines, and so would a replay. `libm` is compiled from one source. Clippy
 //! refuses the methods of `f64` in the rack, and nalgebra uses `libm`, too.
 //!
-//! Not here: what IEEE 754 defines to the last bit. That is `sqrt`, `abs`, `mul_add`, `round`, `floor`, `%`, `rem_euclid`.
+//! Exact operations of IEEE 754 are unaffected: `sqrt`, `abs`, `mul_add`, `round`, `floor`, `%`, `rem_euclid`.
 
 use nalgebra::Complex;
 
@@ -27,7 +27,7 @@ mod tests {
     type Unary = (fn(f64) -> f64, f64, u64);
     type Binary = (fn(f64, f64) -> f64, f64, f64, u64);
 
-    /// Results of libm 0.2.16. The first of each function differs from those of glibc 2.36 on x86-64 with FMA.
+    /// Results of libm 0.2.16. The first one of each function differs from glibc 2.36 on x86-64 with FMA.
     const UNARY: [Unary; 14] = [
         (sin, -5.782_956_8, 0x3fde_b231_8081_179a),
         (sin, 1e22, 0xbfeb_453a_b76b_f397),
@@ -63,7 +63,7 @@ mod tests {
         }
     }
 
-    /// Fails where nalgebra calls the platform's library, which differs at one argument in 30 of these.
+    /// Fails if nalgebra calls the platform's library, which differs at one argument in 30 of these.
     #[test]
     fn nalgebra_has_the_same_results() {
         for x in (-10_000..10_000).map(|step| f64::from(step) * 1e-3) {

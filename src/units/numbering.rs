@@ -5,7 +5,7 @@ use std::{array, fmt};
 
 use serde::Serialize;
 
-/// A joint of the arm, numbered from the base: 1 to 6.
+/// Joint of the arm, numbered from the base: 1 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 pub struct Joint(u8);
 
@@ -18,7 +18,7 @@ impl Joint {
         number.try_into().ok().map(Self).filter(|joint| Self::ALL.contains(joint))
     }
 
-    /// Returns the joint of this number, from 1, which is known when the program is built.
+    /// Returns the joint of a constant number, 1 to 6, checked at compile time.
     ///
     /// ```
     /// assert_eq!(units::numbering::Joint::of::<3>().index(), 2);
@@ -31,22 +31,22 @@ impl Joint {
         Self(NUMBER)
     }
 
-    /// Returns the joint at this place in a list of all joints, from 0; `None` unless it is 0 to 5.
+    /// Returns the joint at this index in a list of all joints; `None` unless it is 0 to 5.
     pub fn at(index: usize) -> Option<Self> {
         Self::ALL.get(index).copied()
     }
 
-    /// Returns the number, from 1.
+    /// Returns 1 to 6, counted from the base.
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// Returns the index in a list of all joints, from 0.
+    /// Returns the index in a list of all joints, 0 to 5.
     pub fn index(self) -> usize {
         usize::from(self.0 - 1)
     }
 
-    /// Pairs the entries of a list of all joints, base first, with their joints.
+    /// Pairs each joint with its entry in a list of all joints, base first.
     pub fn each<I: IntoIterator>(all: I) -> Zip<array::IntoIter<Self, 6>, I::IntoIter> {
         Self::ALL.into_iter().zip(all)
     }
@@ -64,7 +64,7 @@ impl Joint {
         }
     }
 
-    /// Returns the entry of this joint, to change it.
+    /// Returns the mutable entry of this joint in a list of all joints, base first.
     pub const fn entry_mut<T>(self, all: &mut [T; 6]) -> &mut T {
         let [first, second, third, fourth, fifth, sixth] = all;
         match self.0 {
@@ -85,12 +85,12 @@ impl fmt::Display for Joint {
     }
 }
 
-/// Place of a node in the list of plans, from 0: the drives in the order of their joints, then the switch box.
+/// Index of a node in the list of plans, from 0: the drives in the order of their joints, then the switch box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeIndex(pub usize);
 
 impl NodeIndex {
-    /// Pairs the entries of a list in the order of the plans with their indices.
+    /// Pairs each index with its entry in a list in the order of the plans.
     pub fn each<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = (Self, T)> {
         (0..).map(Self).zip(all)
     }

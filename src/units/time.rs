@@ -1,11 +1,11 @@
-//! Time as a number. Nothing here reads a clock: only a bus does.
+//! Time as a number of microseconds. Only a bus reads a clock.
 
 use std::ops::{Add, Sub};
 use std::time::Duration;
 
-/// A point in time, in whole microseconds since the bus was opened.
+/// Point in time, in microseconds since the bus was opened.
 ///
-/// A bit at 1 Mbit/s lasts one of them.
+/// One microsecond is the duration of a bit at 1 Mbit/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Instant(u64);
 
@@ -23,7 +23,7 @@ impl Instant {
         self.0
     }
 
-    /// Returns the time since `earlier`; zero if that is later.
+    /// Returns the duration since `earlier`; zero if `earlier` is later.
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_micros(self.0.saturating_sub(earlier.0))
     }
@@ -32,7 +32,7 @@ impl Instant {
 impl Add<Duration> for Instant {
     type Output = Self;
 
-    /// Adds `span`; drops its part below a microsecond.
+    /// Adds `span`, truncated to microseconds; saturates.
     fn add(self, span: Duration) -> Self {
         let micros = u64::try_from(span.as_micros()).unwrap_or(u64::MAX);
         Self(self.0.saturating_add(micros))
@@ -42,7 +42,7 @@ impl Add<Duration> for Instant {
 impl Sub<Duration> for Instant {
     type Output = Self;
 
-    /// Subtracts `span`, but not below zero.
+    /// Subtracts `span`, truncated to microseconds; saturates at zero.
     fn sub(self, span: Duration) -> Self {
         let micros = u64::try_from(span.as_micros()).unwrap_or(u64::MAX);
         Self(self.0.saturating_sub(micros))

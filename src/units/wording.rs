@@ -1,4 +1,4 @@
-//! Words of messages that several rooms share: lists, and equal messages of several nodes as one.
+//! Formatting of messages, shared by several crates: lists, and equal messages of several nodes as one.
 
 use std::fmt::Display;
 
@@ -14,12 +14,12 @@ pub fn listed<T: Display>(words: &[T]) -> String {
     }
 }
 
-/// Joins messages in one line.
+/// Joins messages with semicolons.
 pub fn in_one_line<T: Display>(messages: &[T]) -> String {
     messages.iter().map(T::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Groups subjects with equal messages, in the order of their first ones.
+/// Groups subjects with equal messages, in order of first occurrence.
 pub fn grouped<S>(messages: impl IntoIterator<Item = (S, String)>) -> Vec<(Vec<S>, String)> {
     let mut groups: Vec<(Vec<S>, String)> = Vec::new();
     for (subject, message) in messages {

@@ -12,8 +12,8 @@ use std::io::{BufRead, Write, stdin, stdout};
 use std::time::Duration;
 
 use contract::{
-    Capability, Command, Echo, FarEnd, Feedback, Gripper, Head, Measured, Motion, PayloadRemoval,
-    Pose, Reason, Reject,
+    Capability, Command, Echo, FarEnd, Feedback, Gripper, Head, Measurements, Motion,
+    PayloadRemoval, Pose, Reason, Reject,
 };
 use units::time::Instant;
 
@@ -163,7 +163,7 @@ fn feedback(random: &mut Random, head: Head) -> (&'static str, String, Vec<u8>) 
     let reason = Reason::from_code(code).unwrap_or(Reason::None);
     let wrench: [f64; 6] = random.all_within(100_000.0);
     let (has_wrench, pose, has_pose) = (random.is(), random.pose(), random.is());
-    let measured = Measured {
+    let measured = Measurements {
         wrench: has_wrench.then_some(wrench),
         pose: has_pose.then_some(pose),
         gripper: random.gripper(),
@@ -266,7 +266,7 @@ fn outcome(far: &mut FarEnd, line: &str) -> Outcome<String> {
         ["take", micros, message] => {
             let before = *far.rejects();
             far.on_message(at(micros)?, &bytes(message)?);
-            let counted = far.rejects().iter().find(|(reject, count)| before.of(*reject) < *count);
+            let counted = far.rejects().iter().find(|(reject, count)| before.get(*reject) < *count);
             counted.map_or_else(none, |(reject, _)| reject.words().to_owned())
         }
         ["command", micros] => match far.motion(at(micros)?) {
@@ -278,7 +278,7 @@ fn outcome(far: &mut FarEnd, line: &str) -> Outcome<String> {
             far.hold(Reason::from_code(code.parse()?).ok_or("no such reason")?);
             none()
         }
-        ["feedback", micros] => hexadecimal(&far.feedback(at(micros)?, &Measured::default())),
+        ["feedback", micros] => hexadecimal(&far.feedback(at(micros)?, &Measurements::default())),
         ["capability", micros] => {
             far.capability(at(micros)?, &FIGURES).map_or_else(none, |message| hexadecimal(&message))
         }

@@ -13,7 +13,7 @@ use crate::common::bench::{config, scenario};
 use crate::linked_node::parse;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
-use controller::adjustment::AdjustmentRefused;
+use controller::adjustment::AdjustmentError;
 use controller::switches::Mode as CommandMode;
 use experiments::comparison;
 use node::record::{Mode, Record};
@@ -82,7 +82,7 @@ impl Rig {
     }
 
     /// Returns the reason why an adjustment is refused.
-    fn refused(&mut self, text: &str) -> AdjustmentRefused {
+    fn refused(&mut self, text: &str) -> AdjustmentError {
         match self.adjust(text) {
             Err(RequestError::Adjustment(refused)) => refused,
             other => panic!("{text}: {other:?}"),
@@ -237,8 +237,8 @@ fn refusals_name_their_reason_and_change_nothing() {
         comparison::surrounded(&config("config/kraft_like.toml"), &scenario("contact_10s"));
     let mut rate = pressed(&config, CommandMode::Rate);
     let before = rate.last.output.adjusted;
-    assert_eq!(rate.refused("align"), AdjustmentRefused::NotPose);
-    let AdjustmentRefused::OutOfBounds { quantity, low, high, value } =
+    assert_eq!(rate.refused("align"), AdjustmentError::NotPose);
+    let AdjustmentError::OutOfBounds { quantity, low, high, value } =
         rate.refused("scale motion 1.5")
     else {
         panic!()
@@ -253,21 +253,21 @@ fn refusals_name_their_reason_and_change_nothing() {
     assert!(pushed.entry(&yields), "{pushed} of {yields:?}");
     assert_eq!(
         rate.refused(&format!("lock {pushed} on")),
-        AdjustmentRefused::HoldsContact { axis: pushed }
+        AdjustmentError::HoldsContact { axis: pushed }
     );
     rate.until(PRESSED_S + 0.1);
     assert_eq!(rate.last.output.adjusted, before);
 
     let mut pose = pressed(&config, CommandMode::Pose);
-    assert_eq!(pose.refused("align"), AdjustmentRefused::InContact);
+    assert_eq!(pose.refused("align"), AdjustmentError::InContact);
     pose.adjust(&format!("lock {pushed} on")).unwrap();
 
     let mut idle = Rig::new(&config, scenario("contact_10s"), CommandMode::Pose);
-    assert_eq!(idle.refused("align"), AdjustmentRefused::NotCommanding);
+    assert_eq!(idle.refused("align"), AdjustmentError::NotCommanding);
     let mut locked = Rig::new(&free(), free_script(""), CommandMode::Pose);
     locked.until(2.0);
     locked.adjust("lock ry on").unwrap();
-    assert_eq!(locked.refused("align"), AdjustmentRefused::Locked { axis: LockAxis::Ry });
+    assert_eq!(locked.refused("align"), AdjustmentError::Locked { axis: LockAxis::Ry });
 }
 
 #[test]
@@ -300,7 +300,7 @@ fn buttons_of_the_switch_box_adjust_and_take_back() {
     let refused = refused.unwrap();
     assert_eq!(
         (refused.adjustment, refused.refused),
-        (Adjustment::Align, AdjustmentRefused::NotPose)
+        (Adjustment::Align, AdjustmentError::NotPose)
     );
     rig.until(5.0);
     let left = rig.last.output.adjusted;
@@ -320,7 +320,7 @@ fn no_adjustment_in_contact_steps_a_torque() {
             for (text, back) in ADJUSTMENTS {
                 let mut rig = start.clone();
                 if let Err(RequestError::Adjustment(refused)) = rig.adjust(text) {
-                    assert!(matches!(refused, AdjustmentRefused::HoldsContact { .. }));
+                    assert!(matches!(refused, AdjustmentError::HoldsContact { .. }));
                     continue;
                 }
                 let first = rig.until(changed);

@@ -19,7 +19,7 @@ use node::record::{Mode, Record};
 use node::{Node, Request};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, Sensed, SideFault};
+use remote::{Command, Remote, RemoteSample, SideFault};
 use sim::scenario::Scenario;
 use sim::world::World;
 use testbench::world;
@@ -50,7 +50,7 @@ impl Side {
 }
 
 impl Remote for Side {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.as_remote().exchange(now, command)
     }
 

@@ -154,7 +154,7 @@ fn coupled_object_has_no_lag_of_its_servo_in_free_motion() {
     let (mut fastest, mut most) = (0.0_f64, 0.0_f64);
     while bench.elapsed().as_secs_f64() < 7.0 {
         let output = bench.cycle().output;
-        fastest = fastest.max(output.moving.v_g_raw.linear.norm());
+        fastest = fastest.max(output.twist.v_g_raw.linear.norm());
         most = most.max(output.f_g_task.force.norm());
     }
     // A cycle of delay: K_T K_vc T = 1.5 N·s/m. The servo's 10 ms would make it 15.

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::rc::Rc;
 
-use contract::{Echo, FarEnd, Feedback, Measured, Pose, Reject};
+use contract::{Echo, FarEnd, Feedback, Measurements, Pose, Reject};
 
 use crate::common::bench::Wire;
 use crate::common::linked::LINK;
@@ -34,7 +34,7 @@ const OF_EACH_KIND: usize = 2;
 const HELD_FOR: usize = 20;
 
 /// A wrench that would be felt, in N and N·m.
-const LOUD: Measured = Measured {
+const LOUD: Measurements = Measurements {
     wrench: Some([30.0, -30.0, 30.0, 1.0, 1.0, 1.0]),
     pose: Some(Pose { position: [0.5; 3], orientation: [0.0, 0.0, 0.0, 1.0] }),
     gripper: None,

@@ -18,7 +18,7 @@ use node::cause::Cause;
 use node::record::{Mode, Record};
 use node::{Node, Request};
 use remote::site::VirtualSite;
-use remote::{Command, Remote, Sensed};
+use remote::{Command, Remote, RemoteSample};
 use sim::scenario::Scenario;
 use sim::world::World;
 use testbench::bench::Bench;
@@ -38,8 +38,8 @@ struct Via<L> {
     count: u64,
 }
 
-impl<L: FnMut(u64, Sensed) -> Option<Sensed>> Remote for Via<L> {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+impl<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>> Remote for Via<L> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.count += 1;
         let sensed = self.site.exchange(now, command)?;
         (self.law)(self.count, sensed)
@@ -49,7 +49,7 @@ impl<L: FnMut(u64, Sensed) -> Option<Sensed>> Remote for Via<L> {
 type Wired<L> = Node<Memory<World, ()>, Via<L>>;
 
 /// Boots a node whose operator presses into the wall once it is armed; `law` changes its samples.
-fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
+fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Wired<L> {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
@@ -62,7 +62,7 @@ fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
 }
 
 /// Boots and arms a node as [`booted`] does.
-fn pressing<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
+fn pressing<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Wired<L> {
     let mut node = booted(law);
     while node.cycle().inputs.is_none() {}
     node.request(Request::Arm, &mut || false).unwrap();
@@ -70,7 +70,7 @@ fn pressing<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
 }
 
 /// Returns the targets and the command of each cycle.
-fn run<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Vec<([i16; 6], Motion)> {
+fn run<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Vec<([i16; 6], Motion)> {
     let mut node = pressing(law);
     let records: Vec<_> = (0..CYCLES).map(|_| node.cycle()).collect();
     assert!(records.iter().any(|record| record.output.f_g_task.force.norm() > 1.0), "it is felt");
@@ -79,7 +79,7 @@ fn run<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Vec<([i16; 6], Motion
 
 #[test]
 fn hazard_33_invalid_wrench_equals_a_missing_one() {
-    let poison = |count: u64, mut sensed: Sensed| {
+    let poison = |count: u64, mut sensed: RemoteSample| {
         match count % 7 {
             0 => sensed.f_s = Wrench::from_components([f64::NAN; 6]),
             1 => sensed.f_s.moment.y = f64::INFINITY,
@@ -90,16 +90,16 @@ fn hazard_33_invalid_wrench_equals_a_missing_one() {
         }
         Some(sensed)
     };
-    let lose = |count: u64, sensed: Sensed| (count % 7 > 4).then_some(sensed);
+    let lose = |count: u64, sensed: RemoteSample| (count % 7 > 4).then_some(sensed);
     assert!(run(poison) == run(lose));
 }
 
 #[test]
 fn hazard_33_large_valid_wrench_is_bounded_by_cap_and_slew() {
     let config = config(KRAFT);
-    let mut node = pressing(|count: u64, sensed: Sensed| {
+    let mut node = pressing(|count: u64, sensed: RemoteSample| {
         let sign = if count % 2_000 < 1_000 { 1.0 } else { -1.0 };
-        Some(Sensed { f_s: Wrench::from_components([sign * 9e4; 6]), ..sensed })
+        Some(RemoteSample { f_s: Wrench::from_components([sign * 9e4; 6]), ..sensed })
     });
     let mut before = None;
     let mut most = 0.0_f64;
@@ -126,7 +126,7 @@ fn steepest(config: &Config, before: &mut Option<[f64; 6]>, record: &Record) -> 
 #[test]
 fn hazard_34_one_percent_sample_loss_never_stops_the_node() {
     let mut state = 1_u64;
-    let mut node = pressing(|_: u64, sensed: Sensed| {
+    let mut node = pressing(|_: u64, sensed: RemoteSample| {
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (!(state >> 33).is_multiple_of(100)).then_some(sensed)
@@ -139,18 +139,18 @@ fn hazard_34_one_percent_sample_loss_never_stops_the_node() {
 #[test]
 fn hazard_36_late_or_repeated_samples_have_no_effect() {
     let mut kept = Vec::new();
-    let shuffled = move |count: u64, sensed: Sensed| {
+    let shuffled = move |count: u64, sensed: RemoteSample| {
         kept.push(sensed);
         // Two cycles of five receive an old sample.
         Some(if count % 5 > 2 { kept[kept.len() * 2 / 3] } else { sensed })
     };
-    let lose = |count: u64, sensed: Sensed| (count % 5 <= 2).then_some(sensed);
+    let lose = |count: u64, sensed: RemoteSample| (count % 5 <= 2).then_some(sensed);
     assert!(run(shuffled) == run(lose));
 }
 
 #[test]
 fn arming_is_refused_before_the_first_remote_sample() {
-    let mut node = booted(|count: u64, sensed: Sensed| (count > 150).then_some(sensed));
+    let mut node = booted(|count: u64, sensed: RemoteSample| (count > 150).then_some(sensed));
     assert_eq!((node.mode(), node.cause()), (Mode::Ready, None), "it is no fault yet");
     let refused = node.request(Request::Arm, &mut || false).unwrap_err().to_string();
     assert_eq!(refused, "still active: no new wrench from the commanded side");
@@ -223,7 +223,8 @@ fn hazard_37_answers_to_another_node_end_reflection() {
 fn promise_07_lost_link_ends_reflection_in_70_ms_at_any_time() {
     let config = config(KRAFT);
     for cut in [600, 1_003, 1_517] {
-        let mut node = pressing(move |count: u64, sensed: Sensed| (count < cut).then_some(sensed));
+        let mut node =
+            pressing(move |count: u64, sensed: RemoteSample| (count < cut).then_some(sensed));
         let (mut before, mut cut_at, mut felt_for) = (None, Instant::ZERO, Duration::ZERO);
         for _ in 0..cut + 100 {
             let record = node.cycle();

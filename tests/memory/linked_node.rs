@@ -27,8 +27,8 @@ use node::record::{Mode, Record};
 use node::{Node, Request};
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
-use remote::stated::{Misfit, Stated};
-use remote::{Command, Remote, Sensed, SideFault, messages};
+use remote::stated::{Misfit, StatedCapability};
+use remote::{Command, Remote, RemoteSample, SideFault, messages};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
 use sim::world::World;
@@ -142,7 +142,7 @@ impl Linked {
             stated: agreement.stated,
         };
         let (side, thread) = link(listener, &settings).unwrap();
-        let stated = Stated { sample_period: 1e-3, hold_after: 0.1, ..agreement.stated };
+        let stated = StatedCapability { sample_period: 1e-3, hold_after: 0.1, ..agreement.stated };
         let way = |seed| Way { network, random: SplitMix::new(seed), under_way: VecDeque::new() };
         Self {
             side,
@@ -217,7 +217,7 @@ pub(crate) fn connected(path: &Path) -> Socket {
 }
 
 impl Remote for Linked {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.thread.step(now);
         self.run_far_side(now);
         if !self.handle.reads_once.get() {

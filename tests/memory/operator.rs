@@ -147,14 +147,14 @@ fn hazard_40_reference_or_mode_change_gives_no_impulse() {
     let records = records(&config, &format!("{ENGAGED}{changes}"), 1.6);
     let from = first_in(&records, Mode::Engaged);
     assert!(largest_step(&config, &records[from..]) <= SLEW + 1e-9);
-    let moving = records.iter().filter(|record| record.output.moving.v_g.linear.norm() > 0.02);
+    let moving = records.iter().filter(|record| record.output.twist.v_g.linear.norm() > 0.02);
     assert!(moving.count() > 200, "the hand moves");
 
     // The second reference: 0.8 s is after the first one, at 0.5 s.
     let second =
         records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
     let pressed = turned(&records, second.unwrap(), 0b100);
-    let counts = |record: &Record| record.output.pressed.reference;
+    let counts = |record: &Record| record.output.permissions.reference;
     let set = pressed + records[pressed..].iter().position(counts).unwrap();
     assert!((25..=26).contains(&(set - pressed)), "a press counts after debouncing");
     let rate = |record: &Record| match record.output.command {
@@ -191,12 +191,13 @@ fn hazard_39_bounce_of_reflection_or_reference_is_one_press() {
         let edges = edges.into_iter().chain([0.5, 0.55].map(|at| (at, "reference")));
         let records = with_faults(seed, &edges.map(bounce).collect::<String>());
         let presses = records.windows(2).filter(|pair| {
-            let [before, after] = [0, 1].map(|place: usize| pair[place].output.pressed.reference);
+            let [before, after] =
+                [0, 1].map(|place: usize| pair[place].output.permissions.reference);
             !before && after
         });
         assert_eq!(presses.count(), 1, "seed {seed}");
         let last = records.last().unwrap();
-        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, true), "seed {seed}");
+        assert_eq!((last.mode, last.output.permissions.task), (Mode::Engaged, true), "seed {seed}");
     }
 }
 
@@ -213,7 +214,7 @@ fn hazard_39_returning_switch_box_toggles_nothing() {
         let is_silent = |record: &&Record| record.inputs.is_none() && record.mode == Mode::Armed;
         assert!(records.iter().filter(is_silent).count() >= 5, "{for_s} s");
         let last = records.last().unwrap();
-        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, false), "{for_s} s");
+        assert_eq!((last.mode, last.output.permissions.task), (Mode::Engaged, false), "{for_s} s");
     }
 }
 
@@ -226,7 +227,7 @@ fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
         [[move]]\nat_s = 1.8\nduration_s = 0.7\nto_m = [0.06, 0.0, 0.0]\n\
         [[switch]]\nat_s = 3.0\nreflection = true\n[[switch]]\nat_s = 3.05\nreflection = false\n";
     let records = records(&config, script, 3.6);
-    let on = records.iter().position(|record| record.output.pressed.task).unwrap();
+    let on = records.iter().position(|record| record.output.permissions.task).unwrap();
     let share = |after: usize| {
         let record = &records[on + after];
         record.output.f_g_task.force.norm() / record.output.f_m_task.force.norm()

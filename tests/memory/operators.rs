@@ -97,7 +97,7 @@ fn withdrawn(damping: &str, more: &str) -> (f64, Option<String>) {
     let mut cause = None;
     while bench.elapsed().as_secs_f64() < 6.5 {
         let record = bench.cycle();
-        fastest = fastest.max(record.output.moving.v_g_raw.linear.norm());
+        fastest = fastest.max(record.output.twist.v_g_raw.linear.norm());
         cause = cause.or(record.cause.map(|cause| cause.to_string()));
     }
     (fastest, cause)

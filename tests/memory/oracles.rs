@@ -18,7 +18,7 @@ use controller::command::CommandLaw;
 use controller::coupling::Coupling;
 use controller::gains::Gains;
 use controller::interpretation::{Difference, Interpretation, Scaling};
-use controller::limits::{Asked, AssistFraction, Limited, Limits};
+use controller::limits::{AssistFraction, LimitedTorques, Limits, TorqueRequest};
 use controller::orientation::Orientation;
 use controller::period::Period;
 use controller::reference::{Displacement, Reference};
@@ -93,8 +93,8 @@ fn damping(
 }
 
 /// Combines the torques under the limits, with full shares.
-fn combine(limits: Limits<6>, gravity: Joints, task: Joints, assist: Joints) -> Limited<6> {
-    limits.combine(&Asked { gravity, task, assist }, 1.0)
+fn combine(limits: Limits<6>, gravity: Joints, task: Joints, assist: Joints) -> LimitedTorques<6> {
+    limits.combine(&TorqueRequest { gravity, task, assist }, 1.0)
 }
 
 // Arms: Eq. 1, the Jacobian of Eq. 7, gravity.

@@ -16,7 +16,7 @@ use robot::chain::Joints;
 use robot::following_arm::FollowingArm;
 use robot::interaction::Interaction;
 use robot::object::{Object, Servo};
-use robot::payload::{Moving, Payload};
+use robot::payload::{Payload, SensorMotion};
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
 use units::spatial::{Motion, Twist, Wrench, rotation as rotations};
@@ -85,7 +85,7 @@ fn payload_is_compensated() {
     let a_s = r_b_s.inverse() * vector(&payload["a_cg_0"])
         - alpha.cross(&r)
         - omega.cross(&omega.cross(&r));
-    let moving = Moving {
+    let moving = SensorMotion {
         v_s: Twist { linear: Vector3::zeros(), angular: omega },
         v_dot_s: Twist { linear: a_s, angular: alpha },
     };
@@ -97,7 +97,7 @@ fn payload_is_compensated() {
     let interaction =
         Interaction { payload: removed, gravity_in_b: gravity, ..Interaction::default() };
     let object = Object::new(servo, x_b_s).with_interaction(interaction);
-    let f_s = object.felt(&wrench(&inputs["F_S_meas"]));
+    let f_s = object.operator_wrench(&wrench(&inputs["F_S_meas"]));
     let reference = &paper["payload"]["F_S_after_static_removal"];
     assert_near("contact", &f_s.components(), &numbers::<6>(reference));
 }

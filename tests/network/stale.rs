@@ -5,7 +5,7 @@ use std::io::Read;
 use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use contract::{Capability, FarEnd, Measured, Pose};
+use contract::{Capability, FarEnd, Measurements, Pose};
 use nix::libc::MSG_DONTWAIT;
 use socket2::{Domain, SockAddr, Socket, Type};
 
@@ -36,7 +36,7 @@ fn answers(socket: &Socket, figures: &Capability, base: f64) {
         far.motion(now);
         let pose = Pose { position: [0.4, 0.0, 0.3], orientation: [0.0, 0.0, 0.0, 1.0] };
         let wrench = Some([wall_clock() - base, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        send(&far.feedback(now, &Measured { wrench, pose: Some(pose), gripper: None }));
+        send(&far.feedback(now, &Measurements { wrench, pose: Some(pose), gripper: None }));
         if let Some(capability) = far.capability(now, figures) {
             send(&capability);
         }

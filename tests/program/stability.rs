@@ -62,7 +62,7 @@ fn wall(case: &Value) -> SampledLaw {
 
 fn reflection(case: &Value) -> RateReflection {
     let [k_t, k_v, k_fa, k_e] = ["K_T", "K_V", "K_FA", "k_e"].map(|key| number(&case[key]));
-    RateReflection { gain: k_t * k_v * k_e, giving_way: k_fa * k_e }
+    RateReflection { gain: k_t * k_v * k_e, yield_rate: k_fa * k_e }
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn quantisation_bounds_stiffness_as_in_abbott_and_okamura() {
     for case in cases("quantisation") {
         let [b, period, friction, quantum] =
             ["b", "T", "fc", "Delta"].map(|key| number(&case[key]));
-        let max = bounds::stiffest_spring(b, period, friction, quantum);
+        let max = bounds::max_passive_stiffness(b, period, friction, quantum);
         assert_close(max, number(&case["K_max"]));
     }
 }
@@ -89,7 +89,7 @@ fn centring_has_the_expected_slope_and_rest_offset() {
     for case in cases("cfrtc_sampling") {
         let [a, deadband, period] = ["a", "DB", "T"].map(|key| number(&case[key]));
         let plateau = a * deadband * deadband;
-        let slope = bounds::steepest_centring(plateau, deadband);
+        let slope = bounds::max_centring_stiffness(plateau, deadband);
         assert_close(slope, number(&case["K_max"]));
         let law = SampledLaw::impedance(slope, 0.0, period);
         assert_close(law.required_damping(), number(&case["b_required"]));
@@ -106,8 +106,8 @@ fn rate_reflection_needs_the_damping_of_its_formula() {
     }
     for case in cases("rate_mode_reflection_sampled") {
         let (reflection, period) = (reflection(&case), number(&case["T"]));
-        let RateReflection { gain, giving_way } = reflection;
-        let law = Law::Rate { gain, giving_way };
+        let RateReflection { gain, yield_rate } = reflection;
+        let law = Law::Rate { gain, yield_rate };
         for delay in 0..3 {
             let late = SampledLaw { law, period, lag: 0.0, delay };
             assert_close(late.required_damping(), reflection.required_damping(period, delay));
@@ -185,7 +185,7 @@ fn contact_settles_up_to_the_bound_only() {
     let (dt, gain) = (0.002, 0.002);
     let law = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
     for late in [0_usize, 1, 2, 3] {
-        let bound = bounds::fastest_giving_way(dt, u32::try_from(late).unwrap()) / gain;
+        let bound = bounds::max_yield_rate(dt, u32::try_from(late).unwrap()) / gain;
         for (stiffness, settles) in [(0.98 * bound, true), (1.02 * bound, false)] {
             let mut x = vec![1e-3; late + 1];
             for _ in 0..4_000 {
@@ -204,7 +204,7 @@ fn accommodation_bound_depends_on_the_delay() {
     for case in list(&oracle::oracle("ntrfc.json")["stability_bound"]["cases"]) {
         let delay = u32::try_from(case["delay_samples"].as_u64().unwrap()).unwrap();
         let period = 2e-3;
-        assert_close(bounds::fastest_giving_way(period, delay) * period, number(&case["numeric"]));
+        assert_close(bounds::max_yield_rate(period, delay) * period, number(&case["numeric"]));
     }
 }
 

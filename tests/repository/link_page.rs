@@ -12,8 +12,8 @@ use std::fs;
 use serde_json::Value;
 
 use contract::{
-    Capability, Command, Echo, FarState, Feedback, Gripper, Head, Measured, Motion, PayloadRemoval,
-    Pose, Reason,
+    Capability, Command, Echo, FarState, Feedback, Gripper, Head, Measurements, Motion,
+    PayloadRemoval, Pose, Reason,
 };
 
 const MESSAGES: [&str; 4] = ["Head", "Command", "Feedback", "Capability"];
@@ -222,7 +222,7 @@ fn feedback(fields: &Value) -> Feedback {
             .unwrap(),
         obeyed_session: count(&fields["obeyed_session"]),
         acted_sequence: count(&fields["acted_sequence"]),
-        measured: Measured {
+        measured: Measurements {
             wrench: valid(1).then(|| vectors(&fields["wrench"], ["force", "torque"])),
             pose: valid(2).then(|| pose(&fields["pose"])),
             gripper: valid(4).then(|| gripper(fields)),

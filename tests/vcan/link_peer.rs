@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use contract::{Capability, FarEnd, Measured, Pose};
+use contract::{Capability, FarEnd, Measurements, Pose};
 use nix::libc::MSG_DONTWAIT;
 use socket2::{Domain, SockAddr, Socket, Type};
 
@@ -15,14 +15,14 @@ use crate::common::process::Process;
 use crate::common::rig::{KRAFT, PUMA, Rig, simulated};
 use bus::clock::monotonic;
 use config::Config;
-use remote::stated::Stated;
+use remote::stated::StatedCapability;
 use units::time::Instant;
 
 /// Messages in a period of 1 ms: 50,000 in a second.
 const FLOOD: usize = 50;
 
 /// Wrench of a contact along x of {S}, in N.
-const CONTACT: Measured = Measured {
+const CONTACT: Measurements = Measurements {
     wrench: Some([-2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
     pose: Some(Pose { position: [0.4, 0.0, 0.3], orientation: [0.0, 0.0, 0.0, 1.0] }),
     gripper: None,
@@ -83,7 +83,12 @@ impl<'s> Far<'s> {
     fn new(config: &Config, socket: &'s Socket) -> Self {
         let stated = config.far_side.agreement.unwrap().stated;
         let range = [200.0, 20.0];
-        let stated = Stated { sample_period: 1e-3, hold_after: 0.1, sensor_range: range, ..stated };
+        let stated = StatedCapability {
+            sample_period: 1e-3,
+            hold_after: 0.1,
+            sensor_range: range,
+            ..stated
+        };
         let end = FarEnd::new(config.far_side.arm, 0xface, Duration::from_millis(100));
         Self { socket, end, figures: stated.capability([[-1.0; 3], [1.0; 3]]), flooded: 0 }
     }

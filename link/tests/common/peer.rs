@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use contract::{FarEnd, Measured, Motion, NodeEnd, Order};
+use contract::{FarEnd, Measurements, Motion, NodeEnd, Order};
 use units::time::Instant;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Locality;
@@ -101,7 +101,7 @@ impl Peer {
     }
 
     fn feedback(&self) -> Vec<u8> {
-        let measured = Measured::default();
+        let measured = Measurements::default();
         self.far.lock().unwrap().feedback(Instant::from_micros(1), &measured).to_vec()
     }
 

@@ -315,7 +315,7 @@ fn print_cycle<T: Tap, S: InputSink + Clone>(
 
 /// Returns the speed of the grip at a stop for it, its limit and the remedies: the hand alone may overshoot its script.
 fn overspeed(record: &Record, config: &Config) -> String {
-    let speed = record.output.moving.v_g_raw.linear.norm();
+    let speed = record.output.twist.v_g_raw.linear.norm();
     let limit = config.plausibility.max_grip_speed;
     format!(
         "the scripted hand moved the grip at {speed:.2} m/s, above safety.max_grip_speed_m_per_s = {limit}: \

@@ -147,8 +147,9 @@ impl Course {
     /// Returns the largest speed backwards over the largest speed, from rest at the wall.
     fn turned_back(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoTrial> {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
-        let giving_way = self.share * bounds::fastest_without_swinging(servo.time_constant());
-        let mut held = self.held(config, arm, servo, giving_way, 0.0)?;
+        let yield_rate =
+            self.share * bounds::max_yield_rate_without_oscillation(servo.time_constant());
+        let mut held = self.held(config, arm, servo, yield_rate, 0.0)?;
         let (mut forwards, mut backwards, mut t) = (0.0_f64, 0.0_f64, 0.0);
         while t < LAGS * servo.time_constant() {
             let speed = held.step(cycle, SPEED);
@@ -166,18 +167,18 @@ impl Course {
         delay: u32,
     ) -> Result<f64, NoTrial> {
         let lag = if self.model == Model::Kinematic { 0.0 } else { NO_LAG };
-        let giving_way = self.share * bounds::fastest_giving_way(CYCLE, delay);
+        let yield_rate = self.share * bounds::max_yield_rate(CYCLE, delay);
         let servo = Servo::new(lag, 1.0, 1.0)?;
-        let mut held = self.held(config, arm, servo, giving_way, DEPTH + DISTURBANCE)?;
-        Ok(growth((0..LATE + WINDOW).map(|_| held.step(CYCLE, giving_way * DEPTH))))
+        let mut held = self.held(config, arm, servo, yield_rate, DEPTH + DISTURBANCE)?;
+        Ok(growth((0..LATE + WINDOW).map(|_| held.step(CYCLE, yield_rate * DEPTH))))
     }
 
     /// Returns the growth per cycle of a motion in free space.
     fn growth_in_free_space(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoTrial> {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
-        let most = bounds::most_yielded_inertia(cycle, servo.time_constant());
-        let giving_way = self.share * most / MASS * STIFFNESS;
-        let mut held = self.held(config, arm, servo, giving_way, -CLEARANCE)?;
+        let most = bounds::max_yielded_inertia(cycle, servo.time_constant());
+        let yield_rate = self.share * most / MASS * STIFFNESS;
+        let mut held = self.held(config, arm, servo, yield_rate, -CLEARANCE)?;
         let command = |number| if number == 0 { KICK } else { 0.0 };
         Ok(growth((0..LATE + WINDOW).map(|number| held.step(cycle, command(number)))))
     }
@@ -188,11 +189,11 @@ impl Course {
         config: &Config,
         arm: &RobotArm,
         servo: Servo,
-        giving_way: f64,
+        yield_rate: f64,
         depth: f64,
     ) -> Result<Held, NoTrial> {
         let arm = &prepared(arm);
-        let gain = giving_way / STIFFNESS;
+        let gain = yield_rate / STIFFNESS;
         let mut interaction = config.remote.interaction;
         interaction.accommodation =
             Accommodation::new([gain, gain, gain, 0.0, 0.0, 0.0], [0.0; 6])?;
@@ -329,7 +330,7 @@ mod tests {
 
     #[test]
     fn mean_over_the_cycle_counts_as_half_a_cycle() {
-        let (model, bound) = (Model::SimulatedMean, |n| bounds::fastest_giving_way(CYCLE, n));
+        let (model, bound) = (Model::SimulatedMean, |n| bounds::max_yield_rate(CYCLE, n));
         assert_calm(Bound::Sampled(0), model, 0.9, true);
         for delay in [1, 2] {
             assert_calm(Bound::Sampled(delay), model, 0.9, false);

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use config::Config;
-use controller::interpretation::Displaced;
+use controller::interpretation::DisplacementFrame;
 use testbench::world;
 
 /// Returns the hand's motion in {0}, in m, for a translation `dx` in m as the law writes it.
@@ -12,7 +12,7 @@ pub(crate) fn in_base(config: &Config, dx: &Vector3<f64>) -> Vector3<f64> {
     let arm = world::arm(&plant);
     let r_0_g = arm.pose(&arm.posture(&world::start(&plant))).rotation;
     match config.controller.interpretation.displacement {
-        Displaced::InBase => *dx,
-        Displaced::InReference => r_0_g * dx,
+        DisplacementFrame::Base => *dx,
+        DisplacementFrame::Reference => r_0_g * dx,
     }
 }

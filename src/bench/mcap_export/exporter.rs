@@ -180,7 +180,7 @@ impl<'a, W: Write> Exporter<'a, W> {
     /// Writes what only the replay has.
     fn replayed(&mut self, nanos: u64, stamp: Time, record: &Record) -> Result<(), ExportError> {
         let output = &record.output;
-        let v_g = ScrewStamped { header: header(stamp, GRIP), screw: output.moving.v_g.into() };
+        let v_g = ScrewStamped { header: header(stamp, GRIP), screw: output.twist.v_g.into() };
         self.out.put(Topic::MeasuredCv, nanos, &v_g)?;
         let task = ScrewStamped { header: header(stamp, GRIP), screw: output.f_g_task.into() };
         self.out.put(Topic::TaskCf, nanos, &task)?;

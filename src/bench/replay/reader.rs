@@ -16,7 +16,7 @@ use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
 use inputs::{Call, HAS_GRIPPER, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
-use remote::{Sensed, SideFault};
+use remote::{RemoteSample, SideFault};
 use units::adjustment::InvalidAdjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
@@ -259,12 +259,12 @@ impl<R: BufRead> InputReader<R> {
         Ok(Input::Sensed(Some(self.last_sensed())))
     }
 
-    fn last_sensed(&self) -> Sensed {
+    fn last_sensed(&self) -> RemoteSample {
         let (at, numbers, has_gripper) = self.last.sensed;
         let [f0, f1, f2, m0, m1, m2, x, y, z, i, j, k, w, position, force] =
             numbers.map(f64::from_bits);
         let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
-        Sensed {
+        RemoteSample {
             at: Instant::from_micros(at),
             f_s: Wrench::from_components([f0, f1, f2, m0, m1, m2]),
             x_b_m: Isometry3::from_parts(Translation3::new(x, y, z), rotation),
@@ -394,10 +394,10 @@ mod tests {
         )
     }
 
-    fn sensed() -> impl Strategy<Value = Sensed> {
+    fn sensed() -> impl Strategy<Value = RemoteSample> {
         // Rotations that are none, too: the node judges them.
         let numbers = prop::collection::vec(prop_oneof![Just(0.0), -1e3..1e3_f64], NUMBERS);
-        (time(), numbers, any::<bool>()).prop_map(|(at, n, has_gripper)| Sensed {
+        (time(), numbers, any::<bool>()).prop_map(|(at, n, has_gripper)| RemoteSample {
             at,
             f_s: Wrench::from_components([n[0], n[1], n[2], n[3], n[4], n[5]]),
             x_b_m: Isometry3::from_parts(

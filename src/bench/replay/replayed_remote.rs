@@ -3,7 +3,7 @@
 use crate::source::{Source, answer};
 use inputs::Input;
 use remote::stated::Misfit;
-use remote::{Command, Remote, Sensed, SideFault};
+use remote::{Command, Remote, RemoteSample, SideFault};
 use units::time::Instant;
 
 /// Commanded side of a recorded session.
@@ -11,7 +11,7 @@ use units::time::Instant;
 pub(super) struct ReplayedRemote(pub(super) Source);
 
 impl Remote for ReplayedRemote {
-    fn exchange(&mut self, _: Instant, _: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, _: Instant, _: &Command) -> Option<RemoteSample> {
         let sensed = self
             .0
             .take("exchanges a command for a sample", answer!(Input::Sensed(sensed) => *sensed));

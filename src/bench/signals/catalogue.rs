@@ -74,7 +74,7 @@ const QUANTITIES: &[Quantity] = &[
         "v_g",
         "{G}",
         Replay,
-        Twist(|cycle| Some(output(cycle)?.moving.v_g)),
+        Twist(|cycle| Some(output(cycle)?.twist.v_g)),
         "twist of the grip, filtered",
     ),
     (

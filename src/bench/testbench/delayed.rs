@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use contract::{FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
 use remote::delay::DelaySettings;
-use remote::{Command, Remote, RobotJoints, Sensed, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault, messages};
 use sim::random::SplitMix;
 use units::time::Instant;
 
@@ -61,7 +61,7 @@ struct Link {
     /// Next cycle of the far side; `None` before the first exchange.
     next: Option<Instant>,
     /// Newest sample at the node.
-    newest: Option<Sensed>,
+    newest: Option<RemoteSample>,
     /// Why the far side holds in the present epoch.
     holds: Option<Reason>,
 }
@@ -99,7 +99,7 @@ impl<R> Delayed<R> {
 }
 
 impl<R: Remote> Remote for Delayed<R> {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         match &mut self.link {
             None => self.far.exchange(now, command),
             Some(link) => link.exchange(now, command, &mut self.far),
@@ -159,7 +159,7 @@ impl Link {
         now: Instant,
         command: &Command,
         far: &mut impl Remote,
-    ) -> Option<Sensed> {
+    ) -> Option<RemoteSample> {
         let elapsed = now.since(*self.begun.get_or_insert(now));
         let order = messages::order(command);
         self.there.send(now, elapsed, self.node.command(now, &order), &self.settings);
@@ -203,8 +203,8 @@ impl Link {
 
     fn counts(&self) -> [Counts; 2] {
         [
-            Counts { overtaken: self.far.rejects().of(Reject::Overtaken), ..self.there.counts },
-            Counts { overtaken: self.node.rejects().of(Reject::Overtaken), ..self.back.counts },
+            Counts { overtaken: self.far.rejects().get(Reject::Overtaken), ..self.there.counts },
+            Counts { overtaken: self.node.rejects().get(Reject::Overtaken), ..self.back.counts },
         ]
     }
 }

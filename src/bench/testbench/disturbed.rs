@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use contract::{FarEnd, NodeEnd, Reason};
-use remote::{Command, Remote, RobotJoints, Sensed, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault, messages};
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -43,7 +43,7 @@ impl Usurped {
     }
 
     /// Returns what a message with this sample is at the node that does not lead.
-    fn received(&mut self, now: Instant, sensed: &Sensed) -> Option<Sensed> {
+    fn received(&mut self, now: Instant, sensed: &RemoteSample) -> Option<RemoteSample> {
         let order = messages::order(&Command::HOLD);
         self.node.command(now, &order);
         self.far.on_message(now, &self.other.command(now, &order));
@@ -58,7 +58,7 @@ pub struct Disturbed<R> {
     side: R,
     link: Link,
     /// Last sample over the link.
-    known: Option<Sensed>,
+    known: Option<RemoteSample>,
     /// The side holds until a new epoch.
     holds: bool,
     /// The other node that leads, since the first time that one did.
@@ -95,11 +95,11 @@ impl<R> Disturbed<R> {
 }
 
 impl<R: Remote> Remote for Disturbed<R> {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.holds |= self.link == Link::Held;
         let passes = !self.holds && !matches!(self.link, Link::Lost | Link::Foreign);
         let sensed = self.side.exchange(now, if passes { command } else { &Command::HOLD })?;
-        let sensed = Sensed { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
+        let sensed = RemoteSample { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
         let newest = match self.link {
             Link::Up | Link::Slow | Link::Held => Some(sensed),
             Link::Frozen | Link::Lost => None,
@@ -150,10 +150,10 @@ mod tests {
     struct Counting(u32);
 
     impl Remote for Counting {
-        fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+        fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
             self.0 += u32::from(*command != Command::HOLD);
             let x_b_m = Isometry3::identity();
-            Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
+            Some(RemoteSample { at: now, f_s: Wrench::ZERO, x_b_m, gripper: None })
         }
     }
 

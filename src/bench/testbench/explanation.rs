@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::question::{InvalidQuestion, Posed, Question};
 use config::Config;
-use controller::interpretation::{Displaced, Interpretation};
+use controller::interpretation::{DisplacementFrame, Interpretation};
 use controller::reference::Displacement;
 use controller::switches::{Mode, Switches};
 use controller::{Controller, Input, JointVector, Output};
@@ -151,7 +151,7 @@ fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
 fn wrenches(posed: &Posed, output: &Output) -> Vec<Entry> {
     let Output { f_m_task, f_g_task, f_g_centring, f_g_damping, port, .. } = output;
     let f_w_task = f_g_task.at(posed.settings.arm.grip());
-    let v_g = &output.moving.v_g;
+    let v_g = &output.twist.v_g;
     let unit = "N, N·m";
     vec![
         entry("f_s", &posed.f_s, "3.2", [unit, "s"], "wrench on the object at the sensor"),
@@ -199,8 +199,8 @@ fn torques(output: &Output) -> Vec<Entry> {
 /// Where the translation of ΔX is written.
 const fn axes(interpretation: &Interpretation) -> &'static str {
     match interpretation.displacement {
-        Displaced::InBase => "0",
-        Displaced::InReference => "h",
+        DisplacementFrame::Base => "0",
+        DisplacementFrame::Reference => "h",
     }
 }
 

@@ -14,10 +14,10 @@ use std::time::Duration;
 use crate::robot_site::{Equipment, Measurement, NoRobot, RobotSite};
 use config::Config;
 use config::robots::RobotArm;
-use contract::{Capability, FarEnd, Feedback, Measured, Reason, Rejects};
+use contract::{Capability, FarEnd, Feedback, Measurements, Reason, Rejects};
 use remote::site::Virtual;
-use remote::stated::Stated;
-use remote::{Command, Remote, Sensed, messages};
+use remote::stated::StatedCapability;
+use remote::{Command, Remote, RemoteSample, messages};
 use robot::wrench_limit::WrenchLimit;
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Wrench;
@@ -92,7 +92,7 @@ pub struct Status {
     /// Session and epoch of the node that leads; session 0 for none.
     pub leader: (u64, u32),
     /// Measurements of the newest cycle.
-    pub measured: Measured,
+    pub measured: Measurements,
     /// Joint positions of the newest cycle, in rad.
     pub q: Vec<f64>,
     /// Counts of messages that had no effect.
@@ -113,7 +113,7 @@ pub struct FarRobot {
     is_ending: bool,
     at: Instant,
     measurement: Measurement,
-    measured: Measured,
+    measured: Measurements,
 }
 
 impl FarRobot {
@@ -147,7 +147,7 @@ impl FarRobot {
             is_ending: false,
             at: Instant::ZERO,
             measurement: site.measurement(),
-            measured: Measured::default(),
+            measured: Measurements::default(),
             site,
         })
     }
@@ -192,13 +192,13 @@ impl FarRobot {
         if are_joints_valid && control.is_stopped() {
             self.end.hold(Reason::WrenchLimit);
         }
-        let (f_s, x_b_m) = (*control.felt(), *control.pose());
-        let sensed = Sensed { at: now, f_s, x_b_m, gripper: self.site.grip(gripper) };
-        let Measured { wrench, pose, gripper } = messages::measured(&sensed);
+        let (f_s, x_b_m) = (*control.operator_wrench(), *control.pose());
+        let sensed = RemoteSample { at: now, f_s, x_b_m, gripper: self.site.grip(gripper) };
+        let Measurements { wrench, pose, gripper } = messages::measured(&sensed);
         // A reading that is sent again would get a newer echo, and so would look new.
         let wrench = wrench.filter(|_| are_joints_valid && sensor.is_new_and_valid);
         let pose = pose.filter(|_| are_joints_valid);
-        self.measured = Measured { wrench, pose, gripper };
+        self.measured = Measurements { wrench, pose, gripper };
         (self.at, self.measurement) = (now, measurement);
         Outgoing {
             feedback: self.end.feedback(now, &self.measured),
@@ -316,12 +316,12 @@ fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capabilit
     let blocks = block.iter().map(|(.., contact)| contact);
     let spheres = sphere.iter().map(|(.., contact)| contact);
     let contacts = walls.chain(blocks).chain(spheres);
-    let stated = Stated {
+    let stated = StatedCapability {
         stiffest_contact: contacts.map(|contact| contact.stiffness).fold(0.0, f64::max),
         sample_period: config.period.as_secs_f64(),
         hold_after: limits.hold_after.as_secs_f64(),
         sensor_range: [limits.sensor_range.force, limits.sensor_range.moment],
-        ..Stated::of(interaction, servo)
+        ..StatedCapability::from_interaction(interaction, servo)
     };
     let has_gripper = config.remote.gripper.is_some();
     Capability { has_gripper, ..stated.capability(workspace(robot)) }

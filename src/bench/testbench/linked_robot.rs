@@ -11,8 +11,8 @@ use crate::robot_site::NoRobot;
 use config::Config;
 use contract::{Feedback, NodeEnd};
 use remote::link::FarView;
-use remote::stated::{Misfit, Stated};
-use remote::{Command, Remote, Sensed, SideFault, messages};
+use remote::stated::{Misfit, StatedCapability};
+use remote::{Command, Remote, RemoteSample, SideFault, messages};
 use units::time::Instant;
 
 /// Sessions of the two ends, the only ones on this link.
@@ -24,7 +24,7 @@ const ROBOT_SESSION: u64 = 2;
 pub struct LinkedRobot {
     end: NodeEnd,
     robot: FarRobot,
-    stated: Option<Stated>,
+    stated: Option<StatedCapability>,
     feedback: Option<[u8; Feedback::LENGTH]>,
     view: FarView,
 }
@@ -61,7 +61,7 @@ impl LinkedRobot {
 }
 
 impl Remote for LinkedRobot {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.receive(now);
         let message = self.end.command(now, &messages::order(command));
         self.robot.on_message(now, &message);

@@ -19,7 +19,7 @@ use crate::simulated_joint;
 use config::Config;
 use remote::gripper::SimulatedGripper;
 use remote::site::{Contact, GRAVITY, Virtual};
-use remote::{Command, Gripper, Remote, RobotJoints, Sensed};
+use remote::{Command, Gripper, Remote, RemoteSample, RobotJoints};
 use robot::arm_control::ArmControl;
 use robot::chain::Joints;
 use robot::wrench_limit::WrenchLimit;
@@ -255,11 +255,16 @@ impl RobotSite {
 }
 
 impl Remote for RobotSite {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         let measurement = self.measure(now);
         self.command(&command.motion, &measurement);
         let gripper = self.grip(command.gripper);
-        Some(Sensed { at: now, f_s: *self.control.felt(), x_b_m: *self.control.pose(), gripper })
+        Some(RemoteSample {
+            at: now,
+            f_s: *self.control.operator_wrench(),
+            x_b_m: *self.control.pose(),
+            gripper,
+        })
     }
 
     /// Lets an arm that its control has stopped move again.

@@ -4,7 +4,7 @@
 use config::Config;
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RobotJoints, Sensed, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
 use units::time::Instant;
 
 use crate::linked_robot::LinkedRobot;
@@ -50,7 +50,7 @@ impl From<LinkedRobot> for Side {
 }
 
 impl Remote for Side {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         match self {
             Self::Virtual(site) => site.exchange(now, command),
             Self::Robot(site) => site.exchange(now, command),

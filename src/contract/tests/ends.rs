@@ -1,11 +1,13 @@
-//! Both ends: epochs, silence, sessions that come and go, and a network that disturbs.
+//! Tests of both ends: epochs, silence, changes of session, and a network with disturbances.
 
 use std::time::Duration;
 
 use proptest::prelude::*;
 
 use super::{ARM, Ends, HOLD_AFTER, OFFSET, UnderWay, at, force, rate, send};
-use crate::{Capability, FarEnd, Measured, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject};
+use crate::{
+    Capability, FarEnd, Measurements, Motion, NodeEnd, Order, PayloadRemoval, Reason, Reject,
+};
 use units::time::Instant;
 
 const FIGURES: Capability = Capability {
@@ -86,7 +88,7 @@ fn hazard_35_stopped_far_side_acts_on_nothing_of_its_backlog() {
         ends.far.on_message(at(3_011) + OFFSET, command);
         assert_eq!(ends.far.motion(at(3_011) + OFFSET), Motion::Hold);
     }
-    assert_eq!(ends.far.rejects().of(Reject::Old), 3_000);
+    assert_eq!(ends.far.rejects().get(Reject::Old), 3_000);
     assert_eq!(ends.far.reason(), Reason::Silence);
 }
 
@@ -103,8 +105,8 @@ fn hazard_37_second_node_reads_who_leads() {
         let feedback = ends.feedback(at(millis));
         assert_eq!(second.on_message(at(millis), &feedback), None);
     }
-    assert_eq!(second.rejects().of(Reject::Session), 295, "echoes of the node that leads");
-    assert_eq!(ends.far.rejects().of(Reject::NotLeader), 295);
+    assert_eq!(second.rejects().get(Reject::Session), 295, "echoes of the node that leads");
+    assert_eq!(ends.far.rejects().get(Reject::NotLeader), 295);
 }
 
 #[test]
@@ -121,7 +123,7 @@ fn hazard_37_node_that_led_before_never_leads_again() {
     ends.far = second.far;
     assert_eq!(led(&mut ends, 400), Motion::Hold);
     assert_eq!(ends.far.leader(), (33, 1));
-    assert!(ends.far.rejects().of(Reject::Left) > 0);
+    assert!(ends.far.rejects().get(Reject::Left) > 0);
 }
 
 #[test]
@@ -131,7 +133,7 @@ fn hazard_34_restarted_far_side_holds_in_the_epoch_it_finds() {
     for millis in 4..300 {
         let (performed, sample) = ends.exchange(at(millis), rate(at(millis)));
         assert_eq!(performed, Motion::Hold);
-        // The session before is current while its newest echo is fresh.
+        // The former session is current while its newest echo is fresh.
         assert_eq!(sample.is_some(), millis >= 104, "{millis}");
     }
     assert_eq!((ends.node.far_session(), ends.far.reason()), (44, Reason::NotArmed));
@@ -177,15 +179,15 @@ fn hazard_37_echoes_that_cannot_be_are_counted_and_do_not_act() {
         let command = ahead.command(at(4), &HOLD);
         liar.on_message(at(4) + OFFSET, &command);
     }
-    let feedback = liar.feedback(at(4) + OFFSET, &Measured::default());
+    let feedback = liar.feedback(at(4) + OFFSET, &Measurements::default());
     assert_eq!(ends.node.on_message(at(4), &feedback), None);
-    assert_eq!(ends.node.rejects().of(Reject::NeverSent), 1);
+    assert_eq!(ends.node.rejects().get(Reject::NeverSent), 1);
     let mut other = Ends::armed();
     other.node = NodeEnd::new(ARM, 12);
     let feedback = other.feedback(at(4));
     let mut node = other.node;
     assert_eq!(node.on_message(at(4), &feedback), None);
-    assert_eq!(node.rejects().of(Reject::Session), 1);
+    assert_eq!(node.rejects().get(Reject::Session), 1);
     let mut elsewhere = NodeEnd::new(ARM + 1, 11);
     assert_eq!(elsewhere.on_message(at(4), &feedback), None);
     assert_eq!(elsewhere.rejects().iter().collect::<Vec<_>>(), [(Reject::Arm, 1)]);
@@ -203,7 +205,7 @@ fn hazard_36_replayed_and_overtaken_messages_do_not_act() {
         assert_eq!(ends.far.motion(at(7) + OFFSET), rate(at(6)));
     }
     let rejects = ends.far.rejects();
-    assert_eq!([Reject::Overtaken, Reject::Replayed].map(|one| rejects.of(one)), [1, 2]);
+    assert_eq!([Reject::Overtaken, Reject::Replayed].map(|one| rejects.get(one)), [1, 2]);
 }
 
 #[test]

@@ -1,10 +1,10 @@
-//! Wrong messages at both ends. Two links run side by side, and only one has wrong messages: both must do the same.
+//! Invalid messages at both ends: a link with invalid messages must behave as a second link without them.
 
 use super::{ARM, Dice, Ends, OFFSET, at, rate};
 use crate::head::Head;
 use crate::{Capability, Command, Feedback, Reject};
 
-/// Cycles of 1 ms, and wrong messages at each end in a cycle.
+/// Number of cycles of 1 ms, and of invalid messages at each end per cycle.
 const CYCLES: u64 = 1_000;
 const OF_EACH_CYCLE: usize = 100;
 
@@ -12,16 +12,16 @@ const OF_EACH_CYCLE: usize = 100;
 const SESSION: usize = 4 + 8;
 const HEAD_END: usize = 4 + 40;
 
-/// Sender of wrong messages to one end.
+/// Sender of invalid messages to one end.
 struct Forger {
     dice: Dice,
-    /// Returns the head of a message that this end takes.
+    /// Decodes the head of a message of the kind that this end receives.
     head: fn(&[u8]) -> Option<Head>,
-    /// Session that is current at this end.
+    /// Current session at this end.
     session: u64,
     /// Offset of the first of six numbers that must be in their range.
     numbers: usize,
-    /// Messages that this end has taken.
+    /// Messages that this end has received.
     taken: Vec<Vec<u8>>,
 }
 
@@ -39,13 +39,13 @@ impl Forger {
         Self { dice: Dice(38), head, session: 22, numbers: 4 + 64, taken: Vec::new() }
     }
 
-    /// Returns whether a message is valid byte by byte, and of the session that is current.
+    /// Returns whether a message is valid and of the current session.
     fn is_valid(&self, bytes: &[u8]) -> bool {
         let head = (self.head)(bytes);
         head.is_some_and(|head| head.arm == ARM && head.own.session == self.session)
     }
 
-    /// Delivers a message of the other end among wrong ones.
+    /// Delivers a message of the other end among invalid ones.
     fn flood(&mut self, message: &[u8], mut deliver: impl FnMut(&[u8])) {
         self.taken.push(message.to_vec());
         let place = self.dice.below(OF_EACH_CYCLE);
@@ -57,7 +57,7 @@ impl Forger {
         }
     }
 
-    /// Returns a wrong message; `message` is the newest of the other end, and `is_due` if it is not delivered yet.
+    /// Returns an invalid message, made from `message`, the newest of the other end. `is_due`: it is not delivered yet.
     fn wrong(&mut self, message: &[u8], is_due: bool) -> Vec<u8> {
         let mut bytes = message.to_vec();
         match self.dice.below(7) {
@@ -68,7 +68,7 @@ impl Forger {
             }
             2 => self.received(is_due),
             3 => {
-                // Another content under a number that was received.
+                // Other content with a number that was received.
                 let mut bytes = self.received(is_due);
                 bytes[HEAD_END..].fill_with(|| self.dice.byte());
                 bytes
@@ -87,7 +87,7 @@ impl Forger {
             }
             _ => {
                 if self.dice.below(2) == 0 {
-                    // A session that is not current, with the fresh echo of the one that is.
+                    // Another session with the fresh echo of the current one.
                     bytes[SESSION..SESSION + 4].fill_with(|| self.dice.byte());
                 } else {
                     let value = [f64::NAN, f64::NEG_INFINITY, 1e300][self.dice.below(3)];
@@ -99,7 +99,7 @@ impl Forger {
         }
     }
 
-    /// Returns a message that was received.
+    /// Returns a message received before.
     fn received(&mut self, is_due: bool) -> Vec<u8> {
         let count = self.taken.len() - usize::from(is_due);
         self.taken[self.dice.below(count)].clone()
@@ -141,9 +141,9 @@ fn promise_06_100000_wrong_messages_act_at_neither_end() {
             (100_000, 0)
         );
         for reason in [Reject::Length, Reject::Foreign, Reject::Impossible, Reject::Replayed] {
-            assert!(rejects.of(reason) > 8_000, "{reason}: {rejects:?}");
+            assert!(rejects.get(reason) > 8_000, "{reason}: {rejects:?}");
         }
-        assert!(rejects.of(Reject::NotLeader) > 5_000, "{rejects:?}");
+        assert!(rejects.get(Reject::NotLeader) > 5_000, "{rejects:?}");
     }
 }
 
@@ -151,7 +151,7 @@ fn promise_06_100000_wrong_messages_act_at_neither_end() {
 fn hazard_37_corrupt_messages_break_no_start() {
     let [mut with, mut without] = [Ends::new(), Ends::new()];
     let (to_far, to_node) = (Forger::to_far(), Forger::to_node());
-    // Each byte inverted in part, where the message is not valid then.
+    // Each byte inverted in part, if that makes the message invalid.
     let corrupt = |forger: &Forger, message: &[u8]| {
         let all = (0..message.len()).map(|place| {
             let mut bytes = message.to_vec();

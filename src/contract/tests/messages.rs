@@ -1,11 +1,12 @@
-//! Encoding and decoding.
+//! Tests of encoding and decoding.
 
 use proptest::prelude::*;
 
 use super::ARM;
 use crate::head::{Echo, Head, Kind};
 use crate::{
-    Capability, Command, Feedback, Gripper, Measured, Motion, PayloadRemoval, Pose, Reason, Reject,
+    Capability, Command, Feedback, Gripper, Measurements, Motion, PayloadRemoval, Pose, Reason,
+    Reject,
 };
 
 fn head() -> impl Strategy<Value = Head> {
@@ -60,7 +61,7 @@ prop_compose! {
             reason: Reason::from_code(reason).unwrap(),
             obeyed_session,
             acted_sequence,
-            measured: Measured { wrench, pose, gripper },
+            measured: Measurements { wrench, pose, gripper },
         }
     }
 }
@@ -121,7 +122,7 @@ fn check_capability(capability: &Capability) {
     check_numbers(&capability.workspace.concat(), 1e9);
 }
 
-/// Asserts that what is decoded has no value out of range; returns whether any of it is valid.
+/// Asserts that every decoded value is within its range; returns whether the message decodes as any kind.
 fn check_values(bytes: &[u8]) -> bool {
     let command = Command::decode(bytes);
     if let Ok(Command { head, motion, gripper, .. }) = &command {
@@ -148,7 +149,7 @@ fn check_values(bytes: &[u8]) -> bool {
     command.is_ok() || feedback.is_ok() || capability.is_ok()
 }
 
-/// Returns any number, or one near the ends of a range.
+/// Generates any number, or one near the ends of a range.
 fn wild() -> impl Strategy<Value = [u8; 8]> {
     let limits = prop::sample::select(vec![100.0, 1e3, 1e5, 1e9]);
     let near =
@@ -171,7 +172,7 @@ proptest! {
         mut bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..5_u8,
     ) {
         check_values(&bytes);
-        // With a valid beginning, random bytes reach the values.
+        // With a valid head, random bytes reach the values.
         let beginning = [0, 1, 0, 0, kind, 1];
         bytes.iter_mut().zip(beginning).for_each(|(byte, valid)| *byte = valid);
         for length in [Command::LENGTH, Feedback::LENGTH, Capability::LENGTH] {
@@ -232,7 +233,7 @@ proptest! {
         let pose = Command { motion: Motion::Pose(Pose::default()), ..command };
         let bytes = if place < 6 { rate.encode() } else { pose.encode() };
         prop_assert_eq!(Command::decode(&with(&bytes, 52 + 8 * place)), Err(Reject::Impossible));
-        let measured = Measured { wrench: Some([0.0; 6]), pose: Some(Pose::default()), gripper: None };
+        let measured = Measurements { wrench: Some([0.0; 6]), pose: Some(Pose::default()), gripper: None };
         let bytes = Feedback { measured, ..feedback }.encode();
         prop_assert_eq!(Feedback::decode(&with(&bytes, 68 + 8 * place)), Err(Reject::Impossible));
         let bytes = capability.encode(&head);
@@ -244,7 +245,7 @@ proptest! {
 fn state_that_contradicts_its_reason_is_rejected() {
     let head = Head { arm: ARM, epoch: 0, own: Echo { session: 1, sequence: 1 }, echo: Echo::NONE };
     for (reason, other) in [(Reason::None, 0), (Reason::Silence, 1)] {
-        let (obeyed_session, acted_sequence, measured) = (0, 0, Measured::default());
+        let (obeyed_session, acted_sequence, measured) = (0, 0, Measurements::default());
         let feedback = Feedback { head, reason, obeyed_session, acted_sequence, measured };
         let mut bytes = feedback.encode();
         bytes[44] = other;

@@ -1,4 +1,5 @@
-//! Messages and both ends together: over a network that delays, loses, doubles and reorders, and with wrong messages.
+//! Tests of the messages and of both ends together, over a network that delays, loses, duplicates and reorders, and with
+//! invalid messages.
 
 mod ends;
 mod hostile;
@@ -9,10 +10,10 @@ mod sessions;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::{FarEnd, Measured, Motion, NodeEnd, Order, Sample};
+use crate::{FarEnd, Measurements, Motion, NodeEnd, Order, Sample};
 use units::time::Instant;
 
-/// Number of the arm.
+/// Arm number of both ends.
 const ARM: u16 = 3;
 
 /// `hold_after` of the far side.
@@ -36,7 +37,7 @@ impl Ends {
         Self { node: NodeEnd::new(ARM, 11), far: FarEnd::new(ARM, 22, HOLD_AFTER) }
     }
 
-    /// Both ends, armed, after an exchange at 0, 1, 2 and 3 ms.
+    /// Returns both ends, armed, after exchanges at 0, 1, 2 and 3 ms.
     fn armed() -> Self {
         let mut ends = Self::new();
         (0..2).for_each(|millis| _ = ends.exchange(at(millis), Motion::Hold));
@@ -50,11 +51,11 @@ impl Ends {
     }
 
     fn feedback(&mut self, now: Instant) -> Vec<u8> {
-        let measured = Measured { wrench: Some(force(now)), ..Measured::default() };
+        let measured = Measurements { wrench: Some(force(now)), ..Measurements::default() };
         self.far.feedback(now + OFFSET, &measured).to_vec()
     }
 
-    /// Exchanges a command and a feedback without delay; returns what the far side does, and the sample.
+    /// Exchanges a command and a feedback without delay; returns the far side's motion, and the sample.
     fn exchange(&mut self, now: Instant, motion: Motion) -> (Motion, Option<Sample>) {
         let command = self.command(now, motion);
         self.far.on_message(now + OFFSET, &command);
@@ -64,17 +65,17 @@ impl Ends {
     }
 }
 
-/// A wrench that shows when it was measured.
+/// Returns a wrench that encodes its time of measurement.
 fn force(now: Instant) -> [f64; 6] {
     [Duration::from_micros(now.as_micros()).as_secs_f64(), 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// A rate that shows when it was commanded.
+/// Returns a rate that encodes the time of its command.
 fn rate(now: Instant) -> Motion {
     Motion::Rate(force(now))
 }
 
-/// A reproducible generator (Knuth's MMIX).
+/// Reproducible random generator (Knuth's MMIX).
 struct Dice(u64);
 
 impl Dice {
@@ -94,10 +95,10 @@ impl Dice {
     }
 }
 
-/// Messages under way to one end, by arrival in ms.
+/// Messages in transit to one end, by arrival in ms.
 type UnderWay = BTreeMap<u64, Vec<Vec<u8>>>;
 
-/// Sends a message: it is late by `delay` in ms, or is lost, or arrives twice.
+/// Sends a message, which arrives after `delay` in ms, is lost, or arrives twice.
 fn send(way: &mut UnderWay, now: u64, message: &[u8], [delay, lost, copies]: [u64; 3]) {
     for copy in 0..copies.min(2) {
         if lost % 5 != 0 {

@@ -1,4 +1,5 @@
-//! Both ends against a model that remembers every number: what acts, acts once, in order and in time, in any schedule.
+//! Tests of both ends against a model that stores every number: in any schedule, accepted messages take effect once, in
+//! order and in time.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -17,12 +18,12 @@ struct Model {
 }
 
 impl Model {
-    /// Returns the model of an end of [`Ends::armed`]: four messages each way at 0 to 3 ms, on its own clock.
+    /// Returns the model of an end of [`Ends::armed`]: four messages sent and received at 0 to 3 ms, on its own clock.
     fn armed(clock: impl Fn(u64) -> Instant) -> Self {
         Self { received: (1..=4).collect(), sent: (0..4).map(clock).collect() }
     }
 
-    /// Returns when the echoed message was sent, if a message may act at `now`, or why it must not.
+    /// Returns the send time of the echoed message if a message is accepted at `now`, or the reason of its rejection.
     fn verdict(&mut self, now: Instant, head: &Head) -> Result<Instant, Reject> {
         let (number, newest) = (head.own.sequence, *self.received.last().unwrap());
         let is_behind = newest.saturating_sub(number) >= 128;
@@ -38,7 +39,7 @@ impl Model {
     }
 }
 
-/// Reference model of the numbers of a session: the set of all received after the first.
+/// Reference model of the numbers of a session: the set of all received ones after the first.
 struct Numbers {
     first: u64,
     newest: u64,
@@ -61,7 +62,7 @@ impl Numbers {
     }
 }
 
-/// Generates steps of a number: mostly small, some across the window, few to the end of the range.
+/// Generates increments of a number: mostly small, some across the window, few to the end of the range.
 fn steps() -> impl Strategy<Value = Vec<i64>> {
     let step = prop_oneof![
         8 => -10..10_i64,
@@ -72,9 +73,9 @@ fn steps() -> impl Strategy<Value = Vec<i64>> {
     prop::collection::vec(step, 1..400)
 }
 
-/// Returns the reason that was counted between two counts.
+/// Returns the reason whose count differs between two counts.
 fn counted(before: &Rejects, after: &Rejects) -> Option<Reject> {
-    after.iter().find(|(reason, count)| before.of(*reason) != *count).map(|(reason, _)| reason)
+    after.iter().find(|(reason, count)| before.get(*reason) != *count).map(|(reason, _)| reason)
 }
 
 proptest! {
@@ -168,7 +169,7 @@ proptest! {
 
 #[test]
 fn hazard_35_new_messages_with_an_old_echo_stay_stale() {
-    // Neither end receives anything any more from 4 ms on, but each goes on sending, for more than a wrap of its send times.
+    // From 4 ms on neither end receives, but each sends for more than one wrap of its ring of send times.
     let [mut deaf_far, mut deaf_node] = [Ends::armed(), Ends::armed()];
     for ms in 4..12_000 {
         deaf_far.command(at(ms), Motion::Hold);

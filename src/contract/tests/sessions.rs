@@ -1,10 +1,10 @@
-//! Sessions that are recorded, replaced, restarted, and invented in great number.
+//! Tests of sessions that are recorded, replaced, restarted, and forged in great number.
 
 use proptest::prelude::*;
 
 use super::{ARM, Dice, Ends, HOLD_AFTER, OFFSET, UnderWay, at, force, rate, send};
 use crate::head::{Echo, Head};
-use crate::{Command, FarEnd, Feedback, Measured, Motion, NodeEnd, Reason, Reject};
+use crate::{Command, FarEnd, Feedback, Measurements, Motion, NodeEnd, Reason, Reject};
 use units::time::Instant;
 
 /// Returns a command of any session.
@@ -19,7 +19,7 @@ fn command_of(own: Echo, echo: Echo) -> Vec<u8> {
 /// Returns a feedback of any session.
 fn feedback_of(own: Echo, echo: Echo) -> Vec<u8> {
     let head = Head { arm: ARM, epoch: 1, own, echo };
-    let measured = Measured { wrench: Some([9.0; 6]), ..Measured::default() };
+    let measured = Measurements { wrench: Some([9.0; 6]), ..Measurements::default() };
     let (reason, obeyed_session, acted_sequence) = (Reason::None, 11, 1);
     Feedback { head, reason, obeyed_session, acted_sequence, measured }.encode().to_vec()
 }
@@ -27,7 +27,7 @@ fn feedback_of(own: Echo, echo: Echo) -> Vec<u8> {
 /// Messages of 500 ms, to the far side and to the node.
 type Recording = [Vec<Vec<u8>>; 2];
 
-/// Returns both ends after 500 ms, from the start of both sessions on, and all messages.
+/// Returns both ends 500 ms after the start of both sessions, and all messages.
 fn recorded() -> (Ends, Recording) {
     let (mut ends, mut recording) = (Ends::new(), Recording::default());
     for ms in 0..500 {
@@ -46,14 +46,14 @@ fn recorded() -> (Ends, Recording) {
     (ends, recording)
 }
 
-/// Puts a message among twenty recorded ones.
+/// Inserts a message among twenty recorded ones.
 fn among(recording: &[Vec<u8>], message: &[u8], dice: &mut Dice) -> Vec<Vec<u8>> {
     let mut all: Vec<_> = (0..20).map(|_| recording[dice.below(recording.len())].clone()).collect();
     all.insert(dice.below(21), message.to_vec());
     all
 }
 
-/// Restarts ends, and sends messages of before beside those of the new sessions: only the new ones may act.
+/// Restarts ends, and sends recorded messages beside those of the new sessions, which alone must be accepted.
 fn replayed_beside(start: u64, new_node: bool, new_far: bool) {
     let case = (start, new_node, new_far);
     let (mut ends, [commands, feedbacks]) = recorded();
@@ -74,7 +74,7 @@ fn replayed_beside(start: u64, new_node: bool, new_far: bool) {
         let messages = among(&commands, &command, &mut dice);
         messages.iter().for_each(|message| ends.far.on_message(fars, message));
         let performed = ends.far.motion(fars);
-        // The last command of the session before acts until its echo, of 498 ms, is too old.
+        // The last command of the former session is effective until its echo, of 498 ms, is too old.
         let is_last = ms <= 598 && performed == rate(at(499));
         let is_new = ms >= start + 300 && performed == rate(now);
         assert!(performed == Motion::Hold || is_last || is_new, "{case:?}, {ms} ms");
@@ -150,7 +150,7 @@ proptest! {
 #[test]
 fn hazard_37_flood_of_first_messages_moves_nothing() {
     let mut ends = Ends::armed();
-    // Silent for 300 ms, so that another session could become current.
+    // 300 ms of silence, after which another session could become current.
     for session in 100..100_100 {
         let own = Echo { session, sequence: 1 };
         ends.far.on_message(at(303) + OFFSET, &command_of(own, Echo::NONE));
@@ -169,7 +169,7 @@ fn hazard_37_sessions_that_an_end_remembers_are_bounded() {
     let mut ends = Ends::armed();
     let mut led = 0;
     for session in 100..5_000 {
-        // Each has a fresh echo, once the one before has been silent for 101 ms.
+        // Each has a fresh echo, after 101 ms of silence of its predecessor.
         let now = at(101 * session);
         let newest = Feedback::decode(&ends.feedback(now)).unwrap().head.own;
         let own = Echo { session, sequence: 1 };
@@ -177,10 +177,10 @@ fn hazard_37_sessions_that_an_end_remembers_are_bounded() {
         led += u64::from(ends.far.leader().0 == session);
         assert_eq!(ends.far.motion(now + OFFSET), Motion::Hold);
     }
-    assert_eq!((led, ends.far.rejects().of(Reject::Left)), (4_096, 4_900 - 4_096));
+    assert_eq!((led, ends.far.rejects().get(Reject::Left)), (4_096, 4_900 - 4_096));
 }
 
-/// A network that delays, shuffles, loses and doubles.
+/// Network that delays, reorders, loses and duplicates messages.
 struct Network {
     way: UnderWay,
     dice: Dice,
@@ -191,7 +191,7 @@ impl Network {
         Self { way: UnderWay::new(), dice: Dice(seed) }
     }
 
-    /// Sends a message, and returns those that arrive: up to 44 ms late, a fifth lost, half of them twice.
+    /// Sends a message; returns the arrivals: up to 44 ms late, a fifth lost, half of them twice.
     fn carry(&mut self, ms: u64, message: &[u8]) -> Vec<Vec<u8>> {
         let [delay, lost, copies] = [23, 5, 2].map(|count| self.dice.below(count));
         let fate = [delay, lost, 1 + copies].map(|one| u64::try_from(one).unwrap());
@@ -200,7 +200,7 @@ impl Network {
     }
 }
 
-/// Runs both ends over a network for a while, with a new epoch every 250 ms; returns commands followed and samples felt.
+/// Runs both ends over a network with a new epoch every 250 ms; returns the numbers of followed commands and of samples.
 fn run(ends: &mut Ends, [there, back]: [&mut Network; 2], span: std::ops::Range<u64>) -> [u64; 2] {
     let [mut followed, mut felt] = [0; 2];
     let newest = |sampled: Instant, now: Instant| now.since(sampled) <= HOLD_AFTER;
@@ -231,7 +231,7 @@ fn hazard_34_link_recovers_from_losses_and_any_restart() {
         for (span, new_node, new_far) in
             [(0, false, false), (1, false, true), (2, true, false), (3, true, true)]
         {
-            // What is under way is of the sessions before.
+            // Messages in transit are of the former sessions.
             if new_node {
                 ends.node = NodeEnd::new(ARM, 1_000 + span);
             }

@@ -1,15 +1,15 @@
-//! Passivity and closed forms of one axis of the grip, judged at the start.
+//! Passivity conditions and closed-form bounds of one axis of the grip, evaluated at the start.
 //!
-//! Not stability in hands, which is the [`gate`](crate::stability::gate)'s. Each loop alone: what they add up to is not
-//! judged, nor what one axis does to another. Both modes are judged, as the console may change from one to the other.
+//! The [`gate`](crate::stability::gate) evaluates stability in hands. Each loop is evaluated alone: sums of loops and the
+//! coupling of axes are not covered. Both modes are evaluated, since the console may switch between them.
 //!
-//! | symbol      | what it is                     | symbol     | what it is                           |
+//! | symbol      | quantity                       | symbol     | quantity                             |
 //! |-------------|--------------------------------|------------|--------------------------------------|
 //! | b, M, f_c   | damping, mass, dry friction of | K_V, K_P   | gains of a commanded rate, pose      |
 //! |             | the device at the grip         | K_T, K_D   | of the wrench felt, of damping       |
 //! | b_h, K_h    | the operator's hand            | F0, DB     | plateau of the return, deadband      |
 //! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
-//! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
+//! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, servo lag, position quantum  |
 //! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
 //! | s, x_s      | share, presliding distance of  | m          | payload of an arm                    |
 //! |             | friction compensation          |            |                                      |
@@ -19,31 +19,31 @@ use crate::stability::device::Device;
 use crate::stability::finding::{Culprit, Digits, Finding, Side, Verdict};
 use crate::stability::passivity::{Law, SampledLaw};
 
-/// A spring and a damper, in N/m and N·s/m or in N·m/rad and N·m·s/rad.
+/// Impedance of a spring and a damper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Impedance {
-    /// K.
+    /// K, in N/m or N·m/rad.
     pub stiffness: f64,
-    /// B.
+    /// B, in N·s/m or N·m·s/rad.
     pub damping: f64,
 }
 
-/// The gains of one axis, in m and N or in rad and N·m.
+/// Gains of one Cartesian axis; lengths in m or rad, forces in N or N·m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisGains {
-    /// K_V, in 1/s.
+    /// K_V of Eq. 5, in 1/s.
     pub rate: f64,
-    /// K_P.
+    /// K_P: displacement of the object per displacement of the hand.
     pub pose: f64,
-    /// K_T.
+    /// K_T: wrench at the grip per wrench on the object.
     pub wrench: f64,
-    /// K_D.
+    /// K_D of Eq. 9, in N·s/m or N·m·s/rad.
     pub damping: f64,
-    /// DB.
+    /// DB, half-width of the deadband, in m or rad.
     pub deadband: f64,
-    /// F0, the plateau of the return to centre.
+    /// F0, plateau of the return to centre, in N or N·m.
     pub plateau: f64,
-    /// K_FA.
+    /// K_FA, in m/s per N or rad/s per N·m.
     pub accommodation: f64,
 }
 
@@ -52,55 +52,55 @@ pub struct AxisGains {
 pub struct Timing {
     /// T, in s.
     pub period: f64,
-    /// Cycles from a sample of the joints to the torque computed from it.
+    /// Delay from a joint sample to the torque computed from it, in cycles.
     pub torque_delay: u32,
-    /// Cycles from a sample of the joints to the torque of the wrench that the pose commanded from it
-    /// meets, without the servo's lag.
+    /// Delay from a joint sample through the commanded pose and the wrench to the reflected torque, in cycles, without the
+    /// servo lag.
     pub pose_delay: u32,
-    /// The same for a commanded rate, which moves the object one cycle later.
+    /// Delay of the same path for a commanded rate, which moves the object one cycle later.
     pub rate_delay: u32,
-    /// Cycles by which the wrench is late that the object gives way to.
+    /// Delay of the wrench to which the object yields, in cycles.
     pub accommodation_delay: u32,
-    /// Part of these delays that is a link's, from command to wrench; zero without one.
+    /// Part of these delays that a link causes, from command to wrench, in cycles; zero without a link.
     pub link_cycles: u32,
-    /// An arm is commanded: its sensor reads the mean of a cycle, and its computer commands the joints a cycle later.
+    /// A robot arm is commanded: its sensor reads the mean of a cycle, and its computer commands the joints a cycle later.
     pub is_robot: bool,
-    /// τ_s of the object's servo, in s.
+    /// τ_s, time constant of the object's servo, in s.
     pub servo_lag: f64,
-    /// τ of the low pass on the grip's velocity, in s; zero for none.
+    /// τ_v, time constant of the grip's velocity filter, in s; zero without a filter.
     pub velocity_filter: f64,
 }
 
-/// One axis of the grip with everything that closes a loop over it.
+/// One Cartesian axis of the grip: device, hand, environment, gains and timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     /// Name of the axis.
     pub name: &'static str,
-    /// Rotation: the units are then those of moments.
+    /// Rotation axis; units are then rad and N·m.
     pub is_rotation: bool,
-    /// The device at the grip.
+    /// Hand controller at the grip.
     pub device: Device,
-    /// The operator's hand.
+    /// K_h and b_h of the operator's hand.
     pub hand: Impedance,
-    /// Impedance of the environment.
+    /// k_e and d_e of the surface.
     pub environment: Impedance,
-    /// Virtual coupling in pose mode, if there is one.
+    /// Virtual coupling of pose mode; `None` without one.
     pub coupling: Option<Impedance>,
     /// Inertia of the payload that an arm yields to, in kg or kg·m²; zero without an arm.
     pub yielded_inertia: f64,
-    /// The strongest damper that refills a tank, in N·s/m; zero without one.
+    /// Maximum damping that refills a tank, in N·s/m; zero without one.
     pub tank_damping: f64,
-    /// The strongest damper of the passivity layer, in N·s/m or N·m·s/rad; zero without one.
+    /// Maximum damping of the passivity layer, in N·s/m or N·m·s/rad; zero without one.
     pub passivity_damping: f64,
-    /// The gains.
+    /// Gains of the law and the object.
     pub gains: AxisGains,
     /// Period, delays and time constants of the loop.
     pub timing: Timing,
-    /// A passivity layer watches the energy at run time.
+    /// A passivity layer observes the energy at run time.
     pub is_watched: bool,
 }
 
-/// Units of an axis.
+/// Unit symbols of an axis.
 pub(super) struct Units {
     pub(super) stiffness: &'static str,
     pub(super) damping: &'static str,
@@ -109,7 +109,7 @@ pub(super) struct Units {
 }
 
 impl Axis {
-    /// Checks every loop that its gains close.
+    /// Evaluates every loop that the gains close.
     pub fn findings(&self) -> Vec<Finding> {
         let loops = [
             self.damping(),
@@ -127,8 +127,7 @@ impl Axis {
         loops.into_iter().flatten().collect()
     }
 
-    /// K_D of a difference that is `n` cycles late asks for as much damping as it gives; of a filtered
-    /// one, for less.
+    /// Passivity of K_D: on a difference `n` cycles late it requires as much damping as it adds; filtered, less.
     fn damping(&self) -> Option<Finding> {
         let gain = self.gains.damping;
         let Timing { torque_delay: delay, velocity_filter: filter, .. } = self.timing;
@@ -139,14 +138,14 @@ impl Axis {
         (gain > 0.0).then(|| self.passive("damping", left, right, Culprit::Damping))
     }
 
-    /// Friction compensation helps a motion like a spring that pushes away, `s f_c/x_s`, sampled and a cycle late.
-    /// That friction itself takes the energy is not counted: it may be less than identified.
+    /// Passivity of friction compensation: a spring of negative stiffness `-s f_c/x_s`, sampled and a cycle late. The
+    /// friction that dissipates its energy is not counted, since it may be less than identified.
     fn friction_compensation(&self) -> Option<Finding> {
         let stiffness = self.device.compensated_stiffness;
         let law = SampledLaw { delay: self.timing.torque_delay, ..self.impedance(-stiffness, 0.0) };
         let left = self.damping_side("-s f_c/x_s, sampled", law.required_damping());
         let right = self.damped_side();
-        // No linear model has the friction that takes its energy: what the hand cannot cover is refused.
+        // The linear model lacks the friction that dissipates the energy, so only the hand's damping may cover a deficit.
         let is_held = left.value < right.value + self.hand.damping;
         is_used(stiffness).then(|| {
             let finding = self.passive("friction compensation", left, right, Culprit::Friction);
@@ -154,7 +153,7 @@ impl Axis {
         })
     }
 
-    /// The plateau must overcome friction, or the hand rests wherever it is let go.
+    /// Compares dry friction with the plateau of the return to centre: above it, a released grip does not return.
     fn centring_plateau(&self) -> Option<Finding> {
         let AxisGains { plateau, deadband, .. } = self.gains;
         let Device { friction, full_friction, .. } = self.device;
@@ -186,11 +185,11 @@ impl Axis {
         })
     }
 
-    /// At the edge of the deadband the return to centre is a spring of `2 F0/DB`.
+    /// Passivity of the return to centre: a spring of `2 F0/DB` at the edge of the deadband.
     fn centring_slope(&self) -> Option<Finding> {
         let AxisGains { plateau, deadband, .. } = self.gains;
         let delay = self.timing.torque_delay;
-        let stiffness = bounds::steepest_centring(plateau, deadband);
+        let stiffness = bounds::max_centring_stiffness(plateau, deadband);
         let law = SampledLaw { delay, ..self.impedance(stiffness, 0.0) };
         let symbols = format!("2 F0/DB (T/2 + {delay} T)");
         let name = "return to centre, slope";
@@ -200,11 +199,11 @@ impl Axis {
         })
     }
 
-    /// The damper that refills the tank, with K_D: stronger than this, it swings the bare grip by itself.
+    /// Stability of the tank's damper with K_D on the bare mass of the grip.
     fn tank_damper(&self) -> Option<Finding> {
         let Timing { period, torque_delay: delay, .. } = self.timing;
         let damping = self.gains.damping + self.tank_damping;
-        let most = bounds::strongest_damper(self.device.mass, period, delay);
+        let most = bounds::max_sampled_damping(self.device.mass, period, delay);
         let left = self.damping_side("K_D + d_tank", damping);
         let right = self.damping_side(&format!("2 tan(π/{}) M/T", 4 * (delay + 1)), most);
         let verdict = if damping < most { Verdict::Holds } else { Verdict::Refuses };
@@ -213,8 +212,8 @@ impl Axis {
             .then(|| self.finding("tank, damper", left, right, verdict, reason, Culprit::Tank))
     }
 
-    /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must. Not passive is no
-    /// reason to refuse: stability in hands is judged by the [`gate`](crate::stability::gate).
+    /// Compares the damping that a loop requires with that of device and law, then with the hand's. A loop that is not
+    /// passive is a warning only: the [`gate`](crate::stability::gate) evaluates stability in hands.
     pub(super) fn passive(
         &self,
         name: &'static str,
@@ -258,23 +257,23 @@ impl Axis {
         Side { symbols: symbols.to_owned(), value, unit: self.units().damping }
     }
 
-    /// K_T K_P.
-    pub(super) const fn felt_pose(&self) -> f64 {
+    /// Gain of reflection in pose mode, K_T K_P.
+    pub(super) const fn pose_reflection_gain(&self) -> f64 {
         self.gains.wrench * self.gains.pose
     }
 
-    /// K_T K_V, in 1/s.
-    pub(super) const fn felt_rate(&self) -> f64 {
+    /// Gain of reflection in rate mode, K_T K_V, in 1/s.
+    pub(super) const fn rate_reflection_gain(&self) -> f64 {
         self.gains.wrench * self.gains.rate
     }
 
-    /// The steepest slope of the return to centre; zero without one.
+    /// Maximum stiffness of the return to centre, in N/m or N·m/rad; zero without one.
     pub(super) fn centring(&self) -> f64 {
         let AxisGains { plateau, deadband, .. } = self.gains;
-        if plateau <= 0.0 { 0.0 } else { bounds::steepest_centring(plateau, deadband) }
+        if plateau <= 0.0 { 0.0 } else { bounds::max_centring_stiffness(plateau, deadband) }
     }
 
-    /// Damping of device and law, without a hand.
+    /// Damping of device and law, without a hand: b + K_D.
     pub(super) fn damped_side(&self) -> Side {
         self.damping_side("b + K_D", self.device.damping + self.gains.damping)
     }
@@ -293,7 +292,7 @@ impl Axis {
     }
 }
 
-/// Returns whether a gain closes a loop: it is positive. NaN counts, and is refused.
+/// Returns whether a gain closes a loop: it is positive, or NaN, which is refused later.
 pub(super) fn is_used(gain: f64) -> bool {
     gain > 0.0 || gain.is_nan()
 }

@@ -1,90 +1,91 @@
-//! The bounds on gains that have closed forms: quantisation, return to centre, reflection in rate mode,
-//! accommodation, dampers.
+//! Closed-form bounds on gains of one axis: quantisation, return to centre, reflection in rate mode, accommodation,
+//! dampers.
 //!
-//! One axis each, in m and N or in rad and N·m; the symbols are those of the paper, with `b` the damping,
-//! `M` the mass and `f_c` the dry friction felt at the grip, `k_e` the stiffness of what the object
-//! touches, `T` the period and `n` whole cycles of delay.
+//! Units are m and N, or rad and N·m. Symbols are those of [`axis`](crate::stability::axis); `n` is a delay in whole
+//! cycles.
 
 use std::f64::consts::PI;
 
 use units::math;
 
-/// Contact felt through a rate command: the impedance at the hand is `Z(s) = G / (s (s + a))`. Its real part is
-/// negative at every frequency, so some damping is always needed; without accommodation none is enough
-/// (Parker, Salcudean and Lawrence 1993).
+/// Reflection in rate mode: impedance at the hand `Z(s) = G / (s (s + a))` (Parker, Salcudean and Lawrence 1993).
+///
+/// Its real part is negative at every frequency, so passivity always requires damping. Without accommodation, a = 0, no
+/// damping suffices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateReflection {
     /// `G = K_T K_V k_e`, in N/(m·s) or N·m/(rad·s).
     pub gain: f64,
-    /// `a = K_FA k_e`, in 1/s.
-    pub giving_way: f64,
+    /// `a = K_FA k_e`, the rate at which the object yields, in 1/s.
+    pub yield_rate: f64,
 }
 
 impl RateReflection {
-    /// The damping that makes reflection passive, sampled with `period` and `delay` cycles late:
-    /// `b + K_D >= G/a (1/a + T/2 + n T)`, as long as `a T <= 1`. With a period of zero, the
-    /// continuous `G/a²`. Infinite without accommodation.
+    /// Returns the damping that makes reflection passive, in N·s/m or N·m·s/rad, sampled with `period` and `delay` cycles
+    /// late: `b + K_D >= G/a (1/a + T/2 + n T)` for `a T <= 1`. A period of zero gives the continuous `G/a²`. Infinite
+    /// without accommodation.
     pub fn required_damping(&self, period: f64, delay: u32) -> f64 {
-        let Self { gain, giving_way } = *self;
-        gain / giving_way * (giving_way.recip() + period * (0.5 + f64::from(delay)))
+        let Self { gain, yield_rate } = *self;
+        gain / yield_rate * (yield_rate.recip() + period * (0.5 + f64::from(delay)))
     }
 }
 
-/// The stiffest spring, in N/m (N·m/rad), that neither its sampling nor the `quantum` of its position
-/// makes active: `K <= min(2 b/T, 2 f_c/Δ)` (Abbott and Okamura 2005).
-pub fn stiffest_spring(damping: f64, period: f64, friction: f64, quantum: f64) -> f64 {
+/// Maximum stiffness that is passive despite sampling and the position `quantum`, in N/m or N·m/rad:
+/// `K <= min(2 b/T, 2 f_c/Δ)` (Abbott and Okamura 2005).
+pub fn max_passive_stiffness(damping: f64, period: f64, friction: f64, quantum: f64) -> f64 {
     (2.0 * damping / period).min(2.0 * friction / quantum)
 }
 
-/// The steepest slope of the return to centre, `2 F0/DB` at the edge of its deadband, in N/m
-/// (N·m/rad). A loop without delay is passive with it for `b >= F0 T/DB`.
-pub fn steepest_centring(plateau: f64, deadband: f64) -> f64 {
+/// Maximum stiffness of the return to centre, `2 F0/DB` at the edge of its deadband, in N/m or N·m/rad. A loop without
+/// delay is passive with it for `b >= F0 T/DB`.
+pub fn max_centring_stiffness(plateau: f64, deadband: f64) -> f64 {
     2.0 * plateau / deadband
 }
 
-/// Distance from the centre at which a released grip comes to rest, where the return force no longer
-/// overcomes friction: `sqrt(f_c/a)`, with the paper's `a = F0/DB²`. In m (rad). Infinite where even
-/// the plateau does not.
+/// Maximum distance from the centre at which a released grip rests by friction, in m or rad: `sqrt(f_c/a)` with the
+/// paper's `a = F0/DB²`. Infinite if friction exceeds the plateau.
 pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
     if friction < plateau { deadband * (friction / plateau).sqrt() } else { f64::INFINITY }
 }
 
-/// The fastest an object may give way to contact, `a = K_FA k_e` in 1/s, with the wrench `delay` cycles
-/// late: `a T < 2 cos(n π/(2n + 1))`.
-pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
+/// Maximum rate `a = K_FA k_e` at which an object may yield to contact, in 1/s, with the wrench `delay` cycles late:
+/// `a T < 2 cos(n π/(2n + 1))`.
+pub fn max_yield_rate(period: f64, delay: u32) -> f64 {
     let n = f64::from(delay);
     2.0 * math::cos(n * PI / (2.0 * n + 1.0)) / period
 }
 
-/// Bound on accommodation of an object whose servo lags by `lag` s, the surface's damper `d_e` counted
-/// in: `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. By Jury's test of the sampled loop
+/// Bound `coth(T/2τ)` on accommodation of an object whose servo lags by `lag` s, on a surface with damper `d_e`:
+/// `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. It follows from Jury's test of the sampled loop
 ///
 /// ```text
 ///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
 /// ```
-pub fn most_given_way(period: f64, lag: f64) -> f64 {
+pub fn max_accommodation(period: f64, lag: f64) -> f64 {
     if lag > 0.0 { math::tanh(period / (2.0 * lag)).recip() } else { 1.0 }
 }
 
-/// Maximum `K_FA m`, in s, of an arm whose servo lags by `lag` s and that yields to the inertia of its payload `m`, too:
-/// `(T/2) coth(T/2τ)`. By Jury's test of the sampled loop, with the mean acceleration of the last period. Differences of
-/// positions do not see a motion of half the cycle rate: removing the inertia they show does not lower the bound.
+/// Maximum `K_FA m`, in s, of an arm with servo lag `lag` in s that also yields to the inertia of its payload `m`:
+/// `(T/2) coth(T/2τ)`.
+///
+/// It follows from Jury's test of the sampled loop below, with the mean acceleration of the last period. Position
+/// differences do not show a motion at half the cycle rate, so subtracting their inertia does not change the bound.
 ///
 /// ```text
 ///  v' = (1 - p) v + p u,  u = -K_FA m (v - v_before)/T,  p = 1 - exp(-T/τ)
 /// ```
-pub fn most_yielded_inertia(period: f64, lag: f64) -> f64 {
-    period / 2.0 * most_given_way(period, lag)
+pub fn max_yielded_inertia(period: f64, lag: f64) -> f64 {
+    period / 2.0 * max_accommodation(period, lag)
 }
 
-/// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
-pub fn fastest_without_swinging(lag: f64) -> f64 {
+/// Maximum rate in 1/s at which an object with servo lag `lag` in s yields without oscillation: `a τ <= 1/4`.
+pub fn max_yield_rate_without_oscillation(lag: f64) -> f64 {
     (4.0 * lag).recip()
 }
 
-/// The strongest damper that a bare mass `M` bears: `2 tan(π/(4(n + 1))) M/T`. It is computed from the mean
-/// speed of the last period and held for one; stronger, it swings the mass faster and faster.
-pub fn strongest_damper(mass: f64, period: f64, delay: u32) -> f64 {
+/// Maximum stable sampled damping of a free mass `M`, in N·s/m or N·m·s/rad: `2 tan(π/(4(n + 1))) M/T`. The damper uses
+/// the mean speed of the last period, and its force is held for one.
+pub fn max_sampled_damping(mass: f64, period: f64, delay: u32) -> f64 {
     2.0 * math::tan(PI / (4.0 * f64::from(delay + 1))) * mass / period
 }
 
@@ -101,7 +102,7 @@ mod tests {
         ) {
             let period = 1e-3;
             let part = if lag > 0.0 { 1.0 - math::exp(-period / lag) } else { 1.0 };
-            let bound = most_given_way(period, lag) / (stiffness * period / 2.0 + damping);
+            let bound = max_accommodation(period, lag) / (stiffness * period / 2.0 + damping);
             for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
                 let (mut x, mut v) = (1e-3_f64, 0.0);
                 for _ in 0..20_000 {
@@ -120,7 +121,7 @@ mod tests {
         ) {
             let period = 1e-3;
             let part = if lag > 0.0 { 1.0 - math::exp(-period / lag) } else { 1.0 };
-            let bound = most_yielded_inertia(period, lag) / mass;
+            let bound = max_yielded_inertia(period, lag) / mass;
             for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
                 let (mut v, mut before) = (1e-3_f64, 0.0);
                 for _ in 0..20_000 {
@@ -137,7 +138,7 @@ mod tests {
     fn bare_mass_bears_a_damper_up_to_its_bound() {
         let (mass, period) = (0.6, 1e-3);
         for delay in 0..5_u32 {
-            let bound = strongest_damper(mass, period, delay);
+            let bound = max_sampled_damping(mass, period, delay);
             for (damping, rests) in [(0.9 * bound, true), (1.1 * bound, false)] {
                 let (mut x, mut v) = (0.0_f64, 1.0_f64);
                 let mut speeds =
@@ -156,7 +157,7 @@ mod tests {
 
     #[test]
     fn reflected_rate_needs_accommodation_to_be_passive() {
-        let reflection = RateReflection { gain: 1.0, giving_way: 0.0 };
+        let reflection = RateReflection { gain: 1.0, yield_rate: 0.0 };
         assert!(reflection.required_damping(1e-3, 0).is_infinite());
     }
 

@@ -1,59 +1,58 @@
-//! The hand controller as a hand feels it at the grip: mass, damping, dry friction and the step of the
-//! position, along and about each axis of {G}.
+//! Hand controller at the grip without its law: mass, damping, dry friction and position quantum, along and about each
+//! axis of {G}.
 //!
-//! Not what the law adds to it. Each number is what one axis shows while nothing acts on the others, at
-//! one posture `q`; it differs from posture to posture.
+//! Each value holds for one axis with no force on the others, at one posture `q`.
 
 use thiserror::Error;
 
 use crate::JointVector;
 use crate::arm::Arm;
 
-/// A Jacobian's entry this small moves nothing, in m or rad per rad.
+/// Minimum magnitude of an entry of the Jacobian that counts as motion, in m or rad per rad.
 const NOTHING: f64 = 1e-9;
 
-/// Friction of one joint, and the resolution of its encoder.
+/// Friction and encoder resolution of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointResistance {
     /// Dry friction, in N·m.
     pub coulomb: f64,
-    /// Viscous friction, in N·m·s/rad, without what is compensated.
+    /// Viscous friction that is not compensated, in N·m·s/rad.
     pub viscous: f64,
     /// One encoder count, in rad.
     pub quantum: f64,
-    /// Stiffness at which friction compensation turns with the joint's motion, in N·m/rad; zero without it.
+    /// Magnitude of the negative stiffness of friction compensation, in N·m/rad; zero without it.
     pub compensated_stiffness: f64,
 }
 
-/// Mass, damping and friction along or about one axis of the grip, in m and N or in rad and N·m.
+/// Mass, damping and friction along or about one axis of the grip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Device {
-    /// `1 / (J M⁻¹ Jᵀ)_ii`, in kg or kg·m²: what a force along the axis accelerates.
+    /// Effective mass along the axis, `1 / (J M⁻¹ Jᵀ)_ii`, in kg or kg·m².
     pub mass: f64,
-    /// `1 / (J B⁻¹ Jᵀ)_ii`, in N·s/m or N·m·s/rad: what a slow force along the axis moves against.
+    /// Viscous damping along the axis, `1 / (J B⁻¹ Jᵀ)_ii`, in N·s/m or N·m·s/rad.
     pub damping: f64,
-    /// `min_j c_j / |J_ij|`, in N or N·m: the force along the axis that the first joint gives way to.
+    /// Force along the axis at which the first joint breaks away, `min_j c_j / |J_ij|`, in N or N·m.
     pub friction: f64,
-    /// `Σ_j |(J⁻¹)_ji| c_j`, in N or N·m: the force along the axis that moves the grip along nothing
-    /// else, whatever holds it there; the most that friction can withstand. Infinite at a singularity.
+    /// Force for motion along this axis alone, `Σ_j |(J⁻¹)_ji| c_j`, in N or N·m: the maximum of dry friction. Infinite at
+    /// a singularity.
     pub full_friction: f64,
-    /// `1 / (J K_f⁻¹ Jᵀ)_ii`, in N/m or N·m/rad: the spring by which friction compensation helps a reversal along the
-    /// axis; zero without it.
+    /// Magnitude of the negative stiffness of friction compensation, `1 / (J K_f⁻¹ Jᵀ)_ii`, in N/m or N·m/rad; zero
+    /// without it.
     pub compensated_stiffness: f64,
-    /// `Σ_j |J_ij| δ_j`, in m or rad: the step of the position when every joint makes one.
+    /// Position quantum, `Σ_j |J_ij| δ_j`, in m or rad: the step if every joint moves by one count.
     pub quantum: f64,
 }
 
-/// An arm without mass.
+/// Mass matrix that is not positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("the arm's mass matrix is not positive definite: a joint has neither mass nor rotor")]
 pub struct Massless;
 
 impl Device {
-    /// All six axes of the grip of `arm`, its joints at `q`.
+    /// Computes all six axes of the grip of `arm`, with its joints at `q`.
     ///
     /// # Errors
-    /// An arm whose mass matrix has no inverse.
+    /// Returns [`Massless`] if the mass matrix is not positive definite.
     pub fn at_grip(
         arm: &Arm<6>,
         joints: &[JointResistance; 6],
@@ -74,7 +73,7 @@ impl Device {
         }))
     }
 
-    /// The quantities that follow from an axis's row of the Jacobian alone.
+    /// Computes the quantities that need only the axis's row of the Jacobian, `moved_by`.
     fn without_mass(moved_by: &JointVector, joints: &[JointResistance; 6]) -> Self {
         let (mut mobility, mut compliance) = (0.0, 0.0);
         let mut device = Self {
@@ -100,7 +99,7 @@ impl Device {
     }
 }
 
-/// Power of dry friction at joint rates `qd`, in W.
+/// Power that dry friction dissipates at joint rates `qd`, in W.
 fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
     qd.iter().zip(joints).map(|(rate, joint)| rate.abs() * joint.coulomb).sum()
 }

@@ -1,22 +1,22 @@
-//! Result of one check of the gains: an inequality, both its sides, and the consequence.
+//! Result of one gain check: an inequality with both sides, and its verdict.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// Consequence of an inequality.
+/// Verdict on an inequality, in order of severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// It holds.
+    /// The inequality holds.
     Holds,
-    /// It does not; something else must cover it.
+    /// The inequality does not hold, or holds within its margin; the hand or the passivity layer covers it.
     Warns,
-    /// It does not, and nothing covers it.
+    /// The inequality does not hold, and nothing covers it: the gains are refused.
     Refuses,
 }
 
-/// The gain to change where an inequality does not hold.
+/// Gain to change if an inequality does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Culprit {
     /// K_D.
@@ -25,59 +25,58 @@ pub enum Culprit {
     Friction,
     /// K_T.
     Wrench,
-    /// The plateau of the return to centre.
+    /// F0, plateau of the return to centre.
     Centring,
     /// K_FA.
     Accommodation,
-    /// K_vc, B_vc.
+    /// K_vc and B_vc of the virtual coupling.
     Coupling,
-    /// The damper that refills the tank.
+    /// Refill and maximum damping of the tank.
     Tank,
-    /// The damper of the passivity layer.
+    /// Maximum damping of the passivity layer.
     PassivityDamper,
 }
 
 /// One side of an inequality.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Side {
-    /// In symbols.
+    /// Expression, in the symbols of [`axis`](crate::stability::axis).
     pub symbols: String,
-    /// Its value.
+    /// Value, in `unit`.
     pub value: f64,
-    /// In which unit; empty where it has none.
+    /// Unit symbol; empty for a ratio.
     pub unit: &'static str,
 }
 
-/// An inequality that gains must obey on one axis: the left side stays below the right. An infinite side
-/// serializes as null.
+/// Inequality `left < right` that the gains must satisfy on one axis. An infinite side serializes as null.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Subject of the inequality.
     pub name: &'static str,
-    /// On which axis.
+    /// Name of the axis, as in [`AXES`](crate::gains::AXES).
     pub axis: &'static str,
-    /// Holds, is covered, or is refused.
+    /// Severity.
     pub verdict: Verdict,
-    /// Side that must stay below `right`.
+    /// Value of the gains.
     pub left: Side,
-    /// Side that `left` must stay below.
+    /// Bound on `left`.
     pub right: Side,
-    /// Meaning; where the inequality does not hold, the layer that covers it or the reason why none does.
+    /// Consequence, and the layer that covers a violation, if any.
     pub reason: String,
-    /// The gain to change.
+    /// Gain to change.
     #[serde(skip)]
     pub culprit: Culprit,
 }
 
 impl Finding {
-    /// Ratio of the left side to the right: above 1 where the inequality does not hold.
+    /// Ratio of the left side to the right; above 1 if the inequality does not hold.
     pub fn share(&self) -> f64 {
         self.left.value / self.right.value
     }
 }
 
-/// In one line: `pose reflection, x: K (T/2 + n T) = 1.50 N·s/m must stay below b = 0.31 N·s/m`, and
-/// the reason where it does not.
+/// Writes one line such as `pose reflection, x: K (T/2 + n T) = 1.50 N·s/m must stay below b = 0.31 N·s/m`, and the
+/// reason unless the verdict is [`Verdict::Holds`].
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, axis, left, right, verdict, reason, .. } = self;
@@ -106,7 +105,7 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// A number with three digits that say something.
+/// Number with at least three significant digits.
 pub(super) struct Digits(pub(super) f64);
 
 impl fmt::Display for Digits {

@@ -1,80 +1,83 @@
-//! Gate of the gains: each loop of one axis with its exact model, in every hand and at every posture of a sample.
+//! Gate of the gains: stability of each loop of one axis, in every hand and at every posture of a sample.
 //!
-//! The largest gain at which the spectral radius ρ of the [`sampled_loop`](crate::stability::sampled_loop) reaches 1 is
-//! found for each hand and posture; the least counts. Not passivity, which is a warning of [`axis`](crate::stability::axis):
-//! a loop that is not passive may be stable in every hand.
+//! The gate computes the gain margin for each hand and posture: the multiple of the gain at which the spectral radius ρ of
+//! the [`sampled_loop`](crate::stability::sampled_loop) reaches 1. The smallest margin counts. A loop that is not passive
+//! may be stable in every hand; [`axis`](crate::stability::axis) warns of it.
 
 use crate::stability::axis::{Axis, Impedance, is_used};
 use crate::stability::finding::{Culprit, Digits, Finding, Side, Verdict};
+use crate::stability::gain_margin::{margin, refined_margin};
 use crate::stability::grip_dynamics::{GripDynamics, ReducedGrip, Restraint};
-use crate::stability::least_multiple::{bound, refined};
 use crate::stability::sampled_loop::{Loop, SampledLoop};
 
-/// Share of the bound from which a gain warns.
+/// Fraction of its bound above which a gain is a warning.
 const MARGIN: f64 = 0.8;
 
-/// Hands beside the configured one: relaxed, nervous and firm, along and about an axis. The ranges and their sources are
-/// those of the simulation's operator presets.
+/// Hands in addition to the configured one: relaxed, nervous and firm, along and about an axis. Ranges and sources are
+/// those of the simulation's impedance presets.
 const HANDS: [[Impedance; 2]; 3] = [
     [Impedance { stiffness: 150.0, damping: 8.0 }, Impedance { stiffness: 2.0, damping: 0.06 }],
     [Impedance { stiffness: 600.0, damping: 12.0 }, Impedance { stiffness: 8.0, damping: 0.1 }],
     [Impedance { stiffness: 800.0, damping: 30.0 }, Impedance { stiffness: 10.0, damping: 0.2 }],
 ];
 
-/// Hands in which no gain may swing.
-const HANDS_JUDGED: [Hand; 4] = {
+/// Hands in which every loop must be stable.
+const ALL_HANDS: [Hand; 4] = {
     let [relaxed, nervous, firm] = HANDS;
-    [Hand::Configured, Hand::Stated(relaxed), Hand::Stated(nervous), Hand::Stated(firm)]
+    [Hand::Configured, Hand::Preset(relaxed), Hand::Preset(nervous), Hand::Preset(firm)]
 };
 
-/// Loops in the order of their findings.
+/// Loops, in the order of their findings.
 const LOOPS: [Loop; 6] =
     [Loop::Damping, Loop::PassivityDamper, Loop::Centring, Loop::Pose, Loop::Coupling, Loop::Rate];
 
-/// Halvings of a refused stiffness on the way to one that holds.
+/// Bisection steps from a refused surface stiffness to an accepted one.
 const STIFFNESS_HALVINGS: u32 = 40;
 
-/// Angle ωT at which the grip is reduced first.
+/// Initial angle ωT for the reduction of the grip, in rad.
 const FIRST_ANGLE: f64 = 0.05;
 
-/// The six axes of the grip with the postures at which they are judged.
+/// Six axes of the grip, and the postures at which the gate evaluates them.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate<'a> {
-    /// The axes; their own devices are not judged.
+    /// Axes; `postures` replace their `device`.
     pub axes: &'a [Axis; 6],
-    /// The device at each posture.
+    /// Grip dynamics at each posture.
     pub postures: &'a [GripDynamics],
 }
 
-/// Least bound of a gain, as a multiple of it.
+/// Smallest gain margin of a loop over postures, hands and link delays.
 #[derive(Clone, Copy, Debug)]
-struct Bound<'a> {
+struct GainMargin<'a> {
+    /// Multiple of the gain at which the loop becomes unstable.
     multiple: f64,
-    /// Frequency of the swing at the bound, in rad/s.
+    /// Frequency of the oscillation at that gain, in rad/s.
     omega: f64,
+    /// Posture and hand with this margin; `None` if no bound is in the range searched.
     worst: Option<(&'a GripDynamics, Impedance)>,
 }
 
-/// A hand on the grip.
+/// Hand on the grip.
 #[derive(Clone, Copy, Debug)]
 enum Hand {
+    /// Released grip.
     None,
-    /// That of the configuration.
+    /// Hand of the configuration.
     Configured,
-    /// With these impedances along and about an axis.
-    Stated([Impedance; 2]),
+    /// Impedances along and about an axis.
+    Preset([Impedance; 2]),
 }
 
-/// One of the axes, under judgement.
+/// One axis of the gate, by index.
 #[derive(Clone, Copy, Debug)]
-struct Bench<'a> {
+struct AxisGate<'a> {
     gate: &'a Gate<'a>,
     axis: &'a Axis,
     index: usize,
 }
 
-/// A loop with the gain that is judged.
-struct Judged {
+/// Loop with its gain on one axis.
+struct LoopGain {
     closed: Loop,
     value: f64,
     unit: &'static str,
@@ -82,49 +85,49 @@ struct Judged {
 }
 
 impl Gate<'_> {
-    /// Judges every loop of the axis with this index, from 0: in hands, and let go.
+    /// Evaluates every loop of axis `index`, from 0, in hands and with the grip let go. Empty for another index.
     pub fn findings(&self, index: usize) -> Vec<Finding> {
         let Some(axis) = self.axes.get(index) else { return Vec::new() };
-        Bench { gate: self, axis, index }.findings()
+        AxisGate { gate: self, axis, index }.findings()
     }
 }
 
-impl<'a> Bench<'a> {
+impl<'a> AxisGate<'a> {
     fn findings(&self) -> Vec<Finding> {
-        let judged = LOOPS.into_iter().map(|closed| self.judged(closed));
-        let used = judged.filter(|judged| is_used(judged.value));
-        let in_hands = used.flat_map(|judged| [self.held(&judged), self.let_go(&judged)]);
+        let gains = LOOPS.into_iter().map(|closed| self.loop_gain(closed));
+        let used = gains.filter(|gain| is_used(gain.value));
+        let in_hands = used.flat_map(|gain| [self.held(&gain), self.let_go(&gain)]);
         in_hands.chain(self.object()).collect()
     }
 
-    /// Stability in every hand. Beyond the bound the gain is refused, unless it is that of the passivity layer's damper.
-    fn held(&self, judged: &Judged) -> Finding {
-        let bound = self.least(judged.closed, &HANDS_JUDGED);
-        let verdict = match bound.multiple {
+    /// Evaluates stability in every hand. A gain beyond its bound is refused, except the passivity layer's damper.
+    fn held(&self, gain: &LoopGain) -> Finding {
+        let margin = self.least(gain.closed, &ALL_HANDS);
+        let verdict = match margin.multiple {
             multiple if multiple * MARGIN > 1.0 => Verdict::Holds,
             multiple if multiple > 1.0 => Verdict::Warns,
-            // It acts in contact only, as long as energy is missing: not a loop that is always closed.
-            multiple if judged.closed == Loop::PassivityDamper && multiple >= 0.0 => Verdict::Warns,
+            // This loop closes only in contact, while energy is missing.
+            multiple if gain.closed == Loop::PassivityDamper && multiple >= 0.0 => Verdict::Warns,
             _ => Verdict::Refuses,
         };
         let swings = match verdict {
-            Verdict::Refuses if bound.multiple.is_nan() => "has values that are not finite",
+            Verdict::Refuses if margin.multiple.is_nan() => "has values that are not finite",
             Verdict::Refuses => "swings more and more",
-            _ if bound.multiple <= 1.0 => {
+            _ if margin.multiple <= 1.0 => {
                 "would swing while the layer's damper is at its strongest"
             }
             Verdict::Warns | Verdict::Holds => "is near its bound",
         };
-        let place = bound.place(self.axis);
-        let is_surface = verdict == Verdict::Refuses && judged.closed == Loop::Pose;
-        let remedy = if is_surface { self.remedy(judged.closed) } else { String::new() };
+        let place = margin.place(self.axis);
+        let is_surface = verdict == Verdict::Refuses && gain.closed == Loop::Pose;
+        let remedy = if is_surface { self.remedy(gain.closed) } else { String::new() };
         let reason = format!("the loop {swings} {place}{remedy}");
-        self.finding(judged, 0, bound.multiple, verdict, reason)
+        self.finding(gain, 0, margin.multiple, verdict, reason)
     }
 
-    /// Says which surface these gains hold.
+    /// Returns the text that names the stiffest surface on which these gains are stable.
     fn remedy(&self, closed: Loop) -> String {
-        let (stiffness, unit) = (self.stiffest_held(closed), self.axis.units().stiffness);
+        let (stiffness, unit) = (self.max_stable_stiffness(closed), self.axis.units().stiffness);
         if stiffness > 0.0 {
             format!("; with these gains a surface holds up to {} {unit}", Digits(stiffness))
         } else {
@@ -132,13 +135,13 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Returns the stiffest surface, with the configured one's damper, on which the loop is stable in every hand; zero if it
-    /// is on no surface.
-    fn stiffest_held(&self, closed: Loop) -> f64 {
+    /// Returns the maximum surface stiffness, below the configured one, with a stable loop in every hand. The surface's damper
+    /// is the configured one. Zero if no stiffness is stable.
+    fn max_stable_stiffness(&self, closed: Loop) -> f64 {
         let environment = self.axis.environment;
         let holds = |stiffness| {
             let axis = Axis { environment: Impedance { stiffness, ..environment }, ..*self.axis };
-            Bench { axis: &axis, ..*self }.least(closed, &HANDS_JUDGED).multiple > 1.0
+            AxisGate { axis: &axis, ..*self }.least(closed, &ALL_HANDS).multiple > 1.0
         };
         let (mut low, mut high) = (0.0, environment.stiffness);
         for _ in 0..STIFFNESS_HALVINGS {
@@ -148,21 +151,21 @@ impl<'a> Bench<'a> {
         low
     }
 
-    /// Stability without a hand, which is a warning only.
-    fn let_go(&self, judged: &Judged) -> Finding {
-        let bound = self.least(judged.closed, &[Hand::None]);
-        let verdict = match bound.multiple {
+    /// Evaluates stability with the grip let go: at most a warning, unless the loop has NaN.
+    fn let_go(&self, gain: &LoopGain) -> Finding {
+        let margin = self.least(gain.closed, &[Hand::None]);
+        let verdict = match margin.multiple {
             multiple if multiple > 1.0 => Verdict::Holds,
             multiple if multiple.is_nan() => Verdict::Refuses,
             _ => Verdict::Warns,
         };
         let by = if self.axis.is_watched { "the passivity layer and a hand" } else { "a hand" };
         let reason =
-            format!("left to {by}: a grip that is let go swings {}", bound.place(self.axis));
-        self.finding(judged, 1, bound.multiple, verdict, reason)
+            format!("left to {by}: a grip that is let go swings {}", margin.place(self.axis));
+        self.finding(gain, 1, margin.multiple, verdict, reason)
     }
 
-    /// Accommodation of the object to the surface, at the touch and within.
+    /// Evaluates accommodation of the object to the surface, without its damper (first touch) and with it.
     fn object(&self) -> impl Iterator<Item = Finding> {
         let Axis { gains, environment, timing, .. } = *self.axis;
         let cases = [(0.0, "accommodation"), (environment.damping, "accommodation, damper")];
@@ -178,7 +181,7 @@ impl<'a> Bench<'a> {
                 grip: ReducedGrip { mass: 1.0, damping: 0.0, stiffness: 0.0, sampled_damping: 0.0 },
                 link_cycles: 0,
             };
-            let multiple = bound(&object.accommodation(), f64::INFINITY);
+            let multiple = margin(&object.accommodation(), f64::INFINITY);
             let value = gains.accommodation * environment.stiffness * timing.period;
             let left = Side { symbols: "K_FA k_e T".to_owned(), value, unit: "" };
             let right = Side { symbols: "K_FA k_e T at ρ = 1".to_owned(), value: value * multiple, unit: "" };
@@ -190,13 +193,13 @@ impl<'a> Bench<'a> {
 
     fn finding(
         &self,
-        judged: &Judged,
+        gain: &LoopGain,
         name: usize,
         multiple: f64,
         verdict: Verdict,
         reason: String,
     ) -> Finding {
-        let Judged { closed, value, unit, culprit } = judged;
+        let LoopGain { closed, value, unit, culprit } = gain;
         let (names, symbol) = names(*closed);
         let left = Side { symbols: symbol.to_owned(), value: *value, unit };
         let right = Side { symbols: format!("{symbol} at ρ = 1"), value: value * multiple, unit };
@@ -204,13 +207,13 @@ impl<'a> Bench<'a> {
         Finding { name, axis: self.axis.name, left, right, verdict, reason, culprit: *culprit }
     }
 
-    /// Returns the least bound of all postures, `hands` and link delays.
-    fn least(&self, closed: Loop, hands: &[Hand]) -> Bound<'a> {
+    /// Returns the smallest gain margin over all postures, `hands` and link delays.
+    fn least(&self, closed: Loop, hands: &[Hand]) -> GainMargin<'a> {
         let timing = self.axis.timing;
         let link = timing.link_cycles;
         let delays: &[u32] = if link == 0 { &[0] } else { &[0, link / 2, link] };
         let mut least =
-            Bound { multiple: f64::INFINITY, omega: FIRST_ANGLE / timing.period, worst: None };
+            GainMargin { multiple: f64::INFINITY, omega: FIRST_ANGLE / timing.period, worst: None };
         for posture in self.gate.postures {
             for hand in hands {
                 let held = self.held_by(*hand);
@@ -221,10 +224,10 @@ impl<'a> Bench<'a> {
                         link_cycles: *link_cycles,
                     };
                     let found =
-                        refined(reduced, closed, least.multiple, least.omega, timing.period);
+                        refined_margin(reduced, closed, least.multiple, least.omega, timing.period);
                     if let Some((multiple, omega)) = found {
                         let hand = held.hand.get(self.index).copied().unwrap_or_default();
-                        least = Bound { multiple, omega, worst: Some((posture, hand)) };
+                        least = GainMargin { multiple, omega, worst: Some((posture, hand)) };
                         if multiple.is_nan() {
                             return least;
                         }
@@ -239,7 +242,7 @@ impl<'a> Bench<'a> {
         let hand = self.gate.axes.each_ref().map(|axis| match hand {
             Hand::None => Impedance::default(),
             Hand::Configured => axis.hand,
-            Hand::Stated([linear, angular]) => {
+            Hand::Preset([linear, angular]) => {
                 if axis.is_rotation {
                     angular
                 } else {
@@ -250,8 +253,8 @@ impl<'a> Bench<'a> {
         Restraint { hand, damping: self.gate.axes.each_ref().map(|axis| axis.gains.damping) }
     }
 
-    /// Returns a loop with its gain on this axis.
-    fn judged(&self, closed: Loop) -> Judged {
+    /// Returns `closed` with its gain on this axis; zero if the loop is not configured.
+    fn loop_gain(&self, closed: Loop) -> LoopGain {
         let axis = self.axis;
         let units = axis.units();
         let (value, unit, culprit) = match closed {
@@ -260,29 +263,29 @@ impl<'a> Bench<'a> {
                 (axis.passivity_damping, units.damping, Culprit::PassivityDamper)
             }
             Loop::Centring => (axis.centring(), units.stiffness, Culprit::Centring),
-            // The coupling takes the place of the sensed wrench.
+            // The coupling replaces the sensed wrench.
             Loop::Pose if axis.coupling.is_some() => (0.0, units.stiffness, Culprit::Wrench),
             Loop::Pose => {
-                let felt = axis.felt_pose() * axis.environment.stiffness;
+                let felt = axis.pose_reflection_gain() * axis.environment.stiffness;
                 (felt, units.stiffness, Culprit::Wrench)
             }
             Loop::Coupling => {
                 let coupling =
                     axis.coupling.map_or(0.0, |coupling| coupling.stiffness + coupling.damping);
-                (axis.felt_pose() * coupling, units.stiffness, Culprit::Coupling)
+                (axis.pose_reflection_gain() * coupling, units.stiffness, Culprit::Coupling)
             }
             Loop::Rate => {
-                let felt = axis.felt_rate() * axis.environment.stiffness;
+                let felt = axis.rate_reflection_gain() * axis.environment.stiffness;
                 let accommodates = axis.gains.accommodation > 0.0;
                 let culprit = if accommodates { Culprit::Wrench } else { Culprit::Accommodation };
                 (felt, units.rate_gain, culprit)
             }
         };
-        Judged { closed, value, unit, culprit }
+        LoopGain { closed, value, unit, culprit }
     }
 }
 
-/// Names of the findings of a loop, in hands and let go, and symbols of its gain.
+/// Returns the names of a loop's findings, in hands and let go, and the symbol of its gain.
 const fn names(closed: Loop) -> ([&'static str; 2], &'static str) {
     match closed {
         Loop::Damping => (["damping, held", "damping, let go"], "K_D"),
@@ -296,8 +299,8 @@ const fn names(closed: Loop) -> ([&'static str; 2], &'static str) {
     }
 }
 
-impl Bound<'_> {
-    /// Returns the hand and the posture of the least bound, in words.
+impl GainMargin<'_> {
+    /// Describes the hand and the posture of this margin.
     fn place(&self, axis: &Axis) -> String {
         let Some((placed, hand)) = self.worst else {
             return "nowhere in the range searched".to_owned();

@@ -1,8 +1,8 @@
-//! The hand controller at the grip with all its couplings, and its motion reduced to one axis.
+//! Dynamics of the grip in all six axes, and their reduction to one axis.
 //!
-//! A force along one axis moves the grip along others, too, where the hand and K_D resist it. At the frequency ω the grip follows
-//! a force along axis `i` with `u = Z⁻¹ eᵢ/(Z⁻¹)ᵢᵢ`, of the impedance `Z = K_h + jω(D + b_h + K_D) - ω² Λ`. One mass, damper and
-//! spring with `m = uᴴ Λ u`, `b = uᴴ D u` and `K = uᴴ K_h u` have exactly the impedance of all six at that frequency.
+//! A force along axis `i` moves the grip along the other axes, too, where the hand and K_D resist. At frequency ω the
+//! motion is `u = Z⁻¹ eᵢ/(Z⁻¹)ᵢᵢ` with the impedance `Z = K_h + jω(D + b_h + K_D) - ω² Λ`. A single mass, damper and spring
+//! with `m = uᴴ Λ u`, `b = uᴴ D u` and `K = uᴴ K_h u` has exactly the same impedance at that frequency.
 
 use nalgebra::{Complex, Matrix6, SVector};
 
@@ -11,47 +11,47 @@ use crate::arm::Arm;
 use crate::stability::axis::Impedance;
 use crate::stability::device::Massless;
 
-/// Mobility added on all axes, in 1/kg or 1/(kg·m²), which bounds the inertia at a singularity.
+/// Mobility added on every axis to bound the inertia at a singularity, in 1/kg or 1/(kg·m²).
 const LEAST_MOBILITY: f64 = 1e-4;
 
-/// Inertia and viscous damping at the grip, at one posture.
+/// Inertia and viscous damping of the grip at one posture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GripDynamics {
-    /// Posture, in words.
+    /// Description of the posture, for messages.
     pub posture: String,
     /// Λ = (J M⁻¹ Jᵀ)⁻¹.
     inertia: Matrix6<f64>,
-    /// D, the joints' viscous friction, of the same form.
+    /// D = J̄ᵀ B J̄, from the joints' viscous friction B.
     damping: Matrix6<f64>,
 }
 
-/// Impedance of the hand and K_D on each axis, which hold the grip and damp it.
+/// Impedance of the hand, and K_D, on each axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Restraint {
     /// K_h and b_h.
     pub hand: [Impedance; 6],
-    /// K_D.
+    /// K_D, in N·s/m or N·m·s/rad.
     pub damping: [f64; 6],
 }
 
-/// Mass, dampers and spring with which the grip moves along one axis.
+/// Equivalent mass, dampers and spring of the grip along one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReducedGrip {
     /// Mass, in kg or kg·m².
     pub mass: f64,
-    /// Damping by device and hand, in N·s/m or N·m·s/rad.
+    /// Damping of device and hand, in N·s/m or N·m·s/rad.
     pub damping: f64,
     /// Stiffness of the hand, in N/m or N·m/rad.
     pub stiffness: f64,
-    /// K_D, which acts sampled and late.
+    /// K_D, sampled and delayed, in N·s/m or N·m·s/rad.
     pub sampled_damping: f64,
 }
 
 impl GripDynamics {
-    /// Dynamics of `arm` with the joints at `q`, whose viscous friction is `viscous`, in N·m·s/rad or N·s/m.
+    /// Computes the dynamics of `arm` with its joints at `q` and their viscous friction in N·m·s/rad or N·s/m.
     ///
     /// # Errors
-    /// An arm whose mass matrix has no inverse.
+    /// Returns [`Massless`] if the mass matrix or the mobility has no inverse.
     pub fn at(
         arm: &Arm<6>,
         viscous: &[f64; 6],
@@ -64,13 +64,13 @@ impl GripDynamics {
         let least = Matrix6::identity() * LEAST_MOBILITY;
         let mobility = j_g * mass.solve(&j_g.transpose()) + least;
         let inertia = mobility.try_inverse().ok_or(Massless)?;
-        // Damping of the motion that the inertia permits: J̄ᵀ B J̄ with the dynamically consistent inverse J̄ = M⁻¹ Jᵀ Λ.
+        // J̄ᵀ B J̄ with the dynamically consistent inverse J̄ = M⁻¹ Jᵀ Λ.
         let inverse = mass.solve(&j_g.transpose()) * inertia;
         let damping = inverse.transpose() * Matrix6::from_diagonal(&(*viscous).into()) * inverse;
         Ok(Self { posture, inertia, damping })
     }
 
-    /// Returns the grip's motion along `axis` at `omega` rad/s, reduced to that axis. NaN where it is not defined.
+    /// Reduces the motion along `axis` at `omega` rad/s to one mass, damper and spring. NaN if the impedance is singular.
     pub fn reduced(&self, axis: usize, held: &Restraint, omega: f64) -> ReducedGrip {
         let stiffness = SVector::from(held.hand.map(|hand| hand.stiffness));
         let damping = SVector::from(held.hand.map(|hand| hand.damping));
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     impl GripDynamics {
-        /// A mass along every axis, and its damping.
+        /// Returns a grip with this mass and damping along every axis.
         pub(in crate::stability) fn of_mass(mass: f64, damping: f64) -> Self {
             let posture = "anywhere".to_owned();
             let [inertia, damping] = [mass, damping].map(|value| Matrix6::identity() * value);

@@ -1,15 +1,15 @@
-//! Damping at the grip that makes a sampled law passive: the condition of Colgate and Schenkel
-//! (1997), computed for any linear law.
+//! Device damping that makes a sampled law passive: the condition of Colgate and Schenkel (1997), evaluated numerically
+//! for a linear law.
 //!
-//! A law that holds the force `H(z)` times the sampled displacement against the hand, for one period
-//! `T`, is passive together with a device of damping `b` exactly if, for all `0 < ω <= π/T`,
+//! The law holds a force of `H(z)` times the sampled displacement for one period `T`. With a device of damping `b` it is
+//! passive if and only if, for all `0 < ω <= π/T`,
 //!
 //! ```text
 //!  b > T/2 · Re{(1 - z⁻¹) H(z)} / (1 - cos ωT),  z = exp(jωT)
 //!    = T/2 · (Re H - cot(ωT/2) Im H)
 //! ```
 //!
-//! Not closed forms: those are [`bounds`](crate::stability::bounds).
+//! Closed forms are in [`bounds`](crate::stability::bounds).
 
 use std::f64::consts::PI;
 
@@ -17,23 +17,23 @@ use nalgebra::Complex;
 
 use units::math;
 
-/// The lowest angle ωT looked at: far below any pole of a law in use, in rad.
+/// Minimum angle ωT evaluated, in rad: far below any pole of a law in use.
 const LOWEST: f64 = 1e-9;
 
-/// Angles looked at: so many at equal ratios from the lowest, which find poles near `z = 1`,
+/// Number of logarithmically spaced angles, which resolve poles near `z = 1`.
 const RATIOS: u32 = 512;
 
-/// and so many at equal distances, which find the ripple of delays; more for each cycle of delay.
+/// Number of linearly spaced angles, which resolve the ripple of delays; more for each cycle of delay.
 const DISTANCES: u32 = 128;
 const DISTANCES_PER_CYCLE: u32 = 32;
 
 /// Maximum delay considered, in cycles.
 const MAX_DELAY_CYCLES: u32 = 1_000;
 
-/// Steps of the search around the worst angle: each leaves 62 % of the interval.
+/// Golden-section steps around the worst angle: each leaves 62 % of the interval.
 const SHRINKINGS: u32 = 60;
 
-/// Force of a law from the grip's displacement, before its delay.
+/// Transfer function of a law from the grip's displacement to its force, without delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
     /// A spring and a damper: `K + B (z - 1) / ((T + τ) z - τ)`.
@@ -42,42 +42,41 @@ pub enum Law {
         stiffness: f64,
         /// B, in N·s/m or N·m·s/rad.
         damping: f64,
-        /// τ of the first-order filter of the velocity, in s; zero for the bare difference.
+        /// τ of the first-order velocity filter, in s; zero without a filter.
         filter: f64,
     },
-    /// Contact felt through an object that is commanded by a rate and gives way:
-    /// `G T / (z - 1 + a T)`, with a servo's lag as [`SampledLaw::lag`] inside the loop.
+    /// Reflection in rate mode with an object that yields: `G T / (z - 1 + a T)`. The servo lag, [`SampledLaw::lag`], is
+    /// inside the loop.
     Rate {
         /// `G = K_T k_e K_V`, in N/(m·s) or N·m/(rad·s).
         gain: f64,
-        /// `a = K_FA k_e`, in 1/s: how fast the object gives way.
-        giving_way: f64,
+        /// `a = K_FA k_e`, rate at which the object yields, in 1/s.
+        yield_rate: f64,
     },
 }
 
-/// A law in a sampled loop.
+/// Law in a sampled loop with servo and delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledLaw {
-    /// The law.
+    /// Transfer function without delay.
     pub law: Law,
     /// T, in s.
     pub period: f64,
-    /// Time constant of a servo the displacement goes through, in s; zero for none.
+    /// Time constant of the servo that the displacement passes, in s; zero without a servo.
     pub lag: f64,
-    /// Whole cycles from the sample to the force, beyond a force held from the sample on.
+    /// Delay from the sample to the force, in cycles; zero for a force held from its sample on.
     pub delay: u32,
 }
 
 impl SampledLaw {
-    /// A spring and a damper of the bare difference, without servo or delay.
+    /// Creates a spring and a damper without velocity filter, servo or delay.
     pub const fn impedance(stiffness: f64, damping: f64, period: f64) -> Self {
         let law = Law::Impedance { stiffness, damping, filter: 0.0 };
         Self { law, period, lag: 0.0, delay: 0 }
     }
 
-    /// The damping in N·s/m (N·m·s/rad) a device must have more than, to make this law passive:
-    /// negative where the law itself takes energy at every frequency, infinite where no damping is
-    /// enough.
+    /// Returns the device damping above which this law is passive, in N·s/m or N·m·s/rad. Negative for a law that
+    /// dissipates at every frequency; infinite if no damping suffices.
     pub fn required_damping(&self) -> f64 {
         if !self.settles() {
             return f64::INFINITY;
@@ -93,27 +92,27 @@ impl SampledLaw {
         highest(condition, below, above).max(most)
     }
 
-    /// Returns whether the law comes to rest when the hand does. An object commanded by a rate does not if it
-    /// gives no way, or gives way too fast for its sampling.
+    /// Returns whether the law comes to rest with the hand. In rate mode it does not if the object does not yield, or yields
+    /// too fast for the period.
     fn settles(&self) -> bool {
         match self.law {
             Law::Impedance { .. } => true,
             Law::Rate { gain, .. } if gain <= 0.0 => true,
-            Law::Rate { giving_way, .. } => {
+            Law::Rate { yield_rate, .. } => {
                 // Jury's test of (z - 1)(z - 1 + p) + a T p z, with p the servo's part.
                 let part = self.part();
-                giving_way > 0.0 && giving_way * self.period * part < 2.0 * (2.0 - part)
+                yield_rate > 0.0 && yield_rate * self.period * part < 2.0 * (2.0 - part)
             }
         }
     }
 
-    /// `T/2 (Re H - cot(ωT/2) Im H)` at the angle ωT.
+    /// Returns `T/2 (Re H - cot(ωT/2) Im H)` at the angle ωT.
     fn condition(&self, angle: f64) -> f64 {
         let h = self.response(angle);
         self.period / 2.0 * (h.re - h.im / math::tan(angle / 2.0))
     }
 
-    /// `H(exp(j angle))`.
+    /// Returns `H(exp(j angle))`, delay included.
     fn response(&self, angle: f64) -> Complex<f64> {
         let (sin, cos) = math::sin_cos(angle / 2.0);
         let z_less_one = Complex::new(-2.0 * sin * sin, 2.0 * sin * cos); // exact at small angles
@@ -125,21 +124,21 @@ impl SampledLaw {
                 let velocity = z_less_one / (z_less_one * (self.period + filter) + self.period);
                 (velocity * damping + stiffness) * lag
             }
-            Law::Rate { gain, giving_way } => {
+            Law::Rate { gain, yield_rate } => {
                 let moved = lag * self.period;
-                moved * gain / (z_less_one + moved * giving_way)
+                moved * gain / (z_less_one + moved * yield_rate)
             }
         };
         undelayed * math::cis(-angle * f64::from(self.delay))
     }
 
-    /// The part of its way a servo goes in a period.
+    /// Returns the step response of the servo after one period, `1 - exp(-T/τ)`.
     fn part(&self) -> f64 {
         if self.lag > 0.0 { -math::exp_m1(-self.period / self.lag) } else { 1.0 }
     }
 }
 
-/// Angles within 0 and π, the last included.
+/// Returns the angles to evaluate, in `(0, π]`.
 fn angles(delay: u32) -> Vec<f64> {
     let ratio = math::powf(PI / LOWEST, f64::from(RATIOS).recip());
     let mut angle = LOWEST;
@@ -153,7 +152,7 @@ fn angles(delay: u32) -> Vec<f64> {
     angles
 }
 
-/// The highest value of a function with one summit between `low` and `high`, by golden section.
+/// Returns the maximum of a unimodal function between `low` and `high`, by golden section.
 fn highest(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     let part = (5.0_f64.sqrt() - 1.0) / 2.0;
     for _ in 0..SHRINKINGS {
@@ -220,13 +219,13 @@ mod tests {
         fn required_damping_is_found_between_the_angles_looked_at(
             stiffness in 0.0..200.0_f64, damping in 5.0..20.0_f64, delay in 1..3_u32
         ) {
-            // These have one summit, well within 0 and π.
+            // These have one maximum, well within 0 and π.
             let law = Law::Impedance { stiffness, damping, filter: 2e-3 };
             let law = SampledLaw { law, period: 1e-3, lag: 0.0, delay };
             let finely = (1..20_000).map(|step| law.condition(PI * f64::from(step) / 20_000.0));
             let summit = finely.fold(f64::NEG_INFINITY, f64::max);
             let required = law.required_damping();
-            // Rounding at the summit.
+            // Rounding at the maximum.
             prop_assert!(required >= summit * (1.0 - 1e-12), "{required} for {summit}");
             prop_assert!(required <= summit * (1.0 + 1e-6), "{required} for {summit}");
         }
@@ -248,11 +247,11 @@ mod tests {
             let lag = if is_direct { 0.0 } else { lag };
             let part = if is_direct { 1.0 } else { 1.0 - math::exp(-period / lag) };
             // The bound of Jury's test is at a ratio of 1.
-            let giving_way = ratio * 2.0 * (2.0 - part) / (part * period);
-            let law = Law::Rate { gain: 50.0, giving_way };
+            let yield_rate = ratio * 2.0 * (2.0 - part) / (part * period);
+            let law = Law::Rate { gain: 50.0, yield_rate };
             let law = SampledLaw { law, period, lag, delay: 0 };
             // (z - 1)(z - 1 + p) + a T p z = z² - 2 b z + c
-            let (b, c) = (1.0 - part / 2.0 - giving_way * period * part / 2.0, 1.0 - part);
+            let (b, c) = (1.0 - part / 2.0 - yield_rate * period * part / 2.0, 1.0 - part);
             let spread = b * b - c;
             let largest = if spread < 0.0 { c.sqrt() } else { b.abs() + spread.sqrt() };
             prop_assume!((largest - 1.0).abs() > 1e-9);
@@ -272,8 +271,8 @@ mod tests {
         }
     }
 
-    /// Growth of a swing after many periods, of a mass so heavy that the sampled spring
-    /// `k` swings it in 63 periods, with damping `b`: exact between the samples.
+    /// Returns the growth of an oscillation of 63 periods T after many of them, with sampled spring `k` and damping `b`,
+    /// exact between the samples.
     fn growth(k: f64, period: f64, delay: u32, b: f64) -> f64 {
         let mass = k * math::powf(period / 0.1, 2.0);
         let decay = -math::exp_m1(-period * b / mass);
@@ -295,8 +294,8 @@ mod tests {
     #[test]
     fn jurys_bound_is_sharp_with_and_without_a_servo() {
         for lag in [0.0, 1e-3, 20e-3] {
-            let settles = |giving_way| {
-                let law = Law::Rate { gain: 1.0, giving_way };
+            let settles = |yield_rate| {
+                let law = Law::Rate { gain: 1.0, yield_rate };
                 SampledLaw { law, period: 1e-3, lag, delay: 0 }.settles()
             };
             let part = if lag > 0.0 { 1.0 - math::exp(-1e-3 / lag) } else { 1.0 };
@@ -305,14 +304,14 @@ mod tests {
             assert!(!settles(bound * (1.0 + 1e-9)), "{lag} s");
             assert!(settles(1e-9) && !settles(0.0) && !settles(-1e-9), "{lag} s");
         }
-        let still = Law::Rate { gain: 0.0, giving_way: 0.0 };
+        let still = Law::Rate { gain: 0.0, yield_rate: 0.0 };
         assert!(SampledLaw { law: still, period: 1e-3, lag: 0.0, delay: 0 }.settles());
     }
 
     #[test]
     fn a_rate_that_nothing_gives_way_to_is_never_passive() {
-        let law = |giving_way| SampledLaw {
-            law: Law::Rate { gain: 100.0, giving_way },
+        let law = |yield_rate| SampledLaw {
+            law: Law::Rate { gain: 100.0, yield_rate },
             period: 1e-3,
             lag: 0.0,
             delay: 0,

@@ -1,15 +1,15 @@
-//! Polynomials in the delay operator `w = z⁻¹`, and whether all their roots lie within the unit circle of `z`.
+//! Polynomials in the delay operator `w = z⁻¹`, with Jury's stability test.
 //!
-//! Coefficients ascend: `[1, -0.5]` is `1 - 0.5 w`, with its root at `z = 0.5`. Not a root finder: Jury's table needs no
-//! iteration, so it cannot fail to converge.
+//! Coefficients ascend: `[1, -0.5]` is `1 - 0.5 w`, with its root at `z = 0.5`. Jury's table needs no iteration, so unlike
+//! a root finder it cannot fail to converge.
 
 use std::ops::{Add, Mul};
 
-/// Tolerance of a root on the unit circle: a swing that grows so slowly needs a quarter of an hour at 1 kHz. A free mass has
-/// a root at `z = 1`, which is not unstable.
+/// Tolerance on the radius of a root: an oscillation within it grows by a factor of e in a quarter of an hour at 1 kHz. A
+/// free mass has a root at `z = 1`, which counts as stable.
 const TOLERANCE: f64 = 1e-6;
 
-/// A polynomial in `w = z⁻¹`.
+/// Polynomial in `w = z⁻¹`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polynomial(Vec<f64>);
 
@@ -19,7 +19,7 @@ impl Polynomial {
         Self(coefficients.to_vec())
     }
 
-    /// Returns the polynomial times `wⁿ`: `cycles` later.
+    /// Multiplies by `wⁿ`: a delay of `cycles`.
     #[must_use]
     pub fn later(mut self, cycles: u32) -> Self {
         let zeros = usize::try_from(cycles).unwrap_or_default();
@@ -37,13 +37,12 @@ impl Polynomial {
         self.0.iter().all(|part| part.is_finite())
     }
 
-    /// Returns whether all roots have `|z| <= 1`, within `TOLERANCE`: a spectral radius below 1. Invalid coefficients
-    /// have no such roots.
+    /// Returns whether all roots have `|z| <= 1`, within `TOLERANCE`. False for coefficients that are not finite.
     pub fn is_stable(&self) -> bool {
         self.is_within(1.0 + TOLERANCE)
     }
 
-    /// Returns whether all roots have `|z| < radius`, by Jury's table of the polynomial in `z/radius`.
+    /// Returns whether all roots have `|z| < radius`, by Jury's table for `z/radius`.
     pub fn is_within(&self, radius: f64) -> bool {
         let mut row = self.0.clone();
         let mut scale = 1.0;
@@ -62,7 +61,7 @@ impl Polynomial {
         row.iter().all(|part| part.is_finite())
     }
 
-    /// Returns the sum with `scale` times another.
+    /// Adds `scale` times `other`.
     #[must_use]
     pub fn plus(&self, other: &Self, scale: f64) -> Self {
         let len = self.0.len().max(other.0.len());
@@ -123,7 +122,7 @@ mod tests {
     use super::*;
     use units::math;
 
-    /// The polynomial with these roots in `z`: `r` and the pair `m cis(±θ)`.
+    /// Returns the polynomial with the roots `r` and `m cis(±θ)` in `z`.
     fn with_roots(root: f64, [size, angle]: [f64; 2]) -> Polynomial {
         let pair = Polynomial::new(&[1.0, -2.0 * size * math::cos(angle), size * size]);
         &Polynomial::new(&[1.0, -root]) * &pair

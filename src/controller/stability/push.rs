@@ -1,11 +1,10 @@
-//! Force with which joint torques push a hand, counted by the speed they give it.
+//! Equivalent force of joint torques on a hand, by the speed that they give it.
 //!
-//! A force F gives a free hand of mass m the speed F t / m in a short time t. Joint torques τ give it
-//! `t J (M + m JᵀJ)⁻¹ τ`, with J the translations of the grip and M the arm's mass matrix, so they count as
-//! `F = m |J (M + m JᵀJ)⁻¹ τ|`. Unlike `J⁻ᵀ τ` that is bounded at singularities, where the arm itself takes
-//! the torque.
+//! A force F accelerates a free hand of mass m to the speed F t / m in a short time t. Joint torques τ accelerate it to
+//! `t J (M + m JᵀJ)⁻¹ τ`, with J the translational Jacobian of the grip and M the arm's mass matrix. The equivalent force
+//! is `F = m |J (M + m JᵀJ)⁻¹ τ|`. Unlike `J⁻ᵀ τ` it is bounded at singularities, where the structure carries the torque.
 //!
-//! Both quantities are the largest over `postures`, a sample of the range, not over all of it.
+//! Each result is the maximum over `postures`, a sample of the joint ranges.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -14,34 +13,35 @@ use crate::arm::Arm;
 use crate::coupling::Coupling;
 use crate::soft_stops::SoftStops;
 
-/// An arm with a hand at its grip.
+/// Arm with a hand at its grip.
 #[derive(Clone, Copy, Debug)]
 pub struct PushedHand<'a> {
-    /// The arm.
+    /// Kinematics and masses of the arm.
     pub arm: &'a Arm<6>,
-    /// Actuators and the joints they move.
+    /// Coupling of actuators and joints.
     pub coupling: &'a Coupling<6>,
     /// Mass of hand and grip, in kg.
     pub mass: f64,
 }
 
 impl PushedHand<'_> {
-    /// Force in N of torques of any sign up to `most` of each actuator, in N·m or N.
+    /// Returns the maximum force in N of actuator torques of any sign, each up to `most` in N·m or N.
     pub fn by_actuators(&self, most: &JointVector) -> f64 {
         self.largest(|_, forces| {
             let shares = joint_shares(self.coupling, most);
             let pushes: Vec<SVector<f64, 3>> = shares.map(|share| forces * share).collect();
-            // The sign of the first decides nothing.
+            // The norm is the same with all signs reversed, so the first is fixed.
             (0..1_u32 << 5).map(|signs| sum(&pushes, signs).norm()).fold(0.0, f64::max)
         })
     }
 
-    /// Force in N of the soft stops of all joints that are at an end of their range.
+    /// Returns the maximum force in N of the soft stops, with joints at the ends of their ranges.
     pub fn by_soft_stops(&self, stops: &SoftStops<6>) -> f64 {
         self.largest(|q, forces| (forces * stops.torques(q, &JointVector::zeros())).norm())
     }
 
-    /// The largest value of `push`, which gets a posture and the matrix from joint torques to forces.
+    /// Returns the maximum of `push` over the postures. Its arguments are joint positions and the matrix from joint torques
+    /// to forces.
     fn largest(&self, push: impl Fn(&JointVector, &SMatrix<f64, 3, 6>) -> f64) -> f64 {
         let pushes = postures(&self.arm.ranges()).into_iter().filter_map(|q| {
             let posture = self.arm.posture(&q);
@@ -53,7 +53,7 @@ impl PushedHand<'_> {
     }
 }
 
-/// Joint torques of each actuator at its `most` alone.
+/// Returns the joint torques of each actuator alone at its `most`.
 fn joint_shares<'a>(
     coupling: &'a Coupling<6>,
     most: &'a JointVector,
@@ -64,7 +64,7 @@ fn joint_shares<'a>(
     })
 }
 
-/// The sum of `pushes`, those after the first turned round where `signs` has a bit.
+/// Sums `pushes`; bit `i` of `signs` reverses push `i + 1`.
 fn sum(pushes: &[SVector<f64, 3>], signs: u32) -> SVector<f64, 3> {
     let signed = pushes.iter().enumerate().map(|(place, push)| {
         let is_turned = place > 0 && signs >> (place - 1) & 1 == 1;
@@ -73,7 +73,7 @@ fn sum(pushes: &[SVector<f64, 3>], signs: u32) -> SVector<f64, 3> {
     signed.sum()
 }
 
-/// All joints at their ends in every combination, each alone at an end, and none.
+/// Returns all combinations of range ends, each joint alone at an end with the others in mid-range, and mid-range.
 fn postures(ranges: &[[f64; 2]; 6]) -> Vec<JointVector> {
     let middle = JointVector::from(ranges.map(|[low, high]| f64::midpoint(low, high)));
     let corner = |ends: u32| {
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::arm::Link;
 
-    /// A joint that turns the grip 0.5 m away from its axis, and five that turn it in place.
+    /// Returns an arm with one joint 0.5 m from the grip, and five that turn the grip in place.
     fn arm() -> Arm<6> {
         let link = Link { rotor_inertia: 1e-3, range: [-1.0, 1.0], ..Link::TURNING };
         let mut links = [link; 6];
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn push_counts_by_the_share_of_the_hand_in_what_moves() {
-        // Torque over lever, of which the rotor takes its part: 1e-3 kg·m² against m (0.5 m)².
+        // Torque over lever, reduced by the rotor's share of the inertia: 1e-3 kg·m² against m (0.5 m)².
         let (arm, coupling) = (arm(), Coupling::none());
         let most = JointVector::from([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         for mass in [0.02, 0.5, 4.0] {

@@ -1,7 +1,8 @@
-//! The sampled loop of one axis: device and hand, law, object and surface, with every delay between them.
+//! Sampled loop of one axis: device and hand, law, object and surface, with all delays.
 //!
-//! Exact for a linear loop. The mass in the hand moves under a torque held for a period (zero-order hold); everything else
-//! is a difference equation of the cycle. `w = z⁻¹` is one cycle; cycle `k` samples the grip at `x`, the object is at `o`:
+//! The model is exact for a linear loop. The mass in the hand moves under a force held for a period (zero-order hold);
+//! the rest is a difference equation per cycle. `w = z⁻¹` delays by one cycle, `x` is the sampled position of the grip, and
+//! `o` that of the object:
 //!
 //! ```text
 //!  M ẍ = F - (b + b_h) ẋ - K_h x      F held for a period
@@ -12,8 +13,8 @@
 //!  surface   S = k_e + d_e (1 - w)/T
 //! ```
 //!
-//! A link adds its cycles to the way from command to wrench. An arm's sensor reads the mean of a cycle, `(1 + w)/2`, and its
-//! computer commands the joints a cycle later.
+//! A link adds its cycles to the path from command to wrench. The sensor of a robot arm reads the mean of a cycle,
+//! `(1 + w)/2`, and its computer commands the joints a cycle later.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -22,18 +23,18 @@ use crate::stability::grip_dynamics::ReducedGrip;
 use crate::stability::polynomial::Polynomial;
 use units::math;
 
-/// Halvings of the period before the exponential's series, and terms of the series.
+/// Halvings of the matrix before the exponential series, and terms of the series.
 const HALVINGS: i32 = 6;
 const TERMS: u32 = 12;
 
-/// A loop that gains close over one axis.
+/// Loop that gains close over one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loop {
     /// K_D alone, in free motion.
     Damping,
-    /// K_D and the strongest damper of the passivity layer.
+    /// K_D and the maximum damping of the passivity layer.
     PassivityDamper,
-    /// K_D and the steepest slope of the return to centre, in free motion.
+    /// K_D and the maximum stiffness of the return to centre, in free motion.
     Centring,
     /// K_D and contact in pose mode.
     Pose,
@@ -43,20 +44,20 @@ pub enum Loop {
     Rate,
 }
 
-/// One axis, with device and hand as they are at one posture.
+/// Loop of one axis, with device and hand at one posture.
 #[derive(Clone, Copy, Debug)]
 pub struct SampledLoop<'a> {
     /// Gains, surface, period and delays.
     pub axis: &'a Axis,
-    /// The grip in a hand, K_D counted in.
+    /// Grip in a hand, K_D included.
     pub grip: ReducedGrip,
-    /// Cycles of a link from command to wrench.
+    /// Delay of a link from command to wrench, in cycles.
     pub link_cycles: u32,
 }
 
 impl SampledLoop<'_> {
-    /// Returns the characteristic polynomial of the loop in two parts: without the gain that it is named for (K_D, the layer's
-    /// damper, F0, K_T or K_vc), and what that gain adds. The roots of their sum are those of the state matrix.
+    /// Returns the characteristic polynomial of the loop in two parts: without the loop's gain, and the contribution of that
+    /// gain. It is K_D, the layer's damper, F0, K_T or K_vc. The roots of the sum are the eigenvalues of the state matrix.
     pub fn characteristic(&self, closed: Loop) -> [Polynomial; 2] {
         let (moved, den) = self.plant();
         let velocity = self.velocity();
@@ -78,23 +79,24 @@ impl SampledLoop<'_> {
             Loop::Centring => [base, (moved * self.axis.centring()).later(torque_delay)],
             Loop::Coupling => {
                 let Impedance { stiffness, damping } = self.axis.coupling.unwrap_or_default();
-                let felt = spring(stiffness, damping, period) * self.axis.felt_pose();
+                let felt = spring(stiffness, damping, period) * self.axis.pose_reflection_gain();
                 [base, (&moved * &felt).later(torque_delay)]
             }
             Loop::Pose => {
-                let felt = self.surface() * (self.axis.felt_pose() * self.part());
+                let felt = self.surface() * (self.axis.pose_reflection_gain() * self.part());
                 [&base * &self.servo(), self.way_back(&moved * &felt)]
             }
             Loop::Rate => {
-                let felt = self.surface() * (self.axis.felt_rate() * self.part() * period);
+                let felt =
+                    self.surface() * (self.axis.rate_reflection_gain() * self.part() * period);
                 let [object, given_way] = self.accommodation();
                 [&base * &(object + given_way), self.way_back(&moved * &felt)]
             }
         }
     }
 
-    /// Returns the characteristic polynomial of the object that gives way to the surface, in two parts: without K_FA, and
-    /// what K_FA adds.
+    /// Returns the characteristic polynomial of the object that yields to the surface, in two parts: without K_FA, and the
+    /// contribution of K_FA.
     pub fn accommodation(&self) -> [Polynomial; 2] {
         let timing = self.axis.timing;
         let gain = self.axis.gains.accommodation * self.part() * timing.period;
@@ -102,12 +104,12 @@ impl SampledLoop<'_> {
         [&Polynomial::new(&[1.0, -1.0]) * &self.servo(), self.read(given)]
     }
 
-    /// From the object's command to the torque of its wrench: commanded, sensed, reflected.
+    /// Applies the delay from the object's command through the sensed wrench to the reflected torque.
     fn way_back(&self, felt: Polynomial) -> Polynomial {
         self.read(felt).later(3 + self.link_cycles)
     }
 
-    /// A robot's sensor reads the mean of the cycle, and its computer commands a cycle later.
+    /// Applies a robot's sensor, which reads the mean of a cycle, and its computer, a cycle later.
     fn read(&self, wrench: Polynomial) -> Polynomial {
         if self.axis.timing.is_robot {
             (&wrench * &Polynomial::new(&[0.5, 0.5])).later(1)
@@ -121,24 +123,24 @@ impl SampledLoop<'_> {
         spring(stiffness, damping, self.axis.timing.period)
     }
 
-    /// `1 - (1 - p) w`.
+    /// Returns the denominator of the servo, `1 - (1 - p) w`.
     fn servo(&self) -> Polynomial {
         Polynomial::new(&[1.0, self.part() - 1.0])
     }
 
-    /// p, the part of its way that the servo goes in a period.
+    /// Returns p, the step response of the servo after one period.
     fn part(&self) -> f64 {
         let timing = self.axis.timing;
         if timing.servo_lag <= 0.0 { 1.0 } else { -math::exp_m1(-timing.period / timing.servo_lag) }
     }
 
-    /// `(T + τ) - τ w`.
+    /// Returns the denominator of the velocity filter, `(T + τ) - τ w`.
     fn velocity(&self) -> Polynomial {
         let timing = self.axis.timing;
         Polynomial::new(&[timing.period + timing.velocity_filter, -timing.velocity_filter])
     }
 
-    /// Numerator and denominator of the grip's displacement by a force held for a period.
+    /// Returns numerator and denominator of the grip's displacement per force held for a period.
     fn plant(&self) -> (Polynomial, Polynomial) {
         let ReducedGrip { mass, damping: b, stiffness: k, .. } = self.grip;
         let period = self.axis.timing.period;
@@ -151,12 +153,12 @@ impl SampledLoop<'_> {
     }
 }
 
-/// `K + B (1 - w)/T`.
+/// Returns `K + B (1 - w)/T`.
 fn spring(stiffness: f64, damping: f64, period: f64) -> Polynomial {
     Polynomial::new(&[stiffness + damping / period, -damping / period])
 }
 
-/// The exponential of a matrix: its series at a small part of it, squared again and again.
+/// Returns the exponential of a matrix, by scaling and squaring of its series.
 fn exponential(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     let small = matrix / f64::from(1 << HALVINGS);
     let (mut sum, mut term) = (Matrix3::identity(), Matrix3::identity());
@@ -171,7 +173,7 @@ fn exponential(matrix: &Matrix3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// `exp` of a rotation by a quarter turn, and of a double integrator.
+    /// Checks the exponential of a quarter turn and of a double integrator.
     #[test]
     fn exponential_agrees_with_closed_forms() {
         let turn = std::f64::consts::FRAC_PI_2;

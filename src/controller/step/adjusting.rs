@@ -1,10 +1,10 @@
-//! Adjustments in the cycle: when a change is taken, and how the object's reference moves along with it.
+//! Adjustments in the cycle: preconditions of a change, and its effect on the object's reference.
 
 use nalgebra::Isometry3;
 
 use super::Controller;
 use crate::Settings;
-use crate::adjustment::{Adjusted, AdjustmentRefused, is_contact, is_contact_on};
+use crate::adjustment::{AdjustmentError, AdjustmentState, is_contact, is_contact_on};
 use crate::alignment::Alignment;
 use crate::command::{CommandLaw, Gate};
 use crate::reference::Displacement;
@@ -12,11 +12,12 @@ use crate::switches::Mode;
 use units::adjustment::{Adjustment, LockAxis};
 
 impl Controller {
-    /// Takes a change that the operator makes while running.
+    /// Applies an adjustment of the operator.
     ///
     /// # Errors
-    /// A change that is out of bounds, or not possible in the state of the last cycle. Nothing is changed then.
-    pub fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentRefused> {
+    /// Returns the reason if the adjustment is out of bounds, or not permitted in the state of the last cycle; the state is
+    /// then unchanged.
+    pub fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentError> {
         let bounds = &self.settings.bounds;
         match adjustment {
             Adjustment::Scale(quantity, factor) => {
@@ -27,7 +28,7 @@ impl Controller {
                 let yields = self.mode == Mode::Rate && axis.entry(&bounds.yields);
                 let commands = self.gate == Gate::Open && yields;
                 if is_locked && commands && is_contact_on(&self.f_m_sensed, axis) {
-                    return Err(AdjustmentRefused::HoldsContact { axis });
+                    return Err(AdjustmentError::HoldsContact { axis });
                 }
                 self.scaling.lock(axis, is_locked);
             }
@@ -40,31 +41,32 @@ impl Controller {
     }
 
     /// Returns the state of scales, locks and alignment.
-    pub const fn adjusted(&self) -> Adjusted {
-        Adjusted::new(&self.scaling, self.alignment.is_some())
+    pub const fn adjusted(&self) -> AdjustmentState {
+        AdjustmentState::new(&self.scaling, self.alignment.is_some())
     }
 
-    /// Checks that the object may be turned.
-    fn check_alignment(&self) -> Result<(), AdjustmentRefused> {
+    /// Checks the preconditions of an alignment.
+    fn check_alignment(&self) -> Result<(), AdjustmentError> {
         let locked = LockAxis::ALL.into_iter().filter(|axis| axis.is_rotation());
         match (self.mode, self.gate) {
-            (Mode::Rate, _) => Err(AdjustmentRefused::NotPose),
+            (Mode::Rate, _) => Err(AdjustmentError::NotPose),
             (Mode::Pose, Gate::Released | Gate::Waiting | Gate::TurnedTooFar) => {
-                Err(AdjustmentRefused::NotCommanding)
+                Err(AdjustmentError::NotCommanding)
             }
             (Mode::Pose, Gate::Open) if is_contact(&self.f_m_sensed) => {
-                Err(AdjustmentRefused::InContact)
+                Err(AdjustmentError::InContact)
             }
             (Mode::Pose, Gate::Open) => {
                 match locked.into_iter().find(|axis| axis.entry(self.scaling.locked())) {
-                    Some(axis) => Err(AdjustmentRefused::Locked { axis }),
+                    Some(axis) => Err(AdjustmentError::Locked { axis }),
                     None => Ok(()),
                 }
             }
         }
     }
 
-    /// Returns the law with the factors of this cycle. The object's reference moves along with a change, so that no pose jumps.
+    /// Returns the law with the factors of this cycle. In pose mode it adapts the object's reference to a change, so that
+    /// the commanded pose does not jump.
     pub(super) fn scaled(
         &mut self,
         law: &CommandLaw,
@@ -84,7 +86,7 @@ impl Controller {
         now
     }
 
-    /// Turns the object's reference by a cycle of an alignment. It ends where the operator does not command, or in contact.
+    /// Advances an alignment by one cycle. It ends when the operator does not command, in contact, or with a locked rotation.
     pub(super) fn align(
         &mut self,
         law: &CommandLaw,

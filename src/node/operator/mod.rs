@@ -170,7 +170,7 @@ impl Operator {
         let self_driven = output.ledger.self_driven.filter(|_| permit.engaged);
         let driven_on = self.driven_on.check(dt, self_driven, &dq, fresh);
         let uncommanded = uncommanded.or(driven_on);
-        let motion = Motion::new(self.period, &output.moving.v_g, acted_felt.dot(&dq));
+        let motion = Motion::new(self.period, &output.twist.v_g, acted_felt.dot(&dq));
         let sampled = self.sampled_motion.add(&motion, is_complete);
         if !permit.engaged {
             self.instability.reset();

@@ -1,4 +1,4 @@
-//! A commanded side in another process: the node's end of the [`contract`] over a Unix socket.
+//! Commanded side in another process: the node's end of the [`contract`] over a Unix socket.
 //!
 //! ```text
 //!  cycle's thread                    link's thread, below its priority                  far side
@@ -6,10 +6,10 @@
 //!                ◄── newest FarView ──                ◄── Feedback, Capability ────────
 //! ```
 //!
-//! Two slots are between the threads, in which a new value replaces the one before: neither thread waits, calls the kernel
-//! or allocates for them. The link's thread takes at most 16 messages in a period; a message that the peer's queue has no
-//! room for is dropped, so a far side that hangs meets no backlog. A cycle that stalls commands nothing: the link's thread holds
-//! in its place. What is old, forged or of another session has no effect ([`NodeEnd`]).
+//! Two triple buffers connect the threads; a new value replaces the last one. Access does not block, allocate or call
+//! the kernel. The link's thread receives at most 16 messages per period. It drops messages if the peer's queue is full, so a
+//! far side that hangs finds no backlog. If the cycle stalls, it sends holds. Messages that are old, forged or of another
+//! session have no effect ([`NodeEnd`]).
 
 mod far_view;
 mod status;
@@ -27,16 +27,16 @@ use std::time::Duration;
 use socket2::Socket;
 use triple_buffer::{Input, Output, triple_buffer};
 
-use crate::stated::{Misfit, Stated};
-use crate::{Command, Remote, Sensed, SideFault, messages};
+use crate::stated::{Misfit, StatedCapability};
+use crate::{Command, Remote, RemoteSample, SideFault, messages};
 use contract::{NodeEnd, Order};
 use units::time::Instant;
 use unix_socket::Door;
 
-/// Maximum age of a feedback that answers a request to arm.
+/// Maximum age of the feedback on which an arming relies.
 const MAX_ANSWER_AGE: Duration = Duration::from_millis(100);
 
-/// Newest command of the cycle, its time and its epoch.
+/// Newest command of the cycle, with its time and epoch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lead {
     pub(crate) at: Instant,
@@ -44,10 +44,10 @@ pub(crate) struct Lead {
     pub(crate) epoch: u32,
 }
 
-/// Settings of a link.
+/// Parameters of a link, and the figures of the far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkSettings {
-    /// Number of the arm.
+    /// Arm number of the contract.
     pub arm: u16,
     /// Session of this node; must be random.
     pub session: u64,
@@ -55,25 +55,25 @@ pub struct LinkSettings {
     pub period: Duration,
     /// Maximum 99th percentile of the round trips.
     pub round_trip: Duration,
-    /// Figures that the far side must have.
-    pub stated: Stated,
+    /// Configured figures of the far side.
+    pub stated: StatedCapability,
 }
 
-/// The commanded side, for the cycle.
+/// Link as the cycle uses it.
 #[derive(Debug)]
 pub struct LinkSide {
     leads: Input<Lead>,
     views: Output<FarView>,
     settings: LinkSettings,
     epoch: u32,
-    /// Session of the far side that was compared at the last arming or reset, while armed.
+    /// Session of the far side compared at the last arming or reset; `None` while not armed.
     compared: Option<u64>,
 }
 
-/// Returns the two parts of a link that listens on a SEQPACKET socket.
+/// Creates both parts of a link that listens on a SEQPACKET socket.
 ///
 /// # Errors
-/// The socket cannot be set up.
+/// Returns the error of the socket's setup.
 pub fn link(listener: Socket, settings: &LinkSettings) -> io::Result<(LinkSide, LinkThread)> {
     let lead = Lead { at: Instant::ZERO, order: messages::order(&Command::HOLD), epoch: 0 };
     let (leads, newest_lead) = triple_buffer(&lead);
@@ -86,12 +86,12 @@ pub fn link(listener: Socket, settings: &LinkSettings) -> io::Result<(LinkSide, 
 }
 
 impl Remote for LinkSide {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         let order = messages::order(command);
         self.leads.write(Lead { at: now, order, epoch: self.epoch });
         let compared = self.compared;
         let view = self.views.read();
-        // The capability of a far side that has started since is not compared.
+        // The capability of a far side that has started since the last arming has not been compared.
         view.sensed.filter(|_| compared.is_none_or(|session| session == view.session()))
     }
 

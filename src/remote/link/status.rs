@@ -1,34 +1,34 @@
-//! The link in figures, for people.
+//! Status of the link, for the console.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use contract::{Reason, Reject};
 
-/// The link in figures.
+/// Sessions, round trips and counters of the link.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LinkStatus {
     /// Session of this node.
     pub session: u64,
     /// A process is connected.
     pub is_connected: bool,
-    /// Session of the far side; zero for none.
+    /// Session of the far side; zero without one.
     pub far_session: u64,
-    /// Session of the node that leads it; zero for none.
+    /// Session of the node that leads the far side; zero without one.
     pub leader: u64,
-    /// Why it holds; `None` before the first feedback.
+    /// Reason of a hold, [`Reason::None`] while the far side follows; `None` before the first feedback.
     pub reason: Option<Reason>,
-    /// 50th and 99th percentile of the newest round trips.
+    /// 50th and 99th percentile of the newest round trips; `None` with too few of them.
     pub round_trips: Option<[Duration; 2]>,
-    /// Messages of the far side that did not arrive.
+    /// Number of messages lost from the far side.
     pub lost: u64,
-    /// Messages that the far side's queue had no room for.
+    /// Number of messages dropped because the far side's queue was full.
     pub dropped: u64,
-    /// Messages that had no effect, by reason.
+    /// Number of rejected messages, by reason.
     pub rejects: Vec<(Reject, u64)>,
 }
 
-/// The newest status, shared with the console.
+/// Newest status, shared between link and console.
 #[derive(Clone, Debug, Default)]
 pub struct LatestLink(Arc<Mutex<LinkStatus>>);
 
@@ -38,7 +38,7 @@ impl LatestLink {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Replaces the status, unless it is being read.
+    /// Replaces the status, unless a reader holds the lock.
     pub(super) fn offer(&self, status: &LinkStatus) {
         if let Ok(mut latest) = self.0.try_lock() {
             latest.clone_from(status);

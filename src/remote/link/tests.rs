@@ -1,4 +1,4 @@
-//! The link over a real socket, in virtual time.
+//! Tests of the link over a real socket, in virtual time.
 #![allow(clippy::float_cmp, reason = "a force goes through the link as it is")]
 
 use std::io::{Read, Write};
@@ -18,14 +18,17 @@ const MS: Duration = Duration::from_millis(1);
 const HOLD_AFTER: Duration = Duration::from_millis(100);
 const RATE: Motion = Motion::Rate(Twist { linear: Vector3::new(0.1, 0.0, 0.0), ..Twist::ZERO });
 
-fn stated() -> Stated {
+fn stated() -> StatedCapability {
     let servo = Servo::new(0.01, 0.5, 2.0).unwrap();
-    Stated { stiffest_contact: 5_000.0, ..Stated::of(&Interaction::default(), &servo) }
+    StatedCapability {
+        stiffest_contact: 5_000.0,
+        ..StatedCapability::from_interaction(&Interaction::default(), &servo)
+    }
 }
 
-/// Returns a capability that is as stated, and better where nothing is.
+/// Returns a capability with the configured figures, and better ones where none is configured.
 fn capability() -> Capability {
-    let stated = Stated {
+    let stated = StatedCapability {
         sample_period: 1e-3,
         hold_after: HOLD_AFTER.as_secs_f64(),
         sensor_range: [200.0, 20.0],
@@ -34,7 +37,7 @@ fn capability() -> Capability {
     stated.capability([[-1.0; 3], [1.0; 3]])
 }
 
-/// A far side with its connection.
+/// Far side with its connection.
 struct Far {
     end: FarEnd,
     capability: Capability,
@@ -68,7 +71,7 @@ impl Far {
         self.motion = self.end.motion(now);
         let f_s = Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO };
         let x_b_m = Isometry3::identity();
-        let sensed = Sensed { at: now, f_s, x_b_m, gripper: self.end.gripper() };
+        let sensed = RemoteSample { at: now, f_s, x_b_m, gripper: self.end.gripper() };
         let feedback = self.end.feedback(now, &messages::measured(&sensed));
         (&self.socket).write_all(&feedback).ok();
         if let Some(figures) = self.end.capability(now, &self.capability) {
@@ -77,7 +80,7 @@ impl Far {
     }
 }
 
-/// A node's link at a socket of its own.
+/// Link of a node at a separate socket.
 struct Rig {
     path: PathBuf,
     _folder: TempDir,
@@ -107,14 +110,14 @@ impl Rig {
     }
 
     /// Runs a cycle of the node and of its link; returns the sample.
-    fn cycle(&mut self, command: &Motion) -> Option<Sensed> {
+    fn cycle(&mut self, command: &Motion) -> Option<RemoteSample> {
         self.now = self.now + MS;
         self.thread.step(self.now);
         self.side.exchange(self.now, &Command { motion: *command, gripper: self.gripper })
     }
 
     /// Runs cycles of both ends.
-    fn cycles(&mut self, count: usize, command: &Motion, far: &mut Far) -> Option<Sensed> {
+    fn cycles(&mut self, count: usize, command: &Motion, far: &mut Far) -> Option<RemoteSample> {
         (0..count).fold(None, |_, _| {
             let sensed = self.cycle(command);
             far.step(self.now, 2.0);
@@ -147,7 +150,7 @@ fn command_acts_from_the_first_epoch_on() {
     let sensed = rig.cycles(3, &RATE, &mut far).unwrap();
     assert_eq!(far.motion, messages::order(&RATE.into()).motion);
     assert_eq!((sensed.f_s.force.x, rig.side.fault()), (2.0, None));
-    // Command k is answered in cycle k, and read with the next one.
+    // The answer to command k, of cycle k, is received in the next one.
     assert!(rig.now.since(sensed.at) <= MS * 3, "{:?}", rig.now.since(sensed.at));
 }
 
@@ -174,7 +177,8 @@ fn far_side_of_another_arm_version_or_contract_is_named() {
         for _ in 0..5 {
             rig.cycle(&Motion::Hold);
             far.take(rig.now);
-            let mut message = far.end.feedback(rig.now, &contract::Measured::default()).to_vec();
+            let mut message =
+                far.end.feedback(rig.now, &contract::Measurements::default()).to_vec();
             change(&mut message);
             (&far.socket).write_all(&message).unwrap();
         }
@@ -232,7 +236,7 @@ fn hazard_34_killed_far_side_ages_and_another_one_is_not_felt() {
     let mut other = Far::at(&rig.path, 0xf00d_f00d);
     assert_eq!(rig.cycles(150, &RATE, &mut other), None, "not compared; the last was {last:?}");
     assert_eq!((other.motion, other.end.reason()), (contract::Motion::Hold, Reason::NotArmed));
-    // The stop ends the epoch; the reset compares, and begins one.
+    // The stop ends the epoch; the reset compares the capability, and begins a new epoch.
     rig.side.end_epoch();
     assert!(rig.cycle(&Motion::Hold).is_some());
     assert_eq!(rig.side.misfits(rig.now), []);
@@ -278,8 +282,9 @@ fn hazard_37_wrong_messages_have_no_effect_and_are_counted() {
     let now = rig.now;
     let mut stranger = FarEnd::new(7, 0xbad_face, HOLD_AFTER);
     let mut other_arm = FarEnd::new(8, 0xface_face, HOLD_AFTER);
-    let huge = contract::Measured { wrench: Some([9.0; 6]), ..contract::Measured::default() };
-    let nan = contract::Measured { wrench: Some([f64::NAN; 6]), ..huge };
+    let huge =
+        contract::Measurements { wrench: Some([9.0; 6]), ..contract::Measurements::default() };
+    let nan = contract::Measurements { wrench: Some([f64::NAN; 6]), ..huge };
     let own = far.end.feedback(now, &nan);
     let long = [0; 600];
     let wrong: [&[u8]; 6] = [
@@ -291,7 +296,7 @@ fn hazard_37_wrong_messages_have_no_effect_and_are_counted() {
         &own,
     ];
     for message in wrong {
-        // Twice: a repetition has no effect either.
+        // The repetition of a message has no effect.
         (0..2).for_each(|_| _ = far.socket.send(message).unwrap());
         let sensed = rig.cycles(1, &RATE, &mut far).unwrap();
         assert_eq!(sensed.f_s.force.x, 2.0);
@@ -315,7 +320,7 @@ fn flood_delays_no_cycle_and_drops_no_link() {
     }
     let sensed = rig.cycle(&RATE).unwrap();
     assert!(sent > 3_000, "{sent}");
-    // What waits in the socket's queue is taken 16 at a time.
+    // Queued messages are received 16 at a time.
     assert!(rig.now.since(sensed.at) < MS * 50, "{:?}", rig.now.since(sensed.at));
 }
 
@@ -324,7 +329,7 @@ fn far_side_that_reads_nothing_meets_no_backlog() {
     let (mut rig, mut far) = Rig::connected();
     rig.side.begin_epoch();
     rig.cycles(5, &RATE, &mut far);
-    // It is stopped for 3 s.
+    // The far side is stopped for 3 s.
     (0..3_000).for_each(|_| _ = rig.cycle(&RATE));
     let dropped = rig.status().dropped;
     assert!(dropped > 2_900, "{dropped}");

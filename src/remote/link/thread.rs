@@ -1,4 +1,4 @@
-//! The thread of the link: sends the newest command once a period, and takes what the far side sends.
+//! Thread of the link: sends the newest command once per period, and receives the far side's messages.
 
 use std::time::Duration;
 
@@ -11,20 +11,20 @@ use contract::{Capability, NodeEnd, Sample};
 use units::time::Instant;
 use unix_socket::{Arrival, Door, Reception};
 
-/// Maximum number of messages taken in one period.
+/// Maximum number of messages received in one period.
 const MAX_MESSAGES: u32 = 16;
 
-/// Periods without a command of the cycle after which the thread holds in its place, and their minimum.
+/// Maximum periods without a command of the cycle before the thread sends a hold, and the minimum of that time.
 const MAX_SILENT_PERIODS: u32 = 3;
 const MIN_SILENCE: Duration = Duration::from_millis(10);
 
-/// Time between two looks at the round trips, which are sorted for them.
+/// Period of the evaluation of round trips, which sorts them.
 const STATUS_EVERY: Duration = Duration::from_millis(100);
 
-/// Round trips below which their 99th percentile is the longest one.
+/// Minimum number of round trips for a 99th percentile that differs from the maximum.
 const MIN_ROUND_TRIPS: usize = 100;
 
-/// The link's thread.
+/// State of the link's thread.
 #[derive(Debug)]
 pub struct LinkThread {
     door: Door,
@@ -38,7 +38,7 @@ pub struct LinkThread {
     latest: LatestLink,
     status_at: Instant,
     is_slow: bool,
-    /// The log says that the messages of this connection are foreign.
+    /// The log has a warning about foreign messages of this connection.
     is_foreign: bool,
     /// Refused connections since the last log line.
     refused: u64,
@@ -70,19 +70,19 @@ impl LinkThread {
         }
     }
 
-    /// Returns the status that the thread keeps up to date.
+    /// Returns a handle to the status of the link.
     pub fn latest(&self) -> LatestLink {
         self.latest.clone()
     }
 
-    /// Runs until `stopping` returns true. `clock` must be that of the cycle.
+    /// Runs until `stopping` returns true. `clock` must be the clock of the cycle.
     pub fn run(mut self, clock: impl Fn() -> Instant, stopping: impl Fn() -> bool) {
         let (mut next, mut left) = (clock(), MAX_MESSAGES);
         while !stopping() {
             let now = clock();
             if next <= now {
                 self.begin_period(now);
-                // A thread that was stopped sends no command twice.
+                // After a stall the thread does not catch up on missed periods.
                 next = (next + self.period).max(now);
                 left = MAX_MESSAGES;
             }
@@ -91,13 +91,13 @@ impl LinkThread {
         }
     }
 
-    /// Runs one period without waiting, as a simulation in virtual time does.
+    /// Runs one period without blocking, for a simulation in virtual time.
     pub fn step(&mut self, now: Instant) {
         self.begin_period(now);
         self.receive(now);
     }
 
-    /// Takes up to 16 messages that have come since.
+    /// Receives up to 16 pending messages.
     pub fn receive(&mut self, now: Instant) {
         self.take(&|| now, MAX_MESSAGES);
     }
@@ -107,7 +107,7 @@ impl LinkThread {
         self.report(now);
     }
 
-    /// Sends the newest command, or a hold if the cycle has stalled or ended.
+    /// Sends the newest command, or a hold if it is too old.
     fn send(&mut self, now: Instant) {
         let Lead { at, order, epoch } = *self.leads.read();
         let silence = (self.period * MAX_SILENT_PERIODS).max(MIN_SILENCE);
@@ -128,7 +128,7 @@ impl LinkThread {
                 tracing::info!(uid = who.uid(), pid = who.pid(), "far side connected");
             }
             Some(Arrival::Second(who)) => {
-                // The first of many at once, and again when the status is next looked at.
+                // Logged once per evaluation of the status.
                 if self.refused == 0 {
                     let (uid, pid) = (who.uid(), who.pid());
                     tracing::warn!(uid, pid, "second far side refused: one is connected");
@@ -140,14 +140,14 @@ impl LinkThread {
         self.status.is_connected = self.door.has_peer();
     }
 
-    /// Takes up to `left` messages, then a connection; returns how many more messages may be taken in this period.
+    /// Receives up to `left` messages, then accepts a connection. Returns the number of messages left in this period.
     fn take(&mut self, clock: &impl Fn() -> Instant, mut left: u32) -> u32 {
-        // A byte more than the longest message, so that a longer one is seen to be.
+        // One byte more than the longest message, to detect longer ones.
         let mut buffer = [0; Capability::LENGTH + 1];
         while left > 0 {
             match self.door.receive(&mut buffer) {
                 Reception::Message(length) => {
-                    // Read behind the reception: this process may be stopped in between.
+                    // The clock is read after the reception, since this process may be stopped in between.
                     self.on_message(clock(), buffer.get(..length).unwrap_or(&buffer));
                 }
                 Reception::Nothing => break,
@@ -159,7 +159,7 @@ impl LinkThread {
             left -= 1;
         }
         self.views.write(self.view);
-        // Behind the end of the peer: a far side that has started again is not a second one.
+        // After a closed connection, so that a restarted far side is not refused as a second one.
         self.accept();
         left
     }
@@ -179,7 +179,7 @@ impl LinkThread {
         }
     }
 
-    /// Brings the status up to date.
+    /// Updates the status.
     fn report(&mut self, now: Instant) {
         if now.since(self.status_at) >= STATUS_EVERY {
             self.status_at = now;
@@ -197,7 +197,7 @@ impl LinkThread {
         self.latest.offer(&self.status);
     }
 
-    /// Computes the percentiles of the round trips, and logs one that is longer than stated.
+    /// Computes the percentiles of the round trips; logs a 99th percentile above the configured maximum.
     fn judge_round_trips(&mut self) {
         let round_trips = self.end.round_trips();
         let is_known = round_trips.count() >= MIN_ROUND_TRIPS;

@@ -18,10 +18,10 @@ use units::spatial::Twist;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// Limit of these tests: what the fastest robot does in 40 ms, at 0.5 m/s and 2 rad/s.
+/// Limit of these tests: travel in 40 ms at 0.5 m/s and 2 rad/s.
 const LIMIT: Difference = Difference { distance: 0.02, angle: 0.08 };
 
-/// A way between node and robot.
+/// Network between node and robot.
 #[derive(Clone, Copy, Debug)]
 struct Network {
     delay_ms: u64,
@@ -37,7 +37,7 @@ fn network() -> impl Strategy<Value = Network> {
     })
 }
 
-/// Random numbers of a network; the first of each pair decides on the loss.
+/// Random generator of a network; the first number of each pair decides on loss.
 struct Dice(u64);
 
 impl Dice {
@@ -72,7 +72,7 @@ fn law() -> ResolvedRate {
     ResolvedRate::new(chain, DampedInverse::default(), limits, 0.5).unwrap()
 }
 
-/// Returns that arm far from a singularity.
+/// Returns the arm at a posture far from singularities.
 fn arm() -> FollowingArm {
     FollowingArm::new(law(), Joints::from([0.1, 0.6, -1.9, 0.2, 0.9, 0.1, 0.0, 0.0, 0.0]))
 }
@@ -93,16 +93,16 @@ fn remote(arm: Option<FollowingArm>, yields: f64) -> Virtual {
     }
 }
 
-/// A robot beyond a network, and its model in the node.
+/// Robot behind a network, and its model in the node.
 struct Session {
     network: Network,
     dice: Dice,
     there: Vec<(u64, u64, Motion)>,
-    back: Vec<(u64, Sensed)>,
-    /// Number and motion of the newest command that the robot has.
+    back: Vec<(u64, RemoteSample)>,
+    /// Number and motion of the newest command that the robot has received.
     led: (u64, Motion),
     model: Model,
-    newest: Option<Sensed>,
+    newest: Option<RemoteSample>,
     at_ms: u64,
 }
 
@@ -128,7 +128,7 @@ impl Session {
     fn cycle(
         &mut self,
         command: Motion,
-        follow: impl FnOnce(Instant, &Motion) -> Sensed,
+        follow: impl FnOnce(Instant, &Motion) -> RemoteSample,
     ) -> Option<Difference> {
         self.at_ms += 1;
         let (ms, network) = (self.at_ms, self.network);
@@ -143,7 +143,7 @@ impl Session {
             self.led = (*sent, *motion);
         }
         self.there.retain(|(due, ..)| *due > ms);
-        let sensed = Sensed { at: Self::at(self.led.0), ..follow(Self::at(ms), &self.led.1) };
+        let sensed = RemoteSample { at: Self::at(self.led.0), ..follow(Self::at(ms), &self.led.1) };
         if let Some(delay) = self.dice.delay(network) {
             self.back.push((ms + delay, sensed));
         }
@@ -158,7 +158,7 @@ impl Session {
     }
 }
 
-/// Returns a hand's command: still at first, then to and fro along an axis, by rate or to a pose.
+/// Returns the command of a hand: a hold, then an oscillation along an axis, by rate or pose.
 fn hand(ms: u32, start: &Isometry3<f64>, hz: f64, is_rate: bool) -> Motion {
     let t = f64::from(ms) * 1e-3 - 0.2;
     let phase = std::f64::consts::TAU * hz * t;
@@ -202,14 +202,14 @@ proptest! {
         let mut robot = Object::new(remote.servo, remote.x_b_m).held_by(held);
         let found = (0..4_000).find(|ms| {
             let command = hand(*ms, &remote.x_b_m, 0.25, is_rate);
-            // The motor of one joint turns nothing.
+            // The motor of one joint is decoupled.
             let step = |_, motion: &Motion| {
                 robot.step(1e-3, motion, &Wrench::ZERO);
                 let mut q = *robot.arm().unwrap().q();
                 q[joint] = held.q()[joint];
                 robot = robot.held_by(FollowingArm::new(law(), q));
                 let x_b_m = *robot.pose();
-                Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None }
+                RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None }
             };
             session.cycle(command, step);
             session.model.fault().is_some()
@@ -255,7 +255,7 @@ fn robot_is_where_it_is_while_nothing_is_commanded() {
     let mut session = Session::new(&remote, network, 1);
     for ms in 0..50 {
         let x_b_m = Isometry3::translation(f64::from(ms), 0.0, 0.0);
-        let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
+        let sensed = RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
         let difference = session.cycle(Motion::Hold, |_, _| sensed);
         assert_eq!(difference, Some(Difference::default()), "moved by hand");
     }
@@ -267,12 +267,12 @@ fn shown_arm_follows_the_sensed_pose() {
     let mut model = Model::new(&remote(Some(held), 0.0), LIMIT, MS);
     let reached = Joints::from([0.2, 0.5, -2.0, 0.1, 1.0, 0.3, 0.0, 0.0, 0.0]);
     let x_b_m = FollowingArm::new(law(), reached).pose();
-    let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
+    let sensed = RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None };
     assert_eq!(model.joints(), Some(RobotJoints((*held.q()).into())));
     for ms in 1..2_000 {
         model.exchange(Session::at(ms), &Motion::Hold, Some(&sensed));
     }
-    let off = Difference::of(model.shown.unwrap().pose(), &x_b_m);
+    let off = Difference::between(model.shown.unwrap().pose(), &x_b_m);
     assert!(off.distance < 1e-5 && off.angle < 1e-5, "{off:?}");
 }
 

@@ -1,4 +1,4 @@
-//! The law with ideal joints.
+//! Tests of the law with ideal joints.
 
 use nalgebra::{Point3, Vector3};
 
@@ -144,7 +144,7 @@ fn invalid_measurements_stop_the_arm() {
     }
 }
 
-/// An environment of 4 kN/m, which a point of the tool touches at the start; it pushes against the approach at the start.
+/// Plane of 4 kN/m, normal to the initial approach of the tool, in contact with one point of the tool at the start.
 struct Plane {
     x_b_m: Isometry3<f64>,
     /// Point in {MRF}, in m.
@@ -164,27 +164,27 @@ impl Plane {
     }
 }
 
-/// An arm in contact, in closed loop.
-struct Pressed {
+/// Arm in contact, in closed loop.
+struct ContactLoop {
     control: ArmControl,
     q: Joints,
     plane: Plane,
 }
 
-impl Pressed {
-    /// Presses until the arm is stopped by its limit of 50 N or 5 N·m.
+impl ContactLoop {
+    /// Presses until the limit of 50 N or 5 N·m stops the arm.
     fn new(gain: f64, point: [f64; 3]) -> Self {
         let (control, q) = yielding(WrenchLimit { force: 50.0, moment: 5.0 }, gain);
         let plane = Plane { x_b_m: *control.pose(), point: point.into() };
-        let mut pressed = Self { control, q, plane };
-        while !pressed.control.is_stopped() {
-            pressed.run(&INWARDS, 1);
+        let mut contact = Self { control, q, plane };
+        while !contact.control.is_stopped() {
+            contact.run(&INWARDS, 1);
         }
-        pressed.run(&INWARDS, 200);
-        pressed
+        contact.run(&INWARDS, 200);
+        contact
     }
 
-    /// Follows a command for `cycles`; returns the greatest force, in N.
+    /// Follows a command for `cycles`; returns the maximum force, in N.
     fn run(&mut self, command: &Motion, cycles: u32) -> f64 {
         let forces = (0..cycles).map(|_| {
             let reading = self.plane.wrench(self.control.pose());
@@ -194,7 +194,7 @@ impl Pressed {
         forces.fold(0.0, f64::max)
     }
 
-    /// Follows a command between resets; returns the force before them and the greatest one, in N.
+    /// Follows a command between resets; returns the force before them and the maximum one, in N.
     fn reset_often(&mut self, command: &Motion) -> [f64; 2] {
         let before = self.run(&Motion::Hold, 1);
         let resets = (0..25).map(|_| {
@@ -205,7 +205,7 @@ impl Pressed {
     }
 }
 
-/// Rate into the environment at 0.3 m/s: accommodation of 0.001 m/(s·N) cancels it at 300 N.
+/// Rate of 0.3 m/s into the plane: accommodation of 0.001 m/(s·N) cancels it at 300 N.
 const INWARDS: Motion = rate([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]);
 
 const fn rate(components: [f64; 6]) -> Motion {
@@ -215,17 +215,17 @@ const fn rate(components: [f64; 6]) -> Motion {
 #[test]
 fn repeated_resets_do_not_raise_the_wrench() {
     let (tip, beside) = ([0.0; 3], [0.04, 0.0, 0.0]);
-    // About y of {MRF}: the point beside the tool goes in, its moment stays within the limit.
+    // About y of {MRF}: the offset point penetrates, with a moment within the limit.
     let turning = rate([0.0, 0.0, 0.0, 0.0, -1.0, 0.0]);
     let oblique = rate([0.1, -0.05, 0.3, 0.2, -0.5, 0.3]);
     let straight = [(tip, INWARDS), (beside, INWARDS)];
     let turned = [(beside, turning), (beside, oblique)];
     for gain in [0.0, 0.001] {
         for (point, command) in straight.into_iter().chain(turned) {
-            let mut pressed = Pressed::new(gain, point);
-            let [before, greatest] = pressed.reset_often(&command);
+            let mut contact = ContactLoop::new(gain, point);
+            let [before, greatest] = contact.reset_often(&command);
             assert!(before > 50.0, "stopped at {before} N");
-            // An arm that has left may come back once, and stops at its speed anew.
+            // An arm that has left may approach again once, and stops at its speed.
             assert!(greatest < 1.05 * before, "{gain}, {command:?}: {before} N, then {greatest} N");
         }
     }
@@ -233,21 +233,21 @@ fn repeated_resets_do_not_raise_the_wrench() {
 
 #[test]
 fn repeated_resets_do_not_raise_the_wrench_at_a_pose() {
-    let mut pressed = Pressed::new(0.0, [0.0; 3]);
-    let deeper = Motion::Pose(pressed.control.pose() * Isometry3::translation(0.01, 0.0, 0.1));
-    let [before, greatest] = pressed.reset_often(&deeper);
+    let mut contact = ContactLoop::new(0.0, [0.0; 3]);
+    let deeper = Motion::Pose(contact.control.pose() * Isometry3::translation(0.01, 0.0, 0.1));
+    let [before, greatest] = contact.reset_often(&deeper);
     assert!(greatest < before + 0.5, "{before} N, then {greatest} N");
 }
 
 #[test]
 fn arm_reset_above_its_limit_moves_sideways_at_full_rate() {
-    let mut pressed = Pressed::new(0.0, [0.0; 3]);
-    pressed.control.reset();
-    let before = *pressed.control.pose();
-    pressed.run(&rate([0.05, 0.0, 0.3, 0.0, 0.0, 0.5]), 100);
-    let moved = before.inverse() * pressed.control.pose();
-    assert!(!pressed.control.is_stopped());
-    // Less what the limits of acceleration take.
+    let mut contact = ContactLoop::new(0.0, [0.0; 3]);
+    contact.control.reset();
+    let before = *contact.control.pose();
+    contact.run(&rate([0.05, 0.0, 0.3, 0.0, 0.0, 0.5]), 100);
+    let moved = before.inverse() * contact.control.pose();
+    assert!(!contact.control.is_stopped());
+    // Less the effect of the acceleration limits.
     let (way, turn) = (moved.translation.x, moved.rotation.angle());
     assert!((0.0044..0.0051).contains(&way), "{way} m");
     assert!((0.044..0.051).contains(&turn), "{turn} rad");
@@ -255,11 +255,11 @@ fn arm_reset_above_its_limit_moves_sideways_at_full_rate() {
 
 #[test]
 fn arm_reset_above_its_limit_yields_against_an_inward_command() {
-    let mut pressed = Pressed::new(0.001, [0.0; 3]);
-    pressed.control.reset();
-    // It leaves at 0.05 m/s until the limit acts again, with the inward command.
-    let before = pressed.run(&Motion::Hold, 1);
-    pressed.run(&INWARDS, 10);
-    let after = pressed.plane.wrench(pressed.control.pose()).force.norm();
+    let mut contact = ContactLoop::new(0.001, [0.0; 3]);
+    contact.control.reset();
+    // The arm leaves at 0.05 m/s until the limit applies again, with the inward command.
+    let before = contact.run(&Motion::Hold, 1);
+    contact.run(&INWARDS, 10);
+    let after = contact.plane.wrench(contact.control.pose()).force.norm();
     assert!(after < before - 1.0, "{before} N, then {after} N");
 }

@@ -43,7 +43,7 @@ impl Spans {
         self.f_s.add(record.f_s.components());
         self.f_g_task.add(output.f_g_task.components());
         self.tau.add(output.tau.into());
-        self.v_g.add(output.moving.v_g.components());
+        self.v_g.add(output.twist.v_g.components());
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use crate::fidelity::sample::{Parts, Sample};
-use controller::interpretation::Felt;
+use controller::interpretation::ReflectionFrame;
 use controller::{JointVector, Ledger, Output, Settings};
 use node::record::{Mode, Record};
 use units::spatial::{Jacobian, Wrench};
@@ -31,7 +31,7 @@ impl Commanded {
     /// Returns the sample of a record; `None` where reflection is off, ramps, or the arm is near a singularity.
     pub fn sample(&mut self, record: &Record) -> Option<Sample> {
         let Record { output, .. } = record;
-        let is_reflected = record.mode == Mode::Engaged && output.pressed.task;
+        let is_reflected = record.mode == Mode::Engaged && output.permissions.task;
         self.reflected = if is_reflected { self.reflected.saturating_add(1) } else { 0 };
         if self.reflected <= self.settings.period.cycles(RAMPS) {
             return None;
@@ -54,8 +54,8 @@ impl Commanded {
         let Output { x_h_g, .. } = &record.output;
         let f_g = reflection.at_grip(&reflection.at_object(&record.f_s));
         match interpretation.task {
-            Felt::InGrip => f_g,
-            Felt::InReference => f_g.turned(&x_h_g.rotation.inverse()),
+            ReflectionFrame::Grip => f_g,
+            ReflectionFrame::Reference => f_g.turned(&x_h_g.rotation.inverse()),
         }
     }
 }

@@ -7,9 +7,9 @@ use crate::spatial::{Twist, Wrench};
 /// Body Jacobian of a chain of `N` joints: `v_g = J qd`, `tau = Jᵀ f_g` (Eq. 7), all in {G}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jacobian<const N: usize> {
-    /// Maps joint rates to the velocity of the frame's origin.
+    /// Maps joint rates to the velocity of the frame's origin, in m/rad or dimensionless.
     pub linear: SMatrix<f64, 3, N>,
-    /// Maps joint rates to its angular velocity.
+    /// Maps joint rates to the angular velocity of the frame, dimensionless or in rad/m.
     pub angular: SMatrix<f64, 3, N>,
 }
 
@@ -40,7 +40,7 @@ impl<const N: usize> Jacobian<N> {
         Twist { linear: self.linear * qd, angular: self.angular * qd }
     }
 
-    /// Returns the joint torques for `wrench` at the frame: the transpose, never an inverse.
+    /// Returns the joint torques that exert `wrench` at the frame, `Jᵀ f` (Eq. 7), in N·m or N.
     pub fn torques(&self, wrench: &Wrench) -> SVector<f64, N> {
         self.linear.tr_mul(&wrench.force) + self.angular.tr_mul(&wrench.moment)
     }

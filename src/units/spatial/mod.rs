@@ -1,4 +1,4 @@
-//! Wrenches, twists, Jacobians and poses: quantities in space with named parts.
+//! Wrenches, twists, Jacobians and rotations, with named parts.
 //!
 //! A pose `x_a_b` is an [`Isometry3`](nalgebra::Isometry3), the pose of frame `b` in frame `a`.
 //! Twists and wrenches are written in their own frame unless the name says otherwise. Six-vectors

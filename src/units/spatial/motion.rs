@@ -1,13 +1,13 @@
-//! Commands to the commanded object.
+//! Motion command to the object.
 
 use nalgebra::Isometry3;
 
 use crate::spatial::Twist;
 
-/// A command to the object under control at {MRF}.
+/// Commanded motion of the object under control at {MRF}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Hold: a rate of zero, and no pose.
+    /// Rate of zero, without a commanded pose.
     Hold,
     /// Twist of {MRF}, written in {MRF} (Eq. 5).
     Rate(Twist),

@@ -1,10 +1,10 @@
-//! Orientations as three numbers: Z-Y-X Euler angles (Craig 1989, 2.8) and rotation vectors.
+//! Orientations by three parameters: Z-Y-X Euler angles (Craig 1989, 2.8) and rotation vectors.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::math;
 
-/// Limit of |cos β| below which α and γ are one rotation; α is then zero (Craig 1989, 2.8).
+/// Limit of |cos β| below which only one combination of α and γ is defined; α is then zero (Craig 1989, 2.8).
 const DEGENERATE: f64 = 1e-9;
 
 /// Returns the angles (γ, β, α) of `R = Rz(α) Ry(β) Rx(γ)`, in rad; β within ±π/2.
@@ -49,7 +49,7 @@ pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     rotation.scaled_axis()
 }
 
-/// Angle, in rad, below which series replace the coefficients: the next term is under 1e-16.
+/// Angle, in rad, below which series replace the coefficients; the next term is below 1e-16.
 const SMALL: f64 = 1e-3;
 
 /// Returns the left Jacobian of SO(3), which maps rates of a rotation vector to angular velocity in the frame rotated
@@ -66,9 +66,10 @@ pub fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * first + cross * cross * second
 }
 
-/// Returns the inverse of [`left_jacobian`], for angles below 2π. Its transpose maps angular velocity in the *rotated*
-/// frame to rates of the rotation vector; the moment conjugate to a rotation vector is this matrix times the work per
-/// rad.
+/// Returns the inverse of [`left_jacobian`], for angles below 2π.
+///
+/// Its transpose maps angular velocity in the *rotated* frame to rates of the rotation vector. The moment conjugate to a
+/// rotation vector is this matrix times the work per rad.
 pub fn left_jacobian_inverse(vector: &Vector3<f64>) -> Matrix3<f64> {
     let angle = vector.norm();
     let cross = vector.cross_matrix();

@@ -1,4 +1,4 @@
-//! Linear and angular velocity, in m/s and rad/s.
+//! Twist: linear and angular velocity, in m/s and rad/s.
 
 use derive_more::{Add, Mul};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -50,7 +50,7 @@ impl Twist {
         Self { linear, angular }
     }
 
-    /// Returns the motion of a body with this constant twist in `dt` s: a screw motion, exact for any length.
+    /// Returns the motion of a body with this constant twist in `dt` s: a screw motion, exact for any `dt`.
     pub fn over(&self, dt: f64) -> Isometry3<f64> {
         let turn = self.angular * dt;
         let shift = rotation::left_jacobian(&turn) * (self.linear * dt);

@@ -1,11 +1,11 @@
-//! Force and moment, in N and N·m (Craig 1989, chapter 5).
+//! Wrench: force and moment, in N and N·m (Craig 1989, chapter 5).
 
 use derive_more::{Add, Mul, Neg, Sub};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::spatial::Twist;
 
-/// A force and a moment at a frame, written in it. It acts *on* the body in its name.
+/// Force and moment at a frame, written in that frame. A wrench acts *on* the body that its name states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Add, Sub, Neg, Mul)]
 pub struct Wrench {
     /// Force, in N.

@@ -1,6 +1,6 @@
 //! The contract's end of this process.
 
-use contract::{Command, Echo, FarEnd, Feedback, Measured, Motion, NodeEnd, Order, Reason};
+use contract::{Command, Echo, FarEnd, Feedback, Measurements, Motion, NodeEnd, Order, Reason};
 use units::time::Instant;
 
 /// A motion with content: what travels is a real command.
@@ -22,7 +22,7 @@ impl Role {
             Self::Near(node, _) => node.command(now, &ORDER).to_vec(),
             Self::Far(far) => {
                 let wrench = Some([1.0; 6]);
-                far.feedback(now, &Measured { wrench, ..Measured::default() }).to_vec()
+                far.feedback(now, &Measurements { wrench, ..Measurements::default() }).to_vec()
             }
         }
     }

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::robot::sensor::SensorStatus;
-use contract::{FarState, Gripper, Measured, Pose};
+use contract::{FarState, Gripper, Measurements, Pose};
 use testbench::far_robot::Status;
 use units::time::Instant;
 
@@ -80,7 +80,7 @@ impl Report {
     }
 }
 
-fn measured_text(measured: &Measured) -> String {
+fn measured_text(measured: &Measurements) -> String {
     let pose =
         measured.pose.map_or("no valid pose".to_owned(), |Pose { position: [x, y, z], .. }| {
             format!("{{MRF}} at {x:.4} {y:.4} {z:.4} m")

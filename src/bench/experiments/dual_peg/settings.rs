@@ -183,14 +183,14 @@ fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> O
 fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut Problems<'_>) {
     let Some(stiffness) = raw.contact.stiffness_n_per_m.get() else { return };
     let (lag, both) = (config.remote.servo.time_constant(), 2.0 * stiffness);
-    let giving_way = config.remote.interaction.accommodation.gain()[2] * both;
-    let fastest = bounds::fastest_without_swinging(lag);
-    if giving_way > fastest {
+    let yield_rate = config.remote.interaction.accommodation.gain()[2] * both;
+    let fastest = bounds::max_yield_rate_without_oscillation(lag);
+    if yield_rate > fastest {
         let reason = format!(
             "K_FA k_e τ_s must be at most {}, got {:.3} with k_e = {both:.0} N/m of both pegs and \
              τ_s = {lag} s: at most {:.2e} m/s per N, or a softer contact",
             fastest * lag,
-            giving_way * lag,
+            yield_rate * lag,
             fastest / both
         );
         problems.add(&raw.control.accommodation_m_per_ns, reason);

@@ -17,12 +17,12 @@ struct Far {
 }
 
 impl Remote for Far {
-    fn exchange(&mut self, now: Instant, command: &Command) -> Option<Sensed> {
+    fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.commands.push((now, command.motion));
         let at = if self.is_frozen { Instant::ZERO } else { now };
         let taken = now.since(Instant::ZERO).as_secs_f64();
         let x_b_m = Isometry3::translation(taken, 0.0, 0.0);
-        Some(Sensed { at, f_s: Wrench::ZERO, x_b_m, gripper: command.gripper })
+        Some(RemoteSample { at, f_s: Wrench::ZERO, x_b_m, gripper: command.gripper })
     }
 
     fn begin_epoch(&mut self) {
@@ -61,14 +61,17 @@ fn armed(settings: DelaySettings) -> Delayed<Far> {
 }
 
 /// Exchanges every ms; returns the samples with their times.
-fn exchanged(link: &mut Delayed<Far>, millis: std::ops::Range<u32>) -> Vec<(Instant, Sensed)> {
+fn exchanged(
+    link: &mut Delayed<Far>,
+    millis: std::ops::Range<u32>,
+) -> Vec<(Instant, RemoteSample)> {
     let each =
         millis.map(|millis| (at(millis), link.exchange(at(millis), &numbered(millis).into())));
     each.filter_map(|(now, sensed)| Some((now, sensed?))).collect()
 }
 
 /// Age by the stamp, and true age of the sample.
-fn ages(&(now, sensed): &(Instant, Sensed)) -> (Duration, Duration) {
+fn ages(&(now, sensed): &(Instant, RemoteSample)) -> (Duration, Duration) {
     let taken = Duration::from_secs_f64(sensed.x_b_m.translation.x);
     (now.since(sensed.at), now.since(Instant::ZERO).saturating_sub(taken))
 }

@@ -365,7 +365,7 @@ fn hazard_37_second_node_does_not_lead() {
         ends.exchange(ahead(0.05), |it| it);
     }
     assert_eq!((ends.far.leader(), ends.far.reason()), ((11, 1), Reason::None));
-    assert_eq!(ends.far.status().rejects.of(Reject::NotLeader), 300);
+    assert_eq!(ends.far.status().rejects.get(Reject::NotLeader), 300);
 }
 
 #[test]
@@ -398,7 +398,7 @@ fn hazard_35_stopped_process_acts_on_none_of_3000_commands() {
         ends.far.step(now);
         assert_eq!(ends.far.reason(), Reason::Silence);
     }
-    assert_eq!(ends.far.status().rejects.of(Reject::Old), 3_000);
+    assert_eq!(ends.far.status().rejects.get(Reject::Old), 3_000);
     // The simulation moves for ten periods at most with the rates from before the stop.
     let moved = (before.inverse() * ends.far.site().pose()).translation.vector.norm();
     assert!(moved < 0.05 * 0.012, "{moved} m");

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// An axis of a usual hand controller in a usual hand, in contact.
+/// Returns an axis of a typical hand controller in a typical hand, in contact.
 pub(in crate::stability) const AXIS: Axis = Axis {
     name: "x",
     is_rotation: false,

@@ -2,7 +2,7 @@ use super::*;
 use crate::stability::axis::tests::AXIS;
 use crate::stability::axis::{AxisGains, Timing};
 
-/// The findings of the first axis of a grip that is a mass of 0.6 kg along every axis.
+/// Returns the findings of the first axis of a grip with 0.6 kg along every axis.
 fn findings(axis: Axis) -> Vec<Finding> {
     let postures = [GripDynamics::of_mass(0.6, 0.1)];
     Gate { axes: &[axis; 6], postures: &postures }.findings(0)
@@ -21,7 +21,7 @@ fn with_gains(change: impl Fn(&mut AxisGains)) -> Axis {
 #[test]
 fn damping_is_borne_far_beyond_the_hand() {
     let bound = found(AXIS, "damping, held").right.value;
-    // The bare mass bears 2 tan(π/8) M/T = 497 N·s/m.
+    // The bare mass is stable up to 2 tan(π/8) M/T = 497 N·s/m.
     assert!((450.0..520.0).contains(&bound), "{bound}");
     for (damping, verdict) in
         [(40.0, Verdict::Holds), (0.9 * bound, Verdict::Warns), (1.05 * bound, Verdict::Refuses)]
@@ -92,7 +92,7 @@ fn link_lowers_the_bound_of_reflection() {
     assert!(bounds.is_sorted_by(|a, b| a > b), "{bounds:?}");
 }
 
-/// Without lag and damper: 2 of an object that gives way at once, 2 tan(π/8) of an arm with the mean of a cycle, a cycle later.
+/// Bound on K_FA k_e T without lag and damper: 2 without delay; 2 tan(π/8) with the sensor mean and a cycle of a robot.
 #[test]
 fn arm_gives_way_half_as_fast_as_an_object() {
     for (is_robot, edge) in [(false, 2.0), (true, 0.828)] {

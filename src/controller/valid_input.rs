@@ -1,7 +1,7 @@
-//! Checks of the numbers that come from outside.
+//! Validation of the inputs of a cycle.
 //!
-//! Not their age, nor whether they are plausible for the task. An invalid number is replaced by the
-//! harmless one and reported as a fault; no later equation checks again.
+//! An invalid value is replaced by a safe one and reported as a [`Fault`]; later equations do not check again. The node
+//! checks the age of inputs.
 
 use nalgebra::Isometry3;
 
@@ -9,27 +9,27 @@ use crate::arm::is_pose;
 use crate::{Fault, Input};
 use units::spatial::Wrench;
 
-/// Largest reading of any sensor, in N or N·m.
+/// Maximum valid component of a sensed wrench, in N or N·m.
 const MAX_READING: f64 = 1e5;
 
-/// A checked input.
+/// Input with invalid values replaced.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Trusted {
-    /// The sensed wrench; zero where it was invalid.
+pub(crate) struct ValidInput {
+    /// Sensed wrench at {S}; zero in place of an invalid one.
     pub(crate) f_s: Wrench,
-    /// The object's pose, or the last valid one.
+    /// Pose of the object, or the last valid one.
     pub(crate) x_b_m: Isometry3<f64>,
-    /// 0 to 1.
+    /// Share of gravity compensation, 0 to 1.
     pub(crate) gravity_share: f64,
-    /// 0 to 1.
+    /// Share of reflection, 0 to 1.
     pub(crate) reflection_share: f64,
-    /// The worst that was found.
+    /// Most severe fault.
     pub(crate) fault: Option<Fault>,
 }
 
-impl Trusted {
-    /// Checks an input; `x_b_before` is the object's last good pose.
-    pub(crate) fn of(input: &Input, x_b_before: &Isometry3<f64>) -> Self {
+impl ValidInput {
+    /// Validates an input; `x_b_before` is the last valid pose of the object.
+    pub(crate) fn from_input(input: &Input, x_b_before: &Isometry3<f64>) -> Self {
         let (f_s, wrench_fault) = match largest(&input.f_s) {
             size if size <= MAX_READING => (input.f_s, None),
             size if size.is_finite() => (Wrench::ZERO, Some(Fault::WrenchTooLarge)),
@@ -47,7 +47,7 @@ impl Trusted {
     }
 }
 
-/// Largest magnitude of a component; NaN if one is not finite.
+/// Returns the maximum magnitude of a component; NaN if one is not finite.
 fn largest(wrench: &Wrench) -> f64 {
     if wrench.is_finite() {
         wrench.components().iter().fold(0.0, |size: f64, part| size.max(part.abs()))
@@ -56,7 +56,7 @@ fn largest(wrench: &Wrench) -> f64 {
     }
 }
 
-/// A share of 0 to 1; zero and a fault where it is out of range.
+/// Returns a share within 0 and 1; zero and a fault if it is out of range.
 fn share(value: f64) -> (f64, Option<Fault>) {
     if (0.0..=1.0).contains(&value) { (value, None) } else { (0.0, Some(Fault::ShareOutOfRange)) }
 }
@@ -87,14 +87,14 @@ mod tests {
         Isometry3::translation(9.0, 0.0, 0.0)
     }
 
-    /// Returns the fault of an input, having checked that each invalid part was replaced.
+    /// Returns the fault of an input, and asserts that each invalid value was replaced.
     fn fault(input: &Input) -> Option<Fault> {
-        Trusted::of(input, &before()).fault
+        ValidInput::from_input(input, &before()).fault
     }
 
     #[test]
     fn input_of_numbers_is_taken_as_it_is() {
-        let trusted = Trusted::of(&input(), &before());
+        let trusted = ValidInput::from_input(&input(), &before());
         assert_eq!((trusted.f_s, trusted.x_b_m), (input().f_s, input().x_b_m));
         assert_eq!((trusted.gravity_share, trusted.reflection_share), (0.5, 0.25));
         assert_eq!(trusted.fault, None);
@@ -109,12 +109,12 @@ mod tests {
                     parts[place] = sign * value;
                     Input { f_s: Wrench::from_components(parts), ..input() }
                 };
-                let largest = Trusted::of(&reads(MAX_READING), &before());
+                let largest = ValidInput::from_input(&reads(MAX_READING), &before());
                 assert_eq!((largest.f_s, largest.fault), (reads(MAX_READING).f_s, None));
-                let beyond = Trusted::of(&reads(MAX_READING * 1.001), &before());
+                let beyond = ValidInput::from_input(&reads(MAX_READING * 1.001), &before());
                 assert_eq!(beyond.f_s, Wrench::ZERO);
                 assert_eq!(beyond.fault, Some(Fault::WrenchTooLarge));
-                let infinite = Trusted::of(&reads(f64::INFINITY), &before());
+                let infinite = ValidInput::from_input(&reads(f64::INFINITY), &before());
                 assert_eq!(infinite.f_s, Wrench::ZERO);
                 assert_eq!(infinite.fault, Some(Fault::WrenchNotFinite));
             }
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn invalid_pose_leaves_the_one_before() {
         let nowhere = Input { x_b_m: Isometry3::translation(f64::NAN, 0.0, 0.0), ..input() };
-        let trusted = Trusted::of(&nowhere, &before());
+        let trusted = ValidInput::from_input(&nowhere, &before());
         assert_eq!((trusted.x_b_m, trusted.fault), (before(), Some(Fault::ObjectPoseNotFinite)));
     }
 
@@ -144,9 +144,9 @@ mod tests {
         fn share_outside_0_to_1_is_zero_and_a_fault(value in any::<f64>()) {
             let is_share = (0.0..=1.0).contains(&value);
             let used = if is_share { value } else { 0.0 };
-            let gravity = Trusted::of(&Input { gravity_share: value, ..input() }, &before());
+            let gravity = ValidInput::from_input(&Input { gravity_share: value, ..input() }, &before());
             prop_assert_eq!((gravity.gravity_share, gravity.reflection_share), (used, 0.25));
-            let felt = Trusted::of(&Input { reflection_share: value, ..input() }, &before());
+            let felt = ValidInput::from_input(&Input { reflection_share: value, ..input() }, &before());
             prop_assert_eq!((felt.gravity_share, felt.reflection_share), (0.5, used));
             prop_assert_eq!((gravity.fault.is_none(), felt.fault.is_none()), (is_share, is_share));
         }

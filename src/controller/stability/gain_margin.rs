@@ -1,7 +1,7 @@
-//! Largest multiple of a gain with which a sampled loop is stable, and the frequency at which it then swings.
+//! Gain margin of a sampled loop, and the frequency of the oscillation at that gain.
 //!
-//! A characteristic polynomial comes in two parts: the second is what the gain adds. Not the roots: stability at one
-//! multiple is Jury's table, and the multiple is found by halving.
+//! A characteristic polynomial has two parts: without the gain, and the contribution of the gain. Jury's table decides
+//! stability for one multiple of the gain, and bisection finds the margin. No roots are computed.
 
 use std::f64::consts::PI;
 
@@ -11,23 +11,23 @@ use crate::stability::polynomial::Polynomial;
 use crate::stability::sampled_loop::{Loop, SampledLoop};
 use units::math;
 
-/// Range in which a bound is searched, as multiples of the gain, with its steps per doubling.
+/// Search range of a bound, as powers of two of the gain, and the steps per doubling.
 const DOUBLINGS: [i32; 2] = [-6, 10];
 const STEPS_PER_DOUBLING: i32 = 2;
 
-/// Halvings of a step that holds the bound.
+/// Bisections of the step that contains the bound.
 const HALVINGS: u32 = 16;
 
-/// Angles θ = ωT at which the frequency of a swing is searched, and the least of them.
+/// Number of angles ωT at which the frequency of an oscillation is searched, and the smallest, in rad.
 const ANGLES: u32 = 120;
 const LEAST_ANGLE: f64 = 1e-4;
 
-/// Times the grip is reduced again at the frequency of the swing found.
+/// Repetitions of the reduction of the grip at the frequency found.
 const REFINEMENTS: u32 = 2;
 
-/// Returns the bound of a loop and its frequency in rad/s, the grip reduced at that frequency; `None` unless it is below
-/// `most`. NaN where the loop has no numbers.
-pub(super) fn refined<'a>(
+/// Returns the gain margin of a loop and its frequency in rad/s, with the grip reduced at that frequency. `None` unless it
+/// is below `most`. NaN if a coefficient of the loop is not finite.
+pub(super) fn refined_margin<'a>(
     reduced: impl Fn(f64) -> SampledLoop<'a>,
     closed: Loop,
     most: f64,
@@ -38,21 +38,21 @@ pub(super) fn refined<'a>(
     for _ in 0..=REFINEMENTS {
         let judged = reduced(omega);
         let parts = judged.characteristic(closed);
-        multiple = bound(&parts, most);
+        multiple = margin(&parts, most);
         if multiple.is_nan() {
             break;
         }
         if multiple >= most {
             return None;
         }
-        omega = swing(&parts, multiple) / period;
+        omega = crossover_angle(&parts, multiple) / period;
         most = f64::INFINITY;
     }
     Some((multiple, omega))
 }
 
-/// Returns the angle ωT at which the loop comes nearest to a swing that neither grows nor decays: `L = -1`.
-fn swing([open, added]: &[Polynomial; 2], multiple: f64) -> f64 {
+/// Returns the angle ωT at which the open loop comes nearest to `L = -1`, a sustained oscillation, in rad.
+fn crossover_angle([open, added]: &[Polynomial; 2], multiple: f64) -> f64 {
     let ratio = math::powf(PI / LEAST_ANGLE, f64::from(ANGLES).recip());
     let angles = std::iter::successors(Some(LEAST_ANGLE), |angle| Some(angle * ratio));
     let distances = angles.take_while(|angle| *angle <= PI).map(|angle| {
@@ -63,8 +63,8 @@ fn swing([open, added]: &[Polynomial; 2], multiple: f64) -> f64 {
     distances.min_by(|(a, _), (b, _)| a.total_cmp(b)).map_or(PI, |(_, angle)| angle)
 }
 
-/// Returns the least multiple of a gain at which the loop is not stable, at most `most`. NaN if a coefficient is invalid.
-pub(super) fn bound([open, added]: &[Polynomial; 2], most: f64) -> f64 {
+/// Returns the smallest unstable multiple of a gain, at most `most`. NaN if a coefficient is not finite.
+pub(super) fn margin([open, added]: &[Polynomial; 2], most: f64) -> f64 {
     if !(open.is_finite() && added.is_finite()) {
         return f64::NAN;
     }
@@ -78,15 +78,15 @@ pub(super) fn bound([open, added]: &[Polynomial; 2], most: f64) -> f64 {
     let mut low = 0.0;
     for high in steps {
         if !is_stable(&high) {
-            return between(is_stable, low, high);
+            return bisect(is_stable, low, high);
         }
         low = high;
     }
     f64::INFINITY
 }
 
-/// Returns the multiple between `low`, which is stable, and `high`, which is not.
-fn between(is_stable: impl Fn(&f64) -> bool, mut low: f64, mut high: f64) -> f64 {
+/// Bisects between the stable multiple `low` and the unstable `high`.
+fn bisect(is_stable: impl Fn(&f64) -> bool, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = f64::midpoint(low, high);
         if is_stable(&middle) {
@@ -102,34 +102,34 @@ fn between(is_stable: impl Fn(&f64) -> bool, mut low: f64, mut high: f64) -> f64
 mod tests {
     use super::*;
 
-    /// `1 - w + g w`: the pole `1 - g`.
+    /// Returns the parts of `1 - w + g w`, whose pole is `1 - g`.
     fn integrator() -> [Polynomial; 2] {
         [Polynomial::new(&[1.0, -1.0]), Polynomial::new(&[0.0, 1.0])]
     }
 
     #[test]
     fn integrator_bears_a_gain_of_two() {
-        assert!((bound(&integrator(), f64::INFINITY) - 2.0).abs() < 1e-4);
-        assert!((swing(&integrator(), 2.0) - PI).abs() < 0.1);
+        assert!((margin(&integrator(), f64::INFINITY) - 2.0).abs() < 1e-4);
+        assert!((crossover_angle(&integrator(), 2.0) - PI).abs() < 0.1);
     }
 
     #[test]
     fn bound_above_the_least_so_far_is_not_searched() {
-        assert!((bound(&integrator(), 1.5) - 1.5).abs() < 1e-12);
+        assert!((margin(&integrator(), 1.5) - 1.5).abs() < 1e-12);
     }
 
     #[test]
     fn loop_that_nothing_swings_has_an_infinite_bound() {
         let parts = [Polynomial::new(&[1.0, -0.5]), Polynomial::new(&[0.0])];
-        assert!(bound(&parts, f64::INFINITY).is_infinite());
+        assert!(margin(&parts, f64::INFINITY).is_infinite());
     }
 
     #[test]
     fn invalid_coefficients_have_no_bound() {
         for value in [f64::NAN, f64::INFINITY] {
             let parts = [Polynomial::new(&[1.0, -1.0]), Polynomial::new(&[0.0, value])];
-            assert!(bound(&parts, f64::INFINITY).is_nan());
-            assert!(bound(&parts, 1.0).is_nan());
+            assert!(margin(&parts, f64::INFINITY).is_nan());
+            assert!(margin(&parts, 1.0).is_nan());
         }
     }
 }

@@ -57,7 +57,7 @@ fn print(kind: &str) {
     );
 }
 
-/// Plays cycles of one kind of commanded side; passes on the time that each took.
+/// Runs cycles of one kind of commanded side; calls `measured` with the duration of each.
 fn played(kind: &str, steps: u32, measured: impl FnMut(Duration)) {
     let config = Config::load(Path::new(CONFIG)).unwrap();
     match kind {
@@ -84,7 +84,7 @@ fn cycles<R: Remote>(
     steps: u32,
     mut measured: impl FnMut(Duration),
 ) {
-    // Into the wall, which it meets within a second.
+    // Towards the wall, with contact within a second.
     let rate = Motion::Rate(Twist::from_components([0.0, 0.0, 0.06, 0.0, 0.0, 0.0])).into();
     side.begin_epoch();
     for cycle in 1..=steps {
@@ -96,14 +96,14 @@ fn cycles<R: Remote>(
     }
 }
 
-/// The part of the node's cycle that depends on the kind of commanded side.
+/// Runs the part of the node's cycle that depends on the kind of commanded side.
 #[inline(never)]
 fn cycle_part<R: Remote>(side: &mut R, now: Instant, command: &Command) {
     black_box(side.fault());
     black_box(side.exchange(now, black_box(command)));
 }
 
-/// The link's thread, and the far side beyond its socket.
+/// Thread of the link, and the far side at the other end of its socket.
 struct FarSide {
     thread: LinkThread,
     socket: Socket,

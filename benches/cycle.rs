@@ -24,7 +24,7 @@ use units::spatial::Wrench;
 
 const TEXT: &str = include_str!("../config/kraft_like.toml");
 
-/// Functions that the shipped configuration leaves out.
+/// Functions that the shipped configuration does not use.
 const MORE: &str = "
 [controller.walls]
 at_m = [0.1, 0.1, 0.1]

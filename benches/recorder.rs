@@ -1,7 +1,7 @@
-//! Benchmark of the whole loop in memory: without a recorder, with a recorder, and with one that hangs.
+//! Benchmark of the control loop on the in-memory bus: without a recorder, with a recorder, and with a recorder that hangs.
 //!
-//! `cargo bench --bench recorder` prints the median and the 99.9th percentile of each: promise 13 of docs/safety.md.
-//! The three run alternately, so that other load of the machine affects all of them.
+//! `cargo bench --bench recorder` prints the median and the 99.9th percentile of each cycle time (promise 13 of
+//! docs/safety.md). The three cases run alternately, so other load of the machine affects all of them equally.
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -25,7 +25,7 @@ const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 const TURNS: usize = 100;
 const CYCLES: usize = 90;
 
-/// A recorder that keeps nothing.
+/// Recorder that discards its data.
 struct Drain;
 
 impl EntryHandler for Drain {

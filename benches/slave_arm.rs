@@ -20,7 +20,7 @@ use sim::manipulator::{JointSettings, MAX_STEP, Manipulator, ManipulatorSettings
 use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Twist;
 
-/// Evaluations of one mean.
+/// Number of evaluations per mean.
 const COUNT: u32 = 200_000;
 
 fn main() {

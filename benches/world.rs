@@ -34,7 +34,7 @@ const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 /// Time at which the hand presses the object into the wall, in cycles.
 const PRESSED: u64 = 4_500;
 
-/// Number of cycles whose frames are replayed in a loop; one more is cut off.
+/// Number of cycles whose frames are replayed in a loop.
 const SPAN: u64 = 500;
 
 /// Quantity to measure.

@@ -1,4 +1,5 @@
-//! No allocation in ten thousand cycles of node, controller, bus and simulation, with a delayed link too, nor of the cycle with a robot in another process, nor of a slave arm in contact.
+//! No allocation in ten thousand cycles of node, controller, bus and simulation: without and with link delay, with a robot
+//! in another process, and of a slave arm in contact.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,

@@ -73,7 +73,7 @@ fn ten_seconds_of_teleoperation_miss_no_sample() {
         ],
     );
     let session = scratch.path("session");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
     let run = scratch.frhc(&["run", "--config", &config, "--record", &session]);
     let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
@@ -114,7 +114,7 @@ fn drives_of_a_killed_node_are_torque_free_within_their_timer() {
     // The scheduler chooses the phase of the cycle; the limit does not depend on it.
     for after_ms in [4_000, 4_613, 5_277] {
         let scratch = Scratch::new(&format!("kill-{after_ms}"));
-        let mut candump = Candump::of("vcan0");
+        let mut candump = Candump::start("vcan0");
         let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
         let run = scratch.frhc(&["run", "--config", CONFIG]);
         let first_sync =
@@ -163,7 +163,7 @@ fn refused_run_names_the_reason_and_sends_nothing() {
         ),
         (text.replace("eds/frhc_drive.eds", "eds/missing.eds"), 3, "missing.eds"),
     ];
-    let candump = Candump::of("vcan0");
+    let candump = Candump::start("vcan0");
     for (place, (text, code, reason)) in cases.into_iter().enumerate() {
         let file = scratch.write(&format!("config/case_{place}.toml"), &text);
         let outcome = scratch.frhc(&["run", "--config", &file]).wait();
@@ -199,7 +199,7 @@ fn drive_that_refuses_its_mapping_is_never_enabled() {
 
 /// Fails unless `run` with another configuration than `sim` ends with exit 5 and the reason, and starts no drive.
 fn never_enabled(scratch: &Scratch, theirs: &[&str], mine: &str, reason: &str) {
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&[&["sim"], theirs].concat());
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let outcome = scratch.frhc(&["run", "--config", mine]).wait();
@@ -214,7 +214,7 @@ fn never_enabled(scratch: &Scratch, theirs: &[&str], mine: &str, reason: &str) {
 
 /// Runs `sim` and `commission --prove` with these options; returns the output and the outcome of the latter.
 fn proven(scratch: &Scratch, theirs: &[&str], mine: &[&str]) -> (String, Outcome) {
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&[&["sim", "--config", CONFIG], theirs].concat());
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let words = [&["commission", "--config", CONFIG, "--prove", "-i", "vcan0"], mine].concat();
@@ -255,7 +255,7 @@ fn hazard_16_proof_test_names_the_drive_that_holds_its_torque() {
 #[test]
 fn promise_12_interrupted_commissioning_leaves_all_drives_off() {
     let scratch = Scratch::new("prove-ended");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let prove = scratch.frhc(&["commission", "--config", CONFIG, "--prove", "-i", "vcan0"]);
@@ -283,7 +283,7 @@ fn ends_without_power(lines: &[String]) {
 #[test]
 fn tools_find_read_and_renumber_a_simulated_drive() {
     let scratch = Scratch::new("bench-tools");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let ended = |words: &str| {
         let mut command = std::process::Command::new(common::program());
         command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap()
@@ -352,7 +352,7 @@ fn tools_find_read_and_renumber_a_simulated_drive() {
 #[test]
 fn tool_fails_when_its_output_cannot_be_written() {
     let scratch = Scratch::new("full-output");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let onto_full = |words: &[&str]| {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let mut command = std::process::Command::new(common::program());
@@ -392,7 +392,7 @@ fn tool_fails_when_its_output_cannot_be_written() {
 #[test]
 fn simulated_drives_report_on_signal_and_at_the_end() {
     let scratch = Scratch::new("reports");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let (sim, mut reports) = scratch.frhc_and_stdout(&["sim", "--json", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let mut drives = || {
@@ -410,7 +410,7 @@ fn simulated_drives_report_on_signal_and_at_the_end() {
     assert_eq!(reported[2]["nmt"], "pre-operational");
     assert_eq!(reported[2]["state"], "switch on disabled");
     assert_eq!(reported[2]["last_error"], 0);
-    Process::of("cansend", &["vcan0", "000#0103"]).wait().succeeds();
+    Process::start("cansend", &["vcan0", "000#0103"]).wait().succeeds();
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x000));
     sim.signal(Signal::SIGQUIT);
     drives();
@@ -422,10 +422,10 @@ fn simulated_drives_report_on_signal_and_at_the_end() {
 fn simulated_drives_end_when_their_interface_goes_down() {
     let scratch = Scratch::new("down");
     let words = ["sim", "--config", CONFIG, "-i", "vcan1"];
-    let mut candump = Candump::of("vcan1");
+    let mut candump = Candump::start("vcan1");
     let sim = scratch.frhc(&words);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
-    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let from_the_start = scratch.frhc(&words).wait();
     for outcome in [sim.wait(), from_the_start] {
         assert_eq!(outcome.code, Some(4), "{}", outcome.stderr);
@@ -436,14 +436,14 @@ fn simulated_drives_end_when_their_interface_goes_down() {
             outcome.stderr
         );
     }
-    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
 #[test]
 fn socket_receives_data_frames_of_eleven_bits_alone() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
     for frame in ["181#R", "00000181#1122", "181#1122334455667788"] {
-        Process::of("cansend", &["vcan0", frame]).wait().succeeds();
+        Process::start("cansend", &["vcan0", frame]).wait().succeeds();
     }
     let until = bus.now() + Duration::from_millis(5);
     let received = bus.receive(until).unwrap();
@@ -473,7 +473,7 @@ fn late_frame_on_one_bus_delays_no_other_bus() {
 #[test]
 fn hazard_24_run_and_commission_refuse_an_interface_down() {
     let scratch = Scratch::new("down");
-    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     for words in [&["run"][..], &["commission", "--prove"]] {
         let args = [words, &["--config", CONFIG, "-i", "vcan1"]].concat();
         let outcome = scratch.frhc(&args).wait();
@@ -481,7 +481,7 @@ fn hazard_24_run_and_commission_refuse_an_interface_down() {
         let reason = "vcan1: the interface is down (ip link set vcan1 up)";
         assert!(outcome.stderr.contains(reason), "{words:?}: {}", outcome.stderr);
     }
-    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
 #[test]
@@ -499,12 +499,12 @@ fn receive_ends_at_its_deadline() {
 #[test]
 fn interface_that_goes_down_is_reported_and_accepts_no_frame() {
     let mut bus = SocketCan::open(&["vcan1".to_owned()]).unwrap();
-    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
     let event = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.event);
     assert_eq!(event, Some(BusEvent::Fault(bus::BusFault::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
-    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+    Process::start("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
 /// An unused COB-ID, whose frames mark a time in the log.
@@ -512,12 +512,12 @@ const NOW: u16 = 0x7FE;
 
 /// Ends `run`, and fails unless it ends within a second with every drive off.
 fn ends_in_order(mut candump: Candump, run: Process, sim: Process, signals: &[Signal]) -> String {
-    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    Process::start("cansend", &["vcan0", "7FE#"]).wait().succeeds();
     let signalled = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
     signals.iter().for_each(|signal| run.signal(*signal));
     let outcome = run.wait();
     outcome.succeeds();
-    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    Process::start("cansend", &["vcan0", "7FE#"]).wait().succeeds();
     let gone = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
     let took = Duration::from_nanos(gone - signalled);
     assert!(took <= Duration::from_secs(1), "{took:?}");
@@ -528,7 +528,7 @@ fn ends_in_order(mut candump: Candump, run: Process, sim: Process, signals: &[Si
 
 /// Runs `sim` and `run` until the arm is armed and moves; the log of `run` goes to `stderr`.
 fn carried(scratch: &Scratch, stderr: impl Into<Stdio>) -> (Candump, Process, Process) {
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let run = scratch.frhc_onto(&["run", "--config", CONFIG], stderr);
     let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
@@ -586,7 +586,7 @@ fn run_without_a_switch_box_proves_and_refuses_to_arm() {
     let (_, section) = text.split_once("\n[switches]\n").unwrap();
     let (section, _) = section.split_once("\n[controller]\n").unwrap();
     let config = scratch.variant(CONFIG, &[(&format!("\n[switches]\n{section}"), "")]);
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
     let run = scratch.frhc(&["run", "--config", &config]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));
@@ -605,7 +605,7 @@ fn run_without_a_switch_box_proves_and_refuses_to_arm() {
 #[test]
 fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
     let scratch = Scratch::new("file-size");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let session = scratch.path("session");
     let run =
@@ -636,18 +636,18 @@ impl Disk {
     fn in_folder(scratch: &Scratch) -> Self {
         let (image, path) = (scratch.path("disk.img"), scratch.path("disk"));
         let format = "truncate -s 64M $0 && mkfs.ext4 -q $0 && mkdir $1 && mount -o loop $0 $1";
-        Process::of("sh", &["-c", format, &image, &path]).wait().succeeds();
+        Process::start("sh", &["-c", format, &image, &path]).wait().succeeds();
         Self { path, is_frozen: false }
     }
 
     fn freeze(&mut self) {
-        Process::of("fsfreeze", &["-f", &self.path]).wait().succeeds();
+        Process::start("fsfreeze", &["-f", &self.path]).wait().succeeds();
         self.is_frozen = true;
     }
 
     fn thaw(&mut self) {
         if std::mem::take(&mut self.is_frozen) {
-            Process::of("fsfreeze", &["-u", &self.path]).wait().succeeds();
+            Process::start("fsfreeze", &["-u", &self.path]).wait().succeeds();
         }
     }
 }
@@ -655,7 +655,7 @@ impl Disk {
 impl Drop for Disk {
     fn drop(&mut self) {
         self.thaw();
-        Process::of("umount", &["-l", &self.path]).wait();
+        Process::start("umount", &["-l", &self.path]).wait();
     }
 }
 
@@ -663,7 +663,7 @@ impl Drop for Disk {
 fn hazard_32_disk_that_hangs_delays_the_end_by_a_second() {
     let scratch = Scratch::new("hung-disk");
     let mut disk = Disk::in_folder(&scratch);
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let session = format!("{}/session", disk.path);
     let stderr = scratch.path("stderr");
@@ -714,7 +714,7 @@ fn promise_12_full_console_and_terminal_delay_no_stop() {
 #[test]
 fn promise_12_boot_ended_by_a_signal_starts_no_drive() {
     let scratch = Scratch::new("boot-ended");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     // One drive is slow: in virtual time the boot of the others would end before the signal.
     let slow = ["--quirks", "elbow=slow-sdo"];
     let sim = scratch.frhc(&[&["sim", "--config", CONFIG][..], &slow].concat());
@@ -722,7 +722,7 @@ fn promise_12_boot_ended_by_a_signal_starts_no_drive() {
     let run = scratch.frhc(&["run", "--config", CONFIG]);
     let asked = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x606)).nanos;
     run.terminate().succeeds();
-    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    Process::start("cansend", &["vcan0", "7FE#"]).wait().succeeds();
     let gone = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
     assert!(gone - asked < seconds(1.0), "{} ns", gone - asked);
     sim.terminate().succeeds();
@@ -767,7 +767,7 @@ fn second_recording_leaves_the_first_unchanged() {
     let scratch = Scratch::new("recordings");
     let parent = scratch.path("recordings");
     let record = || {
-        let mut candump = Candump::of("vcan0");
+        let mut candump = Candump::start("vcan0");
         let sim = scratch.frhc(&["sim", "--config", CONFIG]);
         let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &parent]);
         candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));

@@ -1,4 +1,4 @@
-//! The whole loop in one process, with a record of its frames.
+//! Complete control loop in one process, with a record of its frames.
 
 use std::cell::RefCell;
 use std::path::Path;

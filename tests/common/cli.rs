@@ -1,4 +1,4 @@
-//! Runs one command of the program to its end, in a folder of its own.
+//! Runs a command of the program until it exits, in a separate folder.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Exit code and output of a command.
-pub(crate) struct Ended {
+pub(crate) struct CommandOutput {
     pub(crate) code: i32,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
 }
 
-pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> Ended {
+pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> CommandOutput {
     let output = Command::new(crate::common::program()).args(args).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
-    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+    CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 /// Creates an empty folder for one test.

@@ -44,7 +44,7 @@ const fn row_without(
     Row { page, begins, lane, left_out }
 }
 
-/// Nothing else on the bus.
+/// Bus without other stations.
 const EMPTY_BUS: &str = "";
 /// Simulated drives of `my_arm.toml`.
 const DRIVES: &str = "frhc sim --config my_arm.toml --scenario contact_10s &";
@@ -223,7 +223,7 @@ impl Row {
     }
 }
 
-/// Each failure ends the script; what runs in the background ends with it.
+/// Each failure ends the script, together with its background processes.
 const PREAMBLE: &str = r#"set -euo pipefail
 trap 'kill $(jobs -p) 2>/dev/null || true; wait || true' EXIT
 export XDG_RUNTIME_DIR=$PWD STATE_DIRECTORY=$PWD/state NO_COLOR=1

@@ -25,7 +25,7 @@ pub(crate) struct Outcome {
 }
 
 impl Process {
-    pub(crate) fn of(program: &str, args: &[&str]) -> Self {
+    pub(crate) fn start(program: &str, args: &[&str]) -> Self {
         Self::spawn(Command::new(program).args(args))
     }
 
@@ -56,20 +56,20 @@ impl Process {
 
     /// Sends a signal by its number: real-time signals have no name in `nix`.
     pub(crate) fn signal_number(&self, number: u8) {
-        Self::of("sh", &["-c", &format!("kill -{number} {}", self.0.id())]).wait().succeeds();
+        Self::start("sh", &["-c", &format!("kill -{number} {}", self.0.id())]).wait().succeeds();
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
 
-    /// Limits the address space of the process (RLIMIT_AS) to what it has now.
+    /// Limits the address space of the process (RLIMIT_AS) to its present size.
     pub(crate) fn limit_address_space(&self) {
         let limit = format!(
             "read -r pages rest </proc/{0}/statm; prlimit --pid {0} --as=$((pages * $(getconf PAGESIZE)))",
             self.0.id()
         );
-        Self::of("sh", &["-c", &limit]).wait().succeeds();
+        Self::start("sh", &["-c", &limit]).wait().succeeds();
     }
 
     /// Returns the inodes of its sockets (proc_pid_fd(5)).
@@ -82,7 +82,7 @@ impl Process {
         names.iter().filter_map(inode).collect()
     }
 
-    /// Returns the state of its main thread, as `Z` once that has ended (proc_pid_stat(5)).
+    /// Returns the state of the main thread; `Z` after its end (proc_pid_stat(5)).
     pub(crate) fn state_of_main_thread(&self) -> char {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap();
         stat.rsplit_once(") ").unwrap().1.chars().next().unwrap()
@@ -150,7 +150,7 @@ pub(crate) struct Candump {
 
 impl Candump {
     /// Starts candump, and returns when it has received a first frame.
-    pub(crate) fn of(interface: &str) -> Self {
+    pub(crate) fn start(interface: &str) -> Self {
         let mut child = Command::new("candump")
             .args(["-L", "-d", "-r", "8000000", interface]) // reports lost frames, in lines that are no log lines
             .stdin(Stdio::null())
@@ -179,7 +179,7 @@ impl Candump {
     /// Sends a mark and reads up to it; returns the time on the bus.
     pub(crate) fn mark(&mut self) -> Stamp {
         let last = format!("{MARK}#FF");
-        Process::of("cansend", &[&self.interface, &last]).wait().succeeds();
+        Process::start("cansend", &[&self.interface, &last]).wait().succeeds();
         self.until(|line| {
             is_mark(line) && matches!(&line.content, Content::Data(data) if data == &[0xFF])
         })

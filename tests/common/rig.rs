@@ -11,7 +11,7 @@ use crate::common::process::{Candump, Process, Scratch};
 pub(crate) const KRAFT: &str = "config/kraft_like.toml";
 pub(crate) const PUMA: &str = "config/robots/puma560.toml";
 
-/// A node with its drives, its robot and what passes on its bus.
+/// Node with its drives, its robot and the frames on its bus.
 pub(crate) struct Rig {
     pub(crate) scratch: Scratch,
     candump: Candump,
@@ -30,7 +30,7 @@ impl Rig {
     ) -> Self {
         let scratch = Scratch::new(name);
         let config = scratch.write("config/linked.toml", config);
-        let mut candump = Candump::of("vcan0");
+        let mut candump = Candump::start("vcan0");
         let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
         let robot = robot(&scratch, &scratch.path("frhc/link.sock"));
         let recording = scratch.path("session");
@@ -47,7 +47,7 @@ impl Rig {
         self.candump.until(|line| line.nanos > end);
     }
 
-    /// Lets the bus run for a number of SYNCs, whatever its time stamps.
+    /// Waits for a number of SYNCs on the bus, independently of its time stamps.
     pub(crate) fn syncs(&mut self, count: usize) {
         (0..count).for_each(|_| _ = self.candump.until(is_sync));
     }
@@ -64,7 +64,7 @@ impl Rig {
     /// Returns the status once the hand presses into the wall of the robot's scene.
     pub(crate) fn pressing(&mut self) -> Value {
         self.scratch.ctl("--wait arm").succeeds();
-        // The object meets the wall a second after the hand has moved, at 3.5 s.
+        // The object touches the wall one second after the hand has moved, at 3.5 s.
         self.until(5.0);
         let status = self.status();
         assert_eq!(status["mode"], "engaged", "{status:#}");

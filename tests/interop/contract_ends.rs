@@ -243,7 +243,7 @@ fn of_gripper(gripper: Option<Gripper>) -> String {
     array(numbers.as_ref().map(<[f64; 2]>::as_slice))
 }
 
-/// Returns what each decoder makes of a message: its bytes encoded again, or the reason of its reject.
+/// Returns the result of each decoder for a message: its bytes encoded again, or the reason to reject it.
 fn decoded(bytes: &[u8]) -> String {
     let words = |result: Result<Vec<u8>, Reject>| {
         result.map_or_else(|reject| reject.words().to_owned(), |again| hexadecimal(&again))

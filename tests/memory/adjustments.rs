@@ -26,7 +26,7 @@ use units::adjustment::{Adjustment, LockAxis, Quantity};
 /// Maximum change of a torque in one cycle, in % of the joint's capacity.
 const MAX_STEP_PERCENT: f64 = 2.0;
 
-/// Adjustments, and what takes each back.
+/// Adjustments, each with its inverse.
 const ADJUSTMENTS: [(&str, &str); 6] = [
     ("scale motion 0.5", "scale motion 1"),
     ("scale force 0.2", "scale force 1"),

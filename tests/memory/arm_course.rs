@@ -18,7 +18,7 @@ const DT: f64 = 1e-3;
 /// Duration of a ramp from rest to full speed, in cycles.
 const RAMP: u32 = 250;
 
-/// Duration of the way out, and of that back, in cycles.
+/// Duration of the outward motion, and of the return motion, in cycles.
 const LEG: u32 = 2_500;
 
 /// Speed of a line in m/s, and of a turn in rad/s.
@@ -41,7 +41,7 @@ struct Course {
     length: f64,
 }
 
-/// Returns the share of full speed in a cycle: a ramp, a constant speed, a ramp; then the same way back.
+/// Returns the speed in a cycle as a share of full speed: ramp up, constant, ramp down, then the same in reverse.
 fn share(cycle: u32) -> f64 {
     let (cycle, sign) = if cycle < LEG { (cycle, 1.0) } else { (cycle - LEG, -1.0) };
     let ramp = |cycles: u32| (f64::from(cycles) / f64::from(RAMP)).min(1.0);

@@ -1,4 +1,4 @@
-//! Boot of the whole network (CiA 302-2): frames on the bus and events of the node.
+//! Boot of the complete network (CiA 302-2): frames on the bus and events of the node.
 //!
 //! `GOLDEN=write cargo test --test memory boot::` rewrites the transcripts; check the difference before you
 //! commit it.

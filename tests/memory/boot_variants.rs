@@ -137,7 +137,7 @@ fn time_to_enable_is_that_of_the_file() {
         took.push(bench.node().bus().now().since(first));
     }
     for (took, millis) in took.iter().zip([2_000, 500, 4_000]) {
-        // The drives that were enabled are switched off behind it.
+        // After it, the enabled drives are switched off.
         let limit = Duration::from_millis(millis);
         assert!(
             *took >= limit && *took < limit + Duration::from_millis(900),

@@ -11,7 +11,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Vector3};
 
 use crate::common::linked::{LINK, linked_text};
-use crate::linked_node::{Handle, Linked, Network, parse};
+use crate::linked_node::{Handle, LinkedSide, Network, parse};
 use bus::Bus;
 use controller::switches::Mode as CommandMode;
 use memory_bus::Memory;
@@ -29,7 +29,7 @@ use units::time::Instant;
 /// Commanded side of either kind.
 enum Side {
     Virtual(Box<VirtualSite>),
-    Link(Box<Linked>),
+    Link(Box<LinkedSide>),
 }
 
 impl Side {
@@ -129,7 +129,7 @@ fn over_both(
     }
     let far = parse(&text).unwrap();
     let near = parse(&linked_text(&text, LINK)).unwrap();
-    let linked = Linked::new(&near, &far, Network::default(), Handle::default().into());
+    let linked = LinkedSide::new(&near, &far, Network::default(), Handle::default().into());
     let site = VirtualSite::new(&far.remote, far.period);
     let sides = [
         ("virtual", &far, Side::Virtual(Box::new(site))),

@@ -30,7 +30,7 @@ const BUS: Channel = Channel(0);
 /// Phases of a cycle of 1 ms, in µs: during SYNC, and after the targets. A campaign tries all.
 const PHASES: [u64; 2] = [20, 600];
 
-/// The operator engages the arm, and goes on moving it.
+/// The operator engages the arm and moves it continuously.
 const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.2\ndeadman = true\n\
     [[move]]\nat_s = 0.25\nduration_s = 1.0\nto_m = [0.0, 0.05, 0.0]\n";

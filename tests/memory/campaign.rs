@@ -56,7 +56,7 @@ fn campaign_of_a_seed_is_the_same_with_any_number_of_threads() {
     let (one, two) = (campaign(SEED, 1), campaign(SEED, 2));
     assert_eq!(one.len(), 24);
     assert_eq!(format!("{one:?}"), format!("{two:?}"));
-    assert_eq!(Table::of(&one).to_string(), Table::of(&two).to_string());
+    assert_eq!(Table::from_verdicts(&one).to_string(), Table::from_verdicts(&two).to_string());
     assert_ne!(format!("{one:?}"), format!("{:?}", campaign(SEED + 1, 2)));
 }
 
@@ -130,7 +130,7 @@ fn drives_are_off_115_ms_after_zero_torque() {
     for only in ["SYNC missing", "deadman channel stuck", "heartbeat lost"] {
         let verdicts = play(6, only);
         all_pass(&verdicts);
-        assert!(Table::of(&verdicts).total.off_ms.unwrap() <= 115.0);
+        assert!(Table::from_verdicts(&verdicts).total.off_ms.unwrap() <= 115.0);
     }
 }
 
@@ -183,7 +183,7 @@ fn promise_01_detected_fault_stops_all_joints_in_five_cycles() {
     for only in ["drive unplugged", "wire cut", "SYNC missing"] {
         let verdicts = play(4, only);
         all_pass(&verdicts);
-        let line = Table::of(&verdicts).total;
+        let line = Table::from_verdicts(&verdicts).total;
         assert!(line.t_zero.unwrap().max <= 5 && line.spread.is_none_or(|spread| spread <= 1));
         assert_eq!((line.latched, line.missed, line.false_trips), (line.injected, 0, 0));
     }
@@ -223,7 +223,7 @@ fn promise_04_failed_drive_stops_the_others_in_two_cycles() {
     for only in ["drive fault", "safe torque off", "drive reboots"] {
         let verdicts = play(4, only);
         all_pass(&verdicts);
-        assert!(Table::of(&verdicts).total.t_zero.unwrap().max <= 2);
+        assert!(Table::from_verdicts(&verdicts).total.t_zero.unwrap().max <= 2);
     }
 }
 
@@ -231,7 +231,7 @@ fn promise_04_failed_drive_stops_the_others_in_two_cycles() {
 fn promise_08_reflection_ends_20_ms_after_the_deadman() {
     let verdicts = play(6, "deadman released");
     all_pass(&verdicts);
-    assert!(Table::of(&verdicts).total.t_zero_ms.unwrap() <= 20.0);
+    assert!(Table::from_verdicts(&verdicts).total.t_zero_ms.unwrap() <= 20.0);
 }
 
 #[test]
@@ -245,14 +245,14 @@ fn hazard_13_lost_commands_leave_no_drive_on() {
     for only in ["controlword lost", "RPDO lost"] {
         let verdicts = play(20, only);
         all_pass(&verdicts);
-        assert_eq!(Table::of(&verdicts).total.left_on, 0);
+        assert_eq!(Table::from_verdicts(&verdicts).total.left_on, 0);
     }
 }
 
 #[test]
 fn hazard_13_every_lost_rpdo_of_a_moving_arm_is_seen() {
     let verdicts = play(100, "RPDO lost");
-    let case = |verdict: &Verdict| Case::of(SEED, verdict.number, &configs()).unwrap();
+    let case = |verdict: &Verdict| Case::draw(SEED, verdict.number, &configs()).unwrap();
     let (mut engaged, mut without_timer) = (0, 0);
     for verdict in verdicts.iter().filter(|verdict| verdict.kind == "RPDO lost") {
         let case = case(verdict);
@@ -272,7 +272,7 @@ fn promise_10_no_acting_torque_is_older_than_a_drives_timer() {
     for only in ["adapter stalls", "adapter stalls for a moment", "stall within a cycle"] {
         for verdict in play(20, only) {
             assert_eq!(verdict.outcome, Outcome::Met, "{verdict:?}");
-            // What came last before the timer runs out acts at the SYNC behind it.
+            // The last target before the timer expires acts at the next SYNC.
             let limit = timers::oldest_torque(&configs[verdict.config]);
             assert!(verdict.observed.oldest <= limit, "{verdict:?}");
             oldest = oldest.max(verdict.observed.oldest);

@@ -72,7 +72,8 @@ fn recorded(config: &Config) -> Vec<u8> {
     let cycles = u64::try_from(config.period.as_micros()).unwrap();
     let cycles = 60_000_000 / cycles;
     let course = Course { scenario, seed: 1, speed: None };
-    let mut bench = Bench::recorded(config, Side::of(config), course, (), recording.clone());
+    let mut bench =
+        Bench::recorded(config, Side::from_config(config), course, (), recording.clone());
     bench.bring_up().unwrap();
     for _ in 0..cycles {
         let record = bench.cycle();

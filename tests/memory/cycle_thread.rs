@@ -38,8 +38,8 @@ struct Bench<S> {
 }
 
 impl<S: Station> Bench<S> {
-    /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
-    fn of(name: &str, crashed: bool, stations: S) -> Self {
+    /// Uses a separate state folder; `crashed` leaves the latch of a crashed run in it.
+    fn new(name: &str, crashed: bool, stations: S) -> Self {
         let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok(); // left by an earlier process with this id
         let set = || Latch::set_in(folder.clone(), None, &["can0".to_owned()]);
@@ -99,7 +99,7 @@ fn config() -> Config {
 
 fn bench(name: &str, crashed: bool) -> Bench<World> {
     let world = world::build(&config(), Scenario::parse("seconds = 60").unwrap(), 1);
-    Bench::of(name, crashed, world)
+    Bench::new(name, crashed, world)
 }
 
 /// A bus without devices.
@@ -135,7 +135,7 @@ fn cancelled_boot_is_an_orderly_end() {
 
 #[test]
 fn boot_without_drives_fails_and_latches_nothing() {
-    let mut bench = Bench::of("run-no-devices", false, NoDevices);
+    let mut bench = Bench::new("run-no-devices", false, NoDevices);
     let ended = bench.run(&|| false);
     let [code, of_drives] =
         [ended.outcome.unwrap_err(), Failure::new(Kind::Drive, "")].map(|it| it.code());

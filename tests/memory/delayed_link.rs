@@ -1,4 +1,5 @@
-//! A link with delay between node and object: contact is felt, an outage ends reflection, and `check` counts the delay.
+//! Link with delay between node and object: it transmits contact forces, an outage disables force reflection, and `check`
+//! includes the delay.
 #![allow(
     clippy::panic,
     clippy::unwrap_used,
@@ -27,7 +28,7 @@ const ARM: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
 
 const MS: Duration = Duration::from_millis(1);
 
-/// Returns a bench whose object stands 0.1 mm before the wall, behind a link.
+/// Returns a bench with a link and an object 0.1 mm from the wall.
 fn pressing(settings: DelaySettings) -> Bench<()> {
     let text = TEXT.replace("start_m = [0.4,", "start_m = [0.4499,");
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();

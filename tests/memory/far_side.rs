@@ -12,7 +12,7 @@ use std::time::Duration;
 use contract::Reason;
 
 use crate::common::linked::{LINK, linked};
-use crate::linked_node::{MS, Network, Wired, ask, booted, cycles, engage, parse};
+use crate::linked_node::{LinkedNode, MS, Network, ask, booted, cycles, engage, parse};
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
@@ -81,7 +81,7 @@ fn contact_is_felt_through_the_socket_with_every_hand() {
     }
 }
 
-/// The far side writes the time of each sample into its force: whatever the network does, none that is older acts.
+/// The far side writes the time of each sample into its force: on any network, no sample beyond the maximum age acts.
 #[test]
 fn hazard_36_no_sample_older_than_its_limit_acts_on_any_network() {
     // At 8 ms a sample acts at an age of 19 ms: jitter of 1 ms or one lost message is too much.
@@ -117,7 +117,7 @@ fn hazard_36_no_sample_older_than_its_limit_acts_on_any_network() {
 }
 
 /// Runs the node up to engagement, then `cut`; returns the time for which reflection still acted.
-fn reflected_after(node: &mut Wired, cut: impl FnOnce()) -> Duration {
+fn reflected_after(node: &mut LinkedNode, cut: impl FnOnce()) -> Duration {
     let record = engage(node);
     assert_eq!((record.mode, record.cause), (Mode::Engaged, None));
     cut();
@@ -202,7 +202,7 @@ fn arming_names_every_figure_that_is_worse_than_stated() {
     let (mut node, _) = booted("kraft_like", LINK, Network::default());
     node.remote_mut().capability.servo_lag = 0.05;
     node.remote_mut().capability.stiffest_contact = 9_000.0;
-    // The figures of a far side that starts again are asked for anew.
+    // After a restart of the far side, its figures are requested again.
     node.remote_mut().handle.restarts.set(true);
     cycles(&mut node, 300);
     assert_eq!(

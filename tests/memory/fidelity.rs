@@ -1,5 +1,5 @@
-//! Fidelity at the hand, in the simulation's own truth: still contact, drag, releases, and friction
-//! compensation that moves nothing by itself.
+//! Fidelity of the force at the hand, against the true values of the simulation: static contact, drag, releases, and
+//! friction compensation that starts no motion.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,
@@ -159,7 +159,7 @@ fn release_by_any_hand_pulls_none_into_the_wall() {
     }
 }
 
-/// Taps the wall hard in pose mode, and withdraws at once. Returns the figures from the retreat on.
+/// Taps the wall hard in pose mode and retreats immediately. Returns the figures from the retreat on.
 fn tap(config: &Config, depth_m: f64) -> Release {
     let deep = WAYS[0] + depth_m;
     let script = format!(
@@ -197,7 +197,7 @@ fn hard_tap_on_a_stiff_wall_is_not_pulled_back() {
             assert!(release.seconds > 0.5, "{name}, {stiffness} N/m: {release:?}");
             // The task falls by several newtons within the two cycles in which torques are on their way.
             assert!(release.pull_n < 0.8, "{name}, {stiffness} N/m: {release:?}");
-            // Nor is it braked when it comes back: the debt of the contact is left behind.
+            // It is not braked on its return either: the energy debt of the contact has no further effect.
             assert!(release.outside_s < 0.02, "{name}, {stiffness} N/m: {release:?}");
         }
     }
@@ -331,7 +331,7 @@ fn nudged_joint_with_less_friction_comes_to_rest() {
             let is_slide = config.joints[joint.index()].plant.link.kind == JointKind::Prismatic;
             for to_m in [0.03, 0.055].into_iter().filter(|_| !is_slide) {
                 let [moved, creeps] = nudged(&config, to_m, joint);
-                // The wall goes on pushing an arm that nothing holds.
+                // The wall continues to push an arm that is not held.
                 let most = if to_m > 0.05 { 0.2 } else { 0.05 };
                 assert!(creeps < most, "{name}, {joint}, {to_m}: creeps {creeps}°");
                 // The goal is 0.5°. Elevation on the wall is pushed back by 0.57°: the wall's force, not the compensation's.

@@ -11,7 +11,7 @@
 use std::path::Path;
 
 use calibration::fit::Direction;
-use calibration::fit::posture::{Held, postures};
+use calibration::fit::posture::{PostureReading, postures};
 use calibration::fit::sweep::{Estimate, JointFriction, Moving};
 use config::Config;
 use sim::friction_rig::{FrictionRig, FrictionRigSettings, SlowReading};
@@ -45,7 +45,7 @@ impl Errors {
     }
 }
 
-/// Returns what is left of a reading when gravity is taken off, in N·m or N.
+/// Returns the torque or force of a reading without gravity, in N·m or N.
 fn torque(config: &Config, place: usize, reading: &SlowReading) -> f64 {
     let mut actual = [PerMille(0); 6];
     actual[place] = PerMille(reading.per_mille);
@@ -83,7 +83,7 @@ fn friction_of_simulated_sweeps_is_found_as_well_as_stated() {
                 let [true_coulomb, true_viscous] = rig.friction();
                 coulomb.add(found.both.coulomb, true_coulomb);
                 viscous.add(found.both.viscous, true_viscous);
-                let held = held.into_iter().map(|reading| Held {
+                let held = held.into_iter().map(|reading| PostureReading {
                     q: reading.q.into(),
                     direction: if reading.is_rising { Direction::Up } else { Direction::Down },
                     torque: torque(&config, place, reading),

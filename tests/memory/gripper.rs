@@ -10,7 +10,7 @@ use std::path::Path;
 use std::rc::Rc;
 
 use crate::common::linked::{LINK, linked_text};
-use crate::linked_node::{Handle, Linked, Network, ask, cycles, parse};
+use crate::linked_node::{Handle, LinkedSide, Network, ask, cycles, parse};
 use bus::Bus;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
@@ -227,7 +227,7 @@ fn gripper_of_another_process_is_commanded_and_measured() {
     let switches = script(&[(0.1, "gripper = -12000"), (6.0, "gripper = 20000")]);
     let world = world::build(&near, switches, 1);
     let handle = Rc::new(Handle::default());
-    let remote = Linked::new(&near, &far, Network::default(), Rc::clone(&handle));
+    let remote = LinkedSide::new(&near, &far, Network::default(), Rc::clone(&handle));
     let mut node = Node::new(&near, Memory::new(&bitrates, world, ()), remote);
     node.bring_up(&mut || false).unwrap();
     while node.cycle().inputs.is_none() || node.bus().now() < Instant::from_micros(1_000_000) {}

@@ -21,7 +21,7 @@ use units::time::Instant;
 /// Presses into the wall from 3.0 s on, as `config/scenarios/contact_10s.toml` does.
 const PRESS: &str = include_str!("../../config/scenarios/contact_10s.toml");
 
-/// Arms at once, and closes the deadman after 0.4 s.
+/// Arms immediately, and closes the deadman after 0.4 s.
 const HOLD: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
@@ -140,7 +140,7 @@ struct Push {
     speed: f64,
     /// Largest distance from where it was let go, in m.
     travel: f64,
-    /// Time from letting go until the held torque is seen.
+    /// Time from the release until the held torque is detected.
     seen: Duration,
 }
 
@@ -204,7 +204,7 @@ fn hazard_13_released_grip_stays_below_half_a_metre_per_second() {
                 let push = let_go(&bench, &config, Some(joint), at_s);
                 let case = format!("{name}: at {at_s} s, joint {joint}");
                 assert!(push.speed < 0.5, "{case}: {push:?}");
-                // A hand that lets go of a healthy arm sees nearly as much.
+                // The release of a healthy arm causes nearly the same value.
                 assert!(push.speed < healthy.speed + 0.16, "{case}: {push:?}, {healthy:?}");
             }
         }

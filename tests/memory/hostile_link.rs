@@ -1,5 +1,5 @@
-//! Hostile messages at the socket of a whole node that is engaged and in contact: its frames are those of a run without
-//! them, and the link counts each by its reason.
+//! Hostile messages at the socket of a complete node that is engaged and in contact: its frames equal those of a run
+//! without them, and the link counts each rejected message by its reason.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,
@@ -30,17 +30,17 @@ const CYCLES: usize = 50_000;
 /// Messages of each kind in a cycle: seven kinds and the two of the far side are the 16 that the link takes.
 const OF_EACH_KIND: usize = 2;
 
-/// Cycles for which a message is held back, to be sent behind newer ones.
+/// Number of cycles for which a message is delayed, so that newer ones overtake it.
 const HELD_FOR: usize = 20;
 
-/// A wrench that would be felt, in N and N·m.
+/// Large wrench that the operator would feel, in N and N·m.
 const LOUD: Measurements = Measurements {
     wrench: Some([30.0, -30.0, 30.0, 1.0, 1.0, 1.0]),
     pose: Some(Pose { position: [0.5; 3], orientation: [0.0, 0.0, 0.0, 1.0] }),
     gripper: None,
 };
 
-// Offsets in a message, behind its encapsulation header of four bytes (docs/link.md).
+// Offsets in a message, after its encapsulation header of four bytes (docs/link.md).
 const VERSION: usize = 4 + 1;
 const ARM: usize = 4 + 2;
 const SESSION: Range<usize> = 4 + 8..4 + 16;
@@ -130,7 +130,7 @@ impl Sender {
         all
     }
 
-    /// Keeps what the node receives, to be sent again.
+    /// Stores the messages that the node receives, to send them again.
     fn remember(&mut self, own: &[Vec<u8>]) {
         if self.old.len() < 200 {
             self.old.extend_from_slice(own);
@@ -173,7 +173,7 @@ impl Sender {
         self.add(to, message.clone(), Reject::Replayed);
     }
 
-    /// Holds a message of the far side back, and adds the one that was held back long enough.
+    /// Delays a message of the far side, and adds the one whose delay has elapsed.
     fn add_overtaken(&mut self, to: &mut Vec<Vec<u8>>, message: &[u8]) {
         self.held.push_back(message.to_vec());
         if self.held.len() > OF_EACH_KIND * HELD_FOR {
@@ -209,7 +209,7 @@ impl Sender {
         self.add(to, message, Reject::Impossible);
     }
 
-    /// Returns an echo of another session, of a message never sent, or of one that is long gone.
+    /// Returns an echo of another session, of a message never sent, or of an old one.
     fn echo_that_cannot_be(&mut self, fresh: Echo) -> (Echo, Reject) {
         let Echo { session, sequence } = fresh;
         let next = sequence + 1 + self.random.bits() % 1_000;
@@ -226,7 +226,7 @@ impl Sender {
     }
 }
 
-/// Returns the feedback among these messages, with a wrench that would be felt.
+/// Returns the feedback message among `own`, with the wrench of [`LOUD`].
 fn loudened(own: &[Vec<u8>]) -> Vec<u8> {
     let mut message = own.iter().find(|one| one.len() == Feedback::LENGTH).unwrap().clone();
     for (place, number) in LOUD.wrench.unwrap().into_iter().enumerate() {

@@ -37,9 +37,9 @@ const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n
 
 /// Every frame that the buses accepted from the node, with its time.
 #[derive(Clone, Default)]
-struct Accepted(Rc<RefCell<Vec<(Instant, Telegram)>>>);
+struct AcceptedFrames(Rc<RefCell<Vec<(Instant, Telegram)>>>);
 
-impl Tap for Accepted {
+impl Tap for AcceptedFrames {
     fn on_wire(&mut self, _: Instant, _: &Telegram) {}
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
@@ -47,7 +47,7 @@ impl Tap for Accepted {
     }
 }
 
-impl Accepted {
+impl AcceptedFrames {
     fn since(&self, from: Instant) -> Vec<(Instant, Frame)> {
         let since = self.0.borrow();
         let since = since.iter().filter(|(at, _)| *at >= from);
@@ -77,8 +77,8 @@ impl Accepted {
 }
 
 struct Run {
-    bench: Bench<Accepted>,
-    accepted: Accepted,
+    bench: Bench<AcceptedFrames>,
+    accepted: AcceptedFrames,
     period: Duration,
     from: Instant,
     records: Vec<Record>,
@@ -103,7 +103,7 @@ impl Run {
         stops: &[(u32, u16, u32)],
         kind: fn(u16) -> HostFault,
     ) -> Self {
-        let (config, accepted) = (config(name), Accepted::default());
+        let (config, accepted) = (config(name), AcceptedFrames::default());
         let script = Scenario::parse(script).unwrap();
         let mut bench = Bench::new(&config, script, 1, accepted.clone());
         bench.bring_up().unwrap();

@@ -31,7 +31,7 @@ const KRAFT: &str = "config/kraft_like.toml";
 /// Number of cycles of a run; the hand presses into the wall in most of them.
 const CYCLES: usize = 1_200;
 
-/// Remote site whose samples a function may change or drop on their way; counts them.
+/// Remote site that counts its samples and passes them through a function, which may change or drop them.
 struct Via<L> {
     site: VirtualSite,
     law: L,
@@ -46,10 +46,10 @@ impl<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>> Remote for Via<L> {
     }
 }
 
-type Wired<L> = Node<Memory<World, ()>, Via<L>>;
+type LinkNode<L> = Node<Memory<World, ()>, Via<L>>;
 
 /// Boots a node whose operator presses into the wall once it is armed; `law` changes its samples.
-fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Wired<L> {
+fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> LinkNode<L> {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
@@ -62,7 +62,7 @@ fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Wired<
 }
 
 /// Boots and arms a node as [`booted`] does.
-fn pressing<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> Wired<L> {
+fn pressing<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> LinkNode<L> {
     let mut node = booted(law);
     while node.cycle().inputs.is_none() {}
     node.request(Request::Arm, &mut || false).unwrap();

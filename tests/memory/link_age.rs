@@ -1,4 +1,4 @@
-//! Age of the samples that act: over slow networks, up to their limit and beyond, and behind a flood.
+//! Age of the samples in use: over slow networks up to and beyond the limit, and after a flood of messages.
 #![allow(
     clippy::indexing_slicing,
     clippy::print_stdout,
@@ -39,9 +39,9 @@ struct Ways {
 }
 
 impl Ways {
-    /// Returns three links with the same mean round trip: steady and equal ways, everything on the way back, and equal ways
-    /// with jitter, losses and duplicates.
-    fn of(delay: Duration) -> [Self; 3] {
+    /// Returns three links with the same mean round trip: equal constant delays, the complete delay in the return
+    /// direction, and equal delays with jitter, losses and duplicates.
+    fn with_delay(delay: Duration) -> [Self; 3] {
         let steady = Network { delay, ..Network::default() };
         let back = Network { delay: delay * 2, ..Network::default() };
         let uneven = Network { jitter: delay / 10, loss: 0.01, duplicates: 0.05, ..steady };
@@ -106,7 +106,7 @@ fn cell(max_age: u32, ways: Ways) -> String {
 /// Engages over each link, prints the rows, and compares them with docs/link.md.
 fn rows_are_those_of_the_page(max_age: u32, delays: &[u32]) {
     let rows = delays.iter().map(|delay| {
-        let cells = Ways::of(MS * *delay).map(|ways| cell(max_age, ways)).join(" | ");
+        let cells = Ways::with_delay(MS * *delay).map(|ways| cell(max_age, ways)).join(" | ");
         format!("| {max_age} ms | {delay} ms | {cells} |")
     });
     let rows: Vec<String> = rows.collect();

@@ -61,7 +61,7 @@ pub(crate) struct Network {
     pub(crate) duplicates: f64,
 }
 
-/// Messages under way in one direction; by their jitter they overtake each other.
+/// Messages in transit in one direction; jitter can change their order.
 pub(crate) struct Way {
     pub(crate) network: Network,
     random: SplitMix,
@@ -89,8 +89,8 @@ impl Way {
     }
 }
 
-/// Sender in the place of the far side: returns what is written to the node's socket in a cycle, from the messages of the
-/// far side that have arrived.
+/// Sender that replaces the far side: returns the messages for the node's socket in a cycle, from those of the far side
+/// that have arrived.
 pub(crate) type Peer = Box<dyn FnMut(Instant, &mut FarEnd, Vec<Vec<u8>>) -> Vec<Vec<u8>>>;
 
 /// Faults of the far side that a test sets while the node runs.
@@ -107,12 +107,12 @@ pub(crate) struct Handle {
     pub(crate) peer: RefCell<Option<Peer>>,
     /// Messages for which the node's queue had no room.
     pub(crate) unsent: Cell<u64>,
-    /// The link takes 16 messages in a cycle, as its thread does, and reads what is sent in it with the next one.
+    /// The link reads up to 16 messages per cycle, as its thread does; it reads messages sent in this cycle in the next one.
     pub(crate) reads_once: Cell<bool>,
 }
 
-/// The commanded side of a node: its link, and beyond the socket the network and the far side.
-pub(crate) struct Linked {
+/// Commanded side of a node: its link, and the network and the far side at the other end of the socket.
+pub(crate) struct LinkedSide {
     pub(crate) side: LinkSide,
     pub(crate) thread: LinkThread,
     pub(crate) folder: TempDir,
@@ -126,7 +126,7 @@ pub(crate) struct Linked {
     pub(crate) sessions: u64,
 }
 
-impl Linked {
+impl LinkedSide {
     pub(crate) fn new(near: &Config, far: &Config, network: Network, handle: Rc<Handle>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("link.sock");
@@ -216,7 +216,7 @@ pub(crate) fn connected(path: &Path) -> Socket {
     socket
 }
 
-impl Remote for Linked {
+impl Remote for LinkedSide {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.thread.step(now);
         self.run_far_side(now);
@@ -244,10 +244,10 @@ impl Remote for Linked {
 }
 
 /// A node on a bus in memory, with a tap of its frames.
-pub(crate) type Wired<T = ()> = Node<Memory<World, T>, Linked>;
+pub(crate) type LinkedNode<T = ()> = Node<Memory<World, T>, LinkedSide>;
 
 /// Boots a node whose operator presses towards the wall of the far side, 0.1 mm away.
-pub(crate) fn booted(hand: &str, keys: &str, network: Network) -> (Wired, Rc<Handle>) {
+pub(crate) fn booted(hand: &str, keys: &str, network: Network) -> (LinkedNode, Rc<Handle>) {
     booted_with(hand, keys, network, ())
 }
 
@@ -257,7 +257,7 @@ pub(crate) fn booted_with<T: Tap>(
     keys: &str,
     network: Network,
     tap: T,
-) -> (Wired<T>, Rc<Handle>) {
+) -> (LinkedNode<T>, Rc<Handle>) {
     booted_near(hand, &parse(&linked(hand, keys)).unwrap(), network, tap)
 }
 
@@ -267,25 +267,25 @@ pub(crate) fn booted_near<T: Tap>(
     near: &Config,
     network: Network,
     tap: T,
-) -> (Wired<T>, Rc<Handle>) {
+) -> (LinkedNode<T>, Rc<Handle>) {
     let text = std::fs::read_to_string(format!("config/{hand}.toml")).unwrap();
     let far = parse_as(hand, &text.replace("start_m = [0.4,", "start_m = [0.4499,")).unwrap();
     let bitrates: Vec<u32> = near.buses.iter().map(|bus| bus.bitrate).collect();
     let world = world::build(near, Scenario::parse(&press_script(1.2)).unwrap(), 1);
     let handle = Rc::new(Handle::default());
-    let remote = Linked::new(near, &far, network, Rc::clone(&handle));
+    let remote = LinkedSide::new(near, &far, network, Rc::clone(&handle));
     let mut node = Node::new(near, Memory::new(&bitrates, world, tap), remote);
     node.bring_up(&mut || false).unwrap();
     while node.cycle().inputs.is_none() || node.bus().now() < Instant::ZERO + MS * 1_000 {}
     (node, handle)
 }
 
-pub(crate) fn ask<T: Tap>(node: &mut Wired<T>, request: Request) -> Result<Mode, String> {
+pub(crate) fn ask<T: Tap>(node: &mut LinkedNode<T>, request: Request) -> Result<Mode, String> {
     node.request(request, &mut || false).map_err(|error| error.to_string())
 }
 
 /// Arms the node, and runs it until the hand presses.
-pub(crate) fn engage<T: Tap>(node: &mut Wired<T>) -> Record {
+pub(crate) fn engage<T: Tap>(node: &mut LinkedNode<T>) -> Record {
     let armed = ask(node, Request::Arm);
     assert_eq!(armed, Ok(Mode::Armed), "{:?}", node.remote().there.network);
     let engaged = (0..3_000).find(|_| node.cycle().mode == Mode::Engaged);
@@ -293,6 +293,6 @@ pub(crate) fn engage<T: Tap>(node: &mut Wired<T>) -> Record {
     cycles(node, 500)
 }
 
-pub(crate) fn cycles<T: Tap>(node: &mut Wired<T>, count: usize) -> Record {
+pub(crate) fn cycles<T: Tap>(node: &mut LinkedNode<T>, count: usize) -> Record {
     (0..count).map(|_| node.cycle()).last().unwrap()
 }

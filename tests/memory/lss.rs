@@ -55,7 +55,7 @@ fn configure(selection: Selection, node: Option<NodeId>) -> Job {
 /// Devices with these serial numbers, without node-IDs.
 fn unconfigured(serials: &[u32]) -> (TestSession, Wire) {
     let numbers: Vec<(u8, u32)> = (1..).zip(serials.iter().copied()).collect();
-    let (mut session, wire) = session(Devices::of(&numbers));
+    let (mut session, wire) = session(Devices::from_numbers(&numbers));
     for (raw, serial) in numbers {
         let known = Some(Some(node(raw)));
         let report = carry(&mut session, configure(Selection::Address(drive(serial)), None));
@@ -125,7 +125,7 @@ fn unconfigured_devices_get_node_ids_by_fastscan() {
 
 #[test]
 fn devices_in_the_identification_range_reply() {
-    let (mut session, _) = session(Devices::of(&[(1, 7), (2, 8), (3, 9)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(1, 7), (2, 8), (3, 9)]));
     let whom =
         |revision, serial| Description { vendor: 0xF8C, product: 0x0402_0010, revision, serial };
     let every_revision = [0, u32::MAX];
@@ -136,7 +136,7 @@ fn devices_in_the_identification_range_reply() {
 
 #[test]
 fn node_id_is_not_configured_on_several_devices_at_once() {
-    let (mut session, wire) = session(Devices::of(&[(1, 7), (2, 8)]));
+    let (mut session, wire) = session(Devices::from_numbers(&[(1, 7), (2, 8)]));
     let refused = carry(&mut session, configure(Selection::All, Some(node(9))));
     assert!(matches!(refused, Err(LssError::Several(_))), "{refused:?}");
     let frames = wire.since(Instant::ZERO, 0x7E5);
@@ -146,7 +146,7 @@ fn node_id_is_not_configured_on_several_devices_at_once() {
 
 #[test]
 fn device_is_released_during_a_bit_rate_change() {
-    let (mut session, _) = session(Devices::of(&[(1, 7)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(1, 7)]));
     let bit_rate = BitRate::of_kilobits(250);
     let job = Job {
         bit_rate,
@@ -162,9 +162,9 @@ fn device_is_released_during_a_bit_rate_change() {
 }
 
 /// Procedure that is abandoned after a number of received frames.
-struct Interrupted<P>(P, u32);
+struct AbandoningProcedure<P>(P, u32);
 
-impl<P: Procedure> Procedure for Interrupted<P> {
+impl<P: Procedure> Procedure for AbandoningProcedure<P> {
     type Outcome = ();
 
     fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> Option<()> {
@@ -188,10 +188,10 @@ impl<P: Procedure> Procedure for Interrupted<P> {
 #[test]
 fn interrupted_job_leaves_no_device_in_configuration_state() {
     for frames in 1..=9 {
-        let (mut session, _) = session(Devices::of(&[(1, 7)]));
+        let (mut session, _) = session(Devices::from_numbers(&[(1, 7)]));
         let job = configure(Selection::Address(drive(7)), Some(node(9)));
         session
-            .run(|now, out| Interrupted(Master::start(job, TIMEOUTS, now, out), frames))
+            .run(|now, out| AbandoningProcedure(Master::start(job, TIMEOUTS, now, out), frames))
             .unwrap();
         let silent = carry(&mut session, Job { inquire: true, ..Job::new(Selection::Selected) });
         assert!(matches!(silent, Err(LssError::Timeout(_))), "after {frames} frames: {silent:?}");

@@ -1,4 +1,4 @@
-//! Node, master and drives on the bus in memory, and the pure rooms: nothing here starts a process or opens a socket.
+//! Tests of node, master and drives on the in-memory bus, and of the pure rooms: they start no process and open no socket.
 
 #[path = "../common/mod.rs"]
 mod common;

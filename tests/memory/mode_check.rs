@@ -26,10 +26,10 @@ use testbench::bench::Bench;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// One PDO each way: the statusword is in the first TPDO.
+/// One PDO per direction: the statusword is in the first TPDO.
 const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
 const ELBOW: Joint = Joint::of::<3>();
-/// Both edges of the interval are seen with the resolution of a cycle.
+/// Both edges of the interval are measured with the resolution of a cycle.
 const LOOK_TIME: Duration = Duration::from_millis(10);
 
 fn text(file: &str) -> String {
@@ -127,7 +127,7 @@ fn number(value: &canopen::Value) -> Option<u32> {
 fn drive_in_another_mode_is_disabled_under_5_percent_and_named() {
     for file in HAND_CONTROLLERS {
         let config = parse(file, &shown_when_enabled(&text(file)));
-        // Without a mode the drive pushes nothing, and the arm sinks in the hand.
+        // Without a mode the drive exerts no torque, and the arm sinks in the hand.
         let mut sunk: Option<f64> = None;
         for mode in [0, 1, 3, 8] {
             let (mut bench, _) = bench(&config, &format!("mode-when-enabled:{mode}"), &[ELBOW]);

@@ -40,7 +40,7 @@ fn parse(text: &str) -> Result<Config, config::Invalid> {
     Config::parse(Path::new("config/kraft_like.toml"), text)
 }
 
-/// Network between the sensor and its reader: returns what arrives of a record, and from where.
+/// Network between the sensor and its reader: returns the datagrams that arrive for a record, with their sources.
 type Network = fn(&mut SplitMix, Record, SocketAddr) -> Vec<(Record, SocketAddr)>;
 
 /// A network, or a sensor, without faults.

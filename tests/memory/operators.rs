@@ -1,4 +1,4 @@
-//! Operator presets and surfaces with friction, in the whole loop on the in-memory bus.
+//! Operator presets and surfaces with friction, in the complete control loop on the in-memory bus.
 #![allow(
     clippy::float_cmp,
     clippy::panic,
@@ -31,8 +31,8 @@ fn going(to_m: &str, more: &str) -> Scenario {
     Scenario::parse(&format!("{script}\n{more}")).unwrap()
 }
 
-/// Runs the first six seconds of a scenario; calls `felt` with each reflected force at the grip, in {0}.
-fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>)) -> Summary {
+/// Runs the first six seconds of a scenario; calls `on_force` with each reflected force on the grip, in {0}.
+fn summary(config: &str, scenario: Scenario, mut on_force: impl FnMut(Vector3<f64>)) -> Summary {
     let config = Config::parse(Path::new(FILE), config).unwrap();
     let mut bench = Bench::new(&config, scenario, 1, ());
     bench.bring_up().unwrap();
@@ -40,7 +40,7 @@ fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>))
     for _ in 0..6_000 {
         let record = bench.cycle();
         summary.add(&record);
-        felt(record.output.x_0_g.rotation * record.output.f_g_task.force);
+        on_force(record.output.x_0_g.rotation * record.output.f_g_task.force);
     }
     bench.stop().unwrap();
     summary
@@ -76,7 +76,7 @@ fn friction_of_a_rough_wall_opposes_sliding() {
     assert!(smooth < 0.1 * strongest, "without friction {smooth} N");
 }
 
-/// Pose mode without a wall: the hand goes forward by 14 cm, and comes back from 5.5 s on, within 0.4 s.
+/// Pose mode without a wall: the hand moves forward by 14 cm, and returns from 5.5 s on, within 0.4 s.
 const WITHDRAWAL: &str = "seconds = 7\n[[console]]\nat_s = 0.3\nrequest = \"mode pose\"\n\
     [[console]]\nat_s = 0.4\nrequest = \"arm\"\n[[switch]]\nat_s = 2.2\ndeadman = true\n\
     [[move]]\nat_s = 3.5\nduration_s = 1.5\nto_m = [0.14, 0.0, 0.0]\n\

@@ -1,5 +1,5 @@
-//! Implausible samples in the whole loop on the in-memory bus: their effect, and no stop without a cause. The reaction
-//! to each fault scenario is in `tests/memory/scenarios.rs`.
+//! Implausible samples in the complete control loop on the in-memory bus: their effect, and no stop without a cause.
+//! `tests/memory/scenarios.rs` tests the reaction to each fault scenario.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,

@@ -19,7 +19,7 @@ use units::numbering::Joint;
 const ARM: &str = include_str!("../../config/kraft_like_500hz.toml");
 const ELBOW: Joint = Joint::of::<3>();
 
-/// Arms at once; closes the deadman 0.4 s after the first SYNC. The hand moves from then on.
+/// Arms immediately; closes the deadman 0.4 s after the first SYNC. The hand moves from then on.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n\
@@ -57,7 +57,7 @@ fn stated_factors_are_read_as_the_angle_of_the_joint() {
         "encoder_counts_per_rev = 8192\ndrive_gear = [2, 1]",
         "encoder_counts_per_rev = 8192\ndrive_encoder = [16384, 1]\ndrive_gear = [2, 1]\ndrive_feed = [16384, 1]",
         "encoder_counts_per_rev = 8192\ndrive_encoder = [4096, 1]\ndrive_gear = [2, 1]",
-        // Millidegrees of the joint behind a gear of 36.
+        // Millidegrees of the joint, after a gear of 36.
         "encoder_counts_per_rev = 10000\ndrive_encoder = [65536, 1]\ndrive_gear = [36, 1]\ndrive_feed = [360000, 1]",
         // Factors that the drive does not use, and one that multiplies.
         "encoder_counts_per_rev = 16384\ndrive_encoder = [1, 1]\ndrive_feed = [1, 1]",

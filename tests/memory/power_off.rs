@@ -23,9 +23,9 @@ use units::time::Instant;
 
 /// Statusword and controlword in PDOs of their own.
 const GROUPED: &str = "config/kraft_like.toml";
-/// One PDO each way, RPDO timer.
+/// One PDO per direction, RPDO timer.
 const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
-/// One PDO each way, heartbeat consumer alone.
+/// One PDO per direction, heartbeat consumer only.
 const HEARTBEAT_ONLY: &str = "config/drives/maxon_epos4.toml";
 const ALL: [&str; 3] = [GROUPED, PER_DRIVE, HEARTBEAT_ONLY];
 

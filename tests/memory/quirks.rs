@@ -33,7 +33,7 @@ const GROUPED: &str = include_str!("../../config/kraft_like.toml");
 const PER_DRIVE: &str = include_str!("../../config/kraft_like_500hz.toml");
 const ELBOW: Joint = Joint::of::<3>();
 
-/// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
+/// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
@@ -76,7 +76,7 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("late-boot:300", Runs, Runs),
     ("late-boot:2100", Refused(ABSENT), Refused(ABSENT)),
     ("no-boot-up", Refused(NO_BOOT_UP), Refused(NO_BOOT_UP)),
-    // The drive's heartbeat of 100 ms meets the setting at 1 kHz, and not that at 500 Hz.
+    // The drive's heartbeat of 100 ms satisfies the setting at 1 kHz, but not that at 500 Hz.
     ("heartbeat-liar", Runs, Refused("no heartbeat")),
     ("emcy-storm", Runs, Runs),
     ("double-replies", Refused(TWO), Refused(TWO)),
@@ -393,7 +393,7 @@ fn each_quirk_has_a_scenario() {
     for name in Quirk::NAMES {
         let file = format!("config/scenarios/quirks/{name}.toml");
         let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
-        let quirks: Vec<_> = script.quirks().of(ELBOW).iter().collect();
+        let quirks: Vec<_> = script.quirks().for_joint(ELBOW).iter().collect();
         assert_eq!(quirks, [name.parse().unwrap()], "{file}");
     }
     let files = std::fs::read_dir("config/scenarios/quirks").unwrap();

@@ -20,7 +20,7 @@ use sim::scenario::Scenario;
 use testbench::bench::Bench;
 use units::numbering::Joint;
 
-/// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
+/// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";

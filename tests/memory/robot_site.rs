@@ -55,7 +55,7 @@ fn simulated_arms_press_with_the_force_of_the_law() {
     for file in ARMS {
         let config = config(file, &[]);
         let k_fa = config.remote.interaction.accommodation.gain()[2];
-        let site = driven(&config, &Equipment::of(&config.remote), ahead(0.06), 8_000);
+        let site = driven(&config, &Equipment::from_remote(&config.remote), ahead(0.06), 8_000);
         let (felt, law) = (-site.control().contact().force.z, 0.06 / k_fa);
         assert!((felt / law - 1.0).abs() < 0.01, "{file}: {felt} N, law {law} N");
     }
@@ -65,11 +65,11 @@ fn simulated_arms_press_with_the_force_of_the_law() {
 fn hold_in_contact_returns_to_its_force() {
     for (file, step) in ARMS.into_iter().flat_map(|file| [(file, 6e-5), (file, 3e-4)]) {
         let config = config(file, &[]);
-        let mut site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let mut site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
         let start = *site.pose();
         let force = |site: &RobotSite| -site.arm().f_m_contact().force.z;
         let mut cycles = (0..).map(|cycle| Instant::ZERO + Duration::from_millis(1) * cycle);
-        // A hand that leads the object into the wall: poses, each a little deeper. At 0.3 m/s the arm is 6 mm behind.
+        // The hand moves the object into the wall by successively deeper poses. At 0.3 m/s the arm lags by 6 mm.
         let mut depth = 0.0;
         while force(&site) < 3.0 {
             depth += step;
@@ -88,7 +88,7 @@ fn hold_in_contact_returns_to_its_force() {
 fn new_epoch_ends_the_stop_of_an_arm_at_its_wrench_limit() {
     let config = config(ARMS[0], &[]);
     let limit = WrenchLimit { force: 2.0, moment: 1.0 };
-    let equipment = Equipment { limit, ..Equipment::of(&config.remote) };
+    let equipment = Equipment { limit, ..Equipment::from_remote(&config.remote) };
     let mut site = Side::from(driven(&config, &equipment, ahead(0.06), 4_000));
     let is_stopped = |site: &Side| site.robot().unwrap().control().is_stopped();
     assert!(is_stopped(&site));
@@ -102,7 +102,7 @@ fn bias_of_the_sensor_shifts_the_force_by_itself() {
     bias[2] = 1.5;
     for file in ARMS {
         let config = config(file, &[]);
-        let ideal = Equipment::of(&config.remote);
+        let ideal = Equipment::from_remote(&config.remote);
         let sensor = WristSensorSettings { bias, ..WristSensorSettings::default() };
         let biased = Equipment { sensor, ..ideal.clone() };
         let force = |equipment: &Equipment| {
@@ -120,7 +120,7 @@ fn known_bias_and_sign_of_the_sensor_are_removed() {
     let changed = config(ARMS[0], &[("[remote.wall]", &format!("{keys}[remote.wall]"))]);
     let plain = config(ARMS[0], &[]);
     let felt = |config: &Config| {
-        let site = driven(config, &Equipment::of(&config.remote), ahead(0.06), 6_000);
+        let site = driven(config, &Equipment::from_remote(&config.remote), ahead(0.06), 6_000);
         *site.control().contact()
     };
     let difference = felt(&changed) - felt(&plain);
@@ -147,7 +147,7 @@ fn wrench_limit_stops_the_arm() {
     let config =
         config(ARMS[0], &[("accommodation_m_per_ns = 0.01 ", "accommodation_m_per_ns = 0.0 ")]);
     let limit = WrenchLimit { force: 30.0, moment: 5.0 };
-    let equipment = Equipment { limit, ..Equipment::of(&config.remote) };
+    let equipment = Equipment { limit, ..Equipment::from_remote(&config.remote) };
     let site = driven(&config, &equipment, ahead(0.05), 6_000);
     assert!(site.control().is_stopped());
     let held = site.arm().f_m_contact().force.norm();
@@ -159,7 +159,7 @@ fn simulated_arms_play_the_contact_scenario() {
     for file in ARMS {
         let config = config(file, &[]);
         let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
-        let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
         let scenario = Scenario::parse(&text).unwrap();
         let mut bench = Bench::with_side(&config, site.into(), scenario, 1, ());
         bench.bring_up().unwrap();
@@ -203,7 +203,7 @@ fn held_displacement_presses_with_gain_and_deadband() {
         let mut changes = vec![(yielding, keys.as_str())];
         changes.extend(behind.iter().filter(|_| sign < 0.0));
         let config = config(file, &changes);
-        let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
+        let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
         let mut bench = Bench::with_side(&config, site.into(), displaced(sign * 0.045), 1, ());
         bench.bring_up().unwrap();
         let mut x_0_h = None;

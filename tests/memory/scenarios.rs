@@ -30,11 +30,11 @@ const JPL: &str = "config/jpl_like.toml";
 enum Node {
     /// It stops for this cause; targets are zero within a number of cycles, and then no drive exerts torque.
     Stops(&'static str, Within),
-    /// It disengages within this many cycles, until the operator presses the deadman anew.
+    /// It disengages within this many cycles, until the operator presses the deadman again.
     Disengages(u64),
-    /// It ends reflection for this cause within so many cycles, at least and at most; gravity compensation goes on.
+    /// It ends reflection for this cause within these minimum and maximum numbers of cycles; gravity compensation continues.
     EndsReflection(&'static str, [u64; 2]),
-    /// It goes on, for this reason.
+    /// It continues, for this reason.
     GoesOn(&'static str),
 }
 
@@ -93,7 +93,7 @@ const SENSES: &[(&str, Node)] = &[
     ),
     // The hand opens the deadman 300 ms after its contact sticks.
     ("deadman_stuck", Stops("deadman channels disagree", within(352, 353))),
-    // The first bounce comes at random, here in the third cycle; it does not engage again by itself.
+    // The first bounce is random, here in the third cycle; the node does not engage again without a command.
     ("deadman_bounce", Disengages(5)),
 ];
 
@@ -116,7 +116,7 @@ struct Run {
     torque: Within,
     /// The last engaged cycle after the fault.
     engaged: u64,
-    /// Cycles until gravity compensation alone is left.
+    /// Number of cycles until only gravity compensation acts.
     reflecting: u64,
 }
 

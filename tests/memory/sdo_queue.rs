@@ -131,7 +131,7 @@ impl Queue {
         done
     }
 
-    /// Does what is due, up to one outcome per call.
+    /// Performs all work that is due, up to one outcome per call.
     pub(crate) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
         let done = self.lines.values_mut().find_map(|line| line.on_time(now, out));
         self.lines.retain(|_, line| !line.is_empty());

@@ -1,5 +1,5 @@
-//! Time until a drive stops by itself: what `frhc check` says of the data sheet is what the proof test finds, so arming is
-//! refused by the same force.
+//! Time until a drive stops without frames from the node: the proof test finds the value that `frhc check` reads from the
+//! data sheet, so both refuse arming at the same force.
 #![allow(
     clippy::panic,
     clippy::unwrap_used,

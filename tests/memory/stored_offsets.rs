@@ -25,7 +25,7 @@ use units::time::Instant;
 
 const ELBOW: Joint = Joint::of::<3>();
 
-/// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
+/// Arms immediately; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
@@ -48,7 +48,7 @@ fn refusal(file: &str, quirks: &[&str]) -> String {
     booted.err().map_or(String::new(), |error| error.to_string())
 }
 
-/// Writes an INTEGER16 in the elbow's drive; the node receives neither the request nor the response.
+/// Writes an INTEGER16 object of the elbow's drive; the node receives neither the request nor the response.
 fn write_unseen(bench: &mut Bench<Wire>, object: Object, value: i16) {
     let now = bench.node().bus().now();
     let ([low, high], [a, b]) = (object.index.to_le_bytes(), value.to_le_bytes());

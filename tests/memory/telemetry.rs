@@ -31,9 +31,9 @@ const ROUNDING: f64 = 1e-12;
 
 /// Passes frames on to a feed.
 #[derive(Clone)]
-struct Watched(Rc<RefCell<Feed>>, Rc<RefCell<Vec<Value>>>);
+struct FeedTap(Rc<RefCell<Feed>>, Rc<RefCell<Vec<Value>>>);
 
-impl Watched {
+impl FeedTap {
     fn take(&self, line: Option<FeedLine>) {
         let Some(line) = line else { return };
         let (FeedLine::Mode(text) | FeedLine::Snapshot(text)) = line;
@@ -42,7 +42,7 @@ impl Watched {
     }
 }
 
-impl Tap for Watched {
+impl Tap for FeedTap {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         let line = self.0.borrow_mut().on_frame(at, telegram);
         self.take(line);
@@ -54,17 +54,17 @@ impl Tap for Watched {
 }
 
 /// A run with its telemetry.
-struct Shown {
-    bench: Bench<Watched>,
-    watched: Watched,
+struct FeedRun {
+    bench: Bench<FeedTap>,
+    watched: FeedTap,
     timing: Timing,
 }
 
-impl Shown {
+impl FeedRun {
     fn new(config: &Config, side: Side, scenario: &str) -> Self {
         let mut feed = Feed::new(config, Source::Demo, None);
         feed.set_read(true);
-        let watched = Watched(Rc::new(RefCell::new(feed)), Rc::default());
+        let watched = FeedTap(Rc::new(RefCell::new(feed)), Rc::default());
         let scenario = Scenario::parse(scenario).unwrap();
         let course = Course { scenario, seed: 1, speed: None };
         let mut bench = Bench::recorded(config, side, course, watched.clone(), ());
@@ -141,7 +141,8 @@ fn near(found: &Isometry3<f64>, expected: &Isometry3<f64>) -> bool {
 fn snapshots_come_by_cycle_and_have_its_record() {
     for name in CONFIGS {
         let config = load(name);
-        let mut shown = Shown::new(&config, Side::of(&config), &shipped("teleoperation"));
+        let mut shown =
+            FeedRun::new(&config, Side::from_config(&config), &shipped("teleoperation"));
         let every = shown.description()["cycles_per_snapshot"].as_u64().unwrap();
         let apart = config.period.as_secs_f64() * f64::from(u32::try_from(every).unwrap());
         assert!((apart - 0.02).abs() <= 0.5 * config.period.as_secs_f64(), "{name}: {apart} s");
@@ -183,7 +184,7 @@ fn snapshots_come_by_cycle_and_have_its_record() {
 #[test]
 fn felt_wrench_is_that_of_torques_beyond_the_arms_own() {
     let config = load("kraft_like");
-    let mut shown = Shown::new(&config, Side::of(&config), &shipped("teleoperation"));
+    let mut shown = FeedRun::new(&config, Side::from_config(&config), &shipped("teleoperation"));
     let mut pressed = 0;
     for _ in 0..12_000 {
         let record = shown.cycle();
@@ -208,10 +209,10 @@ fn felt_wrench_is_that_of_torques_beyond_the_arms_own() {
 fn robot_stands_where_its_joints_bring_its_tool() {
     for file in ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"] {
         let config = load("kraft_like").with_robot(RobotArm::load(Path::new(file)).unwrap());
-        let site = RobotSite::new(&config, &Equipment::of(&config.remote), 1).unwrap();
-        let sides = [Side::from(site), Side::of(&config)];
+        let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
+        let sides = [Side::from(site), Side::from_config(&config)];
         for side in sides {
-            let mut shown = Shown::new(&config, side, &shipped("teleoperation"));
+            let mut shown = FeedRun::new(&config, side, &shipped("teleoperation"));
             (0..5_000).for_each(|_| _ = shown.cycle());
             let robot = &shown.description()["robot"];
             let snapshots = shown.lines("snapshot");
@@ -230,7 +231,7 @@ fn robot_stands_where_its_joints_bring_its_tool() {
 #[test]
 fn mode_line_comes_at_each_change_and_twice_a_second() {
     let config = load("kraft_like");
-    let mut shown = Shown::new(&config, Side::of(&config), &shipped("faults/unplug"));
+    let mut shown = FeedRun::new(&config, Side::from_config(&config), &shipped("faults/unplug"));
     let mut changes = Vec::new();
     let mut last = (Mode::Boot, None);
     for _ in 0..4_000 {
@@ -263,7 +264,7 @@ fn mode_line_comes_at_each_change_and_twice_a_second() {
 fn loads_and_timing_are_those_of_the_run() {
     for name in CONFIGS {
         let config = load(name);
-        let mut shown = Shown::new(&config, Side::of(&config), "seconds = 3\n");
+        let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 3\n");
         let before = shown.bench.carried();
         let begun = shown.bench.now();
         while shown.bench.now().since(begun).as_secs_f64() < 3.0 {
@@ -292,7 +293,7 @@ fn loads_and_timing_are_those_of_the_run() {
 #[test]
 fn numbers_that_are_not_finite_are_null() {
     let config = load("kraft_like");
-    let mut shown = Shown::new(&config, Side::of(&config), "seconds = 1\n");
+    let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 1\n");
     let mut record = shown.cycle();
     while record.cycle % 20 != 19 {
         record = shown.cycle();
@@ -309,7 +310,7 @@ fn numbers_that_are_not_finite_are_null() {
 #[test]
 fn no_snapshot_is_made_without_readers() {
     let config = load("kraft_like");
-    let mut shown = Shown::new(&config, Side::of(&config), "seconds = 1\n");
+    let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 1\n");
     shown.watched.1.borrow_mut().clear();
     for _ in 0..1_000 {
         shown.watched.0.borrow_mut().set_read(false);

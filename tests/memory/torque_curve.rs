@@ -16,7 +16,7 @@ use std::path::Path;
 use nalgebra::SVector;
 
 use crate::common::bench::scenario;
-use calibration::fit::{Calibrated, Direction, Sample};
+use calibration::fit::{CurveFit, Direction, Sample};
 use config::{Config, JointParameters, files};
 use controller::Output;
 use controller::calibration::TorqueCurve;
@@ -42,7 +42,7 @@ fn with_curves(curves: &[TorqueCurve]) -> Config {
     Config::parse(Path::new(CONFIG), &replaced.collect::<String>()).unwrap()
 }
 
-/// Returns the straight line through the end of each curve, as a data sheet gives it.
+/// Returns the straight line through the end of each curve, as in a data sheet.
 fn linear(config: &Config) -> Vec<TorqueCurve> {
     let line = |curve: &TorqueCurve| {
         let end = curve.max_torque();
@@ -107,7 +107,7 @@ fn calibrated(joint: &JointParameters, seed: u64) -> (TorqueCurve, TorqueCurve) 
     let rig = Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
     let true_curve = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
     let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
-    let fit = Calibrated::fit(&samples).unwrap();
+    let fit = CurveFit::fit(&samples).unwrap();
     assert_eq!(fit.is_reversed, joint.plant.actuator.gear_ratio < 0.0);
     assert!(
         fit.curve.max_torque() >= joint.plant.actuator.max_torque,
@@ -163,7 +163,7 @@ fn fit_error_is_below_its_stated_residual() {
         let true_curve =
             TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
         let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
-        let fit = Calibrated::fit(&samples).unwrap();
+        let fit = CurveFit::fit(&samples).unwrap();
         assert_eq!(fit.doubts(), [], "{seed}");
         let stated = fit.both.residuals.left_out_rms;
         for step in -20..=20 {

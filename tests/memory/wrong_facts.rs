@@ -43,7 +43,7 @@ fn sheet(test: &str) -> String {
     fs::canonicalize(path).unwrap().to_str().unwrap().to_owned()
 }
 
-/// Returns a shipped arm with drives that verify neither sign nor scale, weak forces and this rest posture.
+/// Returns a shipped configuration with low force limits, this rest posture, and drives that cannot verify sign and scale.
 fn arm(test: &str, file: &str, rest: [f64; 6]) -> String {
     let text = fs::read_to_string(file).unwrap().replace("../eds/frhc_drive.eds", &sheet(test));
     let text = text.replace("max_force_n = 40.0 ", "max_force_n = 2.0 ");
@@ -59,7 +59,7 @@ fn changed(text: &str, joint: usize, change: impl Fn(&str) -> String) -> String 
     parts.join("\n[[joint]]\n")
 }
 
-/// Returns the text of an arm whose drive of this joint turns the other way.
+/// Returns a configuration with the opposite direction of the drive of this joint.
 fn reversed(text: &str, joint: usize) -> String {
     changed(text, joint, |part| match part.contains("gear_ratio = -") {
         true => part.replace("gear_ratio = -", "gear_ratio = "),
@@ -67,7 +67,7 @@ fn reversed(text: &str, joint: usize) -> String {
     })
 }
 
-/// Returns the text of an arm whose drive counts so many times the increments of this joint.
+/// Returns a configuration whose drive of this joint counts `halves / 2` times its increments.
 fn counting(text: &str, joint: usize, halves: u32) -> String {
     changed(text, joint, |part| {
         let increments = 16_384 / 2 * halves;
@@ -82,7 +82,7 @@ fn parse(text: &str) -> Result<Config, String> {
     Config::parse(Path::new("config/test.toml"), text).map_err(|invalid| invalid.to_string())
 }
 
-/// Returns a node of `node` with the arm of `world`, and no request of its own.
+/// Returns a node of `node` with the arm of `world`, without requests.
 fn bench(world: &str, node: &str) -> Bench<Wire> {
     let scenario = Scenario::parse("seconds = 9\n").unwrap();
     Bench::in_world_of(&parse(world).unwrap(), &parse(node).unwrap(), scenario, 1, Wire::default())

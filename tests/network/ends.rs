@@ -19,32 +19,32 @@ pub(crate) struct Ends {
 pub(crate) struct Netem;
 
 impl Netem {
-    /// Sets delay, jitter and losses of each packet on its way, in words of tc-netem(8).
+    /// Sets delay, jitter and losses of the packets, in the syntax of tc-netem(8).
     pub(crate) fn set(network: &str) -> Self {
         let netem = Self;
         netem.change(network);
         netem
     }
 
-    /// Goes on as another network.
+    /// Changes the properties of the network.
     pub(crate) fn change(&self, network: &str) {
         let line = format!("tc qdisc replace dev lo root netem {network} limit 100000");
-        Process::of("sh", &["-c", &line]).wait().succeeds();
+        Process::start("sh", &["-c", &line]).wait().succeeds();
     }
 }
 
 impl Drop for Netem {
     fn drop(&mut self) {
-        Process::of("tc", &["qdisc", "del", "dev", "lo", "root"]).wait();
+        Process::start("tc", &["qdisc", "del", "dev", "lo", "root"]).wait();
     }
 }
 
 /// Starts `frhc-link`.
 pub(crate) fn frhc_link(args: &[&str]) -> Process {
-    Process::of(link_program(), args)
+    Process::start(link_program(), args)
 }
 
-/// Makes keys and settings of both ends.
+/// Creates keys and settings of both ends.
 pub(crate) fn prepare(scratch: &Scratch) {
     frhc_link(&["key", "new", &scratch.path("keys")]).wait().succeeds();
     for (role, socket, network) in [
@@ -69,7 +69,7 @@ impl Ends {
         Self { far: end(scratch, "far"), near: end(scratch, "near") }
     }
 
-    /// Ends both; returns what they logged.
+    /// Stops both ends; returns their logs.
     pub(crate) fn terminate(self) -> [String; 2] {
         [self.near, self.far].map(|end| {
             let outcome = end.terminate();

@@ -79,7 +79,7 @@ fn hazard_37_python_example_beside_a_second_near_end() {
         let wall = ["--wall", "z", "0.37"];
         let far = Process::python(&[&args[..], &wall].concat());
         // The interpreter loads its packages first. A near end that finds no listener tries again a second later.
-        Process::of("sleep", &["0.1"]).wait().succeeds();
+        Process::start("sleep", &["0.1"]).wait().succeeds();
         near = Some(end(scratch, "near"));
         far
     });

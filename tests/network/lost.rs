@@ -10,7 +10,7 @@ use crate::ends::{Ends, Netem, end, five, scene};
 const LOST: &str = "no new wrench from the commanded side";
 
 /// Returns the process of one end.
-fn of<'a>(ends: &'a mut Ends, role: &str) -> &'a mut Process {
+fn process_of<'a>(ends: &'a mut Ends, role: &str) -> &'a mut Process {
     if role == "near" { &mut ends.near } else { &mut ends.far }
 }
 
@@ -30,10 +30,10 @@ fn stopped_killed_and_cut(role: &str, pause: f64) {
     rig.pressing();
 
     let onset = rig.now();
-    of(&mut ends, role).signal(Signal::SIGSTOP);
+    process_of(&mut ends, role).signal(Signal::SIGSTOP);
     assert_eq!(rig.off_for(onset), LOST, "{role}");
     rig.until(onset + pause);
-    of(&mut ends, role).signal(Signal::SIGCONT);
+    process_of(&mut ends, role).signal(Signal::SIGCONT);
     rig.until(onset + pause + 0.2);
     let status = rig.status();
     assert_eq!(status["mode"], "reflection-off", "{status:#}");
@@ -41,11 +41,11 @@ fn stopped_killed_and_cut(role: &str, pause: f64) {
     follows_again(&mut rig);
 
     let onset = rig.now();
-    std::mem::replace(of(&mut ends, role), Process::of("true", &[])).kill();
+    std::mem::replace(process_of(&mut ends, role), Process::start("true", &[])).kill();
     assert_eq!(rig.off_for(onset), LOST, "{role}");
     let refused = rig.scratch.ctl("reset");
     assert!(refused.stderr.contains("the far side does not answer"), "{}", refused.stderr);
-    *of(&mut ends, role) = end(&rig.scratch, role);
+    *process_of(&mut ends, role) = end(&rig.scratch, role);
     follows_again(&mut rig);
 
     let onset = rig.now();

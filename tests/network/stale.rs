@@ -1,4 +1,4 @@
-//! A network that loses and delays more than the link can bear: whatever becomes of the reflection, nothing old acts.
+//! Network with more losses and delay than the link tolerates: reflection may end, but no old sample acts.
 
 use std::fs;
 use std::io::Read;
@@ -78,12 +78,12 @@ fn hazard_36_nothing_old_acts_over_a_network_that_is_too_bad() {
         ends = Some(Ends::started(scratch));
         let path = scratch.path("far.sock");
         while !fs::exists(&path).unwrap() {
-            Process::of("sleep", &["0.01"]).wait();
+            Process::start("sleep", &["0.01"]).wait();
         }
         let socket = Socket::new(Domain::UNIX, Type::SEQPACKET, None).unwrap();
         socket.connect(&SockAddr::unix(path).unwrap()).unwrap();
         thread::spawn(move || answers(&socket, &figures, base));
-        Process::of("true", &[])
+        Process::start("true", &[])
     });
     rig.scratch.ctl("--wait arm").succeeds();
     rig.until(3.5);

@@ -20,7 +20,7 @@ use canopen::object::Object;
 use canopen::sdo::{SdoError, Terms};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
-use canopen_tools::diagnostics::scan::{Found, Scan};
+use canopen_tools::diagnostics::scan::{NodeReport, Scan};
 use canopen_tools::diagnostics::states::{Answer, States};
 use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
 use canopen_tools::value::gateway_type::GatewayType;
@@ -39,7 +39,7 @@ fn at(node_id: u8, object: Object) -> Target {
     Target { node: node(node_id), object, terms: Terms::segmented(TIMEOUT) }
 }
 
-fn scan(session: &mut TestSession) -> Vec<Found> {
+fn scan(session: &mut TestSession) -> Vec<NodeReport> {
     let nodes: Vec<NodeId> = (1..=127).map(node).collect();
     let listen = Duration::from_millis(250);
     session.run(|now, out| Scan::start(&nodes, TIMEOUT, listen, now, out)).unwrap()
@@ -81,7 +81,7 @@ fn scan_of_an_empty_bus_takes_less_than_a_second() {
 #[test]
 fn scan_of_a_full_bus_writes_nothing() {
     let all: Vec<(u8, u32)> = (1..=127).map(|raw| (raw, 1_000 + u32::from(raw))).collect();
-    let (mut session, wire) = session(Devices::of(&all));
+    let (mut session, wire) = session(Devices::from_numbers(&all));
     let found = scan(&mut session);
     assert_eq!(found.len(), 127);
     for (found, (raw, serial)) in found.iter().zip(all) {
@@ -95,7 +95,7 @@ fn scan_of_a_full_bus_writes_nothing() {
 
 #[test]
 fn scan_reports_duplicate_node_ids() {
-    let (mut session, _) = session(Devices::of(&[(3, 1), (5, 2), (5, 3)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1), (5, 2), (5, 3)]));
     let found = scan(&mut session);
     let double: Vec<_> =
         found.iter().map(|found| (found.node.raw(), found.is_duplicate())).collect();
@@ -104,7 +104,7 @@ fn scan_reports_duplicate_node_ids() {
 
 #[test]
 fn scan_reports_states_and_nodes_without_reply() {
-    let (mut session, _) = session(Devices::of(&[(3, 1), (4, 2)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1), (4, 2)]));
     for raw in [3, 4] {
         let heartbeat = at(raw, Object::PRODUCER_HEARTBEAT);
         objects::write(&mut session, heartbeat, &50_u16.to_le_bytes(), true).unwrap();
@@ -112,14 +112,14 @@ fn scan_reports_states_and_nodes_without_reply() {
     let stop = Order::to(node(4), NmtCommand::StopRemoteNode);
     session.send([stop.frame()]).unwrap();
     let found = scan(&mut session);
-    let reports = |found: &Found| (found.node.raw(), found.answers, found.state);
+    let reports = |found: &NodeReport| (found.node.raw(), found.answers, found.state);
     let expected = [(3, true, Some(NmtState::PreOperational)), (4, false, Some(NmtState::Stopped))];
     assert_eq!(found.iter().map(reports).collect::<Vec<_>>(), expected);
 }
 
 #[test]
 fn states_of_nodes_without_heartbeat_are_asked() {
-    let (mut session, wire) = session(Devices::of(&[(3, 1), (4, 2), (5, 3)]));
+    let (mut session, wire) = session(Devices::from_numbers(&[(3, 1), (4, 2), (5, 3)]));
     session.send([Order::to(node(4), NmtCommand::StartRemoteNode).frame()]).unwrap();
     for (object, value) in [(Object::GUARD_TIME, &[20, 0][..]), (Object::LIFE_TIME_FACTOR, &[3])] {
         objects::write(&mut session, at(5, object), value, true).unwrap();
@@ -142,7 +142,7 @@ fn states_of_nodes_without_heartbeat_are_asked() {
 
 #[test]
 fn written_value_is_read_back_and_verified() {
-    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1)]));
     let torque = at(3, Object::TARGET_TORQUE);
     let data_type: GatewayType = "i16".parse().unwrap();
     let bytes = data_type.encode(&data_type.parse("-1000").unwrap());
@@ -155,7 +155,7 @@ fn written_value_is_read_back_and_verified() {
 
 #[test]
 fn sdo_abort_names_node_object_and_reason() {
-    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1)]));
     let refused = objects::write(&mut session, at(3, Object::DEVICE_NAME), b"mine", false);
     let refused = refused.unwrap_err();
     let read_only = SdoError::AbortedByServer(AbortCode::READ_ONLY);
@@ -168,7 +168,7 @@ fn sdo_abort_names_node_object_and_reason() {
 
 #[test]
 fn value_that_the_device_does_not_keep_is_an_error() {
-    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1)]));
     let speed = at(3, Object::MAX_MOTOR_SPEED);
     let value = 3_000_u32.to_le_bytes();
     assert_eq!(objects::write(&mut session, speed, &value, false), Ok(()));
@@ -178,7 +178,7 @@ fn value_that_the_device_does_not_keep_is_an_error() {
 
 #[test]
 fn nmt_commands_are_confirmed_by_boot_up_or_heartbeat() {
-    let (mut session, _) = session(Devices::of(&[(3, 1), (4, 2)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1), (4, 2)]));
     let booted = Some(NmtState::Initialising);
     let reset = order(&mut session, NmtCommand::ResetNode, &[3, 4]);
     assert_eq!(reset, [(3, booted, true), (4, booted, true)]);
@@ -193,7 +193,7 @@ fn nmt_commands_are_confirmed_by_boot_up_or_heartbeat() {
 
 #[test]
 fn watch_reports_changes_until_its_end() {
-    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let (mut session, _) = session(Devices::from_numbers(&[(3, 1)]));
     let until = session.now() + Duration::from_millis(300);
     let mut watch = Watch::new(Duration::from_millis(100), Some(until));
     session.queue([Order::to_all(NmtCommand::ResetNode).frame()]);

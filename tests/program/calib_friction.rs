@@ -9,7 +9,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use config::Config;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -26,7 +26,7 @@ fn sweep(test: &str, config: &str, joint: &str, seed: &str) -> (PathBuf, [f64; 2
     (path, ["coulomb", "viscous"].map(|key| truth[key].as_float().unwrap()))
 }
 
-fn fit(path: &Path, config: &str, more: &[&str]) -> Ended {
+fn fit(path: &Path, config: &str, more: &[&str]) -> CommandOutput {
     let args = ["calib", "friction", path.to_str().unwrap(), "--config", config];
     frhc(&[&args[..], more].concat())
 }
@@ -45,7 +45,7 @@ fn change(path: &Path, mut change: impl FnMut(usize, Vec<String>) -> Option<Vec<
     fs::write(path, changed).unwrap();
 }
 
-/// Fits the changed sweep of a joint; returns what the command says.
+/// Fits the changed sweep of a joint; returns the output of the command.
 fn refused(
     test: &str,
     joint: &str,

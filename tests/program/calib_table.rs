@@ -77,7 +77,7 @@ impl Random {
 
 impl Data {
     /// Targets from end to end and back, with this dry friction and noise of the load cell, in N·m.
-    fn of(joint: &'static str, truth: Curve, friction: f64, noise: f64) -> Self {
+    fn new(joint: &'static str, truth: Curve, friction: f64, noise: f64) -> Self {
         let (mut readings, mut random) = (Vec::new(), Random(11));
         for is_up in [true, false] {
             for step in 0..=STEPS {
@@ -92,7 +92,7 @@ impl Data {
     }
 
     fn azimuth(friction: f64, noise: f64) -> Self {
-        Self::of("azimuth", AZIMUTH, friction, noise)
+        Self::new("azimuth", AZIMUTH, friction, noise)
     }
 
     fn map(mut self, change: impl Fn(&mut Reading)) -> Self {
@@ -132,7 +132,7 @@ struct Row {
     truth: Curve,
     has_config: bool,
     code: i32,
-    /// Largest difference of torque obtained and asked for, in % of the range; infinite where nothing is said of it.
+    /// Limit of the difference of obtained and commanded torque, in % of the range; infinite if the test does not limit it.
     error: f64,
     words: &'static str,
     /// Dry friction to be found within 1 %, in N·m.
@@ -199,7 +199,7 @@ fn hold(rows: &[Row]) {
     assert!(failed.is_empty(), "{}", failed.join("\n\n"));
 }
 
-/// Returns the largest difference of torque obtained and torque asked for, in % of the range; NaN without a curve.
+/// Returns the largest difference of obtained and commanded torque, in % of the range; NaN without a curve.
 fn left(joint: &serde_json::Value, truth: &Curve) -> f64 {
     let Some(c) = joint["torque_curve"].as_array() else { return f64::NAN };
     let c: Vec<f64> = c.iter().map(|c| c.as_f64().unwrap()).collect();
@@ -216,7 +216,7 @@ fn left(joint: &serde_json::Value, truth: &Curve) -> f64 {
 fn exact_curves_are_found_in_any_layout() {
     let cubic = Curve { c: [120.0, 0.8, 0.0], end: 6.0 };
     let line = Curve { c: [140.0, 0.0, 0.0], end: 6.0 };
-    let exact = |truth| Data::of("azimuth", truth, 0.0, 0.0);
+    let exact = |truth| Data::new("azimuth", truth, 0.0, 0.0);
     let reordered = Data::azimuth(0.0, 0.0).readings.iter().fold(
         "\u{feff}torque_nm,joint,per_mille,direction\r\n".to_owned(),
         |text, Reading { is_up, per_mille, torque }| {
@@ -232,7 +232,7 @@ fn exact_curves_are_found_in_any_layout() {
     };
     hold(&[
         Row::accepted("exact quintic A", &exact(AZIMUTH), 0.01, ""),
-        Row::accepted("exact quintic B", &Data::of("elbow", ELBOW, 0.0, 0.0), 0.01, ""),
+        Row::accepted("exact quintic B", &Data::new("elbow", ELBOW, 0.0, 0.0), 0.01, ""),
         Row::accepted("exact cubic", &exact(cubic), 0.01, ""),
         Row::accepted("exact line", &exact(line), 0.01, ""),
         spreadsheet,
@@ -305,7 +305,7 @@ fn uneven_sides_are_distinguished_from_an_offset() {
 #[test]
 fn scale_is_compared_with_the_configured_curve() {
     let any = f64::INFINITY;
-    let milli = Data::of("elbow", ELBOW, 0.0, 0.0).map(|reading| reading.torque *= 1e3);
+    let milli = Data::new("elbow", ELBOW, 0.0, 0.0).map(|reading| reading.torque *= 1e3);
     let tenfold = Data::azimuth(0.1, 0.01).map(|reading| reading.per_mille *= 10.0);
     let short = Data::azimuth(0.0, 0.0).keep(|reading| reading.torque > -0.4);
     let shorter = Data::azimuth(0.0, 0.0).keep(|reading| reading.torque > -5.0);

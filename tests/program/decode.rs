@@ -227,7 +227,7 @@ struct Signal {
 
 impl Signal {
     /// Physical value.
-    fn of(&self, data: &[u8]) -> f64 {
+    fn value(&self, data: &[u8]) -> f64 {
         let bit =
             |place: u32| u64::from(data[usize::try_from(place / 8).unwrap()] >> (place % 8) & 1);
         let raw = (0..self.bits).fold(0, |raw, place| raw | bit(self.start + place) << place);
@@ -282,7 +282,7 @@ fn dbc_file_scales_like_the_decoder() {
             digits.map(|pair| u8::from_str_radix(text(pair), 16).unwrap()).collect();
         for (name, value) in values {
             if let Some(signal) = messages[&id].get(name) {
-                let difference = signal.of(&data) - value.as_f64().unwrap();
+                let difference = signal.value(&data) - value.as_f64().unwrap();
                 assert!(difference.abs() < 1e-12, "{name}: {difference} apart in {line}");
                 compared += 1;
             }

@@ -317,10 +317,10 @@ fn assert_same(one: &Eds, other: &Eds) {
 fn written_file_describes_the_same_device() {
     for bytes in ALL {
         let eds = Eds::parse(bytes).unwrap();
-        let written = Sheet::of(&eds).write();
+        let written = Sheet::from_eds(&eds).write();
         let again = Eds::parse(&written).unwrap();
         assert_same(&eds, &again);
-        assert_eq!(Sheet::of(&again).write(), written, "written form is stable");
+        assert_eq!(Sheet::from_eds(&again).write(), written, "written form is stable");
     }
 }
 
@@ -334,7 +334,7 @@ fn shipped_files_are_written_without_changes() {
     };
     for bytes in [DRIVE, SWITCHES] {
         assert_eq!(
-            sorted(&Sheet::of(&Eds::parse(bytes).unwrap()).write()),
+            sorted(&Sheet::from_eds(&Eds::parse(bytes).unwrap()).write()),
             sorted(bytes),
             "all lines are kept"
         );
@@ -379,7 +379,7 @@ fn corrupt(bytes: &mut Vec<u8>, kind: u8, at: usize, byte: u8) {
 fn assert_round_trip(bytes: &[u8]) {
     let Ok(eds) = Eds::parse(bytes) else { return };
     eds.lint();
-    assert_same(&eds, &Eds::parse(&Sheet::of(&eds).write()).unwrap());
+    assert_same(&eds, &Eds::parse(&Sheet::from_eds(&eds).write()).unwrap());
 }
 
 proptest! {

@@ -19,7 +19,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use crate::common::bench::{Wire, config, until};
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use bus::{Bus, SendError, Tap, Wake};
 use canopen::NmtState;
 use canopen::drive::State;
@@ -337,13 +337,13 @@ fn hazard_27_service_shares_its_latches_with_its_group() {
 }
 
 /// A bus on a host whose wall clock is stepped while the node runs.
-struct Stepped<B> {
+struct SteppedClockBus<B> {
     bus: B,
     /// Number of reads; each read returns another step.
     reads: Cell<u32>,
 }
 
-impl<B: Bus> Bus for Stepped<B> {
+impl<B: Bus> Bus for SteppedClockBus<B> {
     fn now(&self) -> Instant {
         self.bus.now()
     }
@@ -384,7 +384,7 @@ fn hazard_31_wall_clock_step_changes_no_torque() {
     let (plain, stepped) = (Wire::default(), Wire::default());
     let mut one =
         Node::new(&config, memory(&plain), VirtualSite::new(&config.remote, config.period));
-    let bus = Stepped { bus: memory(&stepped), reads: Cell::new(0) };
+    let bus = SteppedClockBus { bus: memory(&stepped), reads: Cell::new(0) };
     let mut other = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     one.bring_up(&mut || false).unwrap();
     other.bring_up(&mut || false).unwrap();
@@ -465,7 +465,7 @@ fn run_without_a_trip_leaves_no_fault_records() {
 }
 
 /// Runs `frhc demo` for `seconds`, recorded in `out`.
-fn demo(out: &Path, seconds: &str, more: &[&str]) -> Ended {
+fn demo(out: &Path, seconds: &str, more: &[&str]) -> CommandOutput {
     let args = ["demo", "--seconds", seconds, "--out", out.to_str().unwrap()];
     frhc(&[&args, more].concat())
 }

@@ -18,7 +18,7 @@ use mcap::read::Summary;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use crate::common::program;
 use crate::common::sessions::change_copy;
 
@@ -37,7 +37,7 @@ fn session(name: &str, args: &[&str]) -> PathBuf {
     session
 }
 
-fn export(session: &Path, args: &[&str]) -> Ended {
+fn export(session: &Path, args: &[&str]) -> CommandOutput {
     frhc(&[&["export", "mcap", session.to_str().unwrap()], args].concat())
 }
 

@@ -11,7 +11,7 @@ const KRAFT: &str = include_str!("../../config/kraft_like.toml");
 const SLOW: &str = include_str!("../../config/kraft_like_500hz.toml");
 const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
 
-/// A change of the EDS: text, and what it becomes.
+/// Change of the EDS: old text and new text.
 type Edit<'t> = (&'t str, &'t str);
 
 const NO_DUMMY: Edit<'_> = ("Dummy0003=1", "Dummy0003=0");

@@ -29,7 +29,7 @@ const LONG: &[(&str, &str)] = &[
     ("experiment ntrfc --short --robot config/robots/puma560.toml", " runs  "),
 ];
 
-/// Commands that would take minutes, each with what it leaves in `OUT` when it is interrupted.
+/// Commands that take minutes, each with the contents of `OUT` after an interruption.
 const ENDLESS: &[(&str, &[&str])] = &[
     ("demo --seconds 86400", &[]),
     ("campaign --faults 100000 --out OUT", &[]),
@@ -55,7 +55,7 @@ impl OnTerminal {
         Self { child, terminal: File::from(pty.master), shown: String::new() }
     }
 
-    /// Reads what is shown next; returns whether the terminal is still open.
+    /// Reads the next output; returns whether the terminal is still open.
     fn read(&mut self) -> bool {
         let mut bytes = [0; 4096];
         // Once the program has ended, reading fails.
@@ -76,7 +76,7 @@ impl OnTerminal {
         kill(Pid::from_raw(self.child.id().try_into().unwrap()), Signal::SIGINT).unwrap();
     }
 
-    /// Returns exit code, stdout, and what the terminal has shown.
+    /// Returns exit code, stdout, and the output on the terminal.
     fn end(mut self) -> (Option<i32>, String, String) {
         // A full pipe would stop the program.
         let mut stdout = self.child.stdout.take().unwrap();

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 
 const REASON: &str = "nothing can be armed: there is no deadman; add [switches], a CiA 401 switch box with a deadman of \
                       two contacts";
@@ -22,7 +22,7 @@ fn installation(name: &str) -> (PathBuf, String) {
     (folder, file.display().to_string())
 }
 
-fn ends(args: &[&str], code: i32) -> Ended {
+fn ends(args: &[&str], code: i32) -> CommandOutput {
     let ended = frhc(args);
     assert_eq!(ended.code, code, "{args:?}\n{}{}", ended.stdout, ended.stderr);
     ended

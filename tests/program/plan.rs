@@ -11,7 +11,7 @@ use canopen::bits;
 use canopen::frame::{Channel, Telegram};
 use canopen::load::network::Assumptions;
 use canopen::load::streams::Role;
-use canopen_tools::bus_figures::{self, BusPlan, Planned, values};
+use canopen_tools::bus_figures::{self, BusPlan, PlannedFrame, values};
 use node::record::Mode;
 use units::time::Instant;
 
@@ -25,7 +25,7 @@ fn assert_carried_as_planned(config: &str) {
     let cycles: u32 = 1_700;
     bench.run(cycles.into());
     let configuration = crate::common::bench::config(config);
-    let values = values::of(&configuration);
+    let values = values::typical_values(&configuration);
     let plan = bus_figures::plans(&configuration.network(), &values, &Assumptions::default());
     let carried = wire.all();
     for (channel, bus) in (0..).map(Channel).zip(&plan) {
@@ -40,7 +40,7 @@ fn assert_carried_as_planned(config: &str) {
 
 /// Returns whether `planned` includes frames with this identifier. The plan has one SDO exchange at a time, with the
 /// node of the highest priority.
-fn includes(planned: &Planned, cob_id: u16) -> bool {
+fn includes(planned: &PlannedFrame, cob_id: u16) -> bool {
     match planned.stream.role {
         Role::SdoRequest => (0x601..=0x67F).contains(&cob_id),
         Role::SdoResponse => (0x581..=0x5FF).contains(&cob_id),
@@ -58,7 +58,7 @@ fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
     for (at, Telegram { channel: Channel(place), frame }) in carried {
         let place = usize::from(*place);
         let mut planned = plan[place].frames.iter();
-        let planned: &Planned = planned
+        let planned: &PlannedFrame = planned
             .find(|planned| includes(planned, frame.cob_id))
             .unwrap_or_else(|| panic!("{frame} is not planned"));
         assert!(bits::exact(frame) <= planned.stream.worst_bits());
@@ -147,13 +147,13 @@ fn transmit_queue_holds_the_largest_burst_of_any_cycle() {
 }
 
 /// Exit code and output of `frhc`.
-struct Ended {
+struct PlanOutput {
     code: Option<i32>,
     out: String,
     err: String,
 }
 
-impl Ended {
+impl PlanOutput {
     fn json(&self) -> Value {
         serde_json::from_str(&self.out).unwrap()
     }
@@ -164,14 +164,14 @@ impl Ended {
     }
 }
 
-fn frhc(task: &str, config: &Path, args: &[&str]) -> Ended {
+fn frhc(task: &str, config: &Path, args: &[&str]) -> PlanOutput {
     let mut command = Command::new(crate::common::program());
     let output = command.arg(task).arg("--config").arg(config).args(args).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
-    Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    PlanOutput { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
 }
 
-fn plan(args: &[&str]) -> Ended {
+fn plan(args: &[&str]) -> PlanOutput {
     frhc("plan", Path::new(SLOW), args)
 }
 

@@ -16,7 +16,7 @@ const KRAFT: &str = "config/kraft_like.toml";
 
 /// A block of a page that shows what commands print.
 struct Example {
-    /// The lines behind `$ `.
+    /// Command lines, without `$ `.
     commands: Vec<String>,
     printed: String,
 }
@@ -28,7 +28,7 @@ fn pages() -> Vec<PathBuf> {
     docs.filter(is_page).chain([PathBuf::from("README.md")]).collect()
 }
 
-/// The lines of a page from the one that begins like this to the end of its block.
+/// Returns the lines of a page from the one that starts with this text to the end of its block.
 fn shown(beginning: &str) -> Vec<String> {
     let pages: String = pages().into_iter().map(|path| fs::read_to_string(path).unwrap()).collect();
     let lines = pages.lines().skip_while(|line| !line.starts_with(beginning));

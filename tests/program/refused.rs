@@ -17,7 +17,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use crate::common::bench::config;
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use canopen::eds::{Eds, Severity};
 use config::Config;
 use controller::calibration::TorqueCurve;
@@ -47,12 +47,12 @@ fn installation(name: &str, text: &str) -> PathBuf {
 }
 
 /// Runs `frhc run` with the configuration of `folder`.
-fn run_in(folder: &Path, more: &[&str]) -> Ended {
+fn run_in(folder: &Path, more: &[&str]) -> CommandOutput {
     command_in(folder, "run", more)
 }
 
 /// Runs a command with the configuration of `folder`.
-fn command_in(folder: &Path, name: &str, more: &[&str]) -> Ended {
+fn command_in(folder: &Path, name: &str, more: &[&str]) -> CommandOutput {
     let config = folder.join("config/arm.toml");
     let mut command = Command::new(crate::common::program());
     command.args([name, "--config"]).arg(config).args(more);
@@ -61,7 +61,7 @@ fn command_in(folder: &Path, name: &str, more: &[&str]) -> Ended {
     }
     let output = command.output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
-    Ended {
+    CommandOutput {
         code: output.status.code().unwrap(),
         stdout: text(output.stdout),
         stderr: text(output.stderr),
@@ -236,12 +236,12 @@ fn equal_drives_are_refused_once_by_the_numbers_of_all() {
 }
 
 /// Runs `frhc` with a timeout of 10 s.
-fn within_ten_seconds(args: &[&str]) -> Ended {
+fn within_ten_seconds(args: &[&str]) -> CommandOutput {
     let mut command = Command::new("timeout");
     let output = command.args(["10", crate::common::program()]).args(args).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
-    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+    CommandOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 #[test]

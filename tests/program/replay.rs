@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use crate::common::sessions::change_copy;
 use canopen_tools::candump::Line;
 use config::shipped::HAND_CONTROLLERS;
@@ -33,7 +33,7 @@ fn short_session(name: &str) -> PathBuf {
     session(name, &["--scenario", "contact_10s", "--seconds", "6"])
 }
 
-fn replay(session: &Path, args: &[&str]) -> Ended {
+fn replay(session: &Path, args: &[&str]) -> CommandOutput {
     frhc(&[&["replay", session.to_str().unwrap()], args].concat())
 }
 
@@ -303,7 +303,7 @@ fn single_bit_of_the_inputs_is_found_or_changes_no_frame() {
     let inputs = fs::read(&file).unwrap();
     let mut found = 0;
     for edit in 0..100 {
-        // Behind the header, over the whole file.
+        // After the header, over the complete file.
         let place = HEADER + (inputs.len() - HEADER) * edit / 100;
         let mut edited = inputs.clone();
         edited[place] ^= 1 << (edit % 8);

@@ -1,4 +1,4 @@
-//! `frhc report` as a program: what the page says, whatever is missing, and what it refuses.
+//! `frhc report` as a program: contents of the page, missing parts, and refusals.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 
 /// Records a session of `demo` with these arguments.
 fn session(name: &str, args: &[&str]) -> PathBuf {
@@ -31,7 +31,7 @@ fn unplugged(name: &str) -> PathBuf {
     session(name, &["--scenario", "faults/unplug", "--seconds", "4"])
 }
 
-fn report(session: &Path, args: &[&str]) -> Ended {
+fn report(session: &Path, args: &[&str]) -> CommandOutput {
     frhc(&[&["report", session.to_str().unwrap()], args].concat())
 }
 
@@ -40,7 +40,7 @@ fn page(session: &Path, args: &[&str]) -> String {
     let ended = report(session, &[args, &["--force"]].concat());
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     let text = fs::read_to_string(ended.stdout.trim_end()).unwrap();
-    // Everything that is opened is closed, and nothing comes from elsewhere.
+    // All elements are closed, and the page refers to no other file.
     for tag in [
         "section", "table", "figure", "svg", "dl", "ol", "p", "h2", "h3", "div", "text", "tr",
         "td", "th",

@@ -25,7 +25,7 @@ const KRAFT: &str = "config/kraft_like.toml";
 const PUMA: &str = "config/robots/puma560.toml";
 const MS: Duration = Duration::from_millis(1);
 
-/// Maximum time for what a test waits for, on a busy machine.
+/// Maximum time of a wait in a test, on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// Waits.
@@ -57,7 +57,7 @@ impl Node {
         Instant::ZERO + (clock::monotonic() - self.started)
     }
 
-    /// Takes what the robot has sent, and accepts its connection.
+    /// Accepts the robot's connection, and reads its messages.
     fn receive(&mut self) {
         if self.robot.is_none()
             && let Ok((robot, _)) = self.listener.accept()

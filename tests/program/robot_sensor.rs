@@ -1,4 +1,4 @@
-//! `frhc robot` with a sensor at an address of its own: a socket of this test sends its records.
+//! `frhc robot` with a network sensor: a socket of this test sends its records.
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::io::BufRead;
@@ -16,7 +16,7 @@ use net_ft::rdt::{Record, Request};
 const KRAFT: &str = "config/kraft_like.toml";
 const PUMA: &str = "config/robots/puma560.toml";
 
-/// Maximum time for what a test waits for, on a busy machine.
+/// Maximum time of a wait in a test, on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// Returns a configuration with this section of a sensor.

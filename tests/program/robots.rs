@@ -49,7 +49,7 @@ fn wrong_robots() -> [Wrong; 3] {
     ]
 }
 
-/// Returns a robot whose tool stands in the wall of kraft_like.
+/// Returns a robot whose tool is inside the wall of kraft_like.
 fn in_the_wall() -> Wrong {
     Wrong {
         name: "in_the_wall.toml",

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 
 const PARTS: u32 = 6;
 
@@ -26,11 +26,11 @@ fn session(name: &str) -> PathBuf {
     session
 }
 
-fn on(session: &Path, before: &[&str], after: &[&str]) -> Ended {
+fn on(session: &Path, before: &[&str], after: &[&str]) -> CommandOutput {
     frhc(&[before, &[session.to_str().unwrap()], after].concat())
 }
 
-/// Replays a session; returns the result, and what was said about it.
+/// Replays a session; returns the result and the output on stderr.
 fn replayed(session: &Path) -> (Value, String) {
     let ended = on(session, &["replay"], &["--json"]);
     assert_eq!(ended.code, 0, "{}{}", ended.stdout, ended.stderr);
@@ -45,7 +45,7 @@ fn is_whole(session: &Path) {
     assert_eq!((&result["cycle_count"], &result["intermediate"]), (&6_000.into(), &Value::Null));
 }
 
-fn pack(session: &Path) -> Ended {
+fn pack(session: &Path) -> CommandOutput {
     on(session, &["sessions", "pack"], &[])
 }
 
@@ -134,7 +134,7 @@ fn missing_last_part_is_noticed_by_the_summary() {
     let (result, stderr) = replayed(&session);
     assert!(stderr.contains("inputs-006.bin: is missing"), "{stderr}");
     assert!(result["end"].as_str().unwrap().contains("inputs-006.bin: is missing"), "{result}");
-    // Without it nothing says that there were more.
+    // Without it, nothing indicates further files.
     fs::remove_file(session.join("summary.json")).unwrap();
     let (result, stderr) = replayed(&session);
     assert!(stderr.contains("no summary.json: the recording goes on, or was killed"), "{stderr}");

@@ -19,7 +19,7 @@ use nix::unistd::Pid;
 
 use crate::common::cli::{folder, frhc};
 
-/// Readers of a demo's telemetry, and how many of them read nothing.
+/// Number of readers of a demo's telemetry, and of those that read nothing.
 const READERS: usize = 20;
 const STOPPED: usize = 5;
 

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 use crate::common::sessions::change_copy;
 use canopen_tools::candump::{Content, Line};
 
@@ -27,7 +27,7 @@ fn session(name: &str) -> PathBuf {
     session
 }
 
-fn export(session: &Path, args: &[&str]) -> Ended {
+fn export(session: &Path, args: &[&str]) -> CommandOutput {
     frhc(&[&["export", "csv", session.to_str().unwrap()], args].concat())
 }
 

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 
-use crate::common::cli::{Ended, folder, frhc};
+use crate::common::cli::{CommandOutput, folder, frhc};
 
 const KRAFT: &str = "config/kraft_like.toml";
 
@@ -79,12 +79,12 @@ const WITH_A_NODE: &[&str] = &["robot"];
 const SERVING: &[&str] = &["view"];
 
 /// Runs a command with this stdout.
-fn onto(stdout: impl Into<Stdio>, args: &[String]) -> Ended {
+fn onto(stdout: impl Into<Stdio>, args: &[String]) -> CommandOutput {
     let mut command = Command::new(crate::common::program());
     let command = command.args(args).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
     let output = command.output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
-    Ended { code: output.status.code().unwrap(), stdout: String::new(), stderr }
+    CommandOutput { code: output.status.code().unwrap(), stdout: String::new(), stderr }
 }
 
 /// Starts a node that grants every request, one client after the other.
@@ -316,13 +316,13 @@ fn campaign_without_faults_is_refused() {
 }
 
 /// Runs `frhc ctl status` with this runtime folder of the user.
-fn status_in(runtime_dir: &str) -> Ended {
+fn status_in(runtime_dir: &str) -> CommandOutput {
     let mut command = Command::new(crate::common::program());
     command.args(["ctl", "status"]).env("XDG_RUNTIME_DIR", runtime_dir);
     let output = command.env_remove("RUNTIME_DIRECTORY").output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let (stdout, stderr) = (text(output.stdout), text(output.stderr));
-    Ended { code: output.status.code().unwrap(), stdout, stderr }
+    CommandOutput { code: output.status.code().unwrap(), stdout, stderr }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::common::cli::{folder, frhc};
 
 const STRETCHED: &str = include_str!("../../config/scenarios/stretched.toml");
 
-/// Returns what `demo` says of a wall of the scenario at x in m.
+/// Returns the output of `demo` for a wall of the scenario at x in m.
 fn warned(x: &str) -> String {
     let moved = STRETCHED.replacen("wall_point_m = [0.55,", &format!("wall_point_m = [{x},"), 1);
     assert_ne!(moved, STRETCHED, "the scenario moves the wall to 0.55 m");

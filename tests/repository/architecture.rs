@@ -260,8 +260,8 @@ fn names(text: &str, path: &str) -> bool {
         .any(|line| line.match_indices(path).any(|(at, _)| begins(line, at)))
 }
 
-/// Returns `text` without the items marked `#[cfg(test)]`, wherever they stand. The last line of a block has the
-/// indentation of its first, as rustfmt writes it.
+/// Returns `text` without its items marked `#[cfg(test)]`. The last line of a block has the indentation of its first, as
+/// rustfmt writes it.
 fn production(text: &str) -> String {
     let mut kept = String::new();
     let mut lines = text.lines();

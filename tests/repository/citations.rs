@@ -84,7 +84,7 @@ fn cited(text: &str) -> Vec<String> {
     anchors
 }
 
-/// The whole numbers of a list like `2, 3 and 4`, `2-4` or `1, 7, 3.3`; the latter names a section of the paper.
+/// Returns the integers of a list like `2, 3 and 4`, `2-4` or `1, 7, 3.3`; `3.3` is a section of the paper.
 fn numbers(mut text: &str) -> Vec<u32> {
     let mut numbers = Vec::new();
     let mut first: Option<u32> = None;

@@ -119,7 +119,7 @@ fn lists(tests: &BTreeMap<ClaimId, Vec<Test>>) -> String {
     lines.join("\n")
 }
 
-/// The kinds of fault by which the campaign stands for a hazard.
+/// Returns the kinds of fault that the campaign injects for a hazard.
 fn injected(hazard: u8) -> Vec<&'static str> {
     catalogue::kinds().filter(|kind| kind.hazard == hazard).map(|kind| kind.name).collect()
 }

@@ -78,7 +78,7 @@ pub(crate) fn rows() -> BTreeMap<Key, Row> {
     rows_of(PAGE)
 }
 
-/// Keys of a page; those under `## Whole file` are in no section.
+/// Returns the keys of a page; the keys of `## Whole file` are in no section.
 fn rows_of(page: &str) -> BTreeMap<Key, Row> {
     let page = Page::read(page);
     let mut rows = BTreeMap::new();

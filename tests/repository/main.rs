@@ -1,4 +1,4 @@
-//! Documents against the sources: the plan of the rooms, the tests behind every hazard, the book.
+//! Checks of documents against the sources: the plan of the rooms, the tests of every hazard, the book.
 
 mod architecture;
 mod book;

@@ -1,4 +1,4 @@
-//! Markdown as far as the checks of this folder need it: pages, headings with their anchors, links.
+//! Minimal Markdown parser for the checks of this folder: pages, headings with their anchors, links.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Ranges of docs/configuration.md against the configuration: a number beyond either end is refused by its key.
+//! Ranges of docs/configuration.md against the configuration: it refuses a number beyond either end, with the key.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Scripts that install tools, with stand-ins for apt-get, cargo and sudo on PATH.
+//! Scripts that install tools, with fake apt-get, cargo and sudo on PATH.
 #![allow(
     clippy::panic,
     clippy::unwrap_used,
@@ -10,7 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// A copy of `scripts/`, and a folder of stand-ins that precedes PATH. Each stand-in adds its command line to `journal`.
+/// Copy of `scripts/`, and a folder of fake commands before PATH. Each fake adds its command line to `journal`.
 struct Tree(PathBuf);
 
 impl Tree {
@@ -76,7 +76,7 @@ if ((attempts <= busy)); then
 fi
 "#;
 
-/// Returns that stand-in for `journal`.
+/// Returns a fake apt-get that fails as often as another process holds its locks.
 fn locked_apt(tree: &Tree) -> String {
     let journal = tree.0.join("journal");
     let by_verb = "case \" $* \" in *' update '*) verb=update busy=3 lock=/var/lib/apt/lists/lock ;; \
@@ -125,7 +125,7 @@ fn every_script_installs_packages_through_the_one_that_waits() {
     }
 }
 
-/// Stand-ins for what `test.sh` calls; `setup` is the text of `setup.sh`.
+/// Creates fakes of the commands that `test.sh` runs; `setup` is the text of `setup.sh`.
 fn test_tree(name: &str, setup: &str) -> Tree {
     let tree = Tree::new(name);
     tree.stand_in("bin/cargo", "note \"cargo $*\"");

@@ -86,7 +86,7 @@ fn hazard_47_end_of_the_robot_is_named() {
     rig.pressing();
     let onset = rig.now();
     rig.robot.terminate().succeeds();
-    rig.robot = Process::of("true", &[]);
+    rig.robot = Process::start("true", &[]);
     assert_eq!(rig.off_for(onset), "the far side holds: far side ends");
     assert_eq!(rig.run.terminate().code, Some(6));
     rig.sim.terminate().succeeds();

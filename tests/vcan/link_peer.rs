@@ -33,7 +33,7 @@ const CONTACT: Measurements = Measurements {
 enum Conduct {
     /// It answers each command with a feedback.
     Answers,
-    /// It floods its queue behind each feedback.
+    /// It floods its queue after each feedback message.
     FloodsBehind,
     /// It floods its queue first: there is no room for the feedback.
     FloodsFirst,
@@ -124,7 +124,7 @@ impl<'s> Far<'s> {
 #[test]
 fn flood_of_50000_a_second_misses_no_cycle() {
     let config = linked("kraft_like", LINK);
-    let mut rig = Rig::started("far-flood", &config, |_, _| Process::of("true", &[]));
+    let mut rig = Rig::started("far-flood", &config, |_, _| Process::start("true", &[]));
     let peer = Peer::connected(&rig.scratch.path("frhc/link.sock"), &config);
     rig.until(0.7);
     rig.pressing();
@@ -163,7 +163,7 @@ fn hazard_31_wall_clock_set_by_an_hour_stops_no_link() {
     rig.pressing();
     let before = rig.now();
     for by in ["+1 hour", "-1 hour"] {
-        Process::of("date", &["-s", by]).wait().succeeds();
+        Process::start("date", &["-s", by]).wait().succeeds();
         rig.syncs(500);
         let status = rig.status();
         assert_eq!(

@@ -13,7 +13,7 @@ const CONFIG: &str = "config/kraft_like.toml";
 #[test]
 fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
     let scratch = Scratch::new("timing");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &scratch.path("session")]);
     let is_sync = |line: &Line<'_>| line.canopen().is_some_and(|(id, _)| id == 0x80);
@@ -51,7 +51,7 @@ fn timing_of_the_cycles_is_in_status_summary_and_at_the_end() {
 #[test]
 fn threads_of_the_node_have_no_page_fault_in_contact() {
     let scratch = Scratch::new("page-faults");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let run = scratch.frhc(&["run", "--config", CONFIG]);
     scratch.ctl("--wait arm").succeeds();
@@ -80,7 +80,7 @@ fn refused_setting_is_said_and_ends_the_run_only_where_required() {
     let reason = "CPU 0 alone refused: shared, as it is not in isolcpus";
     assert!(required.stderr.contains("real-time settings refused"), "{}", required.stderr);
     assert!(required.stderr.contains(reason), "{}", required.stderr);
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     let run = scratch.frhc(&words);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));

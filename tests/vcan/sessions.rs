@@ -37,7 +37,7 @@ fn session_in(folder: &str) -> PathBuf {
 #[test]
 fn replay_sends_what_candump_saw_beside_the_run() {
     let scratch = Scratch::new("replay");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
     let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording, "--anonymise"]);
@@ -86,7 +86,7 @@ fn replay_sends_what_candump_saw_beside_the_run() {
 #[test]
 fn killed_run_leaves_a_session_that_is_replayed_until_there() {
     let scratch = Scratch::new("replay-killed");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
     let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &recording]);
@@ -114,7 +114,7 @@ fn recorded(
     length: f64,
     end: impl FnOnce(&Scratch, &Path, Process) -> String,
 ) -> (String, String) {
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
     let recording = scratch.path("sessions");
     let run = ["run", "--config", CONFIG, "--record", &recording];
@@ -129,7 +129,7 @@ fn recorded(
     (session.to_str().unwrap().to_owned(), said)
 }
 
-/// Returns what a command prints.
+/// Returns the output of a command.
 fn printed(scratch: &Scratch, args: &[&str]) -> String {
     let (process, mut stdout) = scratch.frhc_and_stdout(args);
     let mut text = String::new();

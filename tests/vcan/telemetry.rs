@@ -1,4 +1,4 @@
-//! Readers of the telemetry of `frhc run`: what they get, what they cannot do, and that they change nothing on the bus.
+//! Readers of the telemetry of `frhc run`: data and permissions, and no effect on the bus.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -22,7 +22,7 @@ const READERS: usize = 20;
 const STOPPED: usize = 5;
 
 /// A frame: time, identifier, target torques in ‰.
-type Sent = (u64, u16, Vec<i16>);
+type TargetFrame = (u64, u16, Vec<i16>);
 
 /// Bounds of the difference of two runs: of a target and of its mean in ‰, of a time in ns. The hand is simulated by another process, so both
 /// depend on how the two are scheduled: runs without readers differ by 6 ‰ and 7 µs in some frames, and by 0.00 ‰ in the mean.
@@ -38,7 +38,7 @@ fn is_sync(line: &Line<'_>) -> bool {
     line.canopen().is_some_and(|(id, _)| id == 0x80)
 }
 
-/// Connects to a socket as another user with these groups; prints what it gets.
+/// Connects to a socket as another user with these groups; prints the received data.
 fn connecting_as(user: u32, group: u32, socket: &str) -> String {
     let script = "import os, socket, sys\n\
         os.setgroups([]); os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[3]))\n\
@@ -48,13 +48,13 @@ fn connecting_as(user: u32, group: u32, socket: &str) -> String {
         sys.exit(reader.recv(32)[:24].decode())\n";
     let (group, user) = (group.to_string(), user.to_string());
     let args = ["-c", script, socket, &group, &user];
-    Process::of("python3", &args).wait().stderr.trim().to_owned()
+    Process::start("python3", &args).wait().stderr.trim().to_owned()
 }
 
 #[test]
 fn hazard_37_who_may_look_cannot_arm() {
     let scratch = Scratch::new("looking");
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", KRAFT]);
     let run = scratch.frhc(&["run", "--config", KRAFT]);
     candump.until(is_sync);
@@ -76,9 +76,9 @@ fn hazard_37_who_may_look_cannot_arm() {
 
 /// Plays contact for some seconds with this many readers; returns the frames of the node with their times since the first of them, and the
 /// lines that one of the readers got.
-fn played(name: &str, readers: usize, stopped: usize) -> (Vec<Sent>, Vec<Value>) {
+fn played(name: &str, readers: usize, stopped: usize) -> (Vec<TargetFrame>, Vec<Value>) {
     let scratch = Scratch::new(name);
-    let mut candump = Candump::of("vcan0");
+    let mut candump = Candump::start("vcan0");
     let sim = scratch.frhc(&["sim", "--config", KRAFT, "--scenario", "contact_10s"]);
     let run = scratch.frhc(&["run", "--config", KRAFT]);
     let first = candump.until(is_sync).nanos;
@@ -87,7 +87,7 @@ fn played(name: &str, readers: usize, stopped: usize) -> (Vec<Sent>, Vec<Value>)
         reader.connect(sys.argv[1])\n\
         while reader.recv(65536): pass\n";
     let looking: Vec<_> = (0..readers)
-        .map(|_| Process::of("python3", &["-c", script, &telemetry(&scratch)]))
+        .map(|_| Process::start("python3", &["-c", script, &telemetry(&scratch)]))
         .collect();
     let own = (readers > 0).then(|| UnixStream::connect(telemetry(&scratch)).unwrap());
     // At once: who does not read is dropped.
@@ -100,7 +100,7 @@ fn played(name: &str, readers: usize, stopped: usize) -> (Vec<Sent>, Vec<Value>)
     sim.terminate().succeeds();
     let seen = candump.finish();
     // Of the cycles in contact, from a SYNC by its number: SYNC and the torques.
-    let frames = seen.iter().filter_map(|line| -> Option<Sent> {
+    let frames = seen.iter().filter_map(|line| -> Option<TargetFrame> {
         let parsed = Line::parse(line).unwrap();
         let (id, data) = parsed.canopen()?;
         let targets = data.chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]]));
@@ -126,13 +126,15 @@ fn readers_change_nothing_on_the_bus_even_stopped_ones() {
     let (watched, lines) = played("watched", READERS, STOPPED);
     assert_eq!(alone.len(), watched.len());
     let pairs = || alone.iter().zip(&watched);
-    let differs = |((at, id, targets), (other_at, other_id, others)): &(&Sent, &Sent)| {
-        let are_near = targets.iter().zip(others).all(|(one, other)| (one - other).abs() <= TARGET);
-        id != other_id
-            || at.abs_diff(*other_at) > SHIFT_NS
-            || targets.len() != others.len()
-            || !are_near
-    };
+    let differs =
+        |((at, id, targets), (other_at, other_id, others)): &(&TargetFrame, &TargetFrame)| {
+            let are_near =
+                targets.iter().zip(others).all(|(one, other)| (one - other).abs() <= TARGET);
+            id != other_id
+                || at.abs_diff(*other_at) > SHIFT_NS
+                || targets.len() != others.len()
+                || !are_near
+        };
     assert_eq!(pairs().find(differs), None);
     for (id, place) in [0x201, 0x204].into_iter().flat_map(|id| (0..3).map(move |at| (id, at))) {
         let of_joint = pairs().filter(|((_, sent, _), _)| *sent == id);

@@ -72,7 +72,7 @@ fn error_frame(name: &str, frame: &str) -> (Rig, Onset, Gateway) {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged(name, &Setup::default());
     let onset = rig.onset();
-    Process::of("cansend", &[NODE, frame]).wait().succeeds();
+    Process::start("cansend", &[NODE, frame]).wait().succeeds();
     rig.run_for(millis(20));
     (rig, onset, gateway)
 }

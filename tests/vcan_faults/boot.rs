@@ -49,7 +49,7 @@ fn hazard_30_boot_without_sync_or_heartbeat_grants_disarm() {
         rig.ctl("disarm").succeeds();
         let answered = rig.now();
         assert!(answered.0 - asked.0 < 100_000_000, "{name}: {} ns", answered.0 - asked.0);
-        // The boot goes on, and arms nothing.
+        // The boot continues, and arms nothing.
         assert_eq!(rig.status()["mode"], "boot", "{name}");
         rig.ctl("--wait status").succeeds();
         rig.run_for(millis(100));
@@ -65,7 +65,7 @@ fn hazard_30_boot_without_sync_or_heartbeat_grants_disarm() {
 fn hazard_23_bus_off_ends_a_boot_that_withholds_sync() {
     let _gateway = Gateway::at(NODE);
     let mut rig = boot_that_withholds("off-sync", true);
-    Process::of("cansend", &[NODE, "20000040#0000000000000000"]).wait().succeeds();
+    Process::start("cansend", &[NODE, "20000040#0000000000000000"]).wait().succeeds();
     let outcome = rig.node.take().unwrap().wait();
     assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
     assert!(outcome.stderr.contains("bus off"), "{}", outcome.stderr);

@@ -54,7 +54,7 @@ fn hazard_30_disarm_acts_beside_25_connections_a_millisecond() {
             let before = opened.load(Ordering::Relaxed);
             let disarmed = rig.ctl("disarm");
             let beside = opened.load(Ordering::Relaxed) - before;
-            // A flood that has ended proves nothing.
+            // The test is valid only during the flood.
             rig.run_for(millis(60));
             is_over.store(true, Ordering::Relaxed);
             assert_eq!(disarmed.code, Some(0), "{name}: {}", disarmed.stderr);
@@ -71,7 +71,7 @@ fn hazard_30_disarm_acts_beside_25_connections_a_millisecond() {
     }
 }
 
-/// Opens bursts of connections until `is_over`, for five seconds at most, and keeps so many of them open.
+/// Opens bursts of connections until `is_over`, for at most five seconds, and keeps this number of them open.
 fn flood(socket: &str, kept: usize, is_over: &AtomicBool, opened: &AtomicUsize) {
     let mut open = std::collections::VecDeque::new();
     for _ in (0..5_000).take_while(|_| !is_over.load(Ordering::Relaxed)) {

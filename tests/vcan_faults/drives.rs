@@ -59,7 +59,7 @@ fn hazard_08_disabled_drive_stops_the_others_in_two_cycles() {
     let mut rig = Rig::engaged("left", &Setup::default());
     let onset = rig.onset();
     // "Disable voltage" of another master, which the node does not see.
-    Process::of("cansend", &[DRIVES, "303#0000"]).wait().succeeds();
+    Process::start("cansend", &[DRIVES, "303#0000"]).wait().succeeds();
     rig.run_for(millis(10));
     rig.is_stopped_by("joint 3 (elbow): drive left operation enabled");
     let seen = rig.seen_after(onset, millis(20));

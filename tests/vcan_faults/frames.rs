@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use crate::gateway::{Gateway, NODE};
 use crate::inject::{ELBOW, ELEVATION, POSITION, WIRE_CUT, every};
+use crate::reaction::Reaction;
 use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::script;
-use crate::seen::Seen;
 use crate::shaper::Shaper;
 use faults::{Effect, Kind, Service, Target};
 use units::numbering::Joint;
@@ -23,7 +23,7 @@ const QUICK_HEARTBEATS: [(&str, &str); 3] = [
 ];
 
 /// Injects a fault into a joint of an engaged arm, and checks the cause of the stop.
-fn stopped_by(name: &str, reason: &str, span: Duration, joint: Joint, fault: Kind) -> Seen {
+fn stopped_by(name: &str, reason: &str, span: Duration, joint: Joint, fault: Kind) -> Reaction {
     stopped_with(&Setup::default(), name, reason, span, (joint, fault))
 }
 
@@ -33,7 +33,7 @@ fn stopped_with(
     reason: &str,
     span: Duration,
     (joint, fault): (Joint, Kind),
-) -> Seen {
+) -> Reaction {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged(name, setup);
     let onset = rig.onset();

@@ -102,7 +102,7 @@ impl Drop for Gateway {
 
 fn cangw(action: &str, rule: &[String]) {
     let words: Vec<&str> = std::iter::once(action).chain(rule.iter().map(String::as_str)).collect();
-    Process::of("cangw", &words).wait().succeeds();
+    Process::start("cangw", &words).wait().succeeds();
 }
 
 /// Returns every frame that node and drives exchange in kraft_like.toml.

@@ -65,7 +65,7 @@ fn hazard_25_backlog_of_a_stopped_node_is_discarded() {
     let onset = rig.now();
     // More than the socket's buffer holds.
     let flood = format!("{NODE} -g 0.1 -i -n 480 -I 7A0 -L 8 -D 0011223344556677");
-    Process::of("cangen", &flood.split(' ').collect::<Vec<_>>()).wait().succeeds();
+    Process::start("cangen", &flood.split(' ').collect::<Vec<_>>()).wait().succeeds();
     rig.resume_node();
     let resumed = rig.now();
     rig.run_for(millis(30));

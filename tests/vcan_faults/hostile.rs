@@ -16,7 +16,7 @@ const NOT_CANOPEN: [&str; 3] = ["-e -I 183 -L 4", "-R -I 183 -L 4", "-f -I 183 -
 /// Sends `count` frames, five a millisecond; `words` has identifiers and data.
 fn flood(words: &str, count: u32) -> Process {
     let words = format!("{OPEN} -g 0.2 -i -n {count} {words}");
-    Process::of("cangen", &words.split(' ').collect::<Vec<_>>())
+    Process::start("cangen", &words.split(' ').collect::<Vec<_>>())
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn hazard_26_frames_that_are_not_canopen_change_nothing() {
 #[test]
 fn hazard_26_frame_of_another_master_ends_all_in_two_cycles() {
     let gateway = Gateway::at(NODE);
-    // The node's own heartbeat would keep drives on that monitor nothing else, after its death.
+    // A forged heartbeat of the node would keep drives enabled after its end if they monitor nothing else.
     for (name, frame) in [("sync", "080#"), ("nmt", "000#0103"), ("heartbeat", "77F#05")] {
         let mut rig = Rig::engaged(name, &Setup::default());
         let onset = rig.onset();

@@ -36,7 +36,7 @@ pub(crate) const POSITION: Service = Service::Tpdo(1);
 
 /// Returns a fault of every frame of a service.
 pub(crate) const fn every(service: Service, effect: Effect) -> Kind {
-    Kind::Frames(FrameFault::of(service, effect))
+    Kind::Frames(FrameFault::on_service(service, effect))
 }
 
 /// Returns a foreign frame from its form in candump, `080#` or `603#2B00`.
@@ -65,14 +65,14 @@ impl Rig {
             (Kind::ForeignFrame { frame, period: None }, Target::Bus(_)) => send(NODE, &frame),
             (Kind::Device(DeviceFault::Emergency { code, register }), Target::Joint(joint)) => {
                 let [low, high] = code.to_le_bytes();
-                // Torque and statusword behind them: the drive is still enabled.
+                // Torque and statusword after them: the drive is still enabled.
                 let data = [low, high, register, 0, 0, 0x27, 0x06, 0];
                 assert_eq!(Emergency::decode(&data).map(|emergency| emergency.code), Some(code));
                 let (_, cob_id) = cob_id(Target::Joint(joint), Service::Emergency);
                 send(DRIVES, &Frame::new(cob_id, data));
             }
             (Kind::Device(DeviceFault::Reboot), Target::Joint(joint)) => {
-                // The node must see the boot-up message, and not the command behind it.
+                // The node must receive the boot-up message, but not the command after it.
                 gateway.lose(Way::ToNode, nmt::COB_ID);
                 let node = NodeId::new(joint.number()).ok();
                 send(DRIVES, &Order { command: NmtCommand::ResetNode, node }.frame());
@@ -116,7 +116,7 @@ impl Rig {
 /// Sends a frame on an interface, as another node would.
 fn send(interface: &str, frame: &Frame) {
     let text = format!("{frame}");
-    Process::of("cansend", &[interface, &text]).wait().succeeds();
+    Process::start("cansend", &[interface, &text]).wait().succeeds();
 }
 
 fn hex(bytes: [u8; 8]) -> String {

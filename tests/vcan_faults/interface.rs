@@ -26,11 +26,11 @@ impl Interface {
 impl Drop for Interface {
     fn drop(&mut self) {
         // The test may have taken it away.
-        Process::of("ip", &["link", "del", self.0]).wait();
+        Process::start("ip", &["link", "del", self.0]).wait();
     }
 }
 
 /// `ip`, which must succeed.
 pub(crate) fn ip(words: &str) {
-    Process::of("ip", &words.split(' ').collect::<Vec<_>>()).wait().succeeds();
+    Process::start("ip", &words.split(' ').collect::<Vec<_>>()).wait().succeeds();
 }

@@ -78,7 +78,7 @@ fn hazard_27_killed_node_started_again_waits_for_a_reset() {
     // The recorder updates the status.
     rig.run_for(millis(100));
     rig.is("ready");
-    // After an orderly end the next start waits for nothing.
+    // After an orderly end, the next start need not wait.
     let (outcome, _) = rig.terminate_node();
     outcome.succeeds();
     rig.start_node();

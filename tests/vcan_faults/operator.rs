@@ -4,17 +4,17 @@ use std::time::Duration;
 
 use crate::gateway::{Gateway, NODE};
 use crate::inject::{POSITION, every};
+use crate::reaction::Reaction;
 use crate::rig::{Onset, Rig, Setup, cycles, millis};
-use crate::seen::Seen;
 use faults::{Effect, Target};
 
-/// The azimuth carries no weight: its targets are reflection alone.
+/// The azimuth has no gravity torque: its targets contain only reflection.
 const AZIMUTH: u16 = 1;
 
 /// Period of the switch box's TPDO.
 const INPUT_PERIOD: Duration = millis(5);
 
-fn reflection_has_ended(seen: &Seen, Onset(onset): Onset, most: Duration) {
+fn reflection_has_ended(seen: &Reaction, Onset(onset): Onset, most: Duration) {
     let torque = seen.torque(AZIMUTH);
     assert_ne!(torque.at(onset), 0, "there was reflection");
     let ends = torque.ends_after(onset);

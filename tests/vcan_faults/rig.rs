@@ -9,8 +9,8 @@ use nix::sys::signal::Signal;
 use crate::common::log::Log;
 use crate::common::process::{Candump, Outcome, Process, Scratch};
 use crate::gateway::{DRIVES, Gateway, NODE};
+use crate::reaction::Reaction;
 use crate::script;
-use crate::seen::Seen;
 use crate::torque::CYCLE;
 use canopen_tools::candump::Line;
 use sim::scenario::Entry;
@@ -76,7 +76,7 @@ impl Rig {
         let config = scratch.variant(CONFIG, &changes);
         let scenario = script::scenario(setup.entries.clone());
         let script = scratch.write("script.toml", &scenario);
-        let candump = Candump::of(DRIVES);
+        let candump = Candump::start(DRIVES);
         let words = ["sim", "--config", &config, "-i", DRIVES, "--scenario", &script];
         let drives = scratch.frhc(&words);
         let random = name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
@@ -116,7 +116,7 @@ impl Rig {
         panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
     }
 
-    /// Waits until the node has ended by itself, and returns its outcome.
+    /// Waits until the node exits by itself, and returns its outcome.
     pub(crate) fn until_node_ends(&mut self) -> Outcome {
         let mut node = self.node.take().unwrap();
         for _ in 0..200 {
@@ -273,14 +273,14 @@ impl Rig {
     }
 
     /// Lets the bus run on for `span` after the fault, and ends.
-    pub(crate) fn seen_after(mut self, Onset(onset): Onset, span: Duration) -> Seen {
+    pub(crate) fn seen_after(mut self, Onset(onset): Onset, span: Duration) -> Reaction {
         let until = onset + nanos(span);
         self.candump.until(|line| line.nanos > until);
         drop(self.node.take());
         drop(self.drives);
         let lines = self.candump.finish();
         let log = Log::parse(&lines);
-        Seen::new(lines, log, onset)
+        Reaction::new(lines, log, onset)
     }
 }
 

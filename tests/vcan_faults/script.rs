@@ -1,5 +1,5 @@
-//! The operator in every test: presses the deadman again and again, soon after each release, so that a test need not know
-//! when the node is ready, and a latched mode is tried repeatedly; moves to and fro, so that no joint stands still.
+//! Operator of every test. It presses the deadman again soon after each release, so a test need not know when the node is
+//! ready, and a latched mode is tried repeatedly. It moves back and forth, so no joint is at rest.
 
 use sim::scenario::operator::{Move, Switch};
 use sim::scenario::{Entry, Scenario};

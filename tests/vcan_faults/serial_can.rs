@@ -46,7 +46,7 @@ impl Adapter {
         grantpt(&terminal).unwrap();
         unlockpt(&terminal).unwrap();
         let line = ptsname_r(&terminal).unwrap();
-        let slcand = Process::of("slcand", &["-F", "-o", "-s8", &line, interface]);
+        let slcand = Process::start("slcand", &["-F", "-o", "-s8", &line, interface]);
         wait_until_it_is(interface, true);
         let (orders, ordered) = channel();
         let wire = thread::spawn(move || Wire::new(terminal).carry(&ordered));
@@ -55,12 +55,12 @@ impl Adapter {
         Self { interface, orders: Some(orders), wire: Some(wire), slcand: Some(slcand) }
     }
 
-    /// Accepts nothing from the host from now on, and delivers nothing.
+    /// From now on, accepts no frames from the host and delivers none.
     fn stall(&self) {
         self.order(Order::Stall);
     }
 
-    /// Delivers the frames that it held back, and goes on.
+    /// Delivers the queued frames, and continues normally.
     pub(crate) fn go_on(&self) {
         self.order(Order::GoOn);
     }
@@ -180,7 +180,7 @@ impl Wire {
     }
 
     fn write(&mut self, line: &str) {
-        // A host that has hung up receives nothing.
+        // A disconnected host receives nothing.
         self.terminal.write_all(format!("{line}\r").as_bytes()).ok();
     }
 }

@@ -8,7 +8,7 @@ use crate::common::process::Process;
 pub(crate) struct Shaper(String);
 
 impl Shaper {
-    /// Three bands, of which the third delays by `delay`; [`hold`](Self::hold) puts frames there.
+    /// Creates three bands, of which the third delays frames by `delay`; [`hold`](Self::hold) selects frames for it.
     pub(crate) fn with_delay(interface: &str, delay: &str) -> Self {
         tc(&format!("qdisc replace dev {interface} root handle 1: prio"));
         tc(&format!("qdisc replace dev {interface} parent 1:3 handle 30: netem delay {delay}"));
@@ -20,7 +20,7 @@ impl Shaper {
         let frame = format!("canid(sff 0x{id:03X})");
         let filter = format!("filter add dev {} parent 1: protocol all basic match", self.0);
         let words: Vec<&str> = filter.split(' ').chain([frame.as_str(), "flowid", "1:3"]).collect();
-        Process::of("tc", &words).wait().succeeds();
+        Process::start("tc", &words).wait().succeeds();
     }
 
     /// Bounds the bus to a hundred kilobits per second, and its queue to four frames.
@@ -38,5 +38,5 @@ impl Drop for Shaper {
 }
 
 fn tc(words: &str) {
-    Process::of("tc", &words.split(' ').collect::<Vec<_>>()).wait().succeeds();
+    Process::start("tc", &words.split(' ').collect::<Vec<_>>()).wait().succeeds();
 }

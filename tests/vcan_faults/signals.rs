@@ -1,4 +1,4 @@
-//! Signals at torque: some stop the node in order, the others do nothing. Hazard 30.
+//! Signals while drives exert torque: some stop the node in an orderly way, the others have no effect. Hazard 30.
 
 use nix::sys::signal::Signal;
 

@@ -1,30 +1,29 @@
-//! Linear least squares by Householder QR (Golub and Van Loan, 5.3), with what leaving each sample out
-//! would change, and how sure the unknowns are.
+//! Linear least squares by Householder QR (Golub and Van Loan, 5.3), with leave-one-out residuals and the standard
+//! deviations of the unknowns.
 //!
-//! For a few unknowns whose columns are of like size; nothing of the cycle.
+//! For a few unknowns with columns of similar size. It allocates, so it is not for the cycle.
 
 use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 
-/// A column is dependent if it is this much smaller than the largest, once the others are taken out of it.
+/// Ratio to the largest column below which the part of a column orthogonal to the others counts as zero.
 const RANK: f64 = 1e-9;
 
-/// The best solution of `A x = b`.
+/// Least-squares solution of `A x = b`.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
-    /// The unknowns `x`.
+    /// Unknowns `x`.
     pub(super) unknowns: DVector<f64>,
     /// Standard deviation of each unknown, if the residuals are independent noise.
     pub(super) deviations: DVector<f64>,
-    /// `b - A x`, a number per row.
+    /// Residuals `b - A x`, one per row.
     pub(super) residuals: DVector<f64>,
-    /// The same had the row itself been left out: `r / (1 - h)`, where `h` is the row's leverage,
-    /// the squared length of its row of Q.
+    /// Residual of each row for a fit without it: `r / (1 - h)`. The leverage `h` is the squared length of the row of Q.
     pub(super) left_out: DVector<f64>,
 }
 
-/// Solves `A x = b`; `None` unless the rows determine all unknowns, whichever row is left out.
+/// Solves `A x = b`; `None` unless the rows determine all unknowns without any one of them.
 pub(super) fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Solution> {
     let (q, r) = factors(a)?;
     let unknowns = r.solve_upper_triangular(&(q.transpose() * b))?;
@@ -35,13 +34,13 @@ pub(super) fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Solution> {
     }
     let left_out = residuals.component_div(&free);
     let inverse = r.solve_upper_triangular(&DMatrix::identity(r.nrows(), r.ncols()))?;
-    // The sum of `1 - h` is the number of rows less that of the unknowns.
+    // The sum of `1 - h` is the number of rows minus that of the unknowns.
     let noise = (residuals.norm_squared() / free.sum()).sqrt();
     let deviations = DVector::from_iterator(r.nrows(), inverse.row_iter().map(|row| row.norm()));
     Some(Solution { unknowns, deviations: deviations * noise, residuals, left_out })
 }
 
-/// Solves `A x = b` with each row counted by its `weights`; `None` unless the rows determine all unknowns.
+/// Solves `A x = b` with a weight per row; `None` unless the rows determine all unknowns.
 pub(super) fn weighted(
     a: &DMatrix<f64>,
     b: &DVector<f64>,

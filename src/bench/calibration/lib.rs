@@ -1,6 +1,6 @@
-//! Calibration: measured torques, and the torque curves and friction that are fitted to them.
+//! Calibration: torque curves and friction of joints, fitted to measured torques.
 //!
-//! [`torque_data`] reads the measurements, [`fit`] computes.
+//! [`torque_data`] reads the measurements, [`fit`] computes curves and friction.
 #![forbid(unsafe_code)]
 
 pub mod fit;

@@ -1,4 +1,4 @@
-//! One case of a campaign: a fault, its hand controller, its situation, its time.
+//! Case of a campaign: a fault with its hand controller, situation and onset.
 
 use std::time::Duration;
 
@@ -16,30 +16,30 @@ const SPREAD_S: f64 = 0.1;
 /// Length of a scenario beyond its observed part, in s.
 const MARGIN_S: f64 = 0.5;
 
-/// One case.
+/// Fault of one kind, with everything that its number and the seed determine.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Its number in the campaign, from 1.
+    /// Number of the case in the campaign, from 1.
     pub number: u32,
     /// Seed of the faults' own random sequences.
     pub seed: u64,
     /// The kind of fault.
     pub kind: &'static Kind,
-    /// The hand controller: an index into the campaign's list.
+    /// Hand controller, as an index into the campaign's list.
     pub config: usize,
-    /// The situation at the onset.
+    /// Situation at the onset.
     pub situation: Situation,
-    /// Time of the onset after the first SYNC, at any microsecond.
+    /// Time from the first SYNC to the onset, in steps of 1 µs.
     pub onset: Duration,
     /// Faults and actions from the onset on.
     pub injection: Injection,
 }
 
 impl Case {
-    /// Case `number` of a campaign on these hand controllers. Each round of the kinds is played on one of them, in turn.
-    pub fn of(seed: u64, number: u32, configs: &[Config]) -> Option<Self> {
+    /// Draws case `number` of a campaign on these hand controllers. Each round of all kinds uses the next of them.
+    pub fn draw(seed: u64, number: u32, configs: &[Config]) -> Option<Self> {
         let kind = catalogue::kind_of(number)?;
-        let mut random = Random::of(seed, number);
+        let mut random = Random::new(seed, number);
         let config = catalogue::round_of(number)?.checked_rem(configs.len())?;
         let situation = *random.one_of(kind.situations)?;
         let onset_s = situation.reached_s() + random.within(0.005, SPREAD_S);
@@ -51,7 +51,7 @@ impl Case {
         Some(Self { number, seed: random.bits(), kind, config, situation, onset, injection })
     }
 
-    /// Returns the whole scenario, from the first SYNC on.
+    /// Returns the scenario of situation and fault, from the first SYNC on.
     ///
     /// # Errors
     /// The first entry that is out of order or beyond the end.

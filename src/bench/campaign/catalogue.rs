@@ -1,7 +1,7 @@
-//! Every kind of fault, the hazard that it stands for, and its criterion.
+//! Catalogue of the kinds of fault, each with its hazard and criterion.
 //!
-//! Limits are those of the [expectations](crate::expectation). Where a kind names causes that may stop the
-//! node first, they are written here by hand. Case numbers go through the kinds in turn, so that a number says its kind.
+//! Limits are those of the [expectations](crate::expectation). Causes that may stop the node first are written here by hand.
+//! Case numbers cycle through the kinds, so a number determines its kind.
 
 mod buses;
 mod devices;
@@ -28,7 +28,7 @@ fn pdo_with(at: &Conditions<'_>, joint: Joint, object: Object) -> Option<Pdo> {
     plan.pdos.into_iter().find(|pdo| pdo.service.as_ref().is_some_and(has_object))
 }
 
-/// Former names of kinds, with the new ones.
+/// Former names of kinds, each with its present name.
 pub const RENAMED: [(&str, &str); 6] = [
     ("SYNC not heard", "SYNC missing"),
     ("drive fault, untold", "drive fault, no emergency"),
@@ -45,7 +45,7 @@ pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
     kinds().nth(place.checked_rem(count)?)
 }
 
-/// Returns the round of case `number`, from 0: each has every kind once.
+/// Returns the round of case `number`, from 0; a round has every kind once.
 pub(super) fn round_of(number: u32) -> Option<usize> {
     usize::try_from(number).ok()?.checked_sub(1)?.checked_div(kinds().count())
 }
@@ -71,7 +71,7 @@ mod tests {
         assert_eq!(without, <[&str; 0]>::default());
     }
 
-    /// Kinds whose hazard is noticed by another cause than the one it ends with.
+    /// Kinds of a hazard that is detected by another cause than that of its stop.
     const OTHER_CAUSES: [&str; 4] =
         ["several drives unplugged", "process killed", "bus flooded", "stall within a cycle"];
 }

@@ -19,9 +19,9 @@ use node::record::Mode;
 pub struct Expectation {
     /// Number of the hazard in docs/safety.md.
     pub hazard: u8,
-    /// Time from what goes wrong on the bus until the torque has ended.
+    /// Time from the fault on the bus until the torque has ended.
     pub limit: Limit,
-    /// The same for a drive without an RPDO timer, where it is another one.
+    /// Limit for a drive without an RPDO timer, if different.
     pub without_timer: Option<Limit>,
     /// Causes that the hazard raises, with the state that each leads to.
     pub reactions: &'static [(Cause, EndState)],
@@ -30,17 +30,17 @@ pub struct Expectation {
 /// Limit of a hazard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// A number of cycles.
+    /// Number of cycles.
     Cycles(u32),
-    /// A time, in ms.
+    /// Time, in ms.
     Millis(u64),
-    /// The configured heartbeat time, `drive_lost_ms`.
+    /// Configured heartbeat time, `drive_lost_ms`.
     HeartbeatTime,
-    /// The timer by which the slowest drive stops without its master: of its timers the quickest, with its tolerance.
+    /// Time until the slowest drive stops without its master, by its shortest timer, with tolerance.
     DriveTimer,
-    /// The drives' RPDO timer, and 1 ms.
+    /// RPDO timer of the drives plus 1 ms.
     RpdoTimer,
-    /// No figure is promised.
+    /// Not stated in docs/safety.md.
     Unstated,
 }
 
@@ -55,7 +55,7 @@ pub enum EndState {
     DrivesOff,
 }
 
-/// All rows, by their hazards.
+/// Expectations of all hazards, in their order.
 pub const EXPECTATIONS: &[Expectation] = &[
     row(1, Cycles(5), &[(Cause::SamplesMissing, ZeroTorque)]),
     row(2, HeartbeatTime, &[(Cause::HeartbeatLost, DrivesOff)]),
@@ -141,7 +141,7 @@ impl Limit {
     }
 }
 
-/// The words by which docs/safety.md states the limit.
+/// Writes the limit as docs/safety.md states it.
 impl fmt::Display for Limit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -157,7 +157,7 @@ impl fmt::Display for Limit {
 
 impl EndState {
     /// Returns the state of the drives in a latched mode.
-    pub(super) const fn of(mode: Mode) -> Option<Self> {
+    pub(super) const fn from_mode(mode: Mode) -> Option<Self> {
         match mode {
             Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged => None,
             Mode::ReflectionOff => Some(ReflectionOff),
@@ -172,9 +172,9 @@ mod tests {
     use super::*;
     use node::reaction::Reaction;
 
-    /// The state to which the node's own table leads.
+    /// Returns the end state of a reaction in the node's fault table.
     fn state_of(reaction: Reaction) -> Option<EndState> {
-        reaction.mode().and_then(EndState::of)
+        reaction.mode().and_then(EndState::from_mode)
     }
 
     #[test]

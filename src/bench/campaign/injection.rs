@@ -14,31 +14,31 @@ use sim::scenario::operator::Switch;
 use testbench::world;
 use units::numbering::Joint;
 
-/// The faults of a case, and what is demanded of the node.
+/// Faults and operator actions of a case, with the required reaction.
 #[derive(Clone, Debug)]
 pub struct Injection {
     /// Faults and actions of the operator, all of them at or after the onset.
     pub entries: Vec<Entry>,
     /// The onset is the first of two cycles in which the grip is faster than this, in m/s.
     pub onset_speed: Option<f64>,
-    /// The onset is when targets of this joint differ from the one that its drive holds.
+    /// The onset is the time at which targets of this joint differ from the one held by its drive.
     pub cut_off: Option<Joint>,
     /// A drive does not receive its controlwords.
     pub loses_commands: bool,
-    /// Departure of a drive since before its boot.
+    /// Quirk of a drive, present before its boot.
     pub quirk: Option<(Joint, Quirk)>,
-    /// Demanded reaction of node or drives.
+    /// Required reaction of node or drives.
     pub criterion: Criterion,
-    /// Time for which the case is observed after its onset.
+    /// Duration of the observation after the onset.
     pub observed_for: Duration,
 }
 
 /// Hand controller, situation and time of an injection.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditions<'a> {
-    /// The hand controller.
+    /// Configuration of the hand controller.
     pub config: &'a Config,
-    /// The hazard that the injection stands for.
+    /// Number of the hazard in docs/safety.md.
     pub hazard: u8,
     /// Situation of the operator.
     pub situation: Situation,
@@ -57,7 +57,7 @@ impl Conditions<'_> {
         self.limit_of(self.hazard)
     }
 
-    /// Returns the limit of the hazard for the drive of one joint: another one where it has no RPDO timer.
+    /// Returns the limit of the hazard for a joint's drive, which depends on its RPDO timer.
     pub(super) fn limit_for(&self, joint: Joint) -> Duration {
         let row = expectation::of_hazard(self.hazard);
         let without = row.and_then(|row| row.without_timer).filter(|_| !self.has_rpdo_timer(joint));
@@ -71,13 +71,13 @@ impl Conditions<'_> {
         plan.is_some_and(|plan| plan.watchdog(Awaited::Rpdo).is_some())
     }
 
-    /// Returns the limit of another hazard; zero where none is stated.
+    /// Returns the limit of another hazard; zero if not stated.
     pub(super) fn limit_of(&self, hazard: u8) -> Duration {
         let row = expectation::of_hazard(hazard);
         row.map(|row| row.limit.time(self.config)).unwrap_or_default()
     }
 
-    /// Returns the torque that carries the arm's weight at a joint where it starts, in ‰ of the joint's largest.
+    /// Returns the gravity torque of a joint in the start posture, in ‰ of the joint's largest torque.
     pub(super) fn weight(&self, joint: Joint) -> f64 {
         let plant = self.config.plant();
         let arm = world::arm(&plant);
@@ -114,8 +114,8 @@ impl Conditions<'_> {
 }
 
 impl Injection {
-    /// An injection of these entries, observed for 150 ms.
-    pub(super) fn of(entries: impl Into<Vec<Entry>>, criterion: Criterion) -> Self {
+    /// Creates an injection of these entries, observed for 150 ms.
+    pub(super) fn new(entries: impl Into<Vec<Entry>>, criterion: Criterion) -> Self {
         Self {
             entries: entries.into(),
             onset_speed: None,
@@ -132,7 +132,7 @@ impl Injection {
         Self { observed_for, ..self }
     }
 
-    /// Returns its faults.
+    /// Returns the faults among the entries.
     pub fn faults(&self) -> impl Iterator<Item = &Fault> + '_ {
         self.entries.iter().filter_map(|entry| match entry {
             Entry::Fault(fault) => Some(fault),
@@ -141,10 +141,10 @@ impl Injection {
     }
 }
 
-/// Returns the number nearest to a time in whole microseconds, in s.
+/// Converts a time to s, rounded to 1 µs.
 pub(super) fn seconds(time: Duration) -> f64 {
     (time.as_secs_f64() * 1e6).round() / 1e6
 }
 
-/// Time in which the drives are seen switched off 100 ms after a stop.
+/// Default duration of an observation: it includes the power-off, 100 ms after a stop.
 const OBSERVED: Duration = Duration::from_millis(150);

@@ -1,17 +1,17 @@
-//! A kind of fault of the campaign: name, hazard, situations, causes that may stop the node first.
+//! Kind of fault of the campaign: name, hazard, situations, and causes that may stop the node first.
 
 use crate::injection::{Conditions, Injection};
 use crate::random::Random;
 use crate::situation::Situation;
 use node::cause::Kind as Cause;
 
-/// The kind by which a node is killed: its figures are those of the drives' own timers.
+/// Name of the kind that kills the node; its figures are those of the drives' timers.
 pub(super) const KILLED: &str = "process killed";
 
-/// A kind of fault.
+/// Kind of fault.
 #[derive(Clone, Copy)]
 pub struct Kind {
-    /// Its name.
+    /// Name in tables, and of `--only`.
     pub name: &'static str,
     /// Number of the hazard in docs/safety.md.
     pub hazard: u8,
@@ -19,14 +19,14 @@ pub struct Kind {
     pub(super) causes: &'static [Cause],
     /// Situations in which it is injected.
     pub(super) situations: &'static [Situation],
-    /// Makes a case from random numbers.
+    /// Draws an injection.
     pub(super) injection: MakeInjection,
 }
 
-/// Makes a case of one kind from random numbers.
+/// Function that draws an injection of one kind.
 type MakeInjection = fn(&mut Random, &Conditions<'_>) -> Injection;
 
-/// The causes of a fault that must not stop the node, or only disengages it.
+/// Causes of a fault that must not stop the node, or that only disengages it.
 pub(super) const NO_CAUSE: &[Cause] = &[];
 
 impl std::fmt::Debug for Kind {
@@ -35,7 +35,7 @@ impl std::fmt::Debug for Kind {
     }
 }
 
-/// A kind that is injected before the operator has armed.
+/// Creates a kind that is injected before the operator has armed.
 pub(super) const fn ready(
     hazard: u8,
     name: &'static str,
@@ -45,7 +45,7 @@ pub(super) const fn ready(
     Kind { name, hazard, causes, situations: &[Situation::Ready], injection }
 }
 
-/// A kind that is injected in any situation in which the arm is carried.
+/// Creates a kind that is injected in every armed situation.
 pub(super) const fn kind(
     hazard: u8,
     name: &'static str,
@@ -55,7 +55,7 @@ pub(super) const fn kind(
     Kind { name, hazard, causes, situations: &Situation::ARMED, injection }
 }
 
-/// A kind that is injected while the arm is armed with the deadman open.
+/// Creates a kind that is injected while armed with the deadman open.
 pub(super) const fn armed(
     hazard: u8,
     name: &'static str,
@@ -65,7 +65,7 @@ pub(super) const fn armed(
     Kind { name, hazard, causes, situations: &[Situation::Armed], injection }
 }
 
-/// A kind that is injected while the deadman is pressed.
+/// Creates a kind that is injected while the deadman is pressed.
 pub(super) const fn engaged(
     hazard: u8,
     name: &'static str,
@@ -75,7 +75,7 @@ pub(super) const fn engaged(
     Kind { name, hazard, causes, situations: &Situation::ENGAGED, injection }
 }
 
-/// A kind that is injected while the object presses against the wall.
+/// Creates a kind that is injected while the object presses against the wall.
 pub(super) const fn in_contact(
     hazard: u8,
     name: &'static str,

@@ -17,16 +17,16 @@ use sim::drive::Drive;
 use testbench::bench::Bench;
 use units::time::Instant;
 
-/// Time after the onset in which speed and displacement of the grip are measured.
+/// Duration of the measurement of the grip's speed and displacement after the onset.
 const GRIP_MEASURED: Duration = Duration::from_millis(100);
 
 /// Time between zero torque and the drives' power off (S2).
 const OFF_AFTER: Duration = Duration::from_millis(100);
 
-/// Time allowed beyond that: one controlword goes out at a time, and acts at the drive's next SYNC.
+/// Tolerance of [`OFF_AFTER`]: controlwords are sent one at a time, and act at the drive's next SYNC.
 const OFF_TOLERANCE: Duration = Duration::from_millis(15);
 
-/// Least reflected torque that can be felt, as a share of a joint's capacity.
+/// Minimum reflected torque that counts, as a share of a joint's capacity.
 const MIN_FELT: f64 = 0.02;
 
 /// Measures node, bus and arm after every cycle.
@@ -46,7 +46,7 @@ pub(super) struct Observer {
 }
 
 impl Observer {
-    /// Starts with the bench as it is; power stages may be on for `off_tolerance` after "drives off".
+    /// Starts with the present state of the bench; power stages may be on for `off_tolerance` after "drives off".
     pub(super) fn new<S: InputSink + Clone>(
         bench: &Bench<Monitor, S>,
         off_tolerance: Duration,
@@ -111,7 +111,7 @@ impl Observer {
             if record.mode.is_latched() {
                 self.detected.get_or_insert(now);
                 self.observed.cause = self.observed.cause.or(record.cause);
-                let end = EndState::of(record.mode);
+                let end = EndState::from_mode(record.mode);
                 self.observed.end_state = self.observed.end_state.or(end);
             }
             self.observed.is_stopped |= record.mode.is_stopped();
@@ -149,9 +149,8 @@ impl Observer {
     }
 }
 
-/// Returns the time beyond "drives off" at which every power stage must be off. A drive that receives nothing any more
-/// is off by its own timers, which frames from a stalled adapter start once more; one without its RPDOs is switched off
-/// by SDO.
+/// Returns the time after "drives off" at which every power stage must be off. A drive without frames stops by its own
+/// timers, which frames from a stalled adapter restart; a drive without RPDOs is switched off by SDO.
 pub(super) fn off_tolerance(config: &Config, injection: &Injection) -> Duration {
     if injection.loses_commands {
         return OFF_TOLERANCE + timers::power_off_by_sdo(config);
@@ -160,7 +159,7 @@ pub(super) fn off_tolerance(config: &Config, injection: &Injection) -> Duration 
     OFF_TOLERANCE.max(timers::slowest(config) + stall)
 }
 
-/// Returns the time for which a fault holds the frames of a bus back.
+/// Returns the time for which a fault delays the frames of a bus.
 fn stall(fault: &Fault) -> Option<Duration> {
     let is_stall = matches!(fault.kind, Kind::Bus(Disturbance::AdapterStalled));
     fault.duration.filter(|_| is_stall)

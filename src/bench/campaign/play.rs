@@ -1,4 +1,4 @@
-//! One case: from a bench in its situation to a verdict. `stage` brings the bench there, `observer` measures.
+//! One case, from a bench in its situation to a verdict. `stage` prepares the bench, `observer` measures.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use node::record::Record;
 use testbench::bench::Bench;
 use units::time::Instant;
 
-/// A function that is called after every cycle.
+/// Function that is called after every cycle.
 pub(super) type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record) + 'a;
 
 /// Plays a case on a bench in its situation, which cannot be used again.
@@ -45,7 +45,7 @@ pub(super) fn play<S: InputSink + Clone>(
         if make_requests(bench) {
             onset = bench.now();
         }
-        // A latched mode is left by a reset alone.
+        // Only a reset may leave a latched mode.
         if !is_tried && bench.now() > onset + observed_for * 3 / 4 && observer.is_latched() {
             make(bench, Request::Arm);
             is_tried = true;
@@ -75,13 +75,13 @@ pub(super) fn play<S: InputSink + Clone>(
         None => case.injection.criterion,
     };
     if !observer.is_latched() {
-        // A failed drive may not confirm the stop; the monitor judges the order of the frames all the same.
+        // A failed drive may not confirm the stop; the monitor still checks the order of the frames.
         bench.stop().ok();
     }
-    Ok(Verdict::of(case, criterion, config, observer.finish(bench, onset)))
+    Ok(Verdict::new(case, criterion, config, observer.finish(bench, onset)))
 }
 
-/// Returns the time for which a held torque may differ unseen.
+/// Returns the time for which a held torque may differ from the target without detection.
 fn held_limit(injection: &Injection) -> Duration {
     match injection.criterion {
         Criterion::Stop(within) | Criterion::TorqueFree(within) => within,

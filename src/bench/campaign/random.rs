@@ -1,17 +1,17 @@
-//! Random numbers of one case: the same sequence for the same seed and number.
+//! Random numbers of one case; seed and number determine the sequence.
 
 use std::time::Duration;
 
 use sim::random::SplitMix;
 use units::numbering::Joint;
 
-/// A sequence of random numbers.
+/// Pseudo-random sequence.
 #[derive(Clone, Debug)]
 pub(super) struct Random(SplitMix);
 
 impl Random {
-    /// The sequence of case `number` of a campaign.
-    pub(super) fn of(seed: u64, number: u32) -> Self {
+    /// Creates the sequence of case `number` of a campaign.
+    pub(super) fn new(seed: u64, number: u32) -> Self {
         let mut seeds = SplitMix::new(seed);
         let stream = seeds.bits() ^ u64::from(number).wrapping_mul(STREAM);
         Self(SplitMix::new(stream))
@@ -32,14 +32,14 @@ impl Random {
         low + (high - low) * self.0.unit()
     }
 
-    /// Returns a duration from `low` to `high` s, in whole microseconds.
+    /// Returns a duration from `low` to `high` s, rounded to 1 µs.
     pub(super) fn duration(&mut self, low: f64, high: f64) -> Duration {
         let exact = Duration::from_secs_f64(self.within(low, high));
         let micros = (exact + Duration::from_nanos(500)).as_micros();
         Duration::from_micros(u64::try_from(micros).unwrap_or(u64::MAX))
     }
 
-    /// Returns one of some; `None` if the list is empty.
+    /// Returns a random element; `None` if the list is empty.
     pub(super) fn one_of<'a, T>(&mut self, these: &'a [T]) -> Option<&'a T> {
         let count = u64::try_from(these.len()).unwrap_or(0);
         these.get(usize::try_from(self.below(count)).ok()?)
@@ -67,7 +67,7 @@ pub(super) fn rounded(value: f64, decimals: i32) -> f64 {
     (value * scale).round() / scale
 }
 
-/// Separates the sequences of the cases.
+/// Constant that separates the sequences of the cases.
 const STREAM: u64 = 0x9FB2_1C65_1E98_DF25;
 
 #[cfg(test)]
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn every_joint_comes_up() {
-        let mut random = Random::of(1, 1);
+        let mut random = Random::new(1, 1);
         let mut seen = [0; 6];
         (0..600).for_each(|_| seen[random.joint().index()] += 1);
         assert!(seen.iter().all(|count| *count > 50), "{seen:?}");
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn neighbouring_cases_have_nothing_in_common() {
-        let first = |number| Random::of(1, number).below(1_000_000);
+        let first = |number| Random::new(1, number).below(1_000_000);
         let mut all: Vec<u64> = (1..=1_000).map(first).collect();
         all.sort_unstable();
         all.dedup();

@@ -1,21 +1,21 @@
-//! Torque that a drive holds while its RPDOs are lost: the time for which it differs from the targets that are sent.
+//! Time for which the torque held by a drive without its RPDOs differs from the targets sent to it.
 
 use std::time::Duration;
 
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Difference from the held target that counts as none, in ‰ of rated torque: drives may round.
+/// Maximum difference from the held target that counts as rounding by the drive, in ‰ of rated torque.
 const ROUNDING: i32 = 2;
 
-/// Loss of all RPDOs of a drive: the targets sent to it, of which it holds the first.
+/// Targets sent to a drive that receives no RPDO any more and holds the first of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RpdoLoss {
     joint: Joint,
     target: Option<i16>,
-    /// Side of the held target on which those sent are, and the time since then.
+    /// Set if the sent targets exceed the held one, cleared if they are below it; with the start of the difference.
     run: Option<(bool, Instant)>,
-    /// Start and duration of the longest difference; of the last one where the node stops.
+    /// Start and duration of the longest difference, or of the last one if the node stops.
     longest: Option<(Instant, Duration)>,
 }
 
@@ -45,7 +45,7 @@ impl RpdoLoss {
         }
     }
 
-    /// Returns the start of the difference that goes on, else of the longest.
+    /// Returns the start of the present difference, else of the longest one.
     pub(super) fn since(&self) -> Option<Instant> {
         let longest = self.longest.map(|(since, _)| since);
         self.run.map(|(_, since)| since).or(longest)

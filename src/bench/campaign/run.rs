@@ -19,7 +19,7 @@ use testbench::threads::each;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// The cases of a seed on some hand controllers.
+/// Cases of a seed on a list of hand controllers.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     seed: u64,
@@ -36,29 +36,29 @@ pub enum Part {
     Case,
 }
 
-/// Observes every cycle of a case that is played from its own boot.
+/// Function that is called after every cycle of a case played from its own boot.
 pub type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record, Part) + 'a;
 
-/// The verdict on a case, and every frame since the boot.
-pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
+/// Verdict on a case, with every frame since the boot.
+pub type Replay = (Verdict, Vec<(Instant, Telegram)>);
 
 /// A bench for each hand controller and situation that the cases need.
 type Stages = Vec<[Option<Bench<Monitor>>; 4]>;
 
 impl Campaign {
-    /// The first `faults` cases of a seed, of those whose kind's name contains `only`.
+    /// Creates a campaign of the first `faults` cases of a seed whose kind has a name that contains `only`.
     pub fn new(seed: u64, configs: Vec<Config>, faults: usize, only: Option<&str>) -> Self {
         let is_wanted = |case: &Case| only.is_none_or(|only| case.kind.name.contains(only));
-        let cases = (1..).map_while(|number| Case::of(seed, number, &configs));
+        let cases = (1..).map_while(|number| Case::draw(seed, number, &configs));
         let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(MAX_KINDS);
         let cases = cases.take_while(|case| case.number <= most);
         let cases = cases.filter(is_wanted).take(faults).collect();
         Self { seed, configs, cases }
     }
 
-    /// Case `number` of a seed alone.
+    /// Creates a campaign of case `number` of a seed alone.
     pub fn of_one(seed: u64, configs: Vec<Config>, number: u32) -> Option<Self> {
-        let case = Case::of(seed, number, &configs)?;
+        let case = Case::draw(seed, number, &configs)?;
         Some(Self { seed, configs, cases: vec![case] })
     }
 
@@ -98,7 +98,7 @@ impl Campaign {
         &self,
         sink: S,
         on_cycle: &mut OnCycle<'_, S>,
-    ) -> Result<Option<Replayed>, StageError> {
+    ) -> Result<Option<Replay>, StageError> {
         let Some((case, config)) = self.cases.first().and_then(|case| self.with_config(case))
         else {
             return Ok(None);
@@ -170,7 +170,7 @@ impl Campaign {
     fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
         let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.index()));
         match (stage, self.configs.get(case.config)) {
-            // A drive that differs since before its boot needs a boot of its own.
+            // A quirk is present before the boot, so the case needs its own boot.
             (_, Some(config)) if case.injection.quirk.is_some() => {
                 let monitor = Monitor::new(config);
                 let played = self.play_from_boot(case, config, monitor, (), &mut |_, _, _| {})?;
@@ -179,7 +179,7 @@ impl Campaign {
             (Some(Some(bench)), Some(config)) => {
                 play::play(&mut bench.clone(), config, case, &mut |_, _| {})
             }
-            // Every case has a stage and a hand controller: both are made from the cases.
+            // Unreachable: stages and hand controllers are derived from the cases.
             _ => Err(without_stage(case)),
         }
     }
@@ -211,5 +211,5 @@ fn without_stage(case: &Case) -> StageError {
     StageError::Violated(format!("case {} has no stage", case.number))
 }
 
-/// Largest number of cases among which one of each kind is found.
+/// Maximum number of cases that contains each kind at least once.
 const MAX_KINDS: u32 = 200;

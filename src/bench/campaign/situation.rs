@@ -1,4 +1,4 @@
-//! The situation at the onset of a fault: ready, armed, moving freely, or pressing against a wall.
+//! Situation at the onset of a fault: ready, armed, moving freely, or pressing against a wall.
 
 use derive_more::Display;
 use serde::Serialize;
@@ -13,10 +13,10 @@ pub enum Situation {
     /// The drives are enabled at zero torque; the operator has not armed.
     #[display("ready")]
     Ready,
-    /// The arm is carried, the deadman open.
+    /// Gravity compensation is on, the deadman open.
     #[display("armed")]
     Armed,
-    /// The hand moves, and commands the object.
+    /// The deadman is pressed, and the hand moves the object freely.
     #[display("free motion")]
     Free,
     /// The object presses against the wall, with reflection on.
@@ -28,13 +28,13 @@ impl Situation {
     /// All situations.
     pub const ALL: [Self; 4] = [Self::Ready, Self::Armed, Self::Free, Self::Contact];
 
-    /// The situations in which the arm is carried.
+    /// Situations with gravity compensation.
     pub const ARMED: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
 
-    /// The situations in which the deadman is pressed.
+    /// Situations with the deadman pressed.
     pub const ENGAGED: [Self; 2] = [Self::Free, Self::Contact];
 
-    /// Returns its index in [`ALL`](Self::ALL).
+    /// Returns the index in [`ALL`](Self::ALL).
     pub(super) fn index(self) -> usize {
         Self::ALL.iter().position(|other| *other == self).unwrap_or(0)
     }
@@ -47,7 +47,7 @@ impl Situation {
         }
     }
 
-    /// Returns the time at which it is reached, in s after the first SYNC.
+    /// Returns the time at which the situation is reached, in s after the first SYNC.
     pub(super) const fn reached_s(self) -> f64 {
         match self {
             Self::Ready => 0.3,
@@ -65,7 +65,7 @@ impl Situation {
         }
     }
 
-    /// Returns the operator's actions that lead there.
+    /// Returns the operator's actions that lead to the situation.
     pub(super) fn entries(self) -> Vec<Entry> {
         let request = |at_s, request| Entry::Console(Console::new(at_s, request));
         let mut entries = vec![request(0.05, ConsoleRequest::Arm)];

@@ -1,6 +1,5 @@
-//! Long runs in which nothing may stop: one message in a hundred of the link is lost and one sample in a thousand of
-//! each drive, while the operator works, touches, releases and comes back. Every drive reports its torque (6077h) behind
-//! a low pass of 10 ms, and 5 % off.
+//! Soak test: long runs in which the node must not stop. One in a hundred messages of the link and one in a thousand samples
+//! of each drive are lost. Every drive reports its torque (6077h) with a low pass of 10 ms and an error of 5 %.
 
 use std::num::NonZero;
 use std::time::Duration;
@@ -37,11 +36,11 @@ const TORQUE_ERROR: i8 = 5;
 pub struct Lap {
     /// Number of the lap, from 1.
     pub number: u32,
-    /// The hand controller: an index into the list.
+    /// Hand controller, as an index into the list.
     pub config: usize,
     /// Number of cycles.
     pub cycles: u64,
-    /// Time and cause of a stop.
+    /// Time and cause of a stop; `None` without a stop.
     pub trip: Option<(Duration, Cause)>,
     /// The first violation of an invariant.
     pub violation: Option<String>,
@@ -97,7 +96,7 @@ fn lap(
     config: &Config,
     most: u64,
 ) -> Result<Lap, StageError> {
-    let mut random = Random::of(seed, number);
+    let mut random = Random::new(seed, number);
     let mut scenario = scenario(&mut random, config).map_err(StageError::Scenario)?;
     let percent = if number % 2 == 0 { -TORQUE_ERROR } else { TORQUE_ERROR };
     for joint in Joint::ALL {
@@ -152,7 +151,7 @@ fn micros(seconds: f64) -> Duration {
 
 /// Returns lost samples of one drive, each alone: never two in a row.
 fn losses(random: &mut Random, joint: Joint, period: f64) -> Vec<Fault> {
-    let lost = FrameFault::of(Service::Tpdo(1), Effect::Drop).to(Extent::First(1));
+    let lost = FrameFault::on_service(Service::Tpdo(1), Effect::Drop).to(Extent::First(1));
     let mut losses = Vec::new();
     let mut at_s = 0.0;
     loop {
@@ -165,7 +164,7 @@ fn losses(random: &mut Random, joint: Joint, period: f64) -> Vec<Fault> {
     }
 }
 
-/// Least periods between two lost samples of a drive.
+/// Minimum number of periods between two lost samples of a drive.
 const MIN_APART: f64 = 3.0;
 
 /// Returns the movements of the hand: into the wall and out of it, then freely.
@@ -219,7 +218,7 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut lost = 0;
         for number in 1..=20 {
-            let scenario = scenario(&mut Random::of(1, number), &config).unwrap();
+            let scenario = scenario(&mut Random::new(1, number), &config).unwrap();
             for joint in Joint::ALL {
                 let is_its = |fault: &&Fault| fault.target == Target::Joint(joint);
                 let lost_at = |fault: &Fault| fault.start;

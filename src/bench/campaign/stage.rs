@@ -1,4 +1,4 @@
-//! A bench brought into the situation of a case: booted, armed, engaged.
+//! Bench in the situation of a case: booted, armed, engaged.
 
 use std::time::Duration;
 
@@ -20,19 +20,19 @@ use units::time::Instant;
 /// Virtual time allowed for a boot; those of the shipped configurations take less than a second.
 const BOOT_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Least force of an object in contact, in N.
+/// Minimum force of an object in contact, in N.
 const MIN_CONTACT: f64 = 2.0;
 
-/// A case that cannot be played.
+/// Reason why a case cannot be played.
 #[derive(Debug, Error)]
 pub enum StageError {
-    /// A scenario that is invalid.
+    /// The scenario is invalid.
     #[error("scenario: {0}")]
     Scenario(Problem),
-    /// The network does not come up.
+    /// The network does not boot.
     #[error("{0}")]
     Boot(BringUpError),
-    /// The network is not up when `BOOT_TIMEOUT` is over.
+    /// The boot took longer than `BOOT_TIMEOUT`.
     #[error("the boot must end within {} s of virtual time, and did not", BOOT_TIMEOUT.as_secs())]
     BootTimeout,
     /// The situation is not reached.
@@ -43,19 +43,19 @@ pub enum StageError {
     Violated(String),
 }
 
-/// A situation to be brought about.
+/// Situation that a bench is brought into.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stage<'a> {
     pub(super) config: &'a Config,
     pub(super) situation: Situation,
     /// Seed of the hand's tremor.
     pub(super) seed: u64,
-    /// A drive that differs since before its boot.
+    /// Quirk of a drive, present before its boot.
     pub(super) quirk: Option<(Joint, Quirk)>,
 }
 
-/// Brings a bench into a situation; the inputs of its node go to `sink`. No drive may exert torque before it is armed, the
-/// proof test included (promise 9).
+/// Brings a bench into a situation; the inputs of its node go to `sink`. Before arming no drive may exert torque, not even
+/// in the proof test (promise 9).
 pub(super) fn bring_to<S: InputSink + Clone>(
     Stage { config, situation, seed, quirk }: Stage<'_>,
     monitor: Monitor,
@@ -68,7 +68,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
         scenario.quirks_mut().add(joint, [quirk]);
     }
     let course = Course { scenario, seed, speed: None };
-    let mut bench = Bench::recorded(config, Side::of(config), course, monitor, sink);
+    let mut bench = Bench::recorded(config, Side::from_config(config), course, monitor, sink);
     bring_up(&mut bench)?;
     let (mut last, mut is_unarmed) = (None, true);
     // Without a first SYNC the scenario never begins.
@@ -100,7 +100,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
 /// Boots the network of a bench.
 ///
 /// # Errors
-/// When it does not come up, or is not up when [`BOOT_TIMEOUT`] is over.
+/// The network does not boot, or takes longer than [`BOOT_TIMEOUT`].
 pub(super) fn bring_up<S: InputSink + Clone>(
     bench: &mut Bench<Monitor, S>,
 ) -> Result<(), StageError> {
@@ -115,8 +115,8 @@ pub(super) fn bring_up<S: InputSink + Clone>(
     })
 }
 
-/// Makes the requests of the scenario that are due, and reports the node's answers to the monitor. Returns whether
-/// there was one.
+/// Makes the requests of the scenario whose time has come, and reports the node's answers to the monitor. Returns whether
+/// a request was made.
 pub(super) fn make_requests<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>) -> bool {
     let mut is_made = false;
     while let Some(request) = bench.due() {

@@ -1,4 +1,4 @@
-//! The figures of a campaign: one line for each kind of fault.
+//! Figures of a campaign, one line for each kind of fault.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,25 +12,25 @@ use crate::criterion::Criterion;
 use crate::kind::{KILLED, Kind};
 use crate::verdict::{Outcome, Verdict};
 
-/// All lines, and their sum.
+/// Figures by kind, and of all kinds together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
-    /// One for each kind that was injected, in the order of the hazard table.
+    /// Lines of the injected kinds, in the order of the hazard table.
     pub kinds: Vec<Line>,
-    /// All kinds together.
+    /// Line of all kinds together.
     pub total: Line,
-    /// For each RPDO timer: time until the drives of a killed node are torque-free.
-    pub killed: Vec<Killed>,
+    /// Times until the drives of a killed node are torque-free, for each RPDO timer.
+    pub killed: Vec<TorqueFreeTimes>,
 }
 
-/// Drives whose node was killed.
+/// Times until the drives of a killed node are torque-free, for one RPDO timer.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Serialize)]
 #[display(
     "node killed, {count} times: torque-free after {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2} ms, \
              demanded {within_ms:.0} ms"
 )]
-pub struct Killed {
-    /// Limit, in ms: the RPDO timer and 1 ms.
+pub struct TorqueFreeTimes {
+    /// Limit, in ms: the RPDO timer plus 1 ms.
     pub within_ms: f64,
     /// Number of cases.
     pub count: usize,
@@ -42,7 +42,7 @@ pub struct Killed {
     pub max_ms: f64,
 }
 
-/// The figures of all cases of one kind.
+/// Figures of all cases of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Line {
     /// Number of the hazard; 0 for all kinds together.
@@ -73,9 +73,9 @@ pub struct Line {
     pub t_detect: Option<Spread>,
     /// Time that the criterion limits, in cycles.
     pub t_zero: Option<Spread>,
-    /// Maximum of the same, in ms.
+    /// Maximum of the time that the criterion limits, in ms.
     pub t_zero_ms: Option<f64>,
-    /// Most cycles between the first and the last joint whose torque was cut to zero.
+    /// Maximum number of cycles between the first and the last joint whose torque was cut to zero.
     pub spread: Option<u64>,
     /// Largest impulse of all motors after the onset where torque had to end, in mN·m·s.
     pub impulse_mnms: f64,
@@ -87,9 +87,9 @@ pub struct Line {
     pub grip_travel_mm: f64,
     /// Number of non-zero targets more than two periods old on the wire.
     pub stale_targets: u64,
-    /// Number of cycles in which a drive acted on one of those.
+    /// Number of cycles in which a drive acted on a target more than two periods old.
     pub stale_applied: u64,
-    /// Greatest age of a target that a drive acted on, in ms.
+    /// Maximum age of a target that a drive acted on, in ms.
     pub oldest_applied_ms: f64,
     /// Number of non-zero targets without arming.
     pub unarmed_targets: u64,
@@ -108,21 +108,25 @@ pub struct Spread {
 }
 
 impl Table {
-    /// The figures of these verdicts.
-    pub fn of(verdicts: &[Verdict]) -> Self {
+    /// Computes the figures of these verdicts.
+    pub fn from_verdicts(verdicts: &[Verdict]) -> Self {
         let line = |kind: &'static Kind| {
             let of: Vec<&Verdict> = verdicts.iter().filter(|one| one.kind == kind.name).collect();
-            (!of.is_empty()).then(|| Line::of(kind.hazard, kind.name, &of))
+            (!of.is_empty()).then(|| Line::from_verdicts(kind.hazard, kind.name, &of))
         };
         let mut kinds: Vec<Line> = catalogue::kinds().filter_map(line).collect();
         kinds.sort_by_key(|line| line.row);
         let all: Vec<&Verdict> = verdicts.iter().collect();
-        Self { kinds, total: Line::of(0, "all", &all), killed: Killed::of(verdicts) }
+        Self {
+            kinds,
+            total: Line::from_verdicts(0, "all", &all),
+            killed: TorqueFreeTimes::from_verdicts(verdicts),
+        }
     }
 }
 
-impl Killed {
-    fn of(verdicts: &[Verdict]) -> Vec<Self> {
+impl TorqueFreeTimes {
+    fn from_verdicts(verdicts: &[Verdict]) -> Vec<Self> {
         let killed = verdicts.iter().filter(|one| one.kind == KILLED);
         let timed = killed.filter_map(|one| match (one.criterion, one.observed.torque_free) {
             (Criterion::TorqueFree(within), Some(quiet)) => Some((within, quiet)),
@@ -133,25 +137,25 @@ impl Killed {
             let micros = u64::try_from(quiet.as_micros()).unwrap_or(u64::MAX);
             by_timer.entry(within).or_default().push(micros);
         }
-        by_timer.into_iter().filter_map(Self::of_timer).collect()
+        by_timer.into_iter().filter_map(Self::from_times).collect()
     }
 
-    fn of_timer((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
+    fn from_times((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
         let count = micros.len();
         let millis = |micros: u64| rounded(Duration::from_micros(micros).as_secs_f64() * 1e3);
-        let Spread { p50, p99, max } = Spread::of(micros)?;
+        let Spread { p50, p99, max } = Spread::from_values(micros)?;
         let [p50_ms, p99_ms, max_ms] = [p50, p99, max].map(millis);
         Some(Self { within_ms: within.as_secs_f64() * 1e3, count, p50_ms, p99_ms, max_ms })
     }
 }
 
 impl Line {
-    fn of(row: u8, kind: &str, verdicts: &[&Verdict]) -> Self {
+    fn from_verdicts(row: u8, kind: &str, verdicts: &[&Verdict]) -> Self {
         let count = |of: fn(&Verdict) -> bool| verdicts.iter().filter(|one| of(one)).count();
         let most = |of: fn(&Verdict) -> f64| verdicts.iter().map(|one| of(one)).fold(0.0, f64::max);
         let cycles = |of: fn(&Verdict) -> Option<Duration>| {
             let times = verdicts.iter().filter_map(|one| Some(in_cycles(of(one)?, one.period)));
-            Spread::of(times.collect())
+            Spread::from_values(times.collect())
         };
         let times = verdicts.iter().filter_map(|one| one.limited_time());
         let off = verdicts.iter().filter_map(|one| one.observed.off);
@@ -196,7 +200,7 @@ fn causes(verdicts: &[&Verdict]) -> BTreeMap<String, usize> {
     causes
 }
 
-/// Returns whole cycles, rounded up.
+/// Converts a time to cycles, rounded up.
 fn in_cycles(time: Duration, period: Duration) -> u64 {
     let cycles = time.as_micros().div_ceil(period.as_micros().max(1));
     u64::try_from(cycles).unwrap_or(u64::MAX)
@@ -208,7 +212,7 @@ fn rounded(value: f64) -> f64 {
 }
 
 impl Spread {
-    fn of(mut values: Vec<u64>) -> Option<Self> {
+    fn from_values(mut values: Vec<u64>) -> Option<Self> {
         values.sort_unstable();
         let at = |percent: usize| values.get((values.len() * percent).div_ceil(100).max(1) - 1);
         Some(Self { p50: *at(50)?, p99: *at(99)?, max: *values.last()? })

@@ -1,11 +1,11 @@
-//! Times within which drives stop by themselves, by the timers of their plan. The proof test shows these timers before
-//! the first torque, so a campaign expects no more and no less.
+//! Times until drives stop without their master, from the timers of their plans. The proof test verifies these timers before
+//! the first torque, so a campaign expects exactly them.
 //!
 //! | timer              | object       | time                                     |
 //! |--------------------|--------------|------------------------------------------|
-//! | RPDO timer         | 1400h:5      | its value and 1 ms                       |
-//! | heartbeat consumer | 1016h        | its value and 3 ms                       |
-//! | life guarding      | 100Ch, 100Dh | guard time times life time factor, 3 ms  |
+//! | RPDO timer         | 1400h:5      | value + 1 ms                             |
+//! | heartbeat consumer | 1016h        | value + 3 ms                             |
+//! | life guarding      | 100Ch, 100Dh | guard time × life time factor + 3 ms     |
 
 use std::time::Duration;
 
@@ -13,22 +13,21 @@ use canopen::plan::NodePlan;
 use canopen::watchdog::{Awaited, Watchdog};
 use config::{Config, Layout, timer_tolerance};
 
-/// Returns the time after which the slowest drive is without torque when nothing of its master arrives any more: for
-/// each drive its quickest timer.
+/// Returns the time from the last frame of the master until the slowest drive exerts no torque, by the shortest timer of
+/// each drive.
 pub fn slowest(config: &Config) -> Duration {
     let quickest = |plan: &NodePlan| plan.watchdogs().map(within).min();
     each(config, quickest).into_iter().flatten().max().unwrap_or_default()
 }
 
-/// Returns the time after which a drive with an RPDO timer is without torque when its RPDOs are lost; `None` if a drive
-/// has no such timer.
+/// Returns the time from the last RPDO until the slowest drive exerts no torque; `None` if a drive has no RPDO timer.
 pub fn rpdo(config: &Config) -> Option<Duration> {
     let times = each(config, |plan| plan.watchdog(Awaited::Rpdo).map(within));
     times.into_iter().try_fold(Duration::ZERO, |slowest, time| Some(slowest.max(time?)))
 }
 
-/// Returns the greatest age at which a torque can begin to act that an adapter, or a drive without SYNC, held back: the
-/// time of the RPDO timer, else that of the drive's other timer with its tolerance, and a period.
+/// Returns the maximum age at which a torque can begin to act after a delay by an adapter, or in a drive without SYNC. It is
+/// the time of the RPDO timer, else of the shortest other timer with its tolerance, plus a period.
 pub fn oldest_torque(config: &Config) -> Duration {
     let age = |plan: &NodePlan| match plan.watchdog(Awaited::Rpdo) {
         Some(timer) => Some(Duration::from_millis(u64::from(timer.millis))),
@@ -37,8 +36,8 @@ pub fn oldest_torque(config: &Config) -> Duration {
     each(config, age).into_iter().flatten().max().unwrap_or_default() + config.period
 }
 
-/// Returns the time from "disable voltage" until a drive that lost it is off: that of the statusword, which is two cycles
-/// with one PDO each way and 25 ms where controlwords take turns, then 10 ms for 6040h = 0 by SDO.
+/// Returns the time from a lost "disable voltage" until the drive is off by SDO (6040h = 0): 10 ms after its statusword. The
+/// statusword takes two cycles, or 25 ms in the grouped layout, which sends one controlword at a time.
 pub fn power_off_by_sdo(config: &Config) -> Duration {
     let takes_turns = config.buses.iter().any(|bus| bus.layout == Layout::Grouped);
     let statusword = if takes_turns { Duration::from_millis(25) } else { config.period * 2 };
@@ -50,7 +49,7 @@ fn within(timer: Watchdog) -> Duration {
     Duration::from_millis(u64::from(timer.millis)) + timer_tolerance(timer.awaited)
 }
 
-/// Returns a time of each drive.
+/// Returns the result of `time` for each drive.
 fn each(config: &Config, time: impl Fn(&NodePlan) -> Option<Duration>) -> Vec<Option<Duration>> {
     let plans = config.node_plans();
     plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive()).map(time).collect()

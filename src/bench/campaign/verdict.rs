@@ -1,4 +1,4 @@
-//! The outcome of one case: its observation against its criterion.
+//! Verdict on a case: its observation, compared with its criterion.
 
 use std::time::Duration;
 
@@ -13,16 +13,16 @@ use crate::timers;
 use config::Config;
 use node::cause::{Cause, Kind as CauseKind};
 
-/// Observation of one case. Times count from its onset.
+/// Observation of one case. Times start at its onset.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observation {
     /// Time until the node was latched.
     pub detected: Option<Duration>,
-    /// The latched mode takes all torque off, not reflection alone.
+    /// The latched mode ends all torque (S2 or S3), not only reflection (S1).
     pub is_stopped: bool,
     /// Cause of the latched mode.
     pub cause: Option<Cause>,
-    /// State of the drives to which the node's first latched mode leads.
+    /// State of the drives after the node's first latched mode.
     pub end_state: Option<EndState>,
     /// Time from the stop until the last drive's power stage was off.
     pub off: Option<Duration>,
@@ -30,11 +30,11 @@ pub struct Observation {
     pub drives_off: Option<Duration>,
     /// A power stage was on for longer than 100 ms after zero torque, or after "drives off".
     pub is_left_on: bool,
-    /// Time until every target torque was zero for good.
+    /// Time from which every target torque stayed zero.
     pub zero: Option<Duration>,
-    /// Time until no drive exerted torque for good.
+    /// Time from which no drive exerted torque.
     pub torque_free: Option<Duration>,
-    /// Time until reflection had ended for good.
+    /// Time from which reflection stayed off.
     pub reflection_off: Option<Duration>,
     /// Cycles between the first and the last joint whose torque was cut to zero.
     pub spread: Option<u64>,
@@ -48,9 +48,9 @@ pub struct Observation {
     pub travel: f64,
     /// Number of non-zero targets that were more than two periods old on the wire.
     pub stale: u64,
-    /// Number of cycles in which a drive acted on such a target.
+    /// Number of cycles in which a drive acted on a target more than two periods old.
     pub applied: u64,
-    /// Greatest age of a target when a drive began to act on it, since the node sent it.
+    /// Maximum age of a target, since the node sent it, when a drive began to act on it.
     pub oldest: Duration,
     /// Number of non-zero targets without arming.
     pub unarmed: u64,
@@ -69,21 +69,21 @@ pub struct Verdict {
     pub kind: &'static str,
     /// Number of the hazard.
     pub hazard: u8,
-    /// The hand controller: an index into the campaign's list.
+    /// Hand controller, as an index into the campaign's list.
     pub config: usize,
     /// Cycle period.
     pub period: Duration,
-    /// Greatest age of a torque that may act.
+    /// Maximum age of a torque that may act.
     pub max_age: Duration,
-    /// The demanded reaction.
+    /// Required reaction.
     pub criterion: Criterion,
-    /// The observed reaction.
+    /// Observed reaction.
     pub observed: Observation,
-    /// Comparison of the two.
+    /// Comparison of both reactions.
     pub outcome: Outcome,
 }
 
-/// Comparison of the observed with the demanded reaction.
+/// Comparison of the observed with the required reaction.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Outcome {
     /// The criterion is met.
@@ -98,7 +98,7 @@ pub enum Outcome {
     /// The node stopped without a reason.
     #[display("false trip")]
     FalseTrip,
-    /// The node stopped by a cause that the fault does not have.
+    /// The node stopped by a cause that is not one of the kind.
     #[display("wrong cause")]
     WrongCause,
     /// The node stopped in a milder state than its cause demands.
@@ -111,7 +111,7 @@ pub enum Outcome {
 
 impl Verdict {
     /// Compares the observation of a case with a criterion: its own, or a milder one if the fault had no effect.
-    pub fn of(case: &Case, criterion: Criterion, config: &Config, observed: Observation) -> Self {
+    pub fn new(case: &Case, criterion: Criterion, config: &Config, observed: Observation) -> Self {
         Self {
             number: case.number,
             kind: case.kind.name,
@@ -142,8 +142,8 @@ impl Verdict {
     }
 }
 
-/// Returns the greatest age of a torque that may act. Where drives have RPDO timers, a stop leaves none older than two
-/// periods; other drives hold a torque until the next SYNC, or their other timer.
+/// Returns the maximum age of a torque that may act. With RPDO timers it is two periods after a stop; other drives hold a
+/// torque until the next SYNC, or until their other timer expires.
 fn max_age(config: &Config, injection: &Injection) -> Duration {
     let is_brief = matches!(injection.criterion, Criterion::Either(_));
     match timers::rpdo(config) {

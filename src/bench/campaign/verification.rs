@@ -1,4 +1,4 @@
-//! A case that was played from its own boot, replayed from the recorded inputs of its node.
+//! Replay of a case, played from its own boot, from the recorded inputs of its node.
 //!
 //! Cases continue clones of warm benches (ADR 15). The verdict on a case from its own boot must be that on the clone, and the
 //! replayed node must send every frame again, and compute every intermediate of the control law.
@@ -21,9 +21,9 @@ use replay::{End, Outcome, Replay};
 pub struct Verification {
     /// Number of the case.
     pub case: u32,
-    /// Number of its cycles since the boot.
+    /// Number of cycles since the boot.
     pub cycles: u64,
-    /// Number of frames that its node has sent.
+    /// Number of frames sent by the node.
     pub frames: u64,
     /// First difference to the recording, in words.
     pub difference: Option<String>,
@@ -38,12 +38,12 @@ impl Recording {
         Self(Rc::new(RefCell::new(InputWriter::begin(Vec::new()))))
     }
 
-    /// Records what a replay compares the control law of a cycle with.
+    /// Records the digest of a cycle's control law, which a replay compares.
     pub(super) fn on_cycle(&self, record: &Record) {
         self.on_input(Input::Intermediates(record.cycle, Digest::of(&record.output)));
     }
 
-    /// Replays what was recorded. The case was played twice: on a clone, and with this recording from its own boot.
+    /// Replays the recording, and compares the verdict of its case with that of the clone.
     pub(super) fn verify(
         &self,
         config: &Config,
@@ -119,7 +119,7 @@ mod tests {
     fn case_replayed_with_another_configuration_is_a_difference() {
         let configs = ["config/kraft_like.toml", "config/kraft_like_500hz.toml"];
         let [config, other] = configs.map(|file| Config::load(Path::new(file)).unwrap());
-        let case = Case::of(7, 1, std::slice::from_ref(&config)).unwrap();
+        let case = Case::draw(7, 1, std::slice::from_ref(&config)).unwrap();
         let recorded = || {
             let recording = Recording::new();
             let (situation, quirk) = (case.situation, case.injection.quirk);

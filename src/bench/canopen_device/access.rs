@@ -89,7 +89,7 @@ impl<A: Application> Objects<'_, A> {
 /// # Errors
 /// Returns the abort code of a value that is invalid, or invalid in this state.
 fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
-    if let Some(place) = Place::of(object) {
+    if let Some(place) = Place::from_parameter(object) {
         return place.check_write(dictionary, object, bytes);
     }
     let Ok(value) = u32::try_from(number(bytes)) else { return Ok(()) };

@@ -40,7 +40,7 @@ pub trait Application {
     /// Handles a reset, after the defaults are restored.
     fn on_reset(&mut self, _dictionary: &mut Dictionary, _reset: Reset) {}
 
-    /// Does what is due at `now`, in every NMT state.
+    /// Performs the actions due at `now`, in every NMT state.
     fn on_time(&mut self, _now: Instant, _dictionary: &mut Dictionary) {}
 
     /// Time of the next call of [`on_time`](Self::on_time).
@@ -57,11 +57,11 @@ pub trait Application {
 /// Reason of a lost master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConnectionLoss {
-    /// Its heartbeat is lost (1016h).
+    /// The master's heartbeat is lost (1016h).
     Heartbeat,
     /// An RPDO timed out (sub-index 5 of its communication parameter).
     RpdoTimeout,
-    /// It has stopped or reset the operational node.
+    /// The master has stopped or reset the operational node.
     Stopped,
 }
 

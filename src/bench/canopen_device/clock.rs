@@ -1,7 +1,7 @@
 //! Clocks of a device (CiA 301, 7.2.6, 7.5.2.15, 7.5.2.16): one runs since power-up and is sampled at every SYNC
 //! (1013h), the other is set by TIME (1012h).
 //!
-//! A constant 1013h shows a master that a device no longer samples.
+//! A constant 1013h indicates to a master that a device does not sample any more.
 
 use std::time::Duration;
 

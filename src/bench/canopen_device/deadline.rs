@@ -1,7 +1,7 @@
 //! Time at which a device must next be called.
 //!
-//! A bus asks all its devices for it at every event, and most of them have not changed since. So it is computed after
-//! every change, and kept.
+//! A bus queries the deadlines of all devices at every event. Most devices have not changed since, so each keeps its deadline
+//! and computes it only after a change.
 
 use canopen_rs::NmtState;
 
@@ -18,7 +18,7 @@ impl<A: Application> Device<A> {
         self.due
     }
 
-    /// Returns whether anything is due at `now`.
+    /// Returns whether the deadline has passed at `now`.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.deadline().is_some_and(|due| due <= now)
     }

@@ -244,7 +244,7 @@ impl Dictionary {
 }
 
 fn places(entries: &[Entry]) -> Places {
-    Places::of(entries.iter().map(|entry| entry.object))
+    Places::new(entries.iter().map(|entry| entry.object))
 }
 
 fn entry(described: &Described, node: NodeId) -> Entry {

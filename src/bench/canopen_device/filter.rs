@@ -1,7 +1,7 @@
 //! Acceptance filter of a device: the COB-IDs that it consumes, as in a CAN controller.
 //!
-//! Remote frames always pass; they are rare, and each is for one device only. While something is due, a device also
-//! takes the frames of others: they are an opportunity to send.
+//! Remote frames always pass; they are rare, and each is for one device only. After its deadline a device also takes frames
+//! of others, as an opportunity to send.
 
 use canopen::frame::{COB_ID_MAX, Frame};
 

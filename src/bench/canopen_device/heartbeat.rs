@@ -53,7 +53,7 @@ impl Heartbeat {
     /// Applies 1016h. Unchanged entries keep their state.
     pub(super) fn configure_consumers(&mut self, dictionary: &Dictionary) {
         let before = std::mem::take(&mut self.watches);
-        self.watches = entries(dictionary).filter_map(Watch::of).collect();
+        self.watches = entries(dictionary).filter_map(Watch::decode).collect();
         for watch in &mut self.watches {
             let (cob_id, timeout) = (watch.cob_id, watch.timeout);
             let same = |old: &&Watch| old.cob_id == cob_id && old.timeout == timeout;
@@ -114,7 +114,7 @@ impl Heartbeat {
 
 impl Watch {
     /// Decodes an entry of 1016h; `None` without a time or without a node-id of 1 to 127.
-    fn of(raw: u32) -> Option<Self> {
+    fn decode(raw: u32) -> Option<Self> {
         let [low, high, node, _] = raw.to_le_bytes();
         let millis = u64::from(u16::from_le_bytes([low, high]));
         let cob_id = heartbeat_cob_id(NodeId::new(node).ok()?);
@@ -145,9 +145,9 @@ pub(super) fn check_entry(
     if raw >> 24 != 0 {
         return Err(AbortCode::VALUE_INVALID);
     }
-    let Some(watch) = Watch::of(raw) else { return Ok(()) };
+    let Some(watch) = Watch::decode(raw) else { return Ok(()) };
     let others = subs(dictionary).filter(|other| *other != object);
-    let mut watched = others.filter_map(|other| Watch::of(dictionary.unsigned(other)));
+    let mut watched = others.filter_map(|other| Watch::decode(dictionary.unsigned(other)));
     if watched.any(|other| other.cob_id == watch.cob_id) {
         return Err(AbortCode::PARAMETER_INCOMPATIBLE);
     }

@@ -161,13 +161,13 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Does what is due at `now`.
+    /// Performs the actions due at `now`.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.take_time(now, out);
         self.update_deadline();
     }
 
-    /// Takes a frame that passes the filter, and sends what is due.
+    /// Takes a frame that passes the filter, and sends the frames due at `now`.
     fn take(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         let is_communicating = self.take_frame(now, frame, out);
         self.update_deadline();
@@ -177,7 +177,7 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Takes a frame, whatever its COB-ID. Returns whether what follows from it may be sent.
+    /// Takes a frame of any COB-ID. Returns whether frames that follow from it may be sent.
     fn take_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> bool {
         if layer::is_request(frame) {
             self.on_lss(now, frame, out);

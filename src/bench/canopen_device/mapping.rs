@@ -45,11 +45,12 @@ impl Mapping {
         parameter: Object,
         direction: Direction,
     ) -> Self {
-        Self::of(dictionary, parameter, byte(dictionary, parameter), direction).unwrap_or_default()
+        Self::resolve_entries(dictionary, parameter, byte(dictionary, parameter), direction)
+            .unwrap_or_default()
     }
 
     /// Resolves the first `count` entries of the mapping parameter.
-    pub(super) fn of(
+    pub(super) fn resolve_entries(
         dictionary: &Dictionary,
         parameter: Object,
         count: u8,

@@ -53,7 +53,7 @@ impl Misbehaviour {
     /// # Errors
     /// Returns the abort code of a refused value.
     pub(super) fn check_value(&self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
-        let is_cob_id = Place::of(object).is_some_and(|place| {
+        let is_cob_id = Place::from_parameter(object).is_some_and(|place| {
             place.direction == Direction::Transmit && place.communication(1) == object
         });
         let has_bit = number(bytes) & u64::from(NO_REMOTE) != 0;

@@ -21,7 +21,7 @@ pub(super) struct Place {
 
 impl Place {
     /// Returns the PDO that `object` is a parameter of.
-    pub(super) fn of(object: Object) -> Option<Self> {
+    pub(super) fn from_parameter(object: Object) -> Option<Self> {
         let (direction, first) = match object.index {
             0x1400..=0x15FF => (Direction::Receive, 0x1400),
             0x1600..=0x17FF => (Direction::Receive, 0x1600),
@@ -98,7 +98,8 @@ impl Place {
         while_off?;
         match (object.sub, bytes) {
             (0, [count]) => {
-                Mapping::of(dictionary, self.mapping(0), *count, self.direction).map(|_| ())
+                Mapping::resolve_entries(dictionary, self.mapping(0), *count, self.direction)
+                    .map(|_| ())
             }
             (0, _) => Err(AbortCode::VALUE_INVALID),
             _ if byte(dictionary, self.mapping(0)) != 0 => Err(AbortCode::ACCESS_UNSUPPORTED),

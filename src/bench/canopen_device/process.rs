@@ -4,7 +4,7 @@ use canopen_rs::NmtState;
 
 use crate::condition::Condition;
 use crate::parameter::Place;
-use crate::rpdo::{Received, Rpdo};
+use crate::rpdo::{Reception, Rpdo};
 use crate::tpdo::Tpdo;
 use crate::{Application, Device, clock};
 use canopen::frame::Frame;
@@ -81,9 +81,9 @@ impl<A: Application> Device<A> {
             let Some(received) = rpdo.on_frame(now, is_open, frame) else { continue };
             is_mine = true;
             match received {
-                Received::Acts(content) => self.act(place, content),
-                Received::Late => self.miss_window(),
-                Received::Held | Received::Ignored => {}
+                Reception::Acts(content) => self.act(place, content),
+                Reception::Late => self.miss_window(),
+                Reception::Held | Reception::Ignored => {}
             }
         }
         if is_mine {

@@ -17,7 +17,7 @@ use units::time::Instant;
 
 /// Effect of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Received {
+pub(super) enum Reception {
     /// Held until the next SYNC.
     Held,
     /// Acts now, with this content.
@@ -86,7 +86,7 @@ impl Rpdo {
         now: Instant,
         is_open: bool,
         frame: &Frame,
-    ) -> Option<Received> {
+    ) -> Option<Reception> {
         if self.cob_id != Some(frame.cob_id) {
             return None;
         }
@@ -94,20 +94,20 @@ impl Rpdo {
         self.conditions.set(Condition::RpdoTooShort, length < mapped);
         self.conditions.set(Condition::RpdoTooLong, length > mapped);
         if length < mapped {
-            return Some(Received::Ignored);
+            return Some(Reception::Ignored);
         }
         let is_synchronous = self.transmission.syncs().is_some();
         if is_synchronous && !is_open {
-            return Some(Received::Late);
+            return Some(Reception::Late);
         }
         self.conditions.set(Condition::RpdoTimeout, false);
         self.due = self.timeout.map(|timeout| now + timeout);
         let content = super::mapping::number(frame.data());
         if is_synchronous {
             self.held = Some(content);
-            return Some(Received::Held);
+            return Some(Reception::Held);
         }
-        Some(Received::Acts(content))
+        Some(Reception::Acts(content))
     }
 
     /// Takes the content held for this SYNC.

@@ -50,7 +50,7 @@ impl<A: Application> Device<A> {
                 self.update_monitors();
             }
             object => {
-                if let Some(place) = Place::of(object) {
+                if let Some(place) = Place::from_parameter(object) {
                     self.resolve(place);
                     self.update_rpdo_errors();
                 }

@@ -9,7 +9,7 @@ pub trait Station {
     /// Takes one frame received on `channel`; frames to send are appended to `out`.
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>);
 
-    /// Does what is due at `now`.
+    /// Performs the actions due at `now`.
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>);
 
     /// Time of the next call of [`on_time`](Self::on_time).

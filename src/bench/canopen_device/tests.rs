@@ -1,4 +1,4 @@
-//! Tests of a whole device by its frames: a drive's dictionary, and an application that records its calls.
+//! Tests of a complete device by its frames: a drive's dictionary, and an application that records its calls.
 
 mod error_control;
 mod errors;
@@ -75,15 +75,15 @@ impl Fixture {
     fn new() -> Self {
         static EDS: LazyLock<Eds> =
             LazyLock::new(|| Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap());
-        Self::of(&EDS)
+        Self::from_eds(&EDS)
     }
 
     /// Device of another EDS, after boot-up.
     fn described(text: &str) -> Self {
-        Self::of(&Eds::parse(text.as_bytes()).unwrap())
+        Self::from_eds(&Eds::parse(text.as_bytes()).unwrap())
     }
 
-    fn of(eds: &Eds) -> Self {
+    fn from_eds(eds: &Eds) -> Self {
         let node = NodeId::new(NODE).unwrap();
         let dictionary = Dictionary::new(eds, node);
         let device = Device::new(node, dictionary, Recorder::default(), Duration::ZERO);
@@ -111,7 +111,7 @@ impl Fixture {
         out
     }
 
-    /// Frames sent by itself until `millis`.
+    /// Returns the frames sent until `millis`, without received frames.
     fn wait_until(&mut self, millis: u64) -> Vec<Frame> {
         let mut out = Vec::new();
         while let Some(due) = self.device.deadline().filter(|due| *due <= at(millis)) {

@@ -135,8 +135,7 @@ impl Tpdo {
         }
     }
 
-    /// Sends what is due in operational. Returns false if a sample was discarded because the window is
-    /// closed.
+    /// Sends frames due in operational. Returns false if a sample was discarded because the window is closed.
     pub(super) fn on_time(
         &mut self,
         now: Instant,

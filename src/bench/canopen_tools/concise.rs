@@ -17,7 +17,7 @@ pub struct Download {
 
 /// Error of a malformed concise DCF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Malformed {
+pub enum ConciseError {
     /// Too few bytes.
     #[error("ends within write {number} of {count}")]
     Short {
@@ -48,17 +48,17 @@ pub fn encode(downloads: &[Download]) -> Vec<u8> {
 ///
 /// # Errors
 /// Returns an error if count or lengths do not match the bytes.
-pub fn decode(bytes: &[u8]) -> Result<Vec<Download>, Malformed> {
+pub fn decode(bytes: &[u8]) -> Result<Vec<Download>, ConciseError> {
     let (count, mut rest) =
-        bytes.split_first_chunk().ok_or(Malformed::Short { number: 0, count: 0 })?;
+        bytes.split_first_chunk().ok_or(ConciseError::Short { number: 0, count: 0 })?;
     let count = u32::from_le_bytes(*count);
     let mut downloads = Vec::new();
     for number in 1..=count {
-        let (download, behind) = one(rest).ok_or(Malformed::Short { number, count })?;
+        let (download, behind) = one(rest).ok_or(ConciseError::Short { number, count })?;
         downloads.push(download);
         rest = behind;
     }
-    if rest.is_empty() { Ok(downloads) } else { Err(Malformed::Long(rest.len())) }
+    if rest.is_empty() { Ok(downloads) } else { Err(ConciseError::Long(rest.len())) }
 }
 
 /// Decodes the first write; returns the bytes after it.
@@ -88,12 +88,12 @@ mod tests {
     #[test]
     fn wrong_length_is_refused() {
         let bytes = [2, 0, 0, 0, 0x17, 0x10, 0, 2, 0, 0, 0, 25, 0];
-        assert_eq!(decode(&bytes), Err(Malformed::Short { number: 2, count: 2 }));
-        assert_eq!(decode(&bytes[..3]), Err(Malformed::Short { number: 0, count: 0 }));
-        assert_eq!(decode(&[0; 6]), Err(Malformed::Long(2)));
+        assert_eq!(decode(&bytes), Err(ConciseError::Short { number: 2, count: 2 }));
+        assert_eq!(decode(&bytes[..3]), Err(ConciseError::Short { number: 0, count: 0 }));
+        assert_eq!(decode(&[0; 6]), Err(ConciseError::Long(2)));
         assert_eq!(
             decode(&[255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255]),
-            Err(Malformed::Short { number: 1, count: u32::MAX })
+            Err(ConciseError::Short { number: 1, count: u32::MAX })
         );
     }
 

@@ -70,7 +70,7 @@ pub struct Field {
     pub bits: u16,
     /// Number format.
     pub number: Number,
-    /// Factor; zero stands for one.
+    /// Factor; zero is written as one.
     pub step: f64,
     /// Offset.
     pub offset: f64,

@@ -48,7 +48,7 @@ pub fn write(
     commissioning: &Commissioning,
     file_name: &str,
 ) -> Result<Vec<u8>, DcfError> {
-    let mut sheet = Sheet::of(eds);
+    let mut sheet = Sheet::from_eds(eds);
     if let Some(last) = sheet.file_info("FileName").map(str::to_owned) {
         sheet.set_file_info("LastEDS", &last);
     }
@@ -76,7 +76,7 @@ pub fn write(
             Err(outside) if setting.is_none_or(Setting::fails_beyond_limits) => {
                 return Err(outside.into());
             }
-            // A limit that is a slip of the data sheet: other tools refuse the value.
+            // An erroneous limit of the data sheet, with which other tools would refuse the value.
             Err(_) => sheet.drop_limits(object),
             Ok(()) => {}
         }

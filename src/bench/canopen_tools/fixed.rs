@@ -1,26 +1,26 @@
-//! Numbers in columns, with a fixed number of decimals: the text of `{:8.4}`, in a quarter of its time.
+//! Numbers in columns with a fixed number of decimals: the text of `{:8.4}`, four times as fast.
 
 use std::fmt;
 use std::str;
 
-/// Numbers below this, in units of the last decimal, are written here; others, and ties, by the standard library.
+/// Largest number written here, in units of the last decimal; the standard library writes larger ones and ties.
 const MAX_SCALED: f64 = 1e9;
 
 /// Distance from a tie below which the product with the scale may round to the wrong side. Its error is at most 1e-7.
 const TIE: f64 = 1e-6;
 
-/// Length of the longest number that is written here, and of the widest column.
+/// Length of the longest number written here, and of the widest column.
 const BUFFER: usize = 24;
 
-/// A number of at least `width` characters, with `decimals` decimals, one to nine.
+/// Number of at least `width` characters, with `decimals` decimals, one to nine.
 #[derive(Clone, Copy, Debug)]
-pub struct Fixed {
+pub struct FixedDecimal {
     value: f64,
     width: usize,
     decimals: u32,
 }
 
-impl Fixed {
+impl FixedDecimal {
     /// Returns the number in a column of `width`.
     pub const fn new(value: f64, width: usize, decimals: u32) -> Self {
         Self { value, width, decimals }
@@ -44,7 +44,7 @@ impl Fixed {
     }
 }
 
-impl fmt::Display for Fixed {
+impl fmt::Display for FixedDecimal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { value, width, decimals } = *self;
         let Some(mut rest) = self.scaled() else {
@@ -84,9 +84,9 @@ mod tests {
 
     #[track_caller]
     fn is_as_by_the_standard_library(value: f64) {
-        assert_eq!(Fixed::new(value, 8, 3).to_string(), format!("{value:8.3}"));
-        assert_eq!(Fixed::new(value, 8, 4).to_string(), format!("{value:8.4}"));
-        assert_eq!(Fixed::new(value, 9, 5).to_string(), format!("{value:9.5}"));
+        assert_eq!(FixedDecimal::new(value, 8, 3).to_string(), format!("{value:8.3}"));
+        assert_eq!(FixedDecimal::new(value, 8, 4).to_string(), format!("{value:8.4}"));
+        assert_eq!(FixedDecimal::new(value, 9, 5).to_string(), format!("{value:9.5}"));
     }
 
     #[test]

@@ -74,8 +74,8 @@ fn measures(config: &Config, place: usize, joint: &JointParameters) -> Vec<(Obje
 /// Resolution of 6071h, 6074h and 6077h, in parts of the rated torque.
 const PER_MILLE: f64 = 1_000.0;
 
-/// Relation of an actuator to its joint.
-struct Moved {
+/// Relation of an actuator to the joint of its row.
+struct ActuatorCoupling {
     /// Set if it alone determines the joint's position.
     has_position_of_joint: bool,
     /// Set if it alone determines the joint's torque.
@@ -83,17 +83,17 @@ struct Moved {
 }
 
 /// Returns whether row and column of the coupling are those of an uncoupled joint.
-fn moved(config: &Config, place: usize) -> Moved {
+fn moved(config: &Config, place: usize) -> ActuatorCoupling {
     let coupling = config.controller.calibration.coupling();
     let one = coupling.matrix() - nalgebra::SMatrix::<f64, 6, 6>::identity();
     let is_zero = |number: &f64| number.abs() < f64::EPSILON;
     let row = (0..6).filter_map(|column| one.get((place, column))).all(is_zero);
     let column = (0..6).filter_map(|row| one.get((row, place))).all(is_zero);
     let offset = coupling.offset().get(place).is_none_or(is_zero);
-    Moved { has_position_of_joint: row && offset, has_torque_of_joint: column }
+    ActuatorCoupling { has_position_of_joint: row && offset, has_torque_of_joint: column }
 }
 
-fn position(joint: &JointParameters, moved: &Moved) -> Measure {
+fn position(joint: &JointParameters, moved: &ActuatorCoupling) -> Measure {
     let quantum = joint.calibration.quantum().copysign(joint.plant.actuator.gear_ratio);
     Measure {
         quantity: if moved.has_position_of_joint { "position" } else { ACTUATOR_POSITION },
@@ -109,7 +109,7 @@ fn position(joint: &JointParameters, moved: &Moved) -> Measure {
 }
 
 /// Joint torque at every target of its drive.
-fn curve(joint: &JointParameters, moved: &Moved) -> Curve {
+fn curve(joint: &JointParameters, moved: &ActuatorCoupling) -> Curve {
     let direction = joint.plant.actuator.gear_ratio.signum();
     let last = joint.calibration.max_target().0.max(0);
     let torque = |target: i16| match target {

@@ -1,7 +1,7 @@
 //! Machine that ends with an outcome: one SDO transfer, one scan, one LSS job.
 //!
-//! It neither waits nor sends. The owner of the bus calls its verbs until there is an outcome; frames to send
-//! are appended to `out`. A procedure uses one bus.
+//! A procedure uses one bus and performs no I/O. The owner of the bus calls its methods until it returns an outcome; frames
+//! to send are appended to `out`.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ pub trait Procedure {
         out: &mut Vec<Frame>,
     ) -> Option<Self::Outcome>;
 
-    /// Does what is due at `now`.
+    /// Performs the actions due at `now`.
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome>;
 
     /// Time of the next call of [`on_time`](Self::on_time); `None` if only a frame can continue the procedure.

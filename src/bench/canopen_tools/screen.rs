@@ -1,4 +1,4 @@
-//! Parses `candump` screen output, and lines of its logs, so that either can be piped in.
+//! Parser of `candump` screen output and of lines of its logs; either can be piped in.
 //!
 //! ```text
 //!   can0  181   [8]  37 16 E8 03 00 00 FE FF                        without a stamp
@@ -39,9 +39,9 @@ pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
 }
 
 /// Stamp in ns and whether it has nine digits; the rest of the line.
-type Stamped<'t> = (Option<(u64, bool)>, &'t str);
+type StampAndRest<'t> = (Option<(u64, bool)>, &'t str);
 
-fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
+fn leading_stamp(text: &str) -> Result<StampAndRest<'_>, NotALine> {
     let text = text.trim_start();
     if !text.starts_with('(') {
         return Ok((None, text));

@@ -24,7 +24,7 @@ struct Part<'t> {
 
 impl<'t> Sheet<'t> {
     /// Collects the effective entries: the first section of each name, in it the first entry of each key.
-    pub fn of(eds: &'t Eds) -> Self {
+    pub fn from_eds(eds: &'t Eds) -> Self {
         Self { sections: eds.ini().first_sections().map(part).collect() }
     }
 
@@ -203,7 +203,7 @@ mod tests {
         let text = "[Tools]\nx=1\n[2000SUB1]\nDataType=7\nparametername=B\n[2000]\nObjectType=9\n\
             SubNumber=1\nParameterName=A\n[DeviceCommissioning]\nNodeID=3\n[1000]\nDataType=7\n\
             [1000]\nDataType=8\n";
-        let written = Sheet::of(&Eds::parse(text.as_bytes()).unwrap()).write();
+        let written = Sheet::from_eds(&Eds::parse(text.as_bytes()).unwrap()).write();
         assert_eq!(
             String::from_utf8(written).unwrap().replace("\r\n", "\n"),
             "[DeviceComissioning]\nNodeID=3\n\n[1000]\nDataType=7\n\n[2000]\nSubNumber=1\n\

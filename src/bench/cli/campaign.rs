@@ -14,7 +14,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::campaign::recorded::CaseBench;
-use crate::campaign::verified::Verified;
+use crate::campaign::verified::ReplayReport;
 use crate::event_narrator::EventNarrator;
 use bus::log_writer::LogWriter;
 use campaign::case::Case;
@@ -35,7 +35,7 @@ use run::results::{self, Force};
 use telemetry::fidelity::{Fidelity, Judged};
 use units::time::Instant;
 
-/// Most failed cases that leave a log.
+/// Maximum number of failed cases with a log.
 const MAX_LOGS: usize = 20;
 
 /// `frhc campaign`.
@@ -120,10 +120,10 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     progress.finish();
     let verified = args.verify_replay.then(|| {
         let command = |number| command(args, number);
-        Verified::of(&cases, &verdicts, threads(args), &command, quiet)
+        ReplayReport::replay_all(&cases, &verdicts, threads(args), &command, quiet)
     });
     let verified = verified.transpose()?;
-    let table = Table::of(&verdicts);
+    let table = Table::from_verdicts(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
     if args.json {
         let failures: Vec<_> = bad.iter().map(|verdict| failure(args, verdict)).collect();
@@ -156,7 +156,7 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     Err(Failure::new(Kind::Negative, reason))
 }
 
-/// Returns `case 137 (hazard 3, TPDO lost): late`, with what was demanded and the command that replays it.
+/// Returns `case 137 (hazard 3, TPDO lost): late`, with the required reaction and the command that replays the case.
 fn description(args: &Campaign, verdict: &Verdict) -> String {
     let Verdict { number, hazard, kind, criterion, outcome, observed, .. } = verdict;
     let cause = observed.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
@@ -200,7 +200,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
     let Some(case) = cases.cases().first() else { return Ok(()) };
     let config = cases.configs().get(case.config);
     let file = config.map_or_else(String::new, |config| config.file.display().to_string());
-    let mut narrator = config.map(EventNarrator::of);
+    let mut narrator = config.map(EventNarrator::new);
     print::line(&format!(
         "case {number} of seed {}: hazard {}, {}; {file}, {}",
         args.seed, case.kind.hazard, case.kind.name, case.situation
@@ -228,7 +228,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
 }
 
 fn figures(verdict: &Verdict) -> String {
-    let Table { total, .. } = Table::of(std::slice::from_ref(verdict));
+    let Table { total, .. } = Table::from_verdicts(std::slice::from_ref(verdict));
     let millis = |time: Option<Duration>| {
         time.map_or_else(|| "-".to_owned(), |time| format!("{:.3} ms", time.as_secs_f64() * 1e3))
     };
@@ -259,7 +259,7 @@ fn print_new(narrator: &mut EventNarrator, bench: &mut CaseBench<'_, '_>, record
     lines.for_each(|line| print::line(&line));
 }
 
-/// Plays the only case again, and writes its session, its frames and its scenario.
+/// Replays the only case, and writes its session, its frames and its scenario.
 fn export(
     folder: &Path,
     args: &Campaign,
@@ -349,7 +349,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
     }
 }
 
-/// Most threads: each has a bench of its own, and more than cores gain nothing.
+/// Maximum number of threads: each has its own bench, and more threads than cores do not help.
 const MAX_THREADS: usize = 256;
 
 fn thread_count(word: &str) -> Result<NonZero<usize>, String> {

@@ -3,10 +3,10 @@
 //! Every input line is one output line, even if it cannot be decoded. Input may be a live pipe: output is flushed
 //! before each wait for input. Decoding a line allocates no memory.
 
-mod decoded;
 mod input;
 mod json;
 mod malformed_lines;
+mod meaning;
 mod text;
 mod timestamps;
 mod transcriber;

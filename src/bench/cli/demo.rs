@@ -79,7 +79,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         require_switch_box(&config)?;
     }
     let config = comparison::surrounded(&config, &scenario);
-    // A robot that cannot be simulated is refused before any results are replaced.
+    // Fails for a robot that cannot be simulated before results are replaced.
     side(args, &config).map(drop)?;
     gains::warn(&config);
     contact::warn(&config);
@@ -149,17 +149,17 @@ fn compare(play: &Play<'_>, scenario: &Scenario) -> Result<(), Failure> {
     if verdict.is_good() { Ok(()) } else { Err(Failure::new(Kind::Negative, verdict.to_string())) }
 }
 
-/// Returns the commanded side: that of the configuration, behind a link if it has one, or the robot that is asked for,
-/// whose tool and scene are those of the free object.
+/// Returns the commanded side: that of the configuration, with its link, or the robot of `--robot` with the tool and scene
+/// of the free object.
 fn side(args: &Demo, config: &Config) -> Result<Side, Failure> {
     if config.far_side.agreement.is_some() {
         let linked = LinkedRobot::new(config, args.seed);
         return linked.or_fail(Kind::Configuration).map(Side::from);
     }
     if args.robot.is_none() {
-        return Ok(Side::of(config));
+        return Ok(Side::from_config(config));
     }
-    let equipment = Equipment::of(&config.remote);
+    let equipment = Equipment::from_remote(&config.remote);
     let site = RobotSite::in_free_space(config, &equipment, args.seed);
     site.or_fail(Kind::Configuration).map(Side::from)
 }
@@ -200,7 +200,7 @@ impl Play<'_> {
         let recorder = RefCell::new(recorder);
         let telemetry = self.telemetry.map(|telemetry| telemetry.of_run(config)).transpose()?;
         let telemetry = RefCell::new(telemetry);
-        let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
+        let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::new(config));
         let is_booting = Cell::new(true);
         let tap = Observer {
             recorder: &recorder,
@@ -267,7 +267,7 @@ fn cycles(config: &Config, seconds: f64) -> Result<u64, Failure> {
     u64::try_from(cycles).or_fail(Kind::Usage)
 }
 
-/// Records frames, and prints events on the network while the node boots. Those of a cycle are printed behind it.
+/// Records frames, and prints network events during the boot. Those of a cycle are printed after it.
 struct Observer<'a, 'r> {
     recorder: &'a RefCell<&'r mut RunRecorder>,
     telemetry: &'a RefCell<Option<RunTelemetry>>,
@@ -313,7 +313,7 @@ fn print_cycle<T: Tap, S: InputSink + Clone>(
     print_events(narrator, bench);
 }
 
-/// Returns the speed of the grip at a stop for it, its limit and the remedies: the hand alone may overshoot its script.
+/// Returns the text about a stop by the grip's speed: speed, limit and remedies. The hand may overshoot its script.
 fn overspeed(record: &Record, config: &Config) -> String {
     let speed = record.output.twist.v_g_raw.linear.norm();
     let limit = config.plausibility.max_grip_speed;
@@ -323,7 +323,7 @@ fn overspeed(record: &Record, config: &Config) -> String {
     )
 }
 
-/// Prints events that the node has detected on the network.
+/// Prints network events detected by the node.
 fn print_events<T: Tap, S: InputSink + Clone>(
     narrator: &mut EventNarrator,
     bench: &mut Bench<T, S>,

@@ -13,10 +13,10 @@ use units::time::Instant;
 /// Index of the switch box among the nodes.
 const SWITCH_BOX: usize = 6;
 
-/// Formats those lines, with the names of the configuration.
+/// Formatter of events, with the node names of the configuration.
 #[derive(Clone, Debug)]
 pub(super) struct EventNarrator {
-    /// Names of the six drives and of the switch box, if there is one.
+    /// Names of the six drives and of a configured switch box.
     names: Vec<String>,
     mode: Mode,
     self_driven: Option<Joint>,
@@ -24,19 +24,19 @@ pub(super) struct EventNarrator {
 }
 
 impl EventNarrator {
-    /// Returns a narrator for the devices of `config`.
-    pub(super) fn of(config: &Config) -> Self {
+    /// Creates a formatter for the devices of `config`.
+    pub(super) fn new(config: &Config) -> Self {
         let names = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
         Self { names, mode: Mode::Boot, self_driven: None, has_begun: false }
     }
 
-    /// Returns `0.443022 s: the scenario begins: its own times count from here`, once.
+    /// Returns `0.443022 s: the scenario begins: its own times count from here` at the first call, else `None`.
     pub(super) fn scenario_start(&mut self, begun: Instant) -> Option<String> {
         let is_new = !std::mem::replace(&mut self.has_begun, true);
         is_new.then(|| line(begun, "the scenario begins: its own times count from here"))
     }
 
-    /// Returns `3.643022 s: joint 3 (elbow): unplugged`, for a scenario that began at `begun`.
+    /// Returns `3.643022 s: joint 3 (elbow): unplugged`; the second argument is the start of the scenario.
     pub(super) fn fault(&self, begun: Instant, notice: &Notice) -> String {
         let target = notice.fault.target;
         let place = match target {
@@ -68,8 +68,8 @@ impl EventNarrator {
         is_new.then(|| line(record.at, &text))
     }
 
-    /// Returns `4.612025 s: node: joint 3 (elbow): friction compensation drove it by itself and is withdrawn`, once until
-    /// the next arming.
+    /// Returns the line about a withdrawn friction compensation, for example
+    /// `4.612025 s: node: joint 3 (elbow): friction compensation …`, once per arming.
     pub(super) fn withdrawal(&mut self, record: &Record) -> Option<String> {
         let joint = record.output.ledger.self_driven;
         let before = std::mem::replace(&mut self.self_driven, joint);

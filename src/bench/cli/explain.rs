@@ -115,7 +115,7 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
 }
 
 impl Explain {
-    /// Returns how much of the question the flags give.
+    /// Returns the part of the question that the flags contain.
     fn flags(&self) -> Flags {
         let numbers = [self.q_before, self.q_reference, self.wrench];
         let names = [&self.mode, &self.preset];

@@ -100,7 +100,7 @@ const fn short(reaction: Reaction) -> &'static str {
     }
 }
 
-/// Returns when a reset can end the stop.
+/// Returns the condition under which a reset ends the stop.
 const fn reset(row: Row) -> &'static str {
     match (row.reset_boots, row.initiator) {
         (true, _) => "by a boot",

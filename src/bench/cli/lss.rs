@@ -133,7 +133,7 @@ enum Task {
     },
 }
 
-/// A node-id, or `None` to remove it. The alias keeps clap from taking the argument for an optional one.
+/// Node-id, or `None` to remove it. With the alias clap does not treat the argument as optional.
 type Node = Option<NodeArg>;
 
 /// Choice of the slave.

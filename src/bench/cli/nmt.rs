@@ -85,7 +85,7 @@ struct Watching {
     json: bool,
 }
 
-/// A node, or `None` for all. The alias keeps clap from taking the argument for an optional one.
+/// Node, or `None` for all. With the alias clap does not treat the argument as optional.
 type Node = Option<NodeArg>;
 
 /// Sends the command and, with `--wait`, waits for its confirmation.

@@ -18,8 +18,8 @@ pub(super) async fn wait_for_stop() -> &'static str {
     }
 }
 
-/// Signals that request a status report, as SIGQUIT does of `ping` and SIGUSR1 of `dd`. Reading the terminal instead
-/// would stop a program in the background.
+/// Signals that request a status report, as SIGQUIT in `ping` and SIGUSR1 in `dd`. A read from the terminal would stop a
+/// program in the background.
 #[derive(Debug)]
 pub(super) struct StatusSignals {
     user: Signal,
@@ -30,7 +30,7 @@ impl StatusSignals {
     /// Replaces the default action, which ends the process. Needs a Tokio runtime.
     ///
     /// # Errors
-    /// When a signal handler cannot be installed.
+    /// A signal handler cannot be installed.
     pub(super) fn install() -> io::Result<Self> {
         Ok(Self { user: signal(SignalKind::user_defined1())?, quit: signal(SignalKind::quit())? })
     }

@@ -51,7 +51,7 @@ enum Form {
 }
 
 impl Form {
-    fn of(out: Option<&Path>) -> Result<Self, Failure> {
+    fn from_extension(out: Option<&Path>) -> Result<Self, Failure> {
         let Some(path) = out else {
             let reason = "a picture is not for a terminal: give -o FILE.svg, .png or .csv";
             let is_terminal = io::stdout().is_terminal();
@@ -76,7 +76,7 @@ impl Form {
 
 /// Draws the signals, or writes them as a table.
 pub(super) fn run(args: &Plot, is_quiet: bool) -> Result<(), Failure> {
-    let form = Form::of(args.out.as_deref())?;
+    let form = Form::from_extension(args.out.as_deref())?;
     let session = Session::open(&args.session).or_fail(Kind::File)?;
     let config = configuration(&session)?;
     let recording = Recording::new(&session, &config);

@@ -74,7 +74,7 @@ impl QuirkArgs {
 /// Checks that each drive has the objects in which its quirks store a value.
 pub(super) fn check(config: &Config, assignment: &QuirkAssignment) -> Result<(), Failure> {
     for (number, joint) in Joint::ALL.into_iter().zip(&config.joints) {
-        for quirk in assignment.of(number).iter() {
+        for quirk in assignment.for_joint(number).iter() {
             let Some((object, value)) = quirk.stores() else { continue };
             let file = config.file.display();
             let refuse = |reason: String| {
@@ -122,7 +122,7 @@ mod tests {
         let assigned =
             assign(&["elbow=slow-sdo,forgetful:1016h:1", "4=no-boot-up", "all=quiet-fault"]);
         let assigned = assigned.unwrap();
-        let counts = Joint::ALL.map(|joint| assigned.of(joint).iter().count());
+        let counts = Joint::ALL.map(|joint| assigned.for_joint(joint).iter().count());
         assert_eq!(counts, [1, 1, 3, 2, 1, 1]);
     }
 

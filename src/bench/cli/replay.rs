@@ -1,8 +1,8 @@
-//! `frhc replay`: a recorded session, or the part of it that a fault record is, computed again from its inputs.
+//! `frhc replay`: a recorded session, or the part in a fault record, computed again from its inputs.
 
 mod difference;
-mod emitted;
 mod extent;
+mod frame_file;
 mod open_loop;
 mod trip;
 
@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::replay::difference::end;
-use crate::replay::emitted::Emitted;
 use crate::replay::extent::Extent;
+use crate::replay::frame_file::FrameFile;
 use crate::replay::trip::Trip;
 use crate::session_config::{configuration, equipped};
 use crate::session_progress;
@@ -67,16 +67,16 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
     remark();
     let mut trip = fault.map(Trip::awaited);
-    let emitted = args.emit.as_deref().map(|path| Emitted::create(path, session.manifest()));
-    let mut emitted = emitted.transpose()?;
+    let frame_file = args.emit.as_deref().map(|path| FrameFile::create(path, session.manifest()));
+    let mut frame_file = frame_file.transpose()?;
     let progress = session_progress::start(session.folder(), None, is_quiet)?;
     let mut at = None;
     while replay.outcome().end.is_none() {
         let record = replay.step();
         at = record.as_ref().map(|record| record.at).or(at);
         let reached = (replay.outcome().last_cycle, at);
-        if let Some(emitted) = emitted.as_mut().filter(|_| extent.is_begun(reached)) {
-            emitted.write(replay.sent())?;
+        if let Some(frame_file) = frame_file.as_mut().filter(|_| extent.is_begun(reached)) {
+            frame_file.write(replay.sent())?;
         }
         for (trip, record) in trip.iter_mut().zip(&record) {
             trip.on_cycle(record);
@@ -88,11 +88,11 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
         progress.advance(u64::from(record.is_some()));
     }
     progress.finish();
-    emitted.map_or(Ok(()), Emitted::finish)?;
+    frame_file.map_or(Ok(()), FrameFile::finish)?;
     report(args, &session, &replay, trip.as_ref())
 }
 
-/// Prints the result; a difference is a failure.
+/// Prints the result; returns a failure for a difference.
 fn report(
     args: &ReplayArgs,
     session: &Session,

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::session_config::configuration;
 use crate::whole_file::WholeFile;
-use ::report::{Interrupted, Subject};
+use ::report::{Interruption, Subject};
 use config::Config;
 use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
@@ -55,7 +55,7 @@ pub(super) fn run(args: &ReportArgs, is_quiet: bool) -> Result<(), Failure> {
     });
     progress.check().or_fail(Kind::Interrupted)?;
     progress.finish();
-    let page = page.map_err(|Interrupted| progress.interrupted()).or_fail(Kind::Interrupted)?;
+    let page = page.map_err(|Interruption| progress.interrupted()).or_fail(Kind::Interrupted)?;
     if let Err(error) = file.write_all(page.as_bytes()) {
         return file.abandon(error);
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use calibration::fit::{Direction, Sample};
-use calibration::torque_data::{Measured, SweepData, SweepReading, Swept, TorqueData};
+use calibration::torque_data::{JointReadings, JointSweep, SweepData, SweepReading, TorqueData};
 use config::{Config, JointParameters};
 use controller::arm::JointKind;
 use run::exit::{Failure, Kind};
@@ -86,10 +86,10 @@ fn curve(args: &CalibrationRig, joint: &JointParameters, seed: u64) -> String {
             format!("load cell on a lever, noise {:.4} {unit} RMS at the joint", rig.noise()),
             "driven slowly from end to end and back, twice; readings at rest".to_owned(),
         ],
-        joints: vec![Measured {
+        joints: vec![JointReadings {
             joint: joint.name.clone(),
             samples: rig.measure().into_iter().map(sample).collect(),
-            ..Measured::default()
+            ..JointReadings::default()
         }],
         ..TorqueData::default()
     };
@@ -136,7 +136,7 @@ fn friction(
             "swept up and down at six speeds, then held in eight postures from both sides"
                 .to_owned(),
         ],
-        joints: vec![Swept {
+        joints: vec![JointSweep {
             joint: joint.name.clone(),
             readings: rig.measure().into_iter().map(sweep_reading).collect(),
         }],

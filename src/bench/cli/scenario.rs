@@ -1,4 +1,4 @@
-//! Scenarios by file, or by name: those of `config/scenarios`, which the program contains.
+//! Scenarios by file, or by the name of one of `config/scenarios`, which are compiled in.
 
 mod shipped;
 
@@ -14,7 +14,7 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     load_with_text(name).map(|(scenario, ..)| scenario)
 }
 
-/// As [`load`], with the path of the scenario and its text.
+/// Reads a scenario as [`load`], and returns it with its path and text.
 pub(super) fn load_with_text(name: &str) -> Result<(Scenario, PathBuf, String), Failure> {
     let is_file = name.ends_with(".toml");
     let path = if is_file { PathBuf::from(name) } else { shipped::path(name) };

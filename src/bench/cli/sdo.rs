@@ -159,7 +159,7 @@ fn load(path: &Path) -> Result<Eds, Failure> {
     Eds::parse(&bytes).with_context(name).or_fail(Kind::Configuration)
 }
 
-/// Returns the valid bytes: an expedited response without size has four, of which the type uses some.
+/// Returns the valid bytes: those of the type, for an expedited response without size, which has four.
 fn trimmed(content: &Content, data_type: GatewayType) -> &[u8] {
     let sized = data_type.size().and_then(|size| content.exactly(size));
     sized.unwrap_or_else(|| content.bytes())
@@ -211,7 +211,7 @@ fn parse_value(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
     }
 }
 
-/// Checks the value against the limits of the EDS, if it has any.
+/// Checks the value against the limits in the EDS (CiA 306), if present.
 fn check_limits(
     text: &str,
     value: &Value,

@@ -1,4 +1,4 @@
-//! Configuration of a recorded session, from the files that the session copied.
+//! Configuration of a recorded session, from the copies in its folder.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use experiments::comparison;
 use run::exit::{Failure, Kind, OrFail};
 use sim::scenario::Scenario;
 
-/// Returns the configuration that the node of a session had.
+/// Returns the configuration of a session's node.
 pub(super) fn configuration(session: &Session) -> Result<Config, Failure> {
     let files = Files::copied(session.copies().clone());
     let config = Config::load_from(&files, Path::new(&session.manifest().configuration));

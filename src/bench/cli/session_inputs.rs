@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use inputs::{Input, InputSink};
 use run::run_recorder::RunRecorder;
 
-/// Records the inputs of the node in the session, if there is one.
+/// Sink that records the inputs of the node in its session, if recorded.
 #[derive(Clone, Copy)]
 pub(super) struct SessionInputs<'a, 'r>(pub(super) &'a RefCell<&'r mut RunRecorder>);
 

@@ -6,7 +6,8 @@ use std::path::Path;
 use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 
-/// Starts to show the cycles of a session up to `last`. Their number is that of the summary, which a crash leaves out.
+/// Starts a progress bar over the cycles of a session up to `last`. Their number is in the summary, which is absent after a
+/// crash.
 pub(super) fn start(
     session: &Path,
     last: Option<u64>,

@@ -1,4 +1,4 @@
-//! A part of a session: from a cycle or time to another one.
+//! Options for a part of a session, from one cycle or time to another.
 
 use std::str::FromStr;
 
@@ -17,7 +17,7 @@ pub(super) struct Span {
     to: Option<Place>,
 }
 
-/// A cycle or a time.
+/// Number of a cycle, or time in s since time zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
     Cycle(u64),
@@ -41,7 +41,7 @@ impl FromStr for Place {
 }
 
 impl Span {
-    /// Returns whether a cycle lies before the part.
+    /// Returns whether a cycle is before the part.
     pub(super) fn is_before(&self, cycle: &Cycle<'_>) -> bool {
         match self.from {
             None => false,
@@ -50,7 +50,7 @@ impl Span {
         }
     }
 
-    /// Returns whether a cycle lies behind the part.
+    /// Returns whether a cycle is after the part.
     pub(super) fn is_behind(&self, cycle: &Cycle<'_>) -> bool {
         match self.to {
             None => false,

@@ -1,4 +1,4 @@
-//! A file of any size that a command writes: under its name once it is complete, and for its owner only.
+//! Output file of any size that gets its name when it is complete, with access for its owner only.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, IntoInnerError, Write};
@@ -14,7 +14,7 @@ use run::results::{self, Access, Force};
 /// Size of the buffer, in bytes.
 const BUFFER: usize = 1 << 17;
 
-/// A file being written. Dropped before [`finish`](Self::finish), it leaves nothing.
+/// Output file. Dropped before [`finish`](Self::finish), it is removed.
 #[derive(Debug)]
 pub(super) struct WholeFile {
     /// `None` for stdout.
@@ -66,10 +66,10 @@ impl Target {
 }
 
 impl WholeFile {
-    /// Begins a file at a path, or on stdout without one.
+    /// Creates a file at a path, or on stdout for `None`.
     ///
     /// # Errors
-    /// It exists and `force` is not given, or its folder cannot be written.
+    /// The file exists and `force` is not given, or its folder cannot be written.
     pub(super) fn create(path: Option<&Path>, force: Force) -> Result<Self, Failure> {
         let target = match path {
             None => print::data().and_then(File::try_clone).map(Target::Stream).context("stdout"),
@@ -85,7 +85,7 @@ impl WholeFile {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// A write has failed, or the path is taken by now.
+    /// A write has failed, or the path exists by now.
     pub(super) fn finish(self) -> Result<(), Failure> {
         let Self { path, force, to } = self;
         let to = to.into_inner().map_err(IntoInnerError::into_error);
@@ -98,7 +98,7 @@ impl WholeFile {
     /// # Errors
     /// The failure of the write.
     pub(super) fn abandon(self, error: io::Error) -> Result<(), Failure> {
-        // What is buffered is not written.
+        // Discards the buffer.
         drop(self.to.into_parts());
         broken(self.path.as_deref(), error)
     }

@@ -1,14 +1,13 @@
 //! One scenario without and with the passivity layer: oscillation in contact, and its bound by the layer.
 //!
-//! The verdict is absolute: it looks at what the hand goes through, not at what the layer saves.
+//! The verdict is absolute: it depends on the motion of the hand, not on the reduction by the layer.
 //!
-//! - A loop is *active* if contact drives the hand with more than `MAX_PASSIVE_ENERGY`. Below, it settles by itself: the
-//!   swings of an impact that decay stay under 0.1 J (kraft_like on 20 kN/m, without friction compensation: 85 mJ), a
-//!   limit cycle gives joules.
+//! - A loop is *active* if contact drives the hand with more than `MAX_PASSIVE_ENERGY`. Decaying swings after an impact
+//!   stay under 0.1 J (kraft_like on 20 kN/m, without friction compensation: 85 mJ); a limit cycle gives joules.
 //! - A contact is *calm* if it drives the hand with at most `MAX_CALM_ENERGY`, the `max_energy_j` of the shipped layers, or
 //!   if it is not active and the hand reverses at most `MAX_CALM_REVERSALS` times: five swings after the impact.
-//! - A calm contact is *faithful* if the hand at rest feels K_T times the sensed force within `MAX_FELT_ERROR`: a layer
-//!   that takes the contact away bounds it, too.
+//! - A calm contact is *faithful* if the force on the hand at rest is K_T times the sensed force within `MAX_FELT_ERROR`.
+//!   A layer that removes the contact force makes a contact calm, but not faithful.
 
 use std::fmt;
 
@@ -24,32 +23,32 @@ use sim::scenario::environment::Environment;
 use telemetry::contact::Contact;
 use telemetry::summary::Summary;
 
-/// Maximum energy in J with which contact drives the hand while the loop settles by itself.
+/// Maximum energy in J with which contact drives the hand in a loop that settles without the layer.
 const MAX_PASSIVE_ENERGY: f64 = 0.1;
 
-/// Maximum energy in J with which a calm contact drives the hand, however often it reverses.
+/// Maximum energy in J with which a calm contact drives the hand, for any number of reversals.
 const MAX_CALM_ENERGY: f64 = 0.02;
 
 /// Maximum number of reversals of the hand in a calm contact.
 const MAX_CALM_REVERSALS: u32 = 10;
 
-/// Maximum RMS error of what the hand feels in still contact, as a share of the wanted force: the bound of the shipped
+/// Maximum RMS error of the force on the hand in still contact, as a share of the wanted force: the bound of the shipped
 /// files with 30 % less friction than identified. Measured on bounded walls of 20 to 50 kN/m: 1.5 to 8.9 %.
 const MAX_FELT_ERROR: f64 = 0.14;
 
-/// Minimum time in contact of a run that says something about it, in s.
+/// Minimum time in contact for a verdict on a run, in s.
 const MIN_CONTACT: f64 = 0.5;
 
-/// Two runs of one scenario.
+/// Summaries of one scenario, without and with the passivity layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
-    /// The stiffness of the wall, in N/m.
+    /// Stiffness of the wall, in N/m.
     pub wall_stiffness_n_per_m: f64,
-    /// Result.
+    /// Verdict on the layer.
     pub verdict: Verdict,
-    /// Without the layer.
+    /// Summary of the run without the layer.
     pub without: Summary,
-    /// With it.
+    /// Summary of the run with the layer.
     pub with: Summary,
 }
 
@@ -57,16 +56,16 @@ pub struct Comparison {
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// One of the runs was hardly in contact.
+    /// One of the runs was in contact for less than 0.5 s.
     #[display("the wall was not met")]
     WallNotMet,
-    /// The loop settles without the layer, too.
+    /// The loop settles without the layer.
     #[display("nothing to bound: the loop settles without the passivity layer")]
     NothingToBound,
     /// The loop is active, and with the layer contact is calm.
     #[display("the uncontrolled loop is active; the passivity layer bounds it")]
     Bounded,
-    /// The loop is active, and with the layer contact is calm, but the hand feels another force.
+    /// The loop is active, and with the layer contact is calm, but the force on the hand is not K_T times the sensed one.
     #[display("the passivity layer bounds the loop, but the hand does not feel the sensed force")]
     Distorted,
     /// The loop is active, and with the layer contact is not calm.
@@ -76,7 +75,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// Returns the verdict on the runs without and with the layer.
-    fn of(without: &Summary, with: &Summary) -> Self {
+    fn from_runs(without: &Summary, with: &Summary) -> Self {
         if !(meets_wall(without) && meets_wall(with)) {
             return Self::WallNotMet;
         }
@@ -88,7 +87,7 @@ impl Verdict {
         }
     }
 
-    /// Returns whether nothing is wrong with the layer.
+    /// Returns whether the layer bounds the loop, or has nothing to bound.
     pub const fn is_good(self) -> bool {
         matches!(self, Self::NothingToBound | Self::Bounded)
     }
@@ -117,7 +116,7 @@ impl Comparison {
     /// Compares the runs of a scenario without and with the layer, at a wall of this stiffness in N/m.
     #[must_use]
     pub fn new(wall_stiffness_n_per_m: f64, without: Summary, with: Summary) -> Self {
-        let verdict = Verdict::of(&without, &with);
+        let verdict = Verdict::from_runs(&without, &with);
         Self { wall_stiffness_n_per_m, verdict, without, with }
     }
 }
@@ -128,7 +127,7 @@ fn meets_wall(run: &Summary) -> bool {
     is_stopped || run.contact_seconds >= MIN_CONTACT
 }
 
-/// Returns whether contact drove the hand as a loop does that does not settle, or until the node stopped it.
+/// Returns whether contact drove the hand with more energy than a loop that settles, or the node stopped the run.
 fn is_active(run: &Summary) -> bool {
     run.stopped_by.is_some() || driven(&run.contact) > MAX_PASSIVE_ENERGY
 }
@@ -139,12 +138,12 @@ fn is_calm(run: &Summary) -> bool {
     settles || (run.stopped_by.is_none() && driven(&run.contact) <= MAX_CALM_ENERGY)
 }
 
-/// Returns whether the hand at rest in contact felt the sensed force.
+/// Returns whether the force on the hand at rest in contact was K_T times the sensed one.
 fn is_faithful(run: &Summary) -> bool {
     felt_error(run).is_some_and(|error| error <= MAX_FELT_ERROR)
 }
 
-/// Returns the RMS error of what is felt in still contact, as a share of the wanted force; none without such a contact.
+/// Returns the RMS error of the force on the hand in still contact, as a share of the wanted force; `None` without one.
 fn felt_error(run: &Summary) -> Option<f64> {
     run.fidelity?.still_contact.map(|still| still.relative_error())
 }
@@ -228,7 +227,7 @@ mod tests {
 
     /// Returns the verdict on two runs of 7 s in contact, each with its reversals and energy in mJ.
     fn verdict((off, off_mj): (u32, f64), (on, on_mj): (u32, f64)) -> Verdict {
-        Verdict::of(&run(off, off_mj, 7.0), &run(on, on_mj, 7.0))
+        Verdict::from_runs(&run(off, off_mj, 7.0), &run(on, on_mj, 7.0))
     }
 
     #[test]
@@ -295,7 +294,7 @@ mod tests {
     #[test]
     fn short_contact_of_either_run_is_no_verdict_on_the_layer() {
         for (off, on) in [(0.0, 0.0), (7.0, 0.4), (0.4, 7.0)] {
-            let verdict = Verdict::of(&run(40, 2e3, off), &run(0, 0.0, on));
+            let verdict = Verdict::from_runs(&run(40, 2e3, off), &run(0, 0.0, on));
             assert_eq!(verdict, Verdict::WallNotMet, "{off} s, {on} s");
             assert!(!verdict.is_good());
         }
@@ -308,8 +307,8 @@ mod tests {
             run.stopped_by = Some("drives-off".to_owned());
             run
         };
-        assert_eq!(Verdict::of(&stopped, &run(2, 1.0, 7.0)), Verdict::Bounded);
-        assert_eq!(Verdict::of(&run(30, 2e3, 7.0), &stopped), Verdict::NotBounded);
+        assert_eq!(Verdict::from_runs(&stopped, &run(2, 1.0, 7.0)), Verdict::Bounded);
+        assert_eq!(Verdict::from_runs(&run(30, 2e3, 7.0), &stopped), Verdict::NotBounded);
     }
 
     #[test]
@@ -326,7 +325,7 @@ mod tests {
         ] {
             let mut with = run(0, 0.0, 7.0);
             with.fidelity = fidelity;
-            assert_eq!(Verdict::of(&run(40, 2e3, 7.0), &with), expected, "{fidelity:?}");
+            assert_eq!(Verdict::from_runs(&run(40, 2e3, 7.0), &with), expected, "{fidelity:?}");
         }
         assert!(!Verdict::Distorted.is_good());
     }

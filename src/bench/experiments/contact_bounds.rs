@@ -1,5 +1,5 @@
-//! Bounds of force accommodation, measured: an arm presses against a wall without damping, or is free with a payload, with a
-//! gain that is a share of a bound of `controller::stability::bounds`.
+//! Measurement of the bounds of force accommodation: an arm against a wall without damping, or free with a payload. Its
+//! gain is a share of a bound of `controller::stability::bounds`.
 //!
 //! ```text
 //!  servo      K_FA k_e τ_s <= 1/4                    from rest at the wall, the tool never turns back
@@ -37,13 +37,13 @@ const STIFFNESS: f64 = 1_000.0;
 /// Commanded rate for the servo's bound, in m/s.
 const SPEED: f64 = 0.02;
 
-/// Duration of a course for the servo's bound, in s: 50 times the lag.
+/// Duration of a course for the servo's bound, in time constants of the servo.
 const LAGS: f64 = 50.0;
 
-/// Speed backwards as a share of the largest speed, from which the tool turns back.
+/// Backward speed that counts as turning back, as a share of the largest speed.
 const TURNS_BACK: f64 = 1e-6;
 
-/// Cycle of the sampled bound: many steps of the simulation, in s.
+/// Cycle of the sampled bound, in s: many steps of the simulation.
 const CYCLE: f64 = 0.01;
 
 /// Lag of the simulated servos for the sampled bound, in s.
@@ -58,30 +58,30 @@ const MASS: f64 = 1.5;
 const CLEARANCE: f64 = 0.01;
 const KICK: f64 = 1e-6;
 
-/// First and last cycles in which the disturbance is measured, and how many each has.
+/// First cycles of the early and the late window in which the disturbance is measured, and the length of both.
 const EARLY: usize = 5;
 const LATE: usize = 45;
 const WINDOW: usize = 10;
 
-/// Time in which the joints that are left over come to rest, in s.
+/// Time for the redundant joints to come to rest, in s.
 const SETTLING: f64 = 60.0;
 
-/// A bound.
+/// Bound of force accommodation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
-    /// K_FA k_e τ_s.
+    /// K_FA k_e τ_s: no turning back at the wall.
     Servo,
-    /// K_FA k_e T, with the force this many cycles late.
+    /// K_FA k_e T, with the force delayed by this number of cycles.
     Sampled(u32),
-    /// K_FA m, its inertia removed as the joints' motion has it, or not.
+    /// K_FA m, with or without removal of the payload's inertia.
     Payload {
-        /// With `remove_inertia`.
+        /// The inertia is removed, by the joints' motion.
         is_removed: bool,
     },
 }
 
-/// Model of the arm.
+/// Model of an arm at the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
@@ -89,14 +89,14 @@ pub enum Model {
     Kinematic,
     /// Masses, servos and a wrist sensor that reads at the end of the cycle.
     Simulated,
-    /// The same with a sensor that reads the mean of the cycle.
+    /// Masses, servos and a wrist sensor that reads the mean of the cycle.
     SimulatedMean,
 }
 
-/// One course.
+/// Run of one arm with a gain near a bound.
 #[derive(Clone, Copy, Debug)]
 pub struct Course {
-    /// Bound.
+    /// Bound that the gain is compared with.
     pub bound: Bound,
     /// Model of the arm.
     pub model: Model,
@@ -107,15 +107,15 @@ pub struct Course {
 /// A course in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The arm.
+    /// Name of the robot file.
     pub arm: String,
-    /// Bound.
+    /// Bound that the gain is compared with.
     pub bound: Bound,
     /// Model of the arm.
     pub model: Model,
     /// Gain as a share of that at the bound.
     pub share: f64,
-    /// Servo: largest speed backwards over the largest speed. Others: growth of the disturbance per cycle.
+    /// Servo: largest backward speed over the largest speed. Others: growth of the disturbance per cycle.
     pub figure: f64,
     /// The tool never turns back, or the disturbance dies out.
     pub is_calm: bool,
@@ -123,7 +123,7 @@ pub struct Row {
 
 /// An arm at a wall, with one step per cycle.
 #[derive(Debug)]
-enum Held {
+enum ArmAtWall {
     Kinematic { object: Box<Object>, wall: f64, late: VecDeque<f64> },
     Simulated { site: Box<RobotSite>, now: Instant },
 }
@@ -144,22 +144,22 @@ impl Course {
         Ok(Row { arm: arm.name.clone(), bound, model, share, figure, is_calm })
     }
 
-    /// Returns the largest speed backwards over the largest speed, from rest at the wall.
+    /// Returns the largest backward speed over the largest speed, from rest at the wall.
     fn turned_back(&self, config: &Config, arm: &RobotArm) -> Result<f64, NoTrial> {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
         let yield_rate =
             self.share * bounds::max_yield_rate_without_oscillation(servo.time_constant());
-        let mut held = self.held(config, arm, servo, yield_rate, 0.0)?;
+        let mut arm_at_wall = self.arm_at_wall(config, arm, servo, yield_rate, 0.0)?;
         let (mut forwards, mut backwards, mut t) = (0.0_f64, 0.0_f64, 0.0);
         while t < LAGS * servo.time_constant() {
-            let speed = held.step(cycle, SPEED);
+            let speed = arm_at_wall.step(cycle, SPEED);
             (forwards, backwards) = (forwards.max(speed), backwards.max(-speed));
             t += cycle;
         }
         Ok(backwards / forwards)
     }
 
-    /// Returns the growth per cycle of a disturbance of the rest.
+    /// Returns the growth per cycle of a disturbance of the depth at rest.
     fn growth_in_contact(
         &self,
         config: &Config,
@@ -169,8 +169,9 @@ impl Course {
         let lag = if self.model == Model::Kinematic { 0.0 } else { NO_LAG };
         let yield_rate = self.share * bounds::max_yield_rate(CYCLE, delay);
         let servo = Servo::new(lag, 1.0, 1.0)?;
-        let mut held = self.held(config, arm, servo, yield_rate, DEPTH + DISTURBANCE)?;
-        Ok(growth((0..LATE + WINDOW).map(|_| held.step(CYCLE, yield_rate * DEPTH))))
+        let mut arm_at_wall =
+            self.arm_at_wall(config, arm, servo, yield_rate, DEPTH + DISTURBANCE)?;
+        Ok(growth((0..LATE + WINDOW).map(|_| arm_at_wall.step(CYCLE, yield_rate * DEPTH))))
     }
 
     /// Returns the growth per cycle of a motion in free space.
@@ -178,20 +179,20 @@ impl Course {
         let (servo, cycle) = (config.remote.servo, config.period.as_secs_f64());
         let most = bounds::max_yielded_inertia(cycle, servo.time_constant());
         let yield_rate = self.share * most / MASS * STIFFNESS;
-        let mut held = self.held(config, arm, servo, yield_rate, -CLEARANCE)?;
+        let mut arm_at_wall = self.arm_at_wall(config, arm, servo, yield_rate, -CLEARANCE)?;
         let command = |number| if number == 0 { KICK } else { 0.0 };
-        Ok(growth((0..LATE + WINDOW).map(|number| held.step(cycle, command(number)))))
+        Ok(growth((0..LATE + WINDOW).map(|number| arm_at_wall.step(cycle, command(number)))))
     }
 
     /// Returns the arm at the wall, at a depth in m.
-    fn held(
+    fn arm_at_wall(
         &self,
         config: &Config,
         arm: &RobotArm,
         servo: Servo,
         yield_rate: f64,
         depth: f64,
-    ) -> Result<Held, NoTrial> {
+    ) -> Result<ArmAtWall, NoTrial> {
         let arm = &prepared(arm);
         let gain = yield_rate / STIFFNESS;
         let mut interaction = config.remote.interaction;
@@ -214,7 +215,7 @@ impl Course {
                 .held_by(following);
             let wall = -depth;
             let late = VecDeque::from(vec![depth * STIFFNESS; delay]);
-            return Ok(Held::Kinematic { object: Box::new(object), wall, late });
+            return Ok(ArmAtWall::Kinematic { object: Box::new(object), wall, late });
         }
         let x_b_m = arm.following().pose();
         let ahead = x_b_m.rotation * Vector3::z();
@@ -226,14 +227,14 @@ impl Course {
         let config = config.with_remote(Virtual { block: None, sphere: None, ..remote });
         let span = if self.model == Model::Simulated { MAX_STEP } else { f64::INFINITY };
         let reading = ReadingTime { span, late: delay };
-        let equipment = Equipment { reading, ..Equipment::of(&config.remote) };
+        let equipment = Equipment { reading, ..Equipment::from_remote(&config.remote) };
         let mut site = RobotSite::new(&config, &equipment, 1)?;
         site.exchange(Instant::ZERO, &Command::HOLD);
-        Ok(Held::Simulated { site: Box::new(site), now: Instant::ZERO })
+        Ok(ArmAtWall::Simulated { site: Box::new(site), now: Instant::ZERO })
     }
 }
 
-/// Returns the growth per cycle of the speeds of all cycles.
+/// Returns the growth per cycle between the early and the late window of `speeds`, one per cycle.
 fn growth(speeds: impl Iterator<Item = f64>) -> f64 {
     let speeds: Vec<f64> = speeds.collect();
     let size = |from: usize| {
@@ -243,7 +244,7 @@ fn growth(speeds: impl Iterator<Item = f64>) -> f64 {
     (size(LATE) / size(EARLY)).powf(cycles.recip())
 }
 
-/// Returns the arm without dry friction, with joints that centring no longer moves.
+/// Returns the arm without dry friction, started at the joints where its centring ends.
 fn prepared(arm: &RobotArm) -> RobotArm {
     let mut following = arm.following();
     let mut t = 0.0;
@@ -259,7 +260,7 @@ fn prepared(arm: &RobotArm) -> RobotArm {
     arm
 }
 
-impl Held {
+impl ArmAtWall {
     /// Commands a rate into the wall for one cycle; returns the speed of the tool into it, in m/s.
     fn step(&mut self, cycle: f64, speed: f64) -> f64 {
         let command = Motion::Rate(Twist::from_components([0.0, 0.0, speed, 0.0, 0.0, 0.0]));
@@ -321,7 +322,7 @@ mod tests {
 
     #[test]
     fn free_arm_shakes_beyond_the_payload_bound_only() {
-        // With its inertia removed the arm bears 1.4 times as much, and no more.
+        // Removal of the inertia raises the bound by a factor of 1.4.
         for (is_removed, most) in [(false, 1.1), (true, 1.5)] {
             assert_calm(Bound::Payload { is_removed }, Model::SimulatedMean, 0.9, true);
             assert_calm(Bound::Payload { is_removed }, Model::SimulatedMean, most, false);

@@ -9,54 +9,54 @@ use robot::payload::InvalidPayload;
 use sim::scenario::Problem;
 use testbench::robot_site::NoRobot;
 
-/// Reason why a configuration has no trial.
+/// Reason why an experiment cannot be played with a configuration.
 #[derive(Debug, Error)]
 pub enum NoTrial {
-    /// Nothing to press against.
+    /// The commanded side has no wall.
     #[error("the experiment presses against a wall: add [remote.wall]")]
     NoWall,
-    /// Nothing is reflected.
+    /// K_T along x is zero.
     #[error("the experiment varies K_T: controller.wrench_gain along x must be above 0")]
     NoReflection,
-    /// No script leads to a force at rest.
+    /// A zero gain or accommodation: no command comes to rest at the wall.
     #[error(
         "the {commanded} command does not come to rest at the wall: raise remote.accommodation_m_per_ns or \
          controller.rate_gain_per_s"
     )]
     NoRest {
-        /// The command.
+        /// Mode of the command, `pose` or `rate`.
         commanded: String,
     },
-    /// The hand of the simulation does not reach so far.
+    /// The simulated hand cannot reach the end of the sweep.
     #[error("{axis}: no hand reaches {reach} m or rad; lower deadband or wall of the axis")]
     OutOfReach {
-        /// The axis.
+        /// Axis of ΔX.
         axis: &'static str,
         /// Displacement, in m or rad.
         reach: f64,
     },
-    /// A joint without a curve.
+    /// The number of torque curves is not six.
     #[error("{found} calibrated joints where six are needed")]
     Joints {
-        /// Number of joints.
+        /// Number of calibrated joints.
         found: usize,
     },
-    /// An invalid script.
+    /// Invalid script.
     #[error(transparent)]
     Script(#[from] Problem),
-    /// Gain out of range.
+    /// K_FA or its deadband is out of range.
     #[error(transparent)]
     Accommodation(#[from] InvalidAccommodation),
-    /// Servo out of range.
+    /// Time constant or limit of the servo is out of range.
     #[error(transparent)]
     Servo(#[from] InvalidServo),
-    /// Payload out of range.
+    /// Mass, centre of mass or inertia of the payload is invalid.
     #[error(transparent)]
     Payload(#[from] InvalidPayload),
-    /// An arm or scene that cannot be simulated.
+    /// The arm or scene cannot be simulated.
     #[error(transparent)]
     Robot(#[from] NoRobot),
-    /// The drives do not boot.
+    /// The drives did not reach Operation enabled (CiA 402).
     #[error(transparent)]
     BringUp(#[from] BringUpError),
 }

@@ -4,8 +4,8 @@
 //!  at rest   -f_m = K_FA⁻¹ v_m + sign F_db     v_m: commanded rate; f_m: wrench of the wall on the tool; F_db: deadband
 //! ```
 //!
-//! The arm approaches with the commanded rate, meets the wall, and comes to rest with the force of the law. Nothing is
-//! switched. The command is given to the arm itself: hand and node are in the other experiments.
+//! The arm approaches with the commanded rate, meets the wall, and comes to rest with the force of the law, without a
+//! switch of modes. The command goes to the arm directly: hand and node are in the other experiments.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use testbench::robot_site::{Equipment, RobotSite};
 use units::spatial::{Motion, Twist};
 use units::time::Instant;
 
-/// Way to a wall that every press allows for, in m.
+/// Distance of the wall that every press allows for, in m.
 const REACH: f64 = 0.2;
 
 /// Time in contact, in s.
@@ -34,7 +34,7 @@ const REST: f64 = 1.0;
 /// Speed of the tool below which a press counts as calm, in m/s, RMS.
 const CALM: f64 = 5e-4;
 
-/// One press.
+/// One approach and contact with a constant commanded rate.
 #[derive(Clone, Copy, Debug)]
 pub struct Press {
     /// Commanded rate into the wall, in m/s; negative for a wall as far behind the tool as the configuration's is ahead.
@@ -56,13 +56,13 @@ pub struct Press {
 /// A press in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The arm.
+    /// Name of the robot file.
     pub arm: String,
     /// Commanded rate, in m/s.
     pub speed_m_per_s: f64,
     /// K_FA, in m/s per N.
     pub accommodation_m_per_ns: f64,
-    /// K_FA k_e τ_s.
+    /// K_FA k_e τ_s, of at most 1/4 for an arm that does not turn back at the wall.
     pub servo_share: f64,
     /// Deadband of the accommodation, in N.
     pub deadband_n: f64,
@@ -84,12 +84,12 @@ impl Row {
         (self.rest_n - self.law_n - self.bias_n) / self.law_n
     }
 
-    /// Returns the largest force over that at rest, less one.
+    /// Returns the overshoot of the peak over the force at rest, as a share of the latter.
     pub fn overshoot(&self) -> f64 {
         self.peak_n / self.rest_n.abs() - 1.0
     }
 
-    /// Returns whether the tool has come to rest.
+    /// Returns whether the tool's RMS speed at the end is below 0.5 mm/s.
     pub const fn is_calm(&self) -> bool {
         self.unrest_m_per_s < CALM
     }
@@ -104,7 +104,7 @@ impl Press {
         let config = self.configured(config, arm)?;
         let [bias, noise] = [self.bias, self.noise].map(|force| [0.0, 0.0, force, 0.0, 0.0, 0.0]);
         let sensor = WristSensorSettings { bias, noise, ..WristSensorSettings::default() };
-        let equipment = Equipment { sensor, ..Equipment::of(&config.remote) };
+        let equipment = Equipment { sensor, ..Equipment::from_remote(&config.remote) };
         let mut site = RobotSite::in_free_space(&config, &equipment, self.seed)?;
         let ahead = Twist::from_components([0.0, 0.0, self.speed, 0.0, 0.0, 0.0]);
         let command = Motion::Rate(ahead).into();

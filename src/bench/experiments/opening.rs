@@ -20,7 +20,7 @@ pub(crate) fn engaged(mode: ConsoleRequest, [deadman, pressed, let_go]: [f64; 3]
     ]
 }
 
-/// Returns the same with the reference.
+/// Returns the entries of [`engaged`] at [`SWITCHES_S`], then those that press the reference.
 pub(crate) fn referenced(mode: ConsoleRequest) -> impl Iterator<Item = Entry> {
     let [pressed, let_go] = REFERENCE_S;
     let reference = [(pressed, true), (let_go, false)];

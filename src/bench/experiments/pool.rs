@@ -1,4 +1,4 @@
-//! Figures of several values together.
+//! Mean, RMS and maximum of several values.
 
 /// Returns the mean; zero without values.
 pub(crate) fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {

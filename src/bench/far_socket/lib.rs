@@ -1,5 +1,5 @@
-//! A far side's connection to the node over a Unix socket of type SEQPACKET: a packet is a message. It is made again when it
-//! ends. Nothing here waits but [`FarSocket::wait`].
+//! Connection of a far side to the node over a Unix socket of type SEQPACKET: a packet is a message. The connection is
+//! retried when it ends. Only [`FarSocket::wait`] blocks.
 #![forbid(unsafe_code)]
 
 use std::fs;
@@ -21,19 +21,19 @@ use units::time::Instant;
 /// Maximum number of messages taken in one period.
 const MAX_MESSAGES: usize = 16;
 
-/// Length of the receive buffer, in bytes. Messages of the contract are shorter; what is cut off is rejected.
+/// Length of the receive buffer, in bytes. Messages of the contract are shorter; truncated ones are rejected.
 const MAX_LENGTH: usize = 512;
 
-/// Time until a connection is tried again.
+/// Time until the next attempt to connect.
 const RETRY_AFTER: Duration = Duration::from_millis(100);
 
-/// Time until a connection is tried again that the node closed at once, or that failed.
+/// Time until the next attempt after a connection that the node closed immediately, or that failed.
 const REFUSED_RETRY_AFTER: Duration = Duration::from_secs(2);
 
 /// Maximum length of a socket's path, in bytes (unix(7)).
 const MAX_PATH: usize = 107;
 
-/// A path that cannot be that of the node's socket, with the reason.
+/// Reason why a path cannot be that of the node's socket.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct Unusable(String);
@@ -43,7 +43,7 @@ pub struct Unusable(String);
 pub enum SocketEvent {
     /// No node listens.
     Absent(PathBuf),
-    /// The folder of the socket does not exist: before the first start of a node, or for a path that is wrong.
+    /// The folder of the socket does not exist: no node has started yet, or the path is wrong.
     NoFolder(PathBuf),
     /// The node's first message was received.
     Connected(PathBuf),
@@ -76,7 +76,7 @@ impl SocketEvent {
     }
 }
 
-/// Connection to the node, which is made again when it ends.
+/// Connection to the node, retried when it ends.
 #[derive(Debug)]
 pub struct FarSocket {
     path: PathBuf,
@@ -89,7 +89,7 @@ pub struct FarSocket {
     newest: Option<SocketEvent>,
 }
 
-/// A socket that is connected.
+/// Connected socket.
 #[derive(Debug)]
 struct Connection {
     socket: Socket,
@@ -101,7 +101,7 @@ impl FarSocket {
     /// Checks the path, and connects if a node listens.
     ///
     /// # Errors
-    /// A path that is too long, is of another file than such a socket, or is of a socket that this user may not use.
+    /// The path is too long, is not a socket, or is a socket without access for this user.
     pub fn open(path: &Path) -> Result<Self, Unusable> {
         let address = address(path)?;
         check_file(path)?;
@@ -120,7 +120,7 @@ impl FarSocket {
         }
     }
 
-    /// Takes the messages that are there, at most 16. Connects again where that is due.
+    /// Takes the received messages, at most 16, and reconnects when it is time.
     pub fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
         if self.connection.is_none() && now >= self.retry_at {
             self.retry(now);
@@ -153,12 +153,12 @@ impl FarSocket {
         ppoll(&mut waits, span, None).ok();
     }
 
-    /// Returns the socket of the present connection, not blocking.
+    /// Returns the non-blocking socket of the present connection.
     pub fn socket(&self) -> Option<&Socket> {
         self.connection.as_ref().map(|connection| &connection.socket)
     }
 
-    /// Sends a message; drops it where the node does not read, or is not there.
+    /// Sends a message; drops it if the node does not read or is not connected.
     pub fn send(&mut self, now: Instant, message: &[u8]) {
         let Some(connection) = &self.connection else { return };
         let sent = connection.socket.send_with_flags(message, MSG_DONTWAIT | MSG_NOSIGNAL);
@@ -262,7 +262,7 @@ fn has_folder(path: &Path) -> bool {
     path.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder.exists())
 }
 
-/// Returns whether an error of connecting says that no node listens yet, or that it is busy.
+/// Returns whether connecting failed because no node listens yet, or because it is busy.
 fn is_absent(error: &io::Error) -> bool {
     matches!(
         error.kind(),
@@ -270,7 +270,7 @@ fn is_absent(error: &io::Error) -> bool {
     )
 }
 
-/// Returns an error of connecting in words, with its remedy.
+/// Returns the text of an error of connecting, with a remedy.
 fn refusal(path: &Path, error: &io::Error) -> String {
     let reason = if error.kind() == ErrorKind::PermissionDenied {
         "permission denied; this user must be in the group of the socket, frhc-link".to_owned()

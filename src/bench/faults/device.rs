@@ -4,7 +4,7 @@ use std::fmt;
 
 use derive_more::Display;
 
-/// A device without its bus.
+/// Disconnection of a device from its bus.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Disconnection {
     /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
@@ -18,13 +18,13 @@ pub enum Disconnection {
     BusOff,
 }
 
-/// A fault of a device itself.
+/// Fault inside a device.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum DeviceFault {
-    /// The device reboots by itself.
+    /// The device reboots without an NMT command.
     #[display("reboots by itself")]
     Reboot,
-    /// The device sends an emergency message and goes on.
+    /// The device sends an EMCY and continues.
     #[display("emergency {code:04X}h")]
     Emergency {
         /// The error code.
@@ -46,10 +46,10 @@ pub enum DeviceFault {
     TorqueOffset(i16),
 }
 
-/// A wrong measurement of a drive.
+/// Wrong measurement of a drive.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum SensorFault {
-    /// The position is off by this much, in rad (m) of the joint.
+    /// The position has this offset, in rad (m) of the joint.
     #[display("encoder off by {_0} rad (m)")]
     PositionOffset(f64),
     /// The position does not change.
@@ -60,7 +60,7 @@ pub enum SensorFault {
     TorqueScaled(f64),
 }
 
-/// A fault of a contact.
+/// Fault of a contact.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum ContactFault {
     /// The input is always high.
@@ -74,8 +74,8 @@ pub enum ContactFault {
     Bouncing,
 }
 
-/// An input of the switch box. Its bits are stated here apart from those the node reads, so that a mistake in one
-/// does not cancel itself out.
+/// Input of the switch box. Its bits are defined independently of those that the node reads, so that an error in one cannot
+/// cancel in the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// High while the deadman is closed.
@@ -89,7 +89,7 @@ pub enum Input {
 }
 
 impl DeviceFault {
-    /// Returns whether it is over as soon as it has happened.
+    /// Returns whether the fault has no duration.
     pub const fn is_momentary(self) -> bool {
         match self {
             Self::Reboot | Self::Emergency { .. } | Self::DriveFault(_) | Self::TorqueOffset(_) => {
@@ -109,7 +109,7 @@ impl Input {
         ("reflection", Self::Reflection),
     ];
 
-    /// Returns its bit among the inputs.
+    /// Returns the bit of the input.
     pub const fn bit(self) -> u8 {
         match self {
             Self::DeadmanA => 1,
@@ -120,7 +120,7 @@ impl Input {
     }
 }
 
-/// The word for it in a scenario.
+/// Writes the word of a scenario.
 impl fmt::Display for Input {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = Self::ALL.iter().find(|(_, input)| input == self);

@@ -1,11 +1,11 @@
-//! Faults of a device's frames: which of them, what happens to them, and how often.
+//! Faults of a device's frames: selection, effect and extent.
 
 use std::fmt;
 use std::time::Duration;
 
 use derive_more::Display;
 
-/// A fault of some frames of a device.
+/// Fault of frames of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameFault {
     /// The frames that may be affected.
@@ -22,14 +22,14 @@ pub enum Selection {
     /// All frames that the device sends or receives.
     #[display("frames")]
     All,
-    /// Those of one service.
+    /// Frames of one service.
     Service(Service),
-    /// Those with this COB-ID.
+    /// Frames with this COB-ID.
     #[display("{_0:03X}h")]
     CobId(u16),
 }
 
-/// A service of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
+/// Communication object of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Service {
     /// A TPDO, from 1.
@@ -75,10 +75,10 @@ pub enum Effect {
     /// The set bits of this mask are inverted in its data.
     #[display("corrupted")]
     Corrupt([u8; 8]),
-    /// Its data is that of the first frame since the fault began.
+    /// The data is that of the first frame since the start of the fault.
     #[display("frozen")]
     Freeze,
-    /// Its data has this length, 0 to 8 bytes.
+    /// The data has this length, 0 to 8 bytes.
     #[display("of {_0} bytes")]
     Resize(u8),
 }
@@ -95,14 +95,14 @@ pub enum Extent {
 }
 
 impl Service {
-    /// Services of which a device has one.
+    /// Services that a device has once.
     pub const UNNUMBERED: [Self; 5] =
         [Self::Emergency, Self::Heartbeat, Self::Sdo, Self::Sync, Self::Nmt];
 }
 
 impl FrameFault {
     /// Returns a fault of every frame of `service`.
-    pub const fn of(service: Service, effect: Effect) -> Self {
+    pub const fn on_service(service: Service, effect: Effect) -> Self {
         Self { selection: Selection::Service(service), effect, extent: Extent::Always }
     }
 

@@ -6,7 +6,7 @@ use derive_more::Display;
 
 use canopen::frame::Frame;
 
-/// A fault of a bus, as its host sees it.
+/// Fault of a bus at the host's adapter.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Disturbance {
     /// The transmit queue is full: no frame is accepted. Frames are received.
@@ -38,17 +38,17 @@ pub enum Disturbance {
     Flood(Frame),
 }
 
-/// A fault of the host. All but a clock that is set last for the duration of their [`Fault`](crate::Fault).
+/// Fault of the host. It lasts for the duration of its [`Fault`](crate::Fault), except for a clock that is set.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum HostFault {
-    /// The process does not run. The buses go on.
+    /// The process does not run; the buses continue.
     #[display("process stopped")]
     ProcessStopped,
-    /// The same, from the next frame with this COB-ID on that the process sends or reads: within a cycle.
+    /// The process does not run after the next frame with this COB-ID that it sends or reads, which is within a cycle.
     #[display("process stopped after {_0:03X}h")]
     ProcessStoppedAfter(u16),
-    /// The host is suspended at once, or from the next frame with this COB-ID on that the process sends or reads. The
-    /// buses go on.
+    /// The host is suspended immediately, or after the next frame with this COB-ID that the process sends or reads. The buses
+    /// continue.
     #[display("suspended")]
     Suspended(Option<u16>),
     /// The wall clock is set to this time since 1970.
@@ -56,7 +56,7 @@ pub enum HostFault {
     ClockSet(Duration),
 }
 
-/// A fault of the link to the commanded side, mildest first.
+/// Fault of the link to the commanded side, mildest first.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LinkFault {
     /// Wrenches are repeated, with their old time stamps.
@@ -65,10 +65,10 @@ pub enum LinkFault {
     /// Messages take longer than the configuration states.
     #[display("slow")]
     Slow,
-    /// The commanded side holds for a reason of its own.
+    /// The commanded side holds for a local reason.
     #[display("held")]
     Held,
-    /// Messages of the commanded side answer another node, which leads it.
+    /// Another node leads the commanded side, whose messages answer that node.
     #[display("answers another node")]
     Foreign,
     /// No message passes in either direction.

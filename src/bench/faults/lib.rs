@@ -1,8 +1,7 @@
-//! The fault vocabulary: every fault that scenarios write, campaigns inject and tests apply, with target, kind, start
-//! and duration.
+//! Vocabulary of the faults of scenarios, campaigns and tests: target, kind, start and duration.
 //!
-//! It only names faults. `sim` applies those of devices and their frames, `memory_bus` those of buses and host; `testbench` applies
-//! a force that the commanded side reports.
+//! `sim` applies faults of devices and their frames, `memory_bus` those of buses and host, and `testbench` forces reported by
+//! the commanded side.
 //!
 //! ```
 //! use std::time::Duration;
@@ -138,7 +137,7 @@ impl Fault {
 }
 
 impl Kind {
-    /// Returns whether the fault is over as soon as it has happened, so that it can have no duration.
+    /// Returns whether the fault has no duration.
     pub const fn is_momentary(&self) -> bool {
         match self {
             Self::Device(fault) => fault.is_momentary(),

@@ -43,7 +43,7 @@ pub enum Content {
 
 /// Result of an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Exported {
+pub struct ExportSummary {
     /// Exported cycles.
     pub cycles: u64,
     /// Number of messages by topic, those without any left out.
@@ -61,7 +61,7 @@ pub fn export(
     content: Content,
     out: impl Write,
     mut choose: impl FnMut(&Cycle<'_>) -> Choice,
-) -> Result<Exported, ExportError> {
+) -> Result<ExportSummary, ExportError> {
     let mut cycles = recording.cycles()?;
     let mut exporter = Exporter::start(recording, content, out)?;
     while let Some(cycle) = cycles.next() {
@@ -232,7 +232,7 @@ impl<'a, W: Write> Exporter<'a, W> {
     }
 
     /// Writes what was found, and the end of the file.
-    fn finish(mut self, findings: &Findings) -> Result<Exported, ExportError> {
+    fn finish(mut self, findings: &Findings) -> Result<ExportSummary, ExportError> {
         let warnings = self.warnings(findings);
         let verdict = verdict(findings.verdict.as_ref());
         let mut texts = BTreeMap::from([
@@ -249,7 +249,7 @@ impl<'a, W: Write> Exporter<'a, W> {
         let messages = counts.into_iter().filter(|(_, count)| *count > 0).collect();
         let cycles = self.cycles;
         self.out.finish()?;
-        Ok(Exported { cycles, messages, warnings })
+        Ok(ExportSummary { cycles, messages, warnings })
     }
 
     /// Returns the reasons why parts are missing.

@@ -28,14 +28,14 @@ pub(crate) struct Status<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     load_percent: Option<&'a [f64]>,
     #[serde(flatten)]
-    replayed: Option<Replayed>,
+    replayed: Option<ReplayStatus>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sample_age_us: Option<f64>,
 }
 
 /// Part of a status that only the replay has.
 #[derive(Clone, Debug, Serialize)]
-struct Replayed {
+struct ReplayStatus {
     overruns: u64,
     rest_us: f64,
     wake_up_us: f64,
@@ -73,13 +73,13 @@ impl<'a> Status<'a> {
             q: q.filter(|q| q.iter().all(|position| position.is_finite())),
             statuswords: words,
             load_percent: cycle.wire.map(|wire| &*wire.load_percent),
-            replayed: cycle.record.map(Replayed::new),
+            replayed: cycle.record.map(ReplayStatus::new),
             sample_age_us: cycle.sample_age.map(micros),
         }
     }
 }
 
-impl Replayed {
+impl ReplayStatus {
     fn new(record: &Record) -> Self {
         let (times, port) = (&record.times, &record.output.port);
         let gripper = record.gripper.and_then(|gripper| gripper.measured);

@@ -18,7 +18,7 @@ mod messages;
 mod topics;
 mod writer;
 
-pub use exporter::{Choice, Content, Exported, export};
+pub use exporter::{Choice, Content, ExportSummary, export};
 
 use thiserror::Error;
 

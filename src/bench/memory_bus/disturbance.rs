@@ -1,5 +1,5 @@
-//! The faults that the [`Memory`](crate::Memory) applies at any moment: those of the adapter and its driver, of the
-//! process and of the host's clocks. The faults of devices are the simulation's.
+//! Faults that the [`Memory`](crate::Memory) applies at any time: those of adapter and driver, of the process, and of the
+//! host's clocks. The simulation applies faults of devices.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,17 +9,17 @@ use canopen::frame::{Channel, Frame};
 use faults::{Disturbance, Fault, HostFault, Kind, Target};
 use units::time::Instant;
 
-/// Most frames that a stalled adapter keeps; later ones are lost.
+/// Maximum number of frames that a stalled adapter keeps; later ones are lost.
 const MAX_HELD: usize = 32;
 
-/// A change of bus or host at a moment of virtual time.
+/// Change of a bus or of the host at a virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
     /// A bus is disturbed; `None` ends it.
     Bus(Channel, Option<Disturbance>),
     /// The process does not run.
     Stop(Stop),
-    /// The same, after the next frame with this COB-ID.
+    /// The process does not run after the next frame with this COB-ID.
     StopAfter(u16, Stop),
     /// The wall clock is set to this, since 1970.
     SetClock(Duration),
@@ -38,7 +38,7 @@ pub(super) struct Stop {
 pub(super) struct Schedule(Vec<(Instant, Change)>);
 
 impl Schedule {
-    /// Adds what a fault changes, and when; `zero` is the first SYNC. A fault of a device changes nothing here.
+    /// Adds the changes of a fault; `zero` is the first SYNC. Faults of devices are ignored.
     pub(super) fn add_fault(&mut self, zero: Instant, fault: &Fault) {
         let at = zero + fault.start;
         if let (Kind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
@@ -72,7 +72,7 @@ impl Schedule {
         self.0.first().map(|(at, _)| *at)
     }
 
-    /// Takes the next change if it is due.
+    /// Takes the next change if its time has come.
     pub(super) fn due(&mut self, now: Instant) -> Option<Change> {
         self.next().filter(|at| *at <= now)?;
         Some(self.0.remove(0).1)
@@ -89,7 +89,7 @@ pub(super) struct Adapter {
 
 /// State of a frame that the adapter has accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Taken {
+pub(super) enum FrameFate {
     /// The frame waits for the wire.
     Queued,
     /// The frame never reaches the wire.
@@ -115,25 +115,25 @@ impl Adapter {
         self.held.drain(..)
     }
 
-    /// Returns what the adapter does with a frame of the node.
-    pub(super) const fn take(&self) -> Result<Taken, SendError> {
+    /// Returns the fate of a frame of the node.
+    pub(super) const fn take(&self) -> Result<FrameFate, SendError> {
         match self.disturbance {
             Some(Disturbance::QueueFull) => Err(SendError::Full),
             Some(Disturbance::InterfaceDown | Disturbance::AdapterUnplugged) => {
                 Err(SendError::Down)
             }
-            Some(Disturbance::AdapterStuck | Disturbance::BusOff) => Ok(Taken::Lost),
+            Some(Disturbance::AdapterStuck | Disturbance::BusOff) => Ok(FrameFate::Lost),
             Some(
                 Disturbance::AdapterStalled
                 | Disturbance::Flood(_)
                 | Disturbance::ErrorPassive
                 | Disturbance::ErrorWarning,
             )
-            | None => Ok(Taken::Queued),
+            | None => Ok(FrameFate::Queued),
         }
     }
 
-    /// Returns whether queued frames get to the wire.
+    /// Returns whether queued frames are transmitted.
     pub(super) const fn is_sending(&self) -> bool {
         !matches!(self.disturbance, Some(Disturbance::AdapterStalled))
     }
@@ -147,14 +147,14 @@ impl Adapter {
                 }
                 None
             }
-            (_, Ok(Taken::Lost) | Err(SendError::Down)) => None,
-            (_, Ok(Taken::Queued) | Err(SendError::Full)) => Some(received),
+            (_, Ok(FrameFate::Lost) | Err(SendError::Down)) => None,
+            (_, Ok(FrameFate::Queued) | Err(SendError::Full)) => Some(received),
         }
     }
 
     /// Records that a SYNC is complete on the wire, unless the adapter receives nothing.
     pub(super) fn confirm_transmit(&mut self, at: Instant) {
-        let is_deaf = matches!(self.take(), Ok(Taken::Lost) | Err(SendError::Down));
+        let is_deaf = matches!(self.take(), Ok(FrameFate::Lost) | Err(SendError::Down));
         if self.is_sending() && !is_deaf {
             self.confirmed_at = at;
         }
@@ -171,7 +171,7 @@ impl Adapter {
     }
 }
 
-/// Returns what controller or driver report at the start of a disturbance.
+/// Returns the report of controller or driver at the start of a disturbance.
 pub(super) const fn reported(disturbance: Disturbance) -> Option<BusFault> {
     match disturbance {
         Disturbance::BusOff => Some(BusFault::Off),

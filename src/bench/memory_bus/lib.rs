@@ -1,5 +1,5 @@
-//! A bus in memory that is also the clock: waiting on it advances time for all its stations. Equal inputs give equal
-//! outputs, bit for bit.
+//! Bus in memory that is also the clock: waiting on it advances time for all stations. Equal inputs give equal outputs, bit
+//! for bit.
 #![forbid(unsafe_code)]
 
 mod disturbance;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::disturbance::{Adapter, Change, Schedule, Stop, Taken, reported};
+use crate::disturbance::{Adapter, Change, FrameFate, Schedule, Stop, reported};
 use crate::wire::{Sender, Wire};
 use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, Wake, clock};
 use canopen::frame::{Channel, Telegram};
@@ -48,13 +48,13 @@ pub struct Memory<S, T> {
     schedule: Schedule,
     /// End of the time in which the process is stopped.
     stopped_until_ns: u64,
-    /// Identifier of the frame after which the process is stopped, and for how long.
+    /// COB-ID of the frame after which the process stops, and the duration of the stop.
     stops_after: Option<(u16, Stop)>,
     suspended: Duration,
     /// Wall clock at time zero.
     epoch: Duration,
     out: Vec<Telegram>,
-    /// Bound of its speed.
+    /// Upper bound of the speed of virtual time.
     pace: Option<Pace>,
     /// Copy of the time for other threads.
     watch: Option<Watch>,
@@ -156,7 +156,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
             self.arrived.push_back(Received { at, ..held });
         }
         wire.node_is_cut = !adapter.is_sending();
-        if adapter.take() != Ok(Taken::Queued) {
+        if adapter.take() != Ok(FrameFate::Queued) {
             wire.forget_node();
         }
         if let Some(fault) = disturbance.and_then(reported) {
@@ -171,7 +171,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.schedule.add_fault(zero, fault);
     }
 
-    /// Applies the changes that are due.
+    /// Applies the changes whose time has come.
     fn apply_changes(&mut self) {
         while let Some(change) = self.schedule.due(self.now()) {
             match change {
@@ -193,7 +193,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.stopped_until_ns = self.now_ns.saturating_add(time_ns);
     }
 
-    /// Stops the process if it is to stop after this frame.
+    /// Stops the process if this frame triggers a stop.
     fn pass(&mut self, cob_id: u16) {
         let Some((_, stop)) = self.stops_after.take_if(|(after, _)| *after == cob_id) else {
             return;
@@ -205,7 +205,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         }
     }
 
-    /// Advances time to `next_ns`, and delivers what is due then.
+    /// Advances time to `next_ns`, and delivers the frames and events of that time.
     fn advance(&mut self, next_ns: u64) {
         self.now_ns = next_ns;
         if let Some(Watch(watch)) = &self.watch {
@@ -220,7 +220,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
             self.stations.on_time(now, &mut self.out);
             self.post();
             if self.stations.deadline().is_some_and(|due| due <= now) {
-                // A station that is always due does not stop time.
+                // Time must advance even if a station's deadline never does.
                 self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
             }
         }
@@ -314,12 +314,12 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         let wire = self.wires.get_mut(place).ok_or(SendError::Down)?;
         let adapter = self.adapters.get(place).ok_or(SendError::Down)?;
         let taken = adapter.take()?;
-        if taken == Taken::Queued && wire.waiting() >= MAX_QUEUED {
+        if taken == FrameFate::Queued && wire.waiting() >= MAX_QUEUED {
             return Err(SendError::Full);
         }
         let at = Instant::from_micros(self.now_ns / MICRO);
         self.tap.on_taken(at, &telegram);
-        if taken == Taken::Lost {
+        if taken == FrameFate::Lost {
             return Ok(());
         }
         wire.offer(Sender::Node, telegram.frame);

@@ -36,7 +36,7 @@ pub(super) struct Wire {
     from_stations: Vec<Frame>,
     passing: Option<Passing>,
     idle_since: u64,
-    /// Frames of the node wait, whatever their identifiers.
+    /// Frames of the node are held, independently of their COB-IDs.
     pub(super) node_is_cut: bool,
     /// Number of frames transmitted.
     pub(super) frames: u64,

@@ -8,14 +8,14 @@
 /// First bytes of a request: 1234h.
 const HEADER: [u8; 2] = [0x12, 0x34];
 
-/// Request to a sensor. None of them has an answer of its own.
+/// Request to a sensor. The sensor does not acknowledge requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Stops the records.
     Stop,
-    /// Starts a record per sample, without a buffer, until the next request. The RDT sequence begins anew.
+    /// Starts one record per sample, without a buffer, until the next request. The RDT sequence restarts.
     Stream,
-    /// Sets the present load as zero, for every reader of this sensor.
+    /// Sets the present load as zero, for all readers of this sensor.
     Bias,
 }
 
@@ -47,7 +47,7 @@ pub struct Record {
     pub rdt_sequence: u32,
     /// Number of the sample inside the sensor; wraps around.
     pub ft_sequence: u32,
-    /// Conditions of the sensor; a valid sample has 0.
+    /// Status of the sensor; 0 for a valid sample.
     pub status: u32,
     /// Force x, y, z and moment x, y, z, in counts.
     pub counts: [i32; 6],

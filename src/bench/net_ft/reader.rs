@@ -1,12 +1,12 @@
-//! Reader of a sensor's records: which of them is the reading, and when to request them. No I/O, no clock.
+//! Reader of a sensor's records: selects the reading among them, and requests them. No I/O, no clock.
 //!
-//! The newest record wins. It becomes the reading where
+//! The newest record wins. It becomes the reading if
 //! - it comes from the sensor's address and port, and has the length of a record;
-//! - its RDT sequence is the one behind that of the record before: one that was repeated or overtaken has no effect, and of a
-//!   gap the first record behind it has none, whatever made the gap;
-//! - its F/T sequence is another one than that: the sensor has measured anew;
-//! - it has not waited: it was received since the socket was last found empty, which is not longer ago than `max_wait`. RDT has
-//!   no time of its own. What a stopped process finds in its socket is older than it seems, and so is what a flood holds back.
+//! - its RDT sequence follows that of the record before: repeated and overtaken records have no effect, and the first record
+//!   after a gap has none, independently of the cause of the gap;
+//! - its F/T sequence differs from that of the record before: the sensor has measured again;
+//! - it has not waited: it was received since the socket was last found empty, at most `max_wait` ago. RDT records have no time
+//!   stamps, so records that waited for a stopped process, or behind a flood of datagrams, may be of any age.
 //!
 //! A status other than 0 makes the reading invalid, not zero.
 
@@ -23,7 +23,7 @@ use units::time::Instant;
 /// Time after which a sensor without a new reading gets another request.
 pub const RETRY_AFTER: Duration = Duration::from_millis(100);
 
-/// Distance of RDT sequences from which on a record counts as overtaken.
+/// Minimum forward distance of RDT sequences at which a record counts as overtaken.
 const HALF: u32 = 1 << 31;
 
 /// Reading of the sensor.
@@ -31,7 +31,7 @@ const HALF: u32 = 1 << 31;
 pub struct Reading {
     /// Number of the reading; 0 before the first.
     pub number: u64,
-    /// Wrench in the sensor's own frame; `None` before the first record, and where the status makes it invalid.
+    /// Wrench in the sensor's own frame; `None` before the first record, and if the status is invalid.
     pub wrench: Option<Wrench>,
 }
 
@@ -83,9 +83,9 @@ pub struct Reader {
     reading: Reading,
     /// Status of the reading.
     status: u32,
-    /// Time of the newest reading; that of the start before the first.
+    /// Time of the newest reading; of the start before the first.
     read_at: Instant,
-    /// Time at which the socket was last found empty; that of the start before.
+    /// Time at which the socket was last found empty; initially of the start.
     emptied: Instant,
     requested: Option<Instant>,
     is_bias_due: bool,
@@ -124,12 +124,12 @@ impl Reader {
         }
     }
 
-    /// Has the present load set as zero, once, when the sensor streams valid records.
+    /// Requests a bias, which sets the present load as zero, once the sensor streams valid records.
     pub const fn bias(&mut self) {
         self.is_bias_due = true;
     }
 
-    /// Takes a datagram, found in the read of the socket that began at `now`.
+    /// Processes a datagram from the read of the socket that started at `now`.
     pub fn on_datagram(&mut self, now: Instant, source: SocketAddr, bytes: &[u8]) {
         if (source.ip(), source.port()) != (self.sensor.ip(), self.sensor.port()) {
             self.counts.foreign += 1;
@@ -160,7 +160,7 @@ impl Reader {
         }
     }
 
-    /// Learns that the read of the socket that began at `now` ended with an empty socket.
+    /// Records that the read of the socket that started at `now` emptied it.
     pub const fn on_empty(&mut self, now: Instant) {
         self.emptied = now;
     }
@@ -174,7 +174,7 @@ impl Reader {
             self.is_bias_due = false;
         }
         if is_due {
-            // The sensor begins its sequence anew.
+            // The sensor restarts its sequence.
             self.newest = None;
             self.requested = Some(now);
             self.counts.requests += 1;
@@ -214,7 +214,7 @@ impl Reader {
         &self.counts
     }
 
-    /// Makes a record the reading.
+    /// Accepts a record as the reading.
     fn accept(&mut self, now: Instant, record: &Record) {
         let is_valid = record.status == 0;
         self.counts.invalid += u64::from(!is_valid);

@@ -1,4 +1,4 @@
-//! The socket of a sensor: reads until it is empty, and sends the requests that are due. Never waits.
+//! Socket of a sensor: reads until it is empty, and sends the requests that are due. Never waits.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -8,14 +8,14 @@ use crate::rdt::{Record, Request};
 use crate::reader::{Condition, Counts, Reader, Reading};
 use units::time::Instant;
 
-/// Maximum number of datagrams taken in one read. At 7,000 records a second seven wait in each millisecond; after a pause a socket
-/// of the usual size has up to 280, which two reads empty.
+/// Maximum number of datagrams per read. At 7,000 records per second, seven arrive per millisecond; after a pause, a socket of
+/// the usual size contains up to 280, which two reads empty.
 pub const MAX_DATAGRAMS: usize = 256;
 
-/// Minimum time between two lines of the log about the same sensor.
+/// Minimum time between two log lines for the same sensor.
 const REPORT_PERIOD: Duration = Duration::from_millis(100);
 
-/// Change worth a line.
+/// Change that is logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SensorEvent {
     /// The condition of its records has changed.
@@ -67,12 +67,12 @@ pub struct NetFt {
 }
 
 impl NetFt {
-    /// Opens a socket at a free port. The sensor is asked in the first read.
+    /// Opens a socket at a free port. The first read sends the request to the sensor.
     ///
     /// # Errors
     /// The system refuses the socket.
     pub fn open(reader: Reader, now: Instant) -> io::Result<Self> {
-        // Not connected: that would hide datagrams of others, which say why the sensor seems silent.
+        // Not connected: a connected socket hides foreign datagrams, which can explain a silent sensor.
         let any: IpAddr = match reader.sensor() {
             SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
             SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
@@ -90,8 +90,7 @@ impl NetFt {
         })
     }
 
-    /// Takes the datagrams that are there, at most [`MAX_DATAGRAMS`], and sends the requests that are due. Returns the newest
-    /// reading.
+    /// Reads the waiting datagrams, at most [`MAX_DATAGRAMS`], and sends the requests that are due. Returns the newest reading.
     pub fn read(&mut self, now: Instant) -> Reading {
         self.receive(now);
         for request in self.reader.requests(now) {
@@ -101,7 +100,7 @@ impl NetFt {
         self.reader.reading()
     }
 
-    /// Has the sensor stop its records.
+    /// Requests the sensor to stop its records.
     pub fn stop(&mut self) {
         self.send(Request::Stop);
     }
@@ -122,7 +121,7 @@ impl NetFt {
     }
 
     fn receive(&mut self, now: Instant) {
-        // One byte longer: a longer datagram must not pass for a record.
+        // One byte longer than a record, to detect longer datagrams.
         let mut buffer = [0; Record::LENGTH + 1];
         for _ in 0..MAX_DATAGRAMS {
             match self.socket.recv_from(&mut buffer) {
@@ -133,7 +132,7 @@ impl NetFt {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
                     return self.reader.on_empty(now);
                 }
-                // An interruption, or a failure that ends with the read: what is there is taken in the next one.
+                // An interruption or a temporary failure: the next read takes the waiting datagrams.
                 Err(_) => return,
             }
         }
@@ -144,7 +143,7 @@ impl NetFt {
         self.error = sent.err().map(|error| error.to_string());
     }
 
-    /// Notes a change, unless the one before was just now.
+    /// Stores a change, unless the last one is newer than [`REPORT_PERIOD`].
     fn narrate(&mut self, now: Instant) {
         if now < self.report_at {
             return;

@@ -1,4 +1,4 @@
-//! Ticks of axes: round values, and times as people write them.
+//! Ticks of axes: round values, and round times in s, min or h.
 
 use std::ops::Range;
 
@@ -8,22 +8,22 @@ const TIME_STEPS: [f64; 17] = [
     14_400.0, 28_800.0, 86_400.0,
 ];
 
-/// Length from which a time axis counts minutes, in s.
+/// Length from which a time axis is in minutes, in s.
 const MINUTES: f64 = 120.0;
 
-/// Length from which a time axis counts hours, in s.
+/// Length from which a time axis is in hours, in s.
 const HOURS: f64 = 7_200.0;
 
-/// Maximum number of digits after the point, for which the edge has room.
+/// Maximum number of decimal places: the margin has space for no more.
 const MAX_DIGITS: usize = 3;
 
-/// Differences below this are noise of the arithmetic: a line, not a curve.
+/// Relative difference of values below which it is a rounding error, and the curve a constant.
 const NOISE: f64 = 1e-9;
 
-/// Maximum number of ticks, whatever the range.
+/// Maximum number of ticks of any range.
 const MAX_TICKS: usize = 50;
 
-/// Returns a round step (1, 2 or 5 times a power of ten) that divides a length into at most `parts` parts.
+/// Returns a round step (1, 2 or 5 times a power of ten) for at most `parts` parts of a length.
 fn step(length: f64, parts: f64) -> f64 {
     let least = length / parts;
     let power = 10_f64.powi(exponent(least));
@@ -42,7 +42,7 @@ pub(crate) fn ticks(range: &Range<f64>, parts: f64) -> Vec<(f64, String)> {
     if !(length.is_finite() && length > 0.0) {
         return Vec::new();
     }
-    // Of a range around zero, zero alone would be no axis.
+    // In a range around zero, a single tick at zero would show no scale.
     let more = [1.0, 1.6, 2.5].map(|factor| step(length, factor * parts));
     let is_axis = |step: &f64| multiples(range, *step).count() > 1;
     let step = more.into_iter().find(is_axis).unwrap_or_else(|| step(length, parts));
@@ -119,7 +119,7 @@ pub(crate) fn range(values: impl Iterator<Item = f64>, has_zero: bool) -> Range<
     if has_zero {
         (low, high) = (low.min(0.0), high.max(0.0));
     }
-    // A constant is a line in the middle.
+    // A constant is drawn as a line in the middle.
     if high - low <= NOISE * low.abs().max(high.abs()).max(1.0) {
         let margin = if high.abs() > 1e-6 { 0.1 * high.abs() } else { 1.0 };
         return low - margin..high + margin;

@@ -109,7 +109,7 @@ type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64
 /// Returns the panels as one SVG picture, in rows of `columns`, with its stylesheet.
 ///
 /// # Errors
-/// When it cannot be drawn.
+/// The picture cannot be drawn.
 pub fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
     Ok(standalone(&plain(panels, columns)?))
 }

@@ -1,4 +1,4 @@
-//! Counts over ranges of a value, on a logarithmic axis: rare values are what matters.
+//! Histograms with a logarithmic axis of counts, which shows rare values.
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ pub struct Bar {
 /// Bars over one axis, with named values.
 #[derive(Clone, Debug)]
 pub struct Histogram {
-    /// Title, drawn, and the alternative in words.
+    /// Title, also the alternative text.
     pub title: String,
     /// Name of the values with their unit.
     pub axis: String,
@@ -40,7 +40,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Draws it in a width of px.
+    /// Draws the histogram in this width, in px.
     pub fn svg(&self, width: f64) -> String {
         let width = width.max(LEFT + RIGHT + 100.0);
         let values = self.range();
@@ -94,7 +94,7 @@ impl Histogram {
         canvas.finish()
     }
 
-    /// Range of the values, whose margin shows the first and the last bar whole.
+    /// Returns the range of the values, with margins for the first and the last bar.
     fn range(&self) -> Range<f64> {
         let bars = self.bars.iter().filter(|bar| bar.count > 0);
         let ends = bars.flat_map(|bar| [bar.from, bar.to]);
@@ -102,13 +102,13 @@ impl Histogram {
         axis::range(ends, false)
     }
 
-    /// Powers of ten of the greatest count.
+    /// Returns the number of decades of the greatest count.
     fn decades(&self) -> f64 {
         let most = self.bars.iter().map(|bar| bar.count).max().unwrap_or(1).max(1);
         f64::from(u32::try_from(most).unwrap_or(u32::MAX)).log10().max(1.0)
     }
 
-    /// Returns row, place, class and name of each mark; a row for each that would lie over another.
+    /// Returns row, place, class and name of each mark; marks that would overlap are in different rows.
     fn placed(&self, x: &impl Fn(f64) -> f64, width: f64) -> Vec<(f64, f64, &'static str, &str)> {
         let mut marks: Vec<_> = self.marks.iter().filter(|(_, value)| value.is_finite()).collect();
         marks.sort_by(|(_, one), (_, other)| one.total_cmp(other));

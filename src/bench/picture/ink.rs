@@ -8,7 +8,7 @@ const CHARACTER: f64 = 0.56;
 /// Height of the texts of a picture, in px.
 pub(crate) const TEXT: f64 = 12.0;
 
-/// Returns text for XML, in an element or in quotes. Control characters, which XML refuses, are replaced.
+/// Returns the text escaped for XML, in an element or in quotes. Control characters, which XML does not allow, are replaced.
 pub fn escaped(text: &str) -> String {
     let mut written = String::with_capacity(text.len());
     for character in text.chars() {
@@ -27,13 +27,13 @@ pub fn escaped(text: &str) -> String {
     written
 }
 
-/// Returns the width of a text, in px, as far as it can be known without a font.
+/// Returns the approximate width of a text, in px: it depends on the font.
 pub(crate) fn width_of(text: &str) -> f64 {
     let characters = u32::try_from(text.chars().count()).unwrap_or(u32::MAX);
     f64::from(characters) * TEXT * CHARACTER
 }
 
-/// Returns a number with a tenth, as short as can be: "-.3", "12".
+/// Returns a number with one decimal place, as short as possible: "-.3", "12".
 pub(crate) fn tenth(value: f64) -> String {
     let text = format!("{value:.1}");
     let text = text.strip_suffix(".0").unwrap_or(&text);
@@ -47,14 +47,14 @@ pub(crate) fn tenth(value: f64) -> String {
     }
 }
 
-/// A picture that is being written.
+/// Picture under construction.
 #[derive(Debug)]
 pub(crate) struct Canvas {
     text: String,
 }
 
 impl Canvas {
-    /// Creates a picture of this size with a title, its alternative in words, and a background.
+    /// Creates a picture of this size with a background; `title` is its alternative text.
     pub(crate) fn new(title: &str, width: f64, height: f64) -> Self {
         let (title, width, height) = (escaped(title), tenth(width), tenth(height));
         let mut text = String::new();
@@ -69,7 +69,7 @@ impl Canvas {
         Self { text }
     }
 
-    /// Writes a text; `class` has its colour and its anchor.
+    /// Writes a text; `class` defines its colour and its anchor.
     pub(crate) fn text(&mut self, class: &str, [x, y]: [f64; 2], text: &str) {
         let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
         let (x, y) = (tenth(x), tenth(y));
@@ -83,7 +83,7 @@ impl Canvas {
         write!(self.text, "<rect class=\"{class}\" {place}/>").ok();
     }
 
-    /// Writes a path; none without data.
+    /// Writes a path, unless its data is empty.
     pub(crate) fn path(&mut self, class: &str, data: &str) {
         if !data.is_empty() {
             write!(self.text, "<path class=\"{class}\" d=\"{data}\"/>").ok();
@@ -97,7 +97,7 @@ impl Canvas {
     }
 }
 
-/// Data of a path: absolute at its beginning, relative from there on, without adding up what rounding leaves.
+/// Data of a path: the first point is absolute, the others are relative, without accumulated rounding errors.
 #[derive(Debug, Default)]
 pub(crate) struct PathData {
     text: String,
@@ -105,14 +105,14 @@ pub(crate) struct PathData {
 }
 
 impl PathData {
-    /// Begins a new part here.
+    /// Starts a new part at this point.
     pub(crate) fn start(&mut self, point: [f64; 2]) {
         let [x, y] = point.map(rounded);
         write!(self.text, "M{}", pair(x, y)).ok();
         self.last = Some([x, y]);
     }
 
-    /// Draws a line to here; or begins a part here.
+    /// Draws a line to this point, or starts a part there.
     pub(crate) fn line(&mut self, point: [f64; 2]) {
         let Some([from_x, from_y]) = self.last else { return self.start(point) };
         let [x, y] = point.map(rounded);
@@ -120,13 +120,13 @@ impl PathData {
         self.last = Some([x, y]);
     }
 
-    /// Closes the part; the next line begins another one.
+    /// Closes the part; the next line starts another one.
     pub(crate) fn close(&mut self) {
         self.text.push('z');
         self.last = None;
     }
 
-    /// Ends the part; the next line begins another one.
+    /// Ends the part; the next line starts another one.
     pub(crate) const fn lift(&mut self) {
         self.last = None;
     }
@@ -137,7 +137,7 @@ impl PathData {
     }
 }
 
-/// Returns two numbers; a sign separates them as well as a space.
+/// Returns two numbers, separated by a space or by the sign of the second.
 fn pair(x: f64, y: f64) -> String {
     let (x, y) = (tenth(x), tenth(y));
     let gap = if y.starts_with('-') { "" } else { " " };

@@ -1,4 +1,4 @@
-//! Heading of a plot: its title, and the names of its curves, in as many rows as they take.
+//! Heading of a plot: its title, and the names of its curves, in as many rows as necessary.
 
 use crate::ink::{Canvas, width_of};
 
@@ -42,12 +42,12 @@ impl<'a> Legend<'a> {
         Self { title, entries: placed, rows: row + 1.0 }
     }
 
-    /// Returns its height, in px.
+    /// Returns the height of the heading, in px.
     pub(crate) fn height(&self) -> f64 {
         self.rows * ROW
     }
 
-    /// Draws it with its upper left corner here.
+    /// Draws the heading with its upper left corner at this point.
     pub(crate) fn draw(&self, canvas: &mut Canvas, [left, top]: [f64; 2]) {
         canvas.text("t", [left, top + 12.0], self.title);
         for (name, colour, x, row) in &self.entries {

@@ -1,5 +1,5 @@
-//! Pictures: the one module that draws. Charts of experiments, and what a session needs: time series with their extremes,
-//! modes and events over one time axis, histograms. Pictures are SVG; PNG is the same picture, rendered.
+//! Pictures: charts of experiments, histograms, and time series of sessions with extremes, modes and events. Pictures are
+//! SVG, or PNG rendered from it.
 //!
 //! ```
 //! use picture::strip::{Curve, Extent, Plot, Strip};

@@ -1,4 +1,4 @@
-//! PNG of a picture: the same SVG in its light colours, rendered with one font on every machine.
+//! PNG of a picture: its SVG in light colours, rendered with the same font on every machine.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ const SCALE: f32 = 2.0;
 /// Family of the font.
 const FAMILY: &str = "DejaVu Sans";
 
-/// Reasons why a picture has no PNG, in words.
+/// Reason why a picture cannot be rendered.
 #[derive(Debug)]
 pub struct RasterError(String);
 
@@ -26,10 +26,10 @@ impl std::fmt::Display for RasterError {
 
 impl std::error::Error for RasterError {}
 
-/// Returns a picture as PNG, with two pixels for each px.
+/// Renders a picture as PNG, with two pixels for each px.
 ///
 /// # Errors
-/// It is not SVG, or too large.
+/// The picture is not SVG, or is too large.
 pub fn png(svg: &str) -> Result<Vec<u8>, RasterError> {
     let svg = if svg.contains("<style>") { svg.to_owned() } else { theme::standalone(svg) };
     let svg = theme::light(&svg);

@@ -1,4 +1,4 @@
-//! Time series in plots over one another, which share the axis of time, the modes above them, and events through all.
+//! Time series in stacked plots with a common time axis, the modes above them, and events as lines through all plots.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::legend::{Legend, ROW};
 use crate::theme::COLOURS;
 use crate::trace::{self, Frame};
 
-/// Room for the values at the left, and at the right end, in px.
+/// Space for the values at the left, and at the right end, in px.
 const LEFT: f64 = 54.0;
 const RIGHT: f64 = 14.0;
 
@@ -19,7 +19,7 @@ const BAND: f64 = 20.0;
 /// Height of the axis of time with its name, in px.
 const AXIS: f64 = 36.0;
 
-/// Maximum number of rows of events; one that finds no place has its line alone.
+/// Maximum number of rows of events; an event without space has a line but no name.
 const MAX_ROWS: usize = 4;
 
 /// Width of an interval between two times and the height of one between two values, in px.
@@ -31,9 +31,9 @@ const VALUE_PITCH: f64 = 26.0;
 pub struct Plot {
     /// Title.
     pub title: String,
-    /// Unit of its values.
+    /// Unit of the values.
     pub unit: String,
-    /// Curves, drawn in their order.
+    /// Curves, in the order of drawing.
     pub curves: Vec<Curve>,
     /// The axis of values contains zero.
     pub has_zero: bool,
@@ -71,13 +71,13 @@ impl Plot {
 /// State between two times, as a bar.
 #[derive(Clone, Debug)]
 pub struct Band {
-    /// Begin, in s.
+    /// Start, in s.
     pub from: f64,
     /// End, in s.
     pub to: f64,
-    /// Name, or its first letter where there is no room.
+    /// Name; drawn as its first letter if space is short.
     pub name: String,
-    /// Number of its colour, 0 to 6: grey, three blues, yellow, orange, red.
+    /// Number of the colour, 0 to 6: grey, three blues, yellow, orange, red.
     pub colour: usize,
 }
 
@@ -90,7 +90,7 @@ pub struct Event {
     pub name: String,
 }
 
-/// Name of an event with its place: row from below, line, class with colour and anchor.
+/// Name of an event with its position: row from below, line, class with colour and anchor.
 #[derive(Debug)]
 struct Label<'a> {
     row: usize,
@@ -99,10 +99,10 @@ struct Label<'a> {
     name: &'a str,
 }
 
-/// Plots over one axis of time.
+/// Plots with a common time axis.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// Alternative in words; not drawn.
+    /// Alternative text; not drawn.
     pub title: String,
     /// Time, in s.
     pub time: Range<f64>,
@@ -115,7 +115,7 @@ pub struct Strip {
 }
 
 impl Strip {
-    /// Creates a picture without plots of this time.
+    /// Creates a picture of this time without plots.
     pub fn new(title: impl Into<String>, time: Range<f64>) -> Self {
         let (bands, events, plots) = (Vec::new(), Vec::new(), Vec::new());
         let is_long = time.end > time.start;
@@ -123,7 +123,7 @@ impl Strip {
         Self { title: title.into(), time, bands, events, plots }
     }
 
-    /// Draws it in a width of px; its height follows from what it has.
+    /// Draws the picture in this width, in px; the contents define its height.
     pub fn svg(&self, width: f64) -> String {
         let width = width.max(LEFT + RIGHT + 100.0);
         let frame = Frame {
@@ -191,7 +191,7 @@ impl Strip {
         axis::times(&self.time, ((right - left) / TIME_PITCH).max(2.0))
     }
 
-    /// Draws the axis of time.
+    /// Draws the time axis.
     fn axis(&self, canvas: &mut Canvas, frame: &Frame, y: f64) {
         let [left, _, right, _] = frame.edges;
         let (times, name) = self.times(frame);
@@ -227,7 +227,7 @@ impl Strip {
         }
     }
 
-    /// Returns the names of the events that find room.
+    /// Returns the names of the events for which there is space.
     fn labels(&self, frame: &Frame) -> Vec<Label<'_>> {
         let [left, _, right, _] = frame.edges;
         let mut taken: Vec<Vec<[f64; 2]>> = vec![Vec::new(); MAX_ROWS];

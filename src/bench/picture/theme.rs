@@ -1,9 +1,9 @@
-//! Colours of pictures, light and dark, as one stylesheet for a page or a picture of its own.
+//! Light and dark colours of pictures, as a stylesheet for a page or a separate picture.
 //!
 //! Strips and histograms have classes. Charts have colours as presentation attributes, which a stylesheet overrides.
-//! The colours of curves are those of Okabe and Ito, darkened or lightened: apart for people who do not see all colours.
+//! The colours of curves are those of Okabe and Ito, darkened or lightened: distinct also with colour blindness.
 
-/// Stylesheet of strips and histograms: light, and dark where the reader prefers it, except on paper.
+/// Stylesheet of strips and histograms: light, or dark if the reader prefers it, except in print.
 pub const STYLE: &str = concat!(
     ".pic text{font-family:system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;font-size:12px;fill:#3c444d}",
     ".pic .t{font-weight:600;fill:#15191e}.pic .e{text-anchor:end}.pic .m{text-anchor:middle}",
@@ -29,7 +29,7 @@ pub const STYLE: &str = concat!(
     "}",
 );
 
-/// Stylesheet of charts: other colours where the reader prefers the dark.
+/// Stylesheet of charts: other colours if the reader prefers a dark theme.
 const CHARTS: &str = concat!(
     "@media screen and (prefers-color-scheme:dark){",
     "svg [fill='#FFFFFF']{fill:#171b20}svg [stroke='#FFFFFF']{stroke:#2b3138}",
@@ -43,10 +43,10 @@ const CHARTS: &str = concat!(
     "}",
 );
 
-/// Number of the colours of curves.
+/// Number of colours for curves.
 pub(crate) const COLOURS: usize = 8;
 
-/// Returns a picture with its stylesheet: a file of its own. A text that is no picture stays as it is.
+/// Adds the stylesheet to a picture, for a separate file. Text that is not a picture is returned unchanged.
 pub fn standalone(svg: &str) -> String {
     match svg.find('>') {
         Some(end) if svg.starts_with("<svg") => {
@@ -58,7 +58,7 @@ pub fn standalone(svg: &str) -> String {
     }
 }
 
-/// Returns a picture without its colours for the dark, which a renderer of PNG does not know. They end a stylesheet.
+/// Removes the colours of the dark theme, which the PNG renderer does not support, from the end of a stylesheet.
 pub(crate) fn light(svg: &str) -> String {
     match (svg.find("@media"), svg.find("</style>")) {
         (Some(begin), Some(end)) if begin < end => {

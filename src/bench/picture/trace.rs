@@ -1,14 +1,14 @@
-//! A curve between its axes: a line in the middle of its extremes, and the area between them.
+//! Drawing of a curve: the area between its extremes, and a line in the middle.
 
 use std::ops::Range;
 
 use crate::curve::{Curve, Extent};
 use crate::ink::{Canvas, PathData};
 
-/// Distance of the extremes from which the area between them is seen, in px.
+/// Minimum distance of the extremes for a visible area between them, in px.
 const VISIBLE: f64 = 1.2;
 
-/// Points of a part: across, low, high, in px.
+/// Points of a part: x, low, high, in px.
 type Part = Vec<[f64; 3]>;
 
 /// Axes on the picture.
@@ -18,19 +18,19 @@ pub(crate) struct Frame {
     pub(crate) time: Range<f64>,
     /// Values.
     pub(crate) values: Range<f64>,
-    /// Left, upper, right, lower edge, in px.
+    /// Left, top, right and bottom edges, in px.
     pub(crate) edges: [f64; 4],
 }
 
 impl Frame {
-    /// Returns the place of a time across the picture.
+    /// Returns the horizontal position of a time.
     pub(crate) fn x(&self, time: f64) -> f64 {
         let [left, _, right, _] = self.edges;
         let share = (time - self.time.start) / (self.time.end - self.time.start);
         left + share * (right - left)
     }
 
-    /// Returns the place of a value, from the top.
+    /// Returns the vertical position of a value, from the top.
     pub(crate) fn y(&self, value: f64) -> f64 {
         let [_, top, _, bottom] = self.edges;
         let share = (value - self.values.start) / (self.values.end - self.values.start);
@@ -55,7 +55,7 @@ pub(crate) fn draw(canvas: &mut Canvas, frame: &Frame, curve: &Curve) {
     canvas.path(&format!("l c{colour}"), &line.finish());
 }
 
-/// Returns the parts of a curve without a gap; extents of the same column of pixels are one.
+/// Returns the contiguous parts of a curve; extents in the same column of pixels are merged.
 fn parts(frame: &Frame, extents: &[Extent]) -> Vec<Part> {
     let mut parts = Vec::new();
     let mut part: Part = Vec::new();

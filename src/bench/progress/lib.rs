@@ -1,6 +1,7 @@
-//! Progress of long work on stderr, with the time left, where stderr is a terminal; and its end by SIGINT or SIGTERM.
+//! Progress bar of long work on stderr, with the remaining time, if stderr is a terminal; and interruption by SIGINT or
+//! SIGTERM.
 //!
-//! A bar is drawn by a thread of its own: work only counts, and never waits for a terminal.
+//! A separate thread draws the bar, so that work only counts and never waits for a terminal.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,5 +20,5 @@
 mod shown;
 mod unit;
 
-pub use shown::{Interrupted, NoSignals, Progress};
+pub use shown::{Interruption, NoSignals, Progress};
 pub use unit::Unit;

@@ -1,4 +1,4 @@
-//! A bar that shows how much of a piece of work is done, and its end by a signal.
+//! Progress bar of a piece of work, and its interruption by a signal.
 
 use std::fmt::Write;
 use std::io;
@@ -19,16 +19,16 @@ use run::interrupt::Interrupt;
 /// Time between two drawings.
 const DRAW_PERIOD: Duration = Duration::from_millis(100);
 
-/// Time between two looks at the signals.
+/// Time between two checks for signals.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 
-/// Number of positions that a bar has at most.
+/// Maximum number of positions of a bar.
 const POSITIONS: u64 = 1_000;
 
-/// Amount of work between two positions where its total is unknown.
+/// Amount of work between two positions if the total is unknown.
 const UNKNOWN_STEP: u64 = 1_000;
 
-/// A piece of work that counts what is done. Its bar is on stderr, where that is a terminal, until this is dropped.
+/// Counter of completed work with a progress bar, which is shown on a terminal at stderr until this is dropped.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
@@ -45,13 +45,13 @@ pub struct Progress {
 #[error("cannot receive signals: {0}")]
 pub struct NoSignals(#[from] io::Error);
 
-/// Work that a signal has ended: how much of it was done.
+/// Interruption by a signal, with the amount of completed work.
 #[derive(Debug, Error, PartialEq, Eq)]
 #[error("interrupted after {0}")]
-pub struct Interrupted(String);
+pub struct Interruption(String);
 
 impl Progress {
-    /// Starts to show a piece of work, and to watch for signals. The bar is hidden where the work is quiet.
+    /// Starts a progress bar and a watch for signals. The bar is hidden if `is_quiet`.
     ///
     /// # Errors
     /// Signals cannot be received.
@@ -78,7 +78,7 @@ impl Progress {
         Self { bar, unit, total, done: AtomicU64::new(0), step, interrupt }
     }
 
-    /// Counts work that was done. Costs some nanoseconds, on any thread.
+    /// Counts completed work. Takes some nanoseconds, on any thread.
     pub fn advance(&self, amount: u64) {
         let before = self.done.fetch_add(amount, Ordering::Relaxed);
         let done = before.saturating_add(amount);
@@ -94,7 +94,7 @@ impl Progress {
         }
     }
 
-    /// Prints on the terminal while the bar is not there.
+    /// Calls `print` while the bar is hidden.
     pub fn suspend<R>(&self, print: impl FnOnce() -> R) -> R {
         self.bar.suspend(print)
     }
@@ -109,16 +109,16 @@ impl Progress {
         self.interrupt.is_set()
     }
 
-    /// Ends the work if SIGINT or SIGTERM was received. Cheap: may be called for every piece.
+    /// Checks for SIGINT and SIGTERM. Cheap enough for every piece of work.
     ///
     /// # Errors
-    /// How much of the work was done.
-    pub fn check(&self) -> Result<(), Interrupted> {
+    /// A signal was received; the error has the amount of completed work.
+    pub fn check(&self) -> Result<(), Interruption> {
         if self.is_interrupted() { Err(self.interrupted()) } else { Ok(()) }
     }
 
-    /// Runs work that writes no file, on a thread of its own: SIGINT and SIGTERM end the process at once, with [`INTERRUPTED`],
-    /// after `report` was given the message. For work whose pieces take long.
+    /// Runs work that writes no file and has long pieces, on a separate thread. SIGINT and SIGTERM end the process
+    /// immediately, with [`INTERRUPTED`], after `report` was called with the message.
     pub fn abandonable<R: Send>(
         &self,
         report: impl FnOnce(&str),
@@ -141,11 +141,11 @@ impl Progress {
         })
     }
 
-    /// Removes the bar; returns the message of work that ends here.
-    pub fn interrupted(&self) -> Interrupted {
+    /// Removes the bar; returns the message of an interruption.
+    pub fn interrupted(&self) -> Interruption {
         self.finish();
         let done = self.done.load(Ordering::Relaxed);
-        Interrupted(self.unit.amount(done, self.total, " of "))
+        Interruption(self.unit.amount(done, self.total, " of "))
     }
 
     /// Removes the bar, as dropping does.
@@ -181,7 +181,7 @@ fn style(total: Option<u64>, unit: Unit) -> ProgressStyle {
             write(to, &unit::words(state.elapsed()));
         })
         .with_key("left", |state: &ProgressState, to: &mut dyn Write| {
-            // Nothing is known of it at first.
+            // The remaining time is unknown at first.
             if state.pos() > 0 {
                 write(to, &format!(", {} left", unit::words(state.eta())));
             }

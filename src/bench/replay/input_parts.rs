@@ -19,7 +19,7 @@ pub struct InputParts {
     /// Parts that are still to be read: the file of each, or the name of a missing one.
     rest: VecDeque<Result<String, String>>,
     current: Option<Current>,
-    /// Number of parts begun.
+    /// Number of opened parts.
     begun: u32,
     entries: u64,
 }
@@ -38,11 +38,11 @@ struct Current {
 pub struct PartError {
     /// Name of the file in the folder of the session.
     pub file: String,
-    /// Why.
+    /// Reason for the early end.
     pub error: PartFault,
 }
 
-/// Reason why the inputs end early.
+/// Reason for an early end of the inputs.
 #[derive(Debug)]
 pub enum PartFault {
     /// The file is missing.
@@ -89,7 +89,7 @@ impl InputParts {
     /// Returns inputs that are no file.
     ///
     /// # Errors
-    /// They are no inputs, or those of another version.
+    /// The file has no inputs, or those of another version.
     pub(super) fn of_one(inputs: impl BufRead + 'static) -> Result<Self, ReadError> {
         let inputs: Box<dyn BufRead> = Box::new(inputs);
         let reader = InputReader::begin(inputs)?;
@@ -121,15 +121,15 @@ impl InputParts {
         }
     }
 
-    /// Returns whether an error is the end of a recording that was cut while its last part was written: all entries before are
-    /// whole.
+    /// Returns whether an error is the end of a recording that was cut while its last part was written, so that all earlier
+    /// entries are valid.
     pub(super) fn is_cut(&self, error: &PartError) -> bool {
         let is_plain = self.current.as_ref().is_some_and(|current| !current.is_packed);
         let is_cut = matches!(error.error, PartFault::Unreadable(ReadError::Cut(_)));
         is_cut && is_plain && self.rest.is_empty()
     }
 
-    /// Begins the first part now, so that an invalid one is found at once.
+    /// Opens the first part, so that an invalid one is reported immediately.
     ///
     /// # Errors
     /// As [`read`](Self::read).

@@ -1,4 +1,4 @@
-//! Result of a replay: how much was compared, and how it has ended.
+//! Result of a replay: the extent of the comparison, and its end.
 
 use std::fmt;
 
@@ -14,10 +14,10 @@ pub struct Outcome {
     pub frames: u64,
     /// Number of the last cycle, as in `bus.log`: with those of boots, which have no line there. Zero before the first.
     pub last_cycle: u64,
-    /// First cycle with another intermediate of the control law, and the name of the first that differs. The frames may
-    /// be equal all the same.
+    /// First cycle with a different intermediate of the control law, and the name of the first such intermediate. The frames
+    /// may be equal nevertheless.
     pub intermediate: Option<(u64, &'static str)>,
-    /// Why the replay has ended; `None` while it goes on.
+    /// Reason of the end; `None` while the replay continues.
     pub end: Option<End>,
 }
 
@@ -27,7 +27,7 @@ impl Outcome {
         !matches!(self.end, Some(End::Differs(_)))
     }
 
-    /// Returns whether the replay was not ended before the recording's own end.
+    /// Returns whether the replay reached the end of the recording.
     pub const fn is_complete(&self) -> bool {
         matches!(self.end, None | Some(End::Complete))
     }

@@ -29,14 +29,14 @@ impl PartFile {
     /// # Errors
     /// It cannot be opened or read, or is not a regular file.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Self::of(files::open_unlinked(path)?)
+        Self::from_file(files::open_unlinked(path)?)
     }
 
     /// Reads `file`, which is packed if it begins as gzip does.
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn of(file: File) -> io::Result<Self> {
+    pub fn from_file(file: File) -> io::Result<Self> {
         let mut file = BufReader::with_capacity(BUFFER, file);
         Ok(match file.fill_buf()?.starts_with(&GZIP) {
             true => {

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use canopen_tools::candump::Line;
-use canopen_tools::fixed::Fixed;
+use canopen_tools::fixed::FixedDecimal;
 use canopen_tools::object_text::Switches;
 use node::record::Mode;
 use telemetry::session::{NODE, WRENCH};
@@ -59,8 +59,8 @@ impl fmt::Display for RecorderLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Wrench([forces @ .., a, b, c]) => {
-                let [x, y, z] = forces.map(|force| Fixed::new(force, 8, 3));
-                let [a, b, c] = [*a, *b, *c].map(|moment| Fixed::new(moment, 8, 4));
+                let [x, y, z] = forces.map(|force| FixedDecimal::new(force, 8, 3));
+                let [a, b, c] = [*a, *b, *c].map(|moment| FixedDecimal::new(moment, 8, 4));
                 write!(f, "{x} {y} {z} N  {a} {b} {c} N·m")
             }
             Self::Cycle { mode, inputs, sampled, number } => {

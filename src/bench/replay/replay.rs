@@ -1,4 +1,4 @@
-//! Runs the node of a session with its recorded inputs, and compares what it sends.
+//! Replay of a session: runs its node with the recorded inputs, and compares the frames.
 
 use std::collections::VecDeque;
 use std::io::BufRead;
@@ -8,7 +8,7 @@ use crate::outcome::{Difference, End, Outcome, Place};
 use crate::reader::ReadError;
 use crate::replayed_bus::ReplayedBus;
 use crate::replayed_remote::ReplayedRemote;
-use crate::source::{Ended, Source, answer};
+use crate::source::{InputEnd, Source, answer};
 use canopen::frame::Telegram;
 use config::Config;
 use controller::Output;
@@ -18,7 +18,7 @@ use node::cause::Cause;
 use node::record::Record;
 use units::time::Instant;
 
-/// A node that is run with recorded inputs, call by call.
+/// Node that runs with recorded inputs, call by call.
 #[derive(Debug)]
 pub struct Replay {
     node: Node<ReplayedBus, ReplayedRemote>,
@@ -35,10 +35,10 @@ pub struct Replay {
 const MAX_OUTPUTS: usize = 4_096;
 
 impl Replay {
-    /// Starts a node with this configuration on recorded inputs; `None` if not even its start was recorded.
+    /// Starts a node with this configuration on recorded inputs; `None` if its start was not recorded.
     ///
     /// # Errors
-    /// They are no inputs, or those of another version.
+    /// The data are no inputs, or those of another version.
     pub fn of_inputs(
         config: &Config,
         inputs: impl BufRead + 'static,
@@ -46,7 +46,7 @@ impl Replay {
         Ok(Self::new(config, Source::new(InputParts::of_one(inputs)?), true))
     }
 
-    /// Starts the node of a session; `None` if not even its start was recorded.
+    /// Starts the node of a session; `None` if its start was not recorded.
     pub(super) fn new(config: &Config, source: Source, is_compared: bool) -> Option<Self> {
         let Some(Call::New) = source.call() else { return None };
         let bus = ReplayedBus::new(source.clone());
@@ -80,7 +80,7 @@ impl Replay {
             // Without an answer the call comes to its end.
             answer.unwrap_or(true)
         };
-        // Results are not compared: what follows from them is.
+        // Only the frames and intermediates that follow from results are compared.
         let record = match call {
             Call::New => None,
             Call::BringUp => self.node.bring_up(&mut answer).map_or(None, |()| None),
@@ -150,11 +150,13 @@ impl Replay {
     /// Ends because there are no more inputs.
     fn end(&mut self, place: Place) {
         self.outcome.end = Some(match self.source.take_end() {
-            None | Some(Ended::Complete) => End::Complete,
-            Some(Ended::Cut) => End::Cut(place),
-            Some(Ended::Lost(inputs)) => End::Lost(place, inputs),
-            Some(Ended::Unreadable(error)) => End::Unreadable(place, error),
-            Some(Ended::Other(misstep)) => return self.differs(place, Some(misstep.to_string())),
+            None | Some(InputEnd::Complete) => End::Complete,
+            Some(InputEnd::Cut) => End::Cut(place),
+            Some(InputEnd::Lost(inputs)) => End::Lost(place, inputs),
+            Some(InputEnd::Unreadable(error)) => End::Unreadable(place, error),
+            Some(InputEnd::Other(misstep)) => {
+                return self.differs(place, Some(misstep.to_string()));
+            }
         });
     }
 }

@@ -1,4 +1,4 @@
-//! A bus that answers as recorded, and keeps what is sent.
+//! Bus that replays the recorded answers, and keeps sent frames.
 
 use std::cell::Cell;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use units::time::Instant;
 #[derive(Debug)]
 pub(super) struct ReplayedBus {
     source: Source,
-    /// Last reading of the clock. It goes on by waits where the recording has ended.
+    /// Last reading of the clock. After the end of the recording, waits advance it.
     now: Cell<Instant>,
     /// Frames sent in this call, and the clock then.
     sent: Vec<(Instant, Telegram)>,

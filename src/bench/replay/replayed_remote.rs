@@ -1,4 +1,4 @@
-//! A commanded side that answers as recorded.
+//! Commanded side that replays the recorded answers.
 
 use crate::source::{Source, answer};
 use inputs::Input;
@@ -18,7 +18,7 @@ impl Remote for ReplayedRemote {
         sensed.flatten()
     }
 
-    /// Returns one reason for each recorded one. The node asks only whether there are any.
+    /// Returns one reason for each recorded one. The node only checks whether the list is empty.
     fn misfits(&mut self, _: Instant) -> Vec<Misfit> {
         let count = self.0.take(
             "asks whether the commanded side fits",

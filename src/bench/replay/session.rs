@@ -1,4 +1,4 @@
-//! The folder of a recorded session, read again.
+//! Reader of the folder of a recorded session.
 
 use std::io::{self, BufRead};
 use std::path::{Component, Path, PathBuf};
@@ -73,10 +73,10 @@ pub enum SessionError {
 }
 
 impl Session {
-    /// Reads the description of a session, and the files that it copied.
+    /// Reads the description of a session, and the copied files.
     ///
     /// # Errors
-    /// What is missing, of another version, or other than recorded.
+    /// A file is missing, of another version, or not as recorded.
     pub fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DESCRIPTION);
         let text = read(&file)?;
@@ -105,8 +105,8 @@ impl Session {
         self.parts.missing()
     }
 
-    /// Returns the gaps of this session, a line each: missing parts, and why the recording has ended early. A command says
-    /// so, and does the rest.
+    /// Returns the gaps of this session, a line each: missing parts, and the reason for an early end. Commands print them and
+    /// process the rest.
     pub fn remarks(&self) -> Vec<String> {
         let folder = self.folder.display();
         let missing = self.missing().into_iter();
@@ -180,7 +180,7 @@ impl Session {
         self.started(config, true)
     }
 
-    /// The same without comparing what it sends: with another configuration than that of the session.
+    /// Starts the node with another configuration than that of the session, without a comparison of frames.
     ///
     /// # Errors
     /// As [`replay`](Self::replay).
@@ -194,8 +194,8 @@ impl Session {
         started.ok_or_else(|| SessionError::Empty { file: file() })
     }
 
-    /// Returns the frames of a cycle in `bus.log`, in their order. That of a simulation has frames when they are on the wire,
-    /// which those of a cycle's end are in the next.
+    /// Returns the frames of a cycle in `bus.log`, in their order. A simulation logs frames when they are complete on the wire,
+    /// so frames from the end of a cycle are in the next one.
     ///
     /// # Errors
     /// The log cannot be read.
@@ -210,7 +210,7 @@ impl Session {
     }
 }
 
-/// Returns what the summary of a session says about its recording; `None` without a summary.
+/// Returns the report on the recording in the summary of a session; `None` without a summary.
 fn summary(file: &Path) -> Result<Option<RecordingReport>, SessionError> {
     let text = match read(file) {
         Ok(text) => text,

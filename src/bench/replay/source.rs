@@ -1,4 +1,4 @@
-//! Recorded inputs, handed out one by one to the node that asks for them.
+//! Recorded inputs, returned one by one to the node.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -27,17 +27,17 @@ pub(super) struct Source(Rc<RefCell<State>>);
 #[derive(Debug)]
 struct State {
     reader: InputParts,
-    /// The next input, once it was looked at.
+    /// Next input, if already read.
     next: Option<Input>,
-    /// Digests of cycles that were read on the way, in their order.
+    /// Digests of cycles that were read between other inputs, in their order.
     digests: VecDeque<(u64, Digest)>,
-    ended: Option<Ended>,
+    ended: Option<InputEnd>,
 }
 
-/// Reason why there are no more inputs for the node.
+/// Reason for the end of the inputs.
 #[derive(Debug)]
-pub(super) enum Ended {
-    /// All were used.
+pub(super) enum InputEnd {
+    /// All inputs were used.
     Complete,
     /// The recording ends here, inside of a call.
     Cut,
@@ -45,11 +45,11 @@ pub(super) enum Ended {
     Unreadable(PartError),
     /// The recording has a gap of this many inputs.
     Lost(u64),
-    /// The node asks for another input than the one recorded.
+    /// The node requests another input than the recorded one.
     Other(Misstep),
 }
 
-/// Question of a node that the recording has no answer to.
+/// Step of a node that the recording does not answer.
 #[derive(Debug)]
 pub(super) struct Misstep {
     /// Step of the node.
@@ -78,8 +78,8 @@ impl Source {
     pub(super) fn call(&self) -> Option<Call> {
         let found = self.take("returns", answer!(Input::Call(call) => *call));
         let mut state = self.0.borrow_mut();
-        if matches!(state.ended, Some(Ended::Cut)) {
-            state.ended = Some(Ended::Complete);
+        if matches!(state.ended, Some(InputEnd::Cut)) {
+            state.ended = Some(InputEnd::Complete);
         }
         found
     }
@@ -93,7 +93,7 @@ impl Source {
         Some(picked)
     }
 
-    /// Takes the next input if `pick` accepts it. Ends otherwise: `asked` says what the node does.
+    /// Takes the next input if `pick` accepts it; otherwise ends the inputs. `asked` describes the step of the node.
     pub(super) fn take<T>(
         &self,
         asked: &'static str,
@@ -108,9 +108,9 @@ impl Source {
             None => {
                 let recorded = description(next);
                 state.ended = Some(if let Input::Lost(inputs) = next {
-                    Ended::Lost(*inputs)
+                    InputEnd::Lost(*inputs)
                 } else {
-                    Ended::Other(Misstep { asked, recorded })
+                    InputEnd::Other(Misstep { asked, recorded })
                 });
                 state.next = None;
             }
@@ -118,7 +118,7 @@ impl Source {
         picked
     }
 
-    /// Takes the digest of a cycle, if it was read by now; drops those of earlier ones.
+    /// Takes the digest of a cycle, if already read; drops those of earlier cycles.
     pub(super) fn take_digest(&self, cycle: u64) -> Option<Digest> {
         let mut state = self.0.borrow_mut();
         while let Some((of, digest)) = state.digests.front().copied().filter(|(of, _)| *of <= cycle)
@@ -146,7 +146,7 @@ impl Source {
     }
 
     /// Takes the reason of the end.
-    pub(super) fn take_end(&self) -> Option<Ended> {
+    pub(super) fn take_end(&self) -> Option<InputEnd> {
         self.0.borrow_mut().ended.take()
     }
 }
@@ -160,9 +160,9 @@ impl State {
                     self.digests.push_back((cycle, digest));
                 }
                 Ok(Some(input)) => self.next = Some(input),
-                Ok(None) => self.ended = Some(Ended::Cut),
-                Err(error) if self.reader.is_cut(&error) => self.ended = Some(Ended::Cut),
-                Err(error) => self.ended = Some(Ended::Unreadable(error)),
+                Ok(None) => self.ended = Some(InputEnd::Cut),
+                Err(error) if self.reader.is_cut(&error) => self.ended = Some(InputEnd::Cut),
+                Err(error) => self.ended = Some(InputEnd::Unreadable(error)),
             }
         }
     }

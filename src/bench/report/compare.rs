@@ -1,4 +1,4 @@
-//! Two sessions beside each other: figures, differences of what they are, and curves over one another.
+//! Comparison of two sessions: figures side by side, differences of their settings, and overlaid curves.
 
 use std::ops::Range;
 
@@ -61,7 +61,7 @@ pub(crate) fn write(html: &mut Html, one: &View<'_>, other: &View<'_>) {
     html.end_section();
 }
 
-/// Returns the time that both have, from the begin of either, each less its zero.
+/// Returns the range of times of both, each relative to its zero.
 fn time(views: [&View<'_>; 2], zeros: [f64; 2]) -> Range<f64> {
     let ends = views.into_iter().zip(zeros).map(|(view, zero)| {
         let time = view.time();

@@ -5,10 +5,10 @@ use std::time::Duration;
 use node::record::Mode;
 use signals::Cycle;
 
-/// Time between two cycles, in s; what is longer is a pause, not a cycle.
+/// Maximum time between two cycles, in s; a longer time is a pause.
 const LONGEST_CYCLE: f64 = 0.1;
 
-/// Figures, each from the cycles that were read.
+/// Figures over all cycles of a session.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Figures {
     /// Cycles.

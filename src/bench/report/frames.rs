@@ -1,4 +1,4 @@
-//! Frames of a log in words: those around a moment, and those of the boot.
+//! Frames of a log as text: those around a given time, and those of the boot.
 
 use std::collections::BTreeMap;
 use std::collections::VecDeque;
@@ -50,9 +50,9 @@ pub(crate) struct Reader {
     origin_us: u64,
 }
 
-/// A frame in words.
+/// Frame with its meaning as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Described {
+pub(crate) struct FrameText {
     /// Time since time zero.
     pub(crate) at: Duration,
     pub(crate) interface: String,
@@ -83,7 +83,7 @@ impl Reader {
         &mut self,
         line: &Line<'_>,
         is_wanted: impl Fn(&What<'_>) -> bool,
-    ) -> Option<Described> {
+    ) -> Option<FrameText> {
         let (cob_id, data) = line.canopen()?;
         let (_, bus) = self.buses.iter().find(|(name, _)| name == line.interface)?;
         let at = Instant::from_micros((line.nanos / 1_000).saturating_sub(self.origin_us));
@@ -93,7 +93,7 @@ impl Reader {
         }
         let bytes: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
         let remarks: String = annotation.remarks().map(|remark| format!("; {remark}")).collect();
-        Some(Described {
+        Some(FrameText {
             at: at.since(Instant::ZERO),
             interface: line.interface.to_owned(),
             frame: format!("{cob_id:03X}#{bytes}"),
@@ -103,7 +103,7 @@ impl Reader {
     }
 
     /// Returns the frames around a time since time zero.
-    pub(crate) fn around(&mut self, log: impl BufRead, moment: Duration) -> Vec<Described> {
+    pub(crate) fn around(&mut self, log: impl BufRead, moment: Duration) -> Vec<FrameText> {
         let [before, after] = SHOWN;
         let mut frames = VecDeque::with_capacity(before + after);
         let mut later = 0;
@@ -164,7 +164,7 @@ impl Reader {
 /// Events of a boot.
 #[derive(Debug, Default)]
 pub(crate) struct Boot {
-    pub(crate) events: Vec<Described>,
+    pub(crate) events: Vec<FrameText>,
     /// Number of events that are not kept.
     pub(crate) more: u64,
     /// Number of frames on each bus.

@@ -39,7 +39,7 @@ impl Source for Cycles {
     }
 }
 
-/// A log alone, without what a replay computes.
+/// Cycles from the log alone, without a replay.
 #[derive(Debug)]
 pub(crate) struct LogAlone<R> {
     log: WireCycles<R>,
@@ -76,7 +76,7 @@ impl<R: BufRead> Source for LogAlone<R> {
 
 /// Curves, modes and figures of a session.
 #[derive(Clone, Debug)]
-pub(crate) struct Gathered {
+pub(crate) struct SessionData {
     /// Time of the first and the last cycle, in s since time zero.
     pub(crate) ends: Option<[f64; 2]>,
     pub(crate) modes: Modes,
@@ -109,7 +109,7 @@ pub(crate) struct Gathered {
     without_replay: u64,
 }
 
-impl Gathered {
+impl SessionData {
     fn new(buses: usize) -> Self {
         let six = || Series::new(6);
         Self {
@@ -139,7 +139,7 @@ impl Gathered {
         }
     }
 
-    /// Returns what a subject without a cycle has: a remark.
+    /// Returns the result for a subject without a cycle: only a remark.
     pub(crate) fn without(remark: String) -> Self {
         let verdict = Some(ReplayVerdict::Missing("no cycle can be read".to_owned()));
         Self { findings: Findings { remarks: vec![remark], verdict }, ..Self::new(0) }

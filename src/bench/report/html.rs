@@ -1,4 +1,4 @@
-//! A page as text: HTML that is well-formed XML, too. Every text is escaped where it is written.
+//! Text of a page: HTML that is also well-formed XML. Every text is escaped when written.
 
 use picture::escaped;
 
@@ -12,7 +12,7 @@ const MAX_NARROW_COLUMNS: usize = 3;
 /// Styles of the page; those of the pictures follow.
 const STYLE: &str = include_str!("page.css");
 
-/// A page that is being written.
+/// Page under construction.
 #[derive(Debug, Default)]
 pub(crate) struct Html {
     text: String,

@@ -1,9 +1,9 @@
-//! The report of a recorded session or a fault record: one page for people, self-contained, without a script.
+//! Report of a recorded session or a fault record: one self-contained page without a script.
 //!
 //! ```text
-//!  folder ──► Subject ──► Gathered ──► View ──► sections ──► one HTML file
-//!             what there   one pass    with the
-//!             is to read   of cycles   stops in words
+//!  folder ──► Subject ──► SessionData ──► View ──► sections ──► one HTML file
+//!             what there   one pass       with the
+//!             is to read   of cycles      stops in words
 //! ```
 //!
 //! A part that cannot be read is named in the report; the rest is done.
@@ -25,5 +25,5 @@ mod timing;
 mod view;
 mod words;
 
-pub use page::{Interrupted, report};
+pub use page::{Interruption, report};
 pub use subject::{NoSubject, Subject};

@@ -7,7 +7,7 @@ use node::record::Mode;
 use picture::strip::Band;
 use signals::Cycle;
 
-/// Maximum number of changes that are kept; a mode that flickers has more, and is no use to look at.
+/// Maximum number of changes that are kept. Only a flickering mode has more.
 const MAX_SPELLS: usize = 4_000;
 
 /// Maximum number of stops whose seconds are kept.

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::compare;
-use crate::gather::{Gathered, LogAlone};
+use crate::gather::{LogAlone, SessionData};
 use crate::html::Html;
 use crate::sections::{boot, bus, fault_frames, grip, joints, parts, summary, timing, verdict};
 use crate::stops;
@@ -35,7 +35,7 @@ const CONTENTS: [(&str, &str); 16] = [
 
 /// The report was abandoned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Interrupted;
+pub struct Interruption;
 
 /// Returns the report of a session or fault record, compared with another one. `on_progress` gets the number of cycles that
 /// were read since the last call, and returns whether to go on.
@@ -46,10 +46,10 @@ pub fn report(
     subject: &Subject,
     other: Option<&Subject>,
     mut on_progress: impl FnMut(u64) -> bool,
-) -> Result<String, Interrupted> {
-    let gathered = gather(subject, &mut on_progress).ok_or(Interrupted)?;
+) -> Result<String, Interruption> {
+    let gathered = gather(subject, &mut on_progress).ok_or(Interruption)?;
     let compared = match other {
-        Some(other) => Some((other, gather(other, &mut on_progress).ok_or(Interrupted)?)),
+        Some(other) => Some((other, gather(other, &mut on_progress).ok_or(Interruption)?)),
         None => None,
     };
     let (found, names) = (stops::stops(subject, &gathered.modes.stops), subject.joints());
@@ -162,14 +162,14 @@ fn facts(view: &View<'_>) -> String {
 }
 
 /// Reads the cycles of a subject: with the replay where there is one, else by the log alone, else none.
-fn gather(subject: &Subject, on_progress: impl FnMut(u64) -> bool) -> Option<Gathered> {
+fn gather(subject: &Subject, on_progress: impl FnMut(u64) -> bool) -> Option<SessionData> {
     let interfaces = subject.interfaces();
     let buses = interfaces.len();
     let config = subject.config.as_ref();
     if let (Some(session), Some(config)) = (&subject.session, config) {
         return match Recording::new(session, config).cycles() {
-            Ok(mut cycles) => Gathered::read(&mut cycles, buses, on_progress),
-            Err(error) => Some(Gathered::without(error.to_string())),
+            Ok(mut cycles) => SessionData::read(&mut cycles, buses, on_progress),
+            Err(error) => Some(SessionData::without(error.to_string())),
         };
     }
     let reason = match (subject.is_record(), &subject.session) {
@@ -182,8 +182,8 @@ fn gather(subject: &Subject, on_progress: impl FnMut(u64) -> bool) -> Option<Gat
     match subject.log() {
         Ok(log) => {
             let log = WireCycles::new(log, &interfaces, subject.origin_us(), config);
-            Gathered::read(&mut LogAlone::new(log, reason), buses, on_progress)
+            SessionData::read(&mut LogAlone::new(log, reason), buses, on_progress)
         }
-        Err(error) => Some(Gathered::without(format!("bus.log: {error}"))),
+        Err(error) => Some(SessionData::without(format!("bus.log: {error}"))),
     }
 }

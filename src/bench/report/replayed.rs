@@ -1,4 +1,4 @@
-//! Result of the replay in words.
+//! Text of the result of a replay.
 
 use signals::{Findings, ReplayVerdict};
 

@@ -1,4 +1,4 @@
-//! Stops of a session in words: what the log, the replay, fault records and the summary each know of them.
+//! Stops of a session as text, combined from log, replay, fault records and summary.
 
 use serde_json::Value;
 
@@ -13,7 +13,7 @@ const SAME: f64 = 0.5;
 
 /// A stop.
 #[derive(Clone, Debug)]
-pub(crate) struct Described {
+pub(crate) struct StopReport {
     /// Time of its SYNC, in s since time zero.
     pub(crate) at: f64,
     pub(crate) cycle: Option<u64>,
@@ -35,11 +35,11 @@ pub(crate) struct Described {
 }
 
 /// Returns all stops of a session, in the order of time.
-pub(crate) fn stops(subject: &Subject, found: &[Stop]) -> Vec<Described> {
+pub(crate) fn stops(subject: &Subject, found: &[Stop]) -> Vec<StopReport> {
     let joints = subject.joints();
     let mut records: Vec<_> = subject.records.iter().map(|(name, of)| (name.clone(), of)).collect();
     records.extend(subject.fault.as_ref().map(|of| (subject.name.clone(), of)));
-    let mut stops: Vec<Described> = Vec::new();
+    let mut stops: Vec<StopReport> = Vec::new();
     for stop in found {
         let is_same = |(_, record): &(String, &Value)| {
             number(record, "seconds").is_some_and(|at| (at - stop.at).abs() < SAME)
@@ -58,7 +58,7 @@ fn of_log(
     stop: &Stop,
     record: Option<(String, &Value)>,
     joints: &[String],
-) -> Described {
+) -> StopReport {
     let of_record = record.map(|(name, record)| of_record(name, record, joints));
     let by_replay = stop.cause.map(|cause| cause.with_name(joints));
     let by_summary = || {
@@ -71,7 +71,7 @@ fn of_log(
     let cause = cause.or_else(by_summary);
     let joint = joint.or_else(|| joint_of(cause.as_ref()?, joints));
     let unknown = "cause unknown: there is neither a replay nor a fault record of it";
-    Described {
+    StopReport {
         at: stop.at,
         cycle: Some(stop.cycle),
         modes: [stop.from, stop.to, stop.last].map(|mode| mode.name().to_owned()),
@@ -86,7 +86,7 @@ fn of_log(
 }
 
 /// Returns the stop that a `fault.json` describes.
-pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Described {
+pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> StopReport {
     let mode = |key: &str| text(record, key).unwrap_or_else(|| "unknown".to_owned());
     let cause = text(record, "cause").unwrap_or_else(|| "its fault.json names no cause".to_owned());
     let kind = text(record, "kind");
@@ -95,7 +95,7 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Desc
         let number = usize::try_from(number.as_u64()?).ok()?;
         joints.get(number.checked_sub(1)?).cloned()
     };
-    Described {
+    StopReport {
         at: number(record, "seconds").unwrap_or(f64::NAN),
         cycle: record.get("cycle").and_then(Value::as_u64),
         modes: [mode("mode_before"), mode("mode"), mode("mode")],
@@ -109,7 +109,7 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Desc
     }
 }
 
-/// Returns the state that a mode is, in words.
+/// Returns the state of a mode as text.
 pub(crate) fn state(mode: &str) -> &'static str {
     match Mode::ALL.into_iter().find(|one| one.name() == mode) {
         Some(Mode::ReflectionOff) => {
@@ -123,7 +123,7 @@ pub(crate) fn state(mode: &str) -> &'static str {
     }
 }
 
-/// Returns the joint that a text about a joint begins with.
+/// Returns the joint at the start of a text about a joint.
 pub(crate) fn joint_of(text: &str, joints: &[String]) -> Option<String> {
     let number = |joint: &Joint| text.starts_with(&format!("joint {joint}"));
     let joint = Joint::ALL.into_iter().find(number)?;

@@ -22,18 +22,18 @@ const MAX_RECORDS: usize = 100;
 /// Stamps above this count from 1970, not from time zero: ten years, in µs.
 const SINCE_1970: u64 = 315_360_000_000_000;
 
-/// A folder that is neither a session nor a fault record.
+/// Reason why a folder has no report.
 #[derive(Debug, Error)]
 pub enum NoSubject {
-    /// It has none of the files.
+    /// The folder has no file of a session or of a fault record.
     #[error("{0}: not a session or fault record: no session.json, fault.json or bus.log in it")]
     Nothing(PathBuf),
-    /// It cannot be read.
+    /// The folder cannot be read.
     #[error("{0}: {1}")]
     Unreadable(PathBuf, io::Error),
 }
 
-/// A session or a fault record.
+/// Session or fault record of a folder.
 #[derive(Debug)]
 pub struct Subject {
     pub(crate) folder: PathBuf,
@@ -41,7 +41,7 @@ pub struct Subject {
     pub(crate) name: String,
     /// Description, as far as it can be read.
     pub(crate) manifest: Option<Manifest>,
-    /// The session, if its description and its copies are whole.
+    /// Session; `None` if its description or a copied file is invalid.
     pub(crate) session: Option<Session>,
     /// Configuration: of the session, or another one that was named.
     pub(crate) config: Option<Config>,
@@ -58,7 +58,7 @@ impl Subject {
     /// Reads the descriptions of a folder. `configure` returns the configuration of a session, or the reason why it cannot.
     ///
     /// # Errors
-    /// The folder is neither a session nor a fault record.
+    /// The folder has no session and no fault record.
     pub fn open(
         folder: &Path,
         named: Option<Config>,
@@ -87,7 +87,7 @@ impl Subject {
         } else {
             subject.open_session(configure);
         }
-        // A whole session has its own; a replay with another one would differ.
+        // A valid session has a configuration; a replay with another one would differ.
         match (&subject.session, &subject.config, named) {
             (Some(_), Some(_), Some(_)) => {
                 subject.remarks.push("--config is not used: the session has its own".to_owned());

@@ -1,9 +1,9 @@
-//! View of every section of a report: a subject, what was gathered from it, and its stops.
+//! Content of a report for its sections: a subject, its curves and figures, and its stops.
 
 use std::ops::Range;
 
-use crate::gather::Gathered;
-use crate::stops::Described;
+use crate::gather::SessionData;
+use crate::stops::StopReport;
 use crate::subject::Subject;
 use controller::arm::JointKind;
 use picture::strip::{Event, Plot, Strip};
@@ -11,12 +11,12 @@ use picture::strip::{Event, Plot, Strip};
 /// Maximum number of characters of an event's name in a picture.
 const NAME_LENGTH: usize = 34;
 
-/// A subject with all that was found in it.
+/// Subject with its curves, figures and stops.
 #[derive(Debug)]
 pub(crate) struct View<'a> {
     pub(crate) subject: &'a Subject,
-    pub(crate) gathered: &'a Gathered,
-    pub(crate) stops: &'a [Described],
+    pub(crate) gathered: &'a SessionData,
+    pub(crate) stops: &'a [StopReport],
     pub(crate) joints: &'a [String],
 }
 
@@ -59,7 +59,7 @@ impl View<'_> {
 }
 
 /// Returns a stop as an event of a picture.
-fn event(number: usize, stop: &Described) -> Event {
+fn event(number: usize, stop: &StopReport) -> Event {
     let name = stop.joint.clone().unwrap_or_else(|| stop.cause.clone());
     let mut short: String = name.chars().take(NAME_LENGTH).collect();
     if short.len() < name.len() {

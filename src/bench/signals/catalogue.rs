@@ -16,7 +16,7 @@ use units::spatial::Motion;
 /// A quantity: name, frame, source, reading, description.
 type Quantity = (&'static str, &'static str, Source, Reading, &'static str);
 
-/// All quantities: state, what the node gets, the law from Eq. 1 to Fig. 6, what it sends, timing.
+/// All quantities: state, inputs of the node, the law from Eq. 1 to Fig. 6, outputs, timing.
 const QUANTITIES: &[Quantity] = &[
     (
         "mode",

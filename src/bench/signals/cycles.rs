@@ -1,4 +1,4 @@
-//! Cycles of a session: what its log has, and what its replay computes, side by side.
+//! Cycles of a session: the contents of its log together with the results of its replay.
 
 use std::io::BufRead;
 use std::time::Duration;
@@ -23,9 +23,9 @@ pub struct Recording<'a> {
 pub struct Cycle<'a> {
     /// Number in `bus.log`, from 1, those of boots included.
     pub number: u64,
-    /// Time of its SYNC, since time zero of the session.
+    /// Time of the SYNC, since time zero of the session.
     pub at: Instant,
-    /// Mode at its end.
+    /// Mode at the end of the cycle.
     pub mode: Mode,
     /// Inputs of the switch box; `None` where they are missing.
     pub inputs: Option<u8>,
@@ -33,11 +33,11 @@ pub struct Cycle<'a> {
     pub sampled: [bool; 6],
     /// Wrench of the environment on the object at {S}, in N and N·m.
     pub f_s: Wrench,
-    /// Drives and buses by the log; `None` where the log does not have this cycle.
+    /// Drives and buses according to the log; `None` if the log lacks this cycle.
     pub wire: Option<&'a Wire>,
-    /// Record by the replay; `None` without a replay, or once it has differed.
+    /// Record of the replay; `None` without a replay, or after its first difference.
     pub record: Option<&'a Record>,
-    /// Age of the newest sample of the commanded side at SYNC, by the replay.
+    /// Age of the newest sample of the commanded side at SYNC, according to the replay.
     pub sample_age: Option<Duration>,
 }
 
@@ -82,7 +82,7 @@ impl<'a> Recording<'a> {
         self.config
     }
 
-    /// Starts a pass over all cycles. Where the log or the inputs cannot be read, the other one is used alone.
+    /// Starts a pass over all cycles. If the log or the inputs cannot be read, only the other is used.
     ///
     /// # Errors
     /// Neither can be read.
@@ -117,35 +117,35 @@ pub struct Cycles {
     replay: Option<Replay>,
     /// End of the log's next cycle.
     ending: Option<Ending>,
-    replayed: Option<Replayed>,
+    replayed: Option<ReplayedCycle>,
     findings: Findings,
 }
 
 /// The replay's next cycle.
 #[derive(Debug)]
-struct Replayed {
+struct ReplayedCycle {
     record: Record,
-    /// It was returned already.
+    /// The cycle was returned already.
     is_used: bool,
 }
 
 /// Findings of a pass.
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
-    /// Reasons why parts are missing, a sentence each.
+    /// Reasons for missing parts, one sentence each.
     pub remarks: Vec<String>,
-    /// Result of the replay; `None` while it goes on.
+    /// Result of the replay; `None` until it ends.
     pub verdict: Option<ReplayVerdict>,
 }
 
 /// Result of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReplayVerdict {
-    /// Every frame was as recorded, up to the end of the recording.
+    /// All frames equal the recorded ones, up to the end of the recording.
     Equal,
-    /// Every frame was as recorded, but the recording ends early: the reason.
+    /// All frames equal the recorded ones, but the recording ends early: the reason.
     EndsEarly(String),
-    /// Other frames are sent from this cycle on.
+    /// The frames differ from this cycle on.
     Differs {
         /// Number of the cycle.
         cycle: u64,
@@ -169,7 +169,7 @@ impl Cycles {
         let wire = self.log.as_ref().filter(|_| ending.is_some()).map(WireCycles::wire);
         let replayed = self.replayed.as_mut().filter(|replayed| replayed.record.cycle == number);
         match (replayed, ending) {
-            (Some(Replayed { record, is_used }), _) => {
+            (Some(ReplayedCycle { record, is_used }), _) => {
                 *is_used = true;
                 let &mut Record { at, mode, inputs, sampled, f_s, sample_age, .. } = record;
                 let record = Some(&*record);
@@ -208,7 +208,7 @@ impl Cycles {
         self.replayed = None;
         while let Some(replay) = &mut self.replay {
             if let Some(record) = replay.step() {
-                self.replayed = Some(Replayed { record, is_used: false });
+                self.replayed = Some(ReplayedCycle { record, is_used: false });
                 return;
             }
             if let Some(verdict) = verdict(replay) {

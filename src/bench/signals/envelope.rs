@@ -21,7 +21,7 @@ impl Bucket {
         Self { from: seconds, to: seconds, min: value, max: value, sum: value, count: 1 }
     }
 
-    /// Returns the mean of its values.
+    /// Returns the mean of the values.
     pub fn mean(&self) -> f64 {
         self.sum / f64::from(self.count)
     }
@@ -38,15 +38,15 @@ impl Bucket {
     }
 }
 
-/// Time between two buckets, in widths of the one before, from which a curve has a gap.
+/// Minimum time between two buckets for a gap in the curve, in widths of the first one.
 const GAP: f64 = 3.0;
 
 /// Extremes over a span of time; NaN is a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Begin, in s.
+    /// Start, in s.
     pub from: f64,
-    /// End, in s: that is the begin of the next one, unless cycles are missing between them.
+    /// End, in s; the start of the next span, unless cycles are missing between them.
     pub to: f64,
     /// Smallest value.
     pub min: f64,
@@ -54,15 +54,15 @@ pub struct Span {
     pub max: f64,
 }
 
-/// Envelope of a signal: buckets of equal width, which doubles where they would be too many.
+/// Envelope of a signal: buckets of equal width, which doubles when their number exceeds the capacity.
 #[derive(Clone, Debug)]
 pub struct Envelope {
     capacity: usize,
     /// Number of values in a full bucket.
     width: u64,
-    /// Values added so far, those that are not finite included.
+    /// Number of values added so far, including those that are not finite.
     added: u64,
-    /// `None` where no value of a span was finite: a gap.
+    /// Buckets; `None` is a gap: no value of the span was finite.
     buckets: Vec<Option<Bucket>>,
 }
 
@@ -73,7 +73,7 @@ impl Envelope {
         Self { capacity, width: 1, added: 0, buckets: Vec::with_capacity(capacity) }
     }
 
-    /// Adds a value at a time in s; times rise. A value that is not finite makes a gap where a bucket has no other.
+    /// Adds a value at a time in s; times increase. A bucket without finite values is a gap.
     pub fn add(&mut self, seconds: f64, value: f64) {
         if self.added.is_multiple_of(self.width) {
             if self.buckets.len() == self.capacity {
@@ -93,7 +93,7 @@ impl Envelope {
         &self.buckets
     }
 
-    /// Returns the buckets as spans that touch, for a curve.
+    /// Returns the buckets as adjacent spans, for a curve.
     pub fn spans(&self) -> Vec<Span> {
         let mut spans: Vec<Span> = Vec::with_capacity(self.buckets.len());
         let mut last_width = 0.0;
@@ -122,7 +122,7 @@ impl Envelope {
         Some([whole.min, whole.max])
     }
 
-    /// Joins neighbours, two and two.
+    /// Merges pairs of neighbours.
     fn halve(&mut self) {
         let (pairs, _) = self.buckets.as_chunks::<2>();
         let joined = pairs.iter().map(|pair| match *pair {

@@ -7,7 +7,7 @@ use controller::arm::JointKind;
 use controller::reference::Displacement;
 use units::spatial::{Twist, Wrench};
 
-/// Reading of a quantity, with its unit where that does not follow.
+/// Reading of a quantity, with its unit unless the kind defines it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Reading {
     /// One number.
@@ -33,12 +33,12 @@ pub(crate) enum JointUnit {
     Position,
     /// N·m, or N of a prismatic joint.
     Torque,
-    /// The same for every joint.
+    /// The same unit for all joints.
     Fixed(&'static str),
 }
 
 impl JointUnit {
-    const fn of(self, kind: JointKind) -> &'static str {
+    const fn unit(self, kind: JointKind) -> &'static str {
         match (self, kind) {
             (Self::Position, JointKind::Revolute) => "rad",
             (Self::Position, JointKind::Prismatic) => "m",
@@ -64,7 +64,7 @@ impl Reading {
         match self {
             Self::Number(unit, _) => vec![(String::new(), *unit)],
             Self::Joints(unit, _) => {
-                joints.iter().map(|(name, kind)| (name.clone(), unit.of(*kind))).collect()
+                joints.iter().map(|(name, kind)| (name.clone(), unit.unit(*kind))).collect()
             }
             Self::Buses(unit, _) => buses.iter().map(|name| (name.clone(), *unit)).collect(),
             Self::Wrench(_) => named(["N", "N·m"], [&["fx", "fy", "fz"], &["mx", "my", "mz"]]),
@@ -76,7 +76,7 @@ impl Reading {
         }
     }
 
-    /// Returns the component at a place.
+    /// Returns the component of this index.
     pub(crate) fn value(&self, cycle: &Cycle<'_>, place: usize) -> Option<f64> {
         match self {
             Self::Number(_, read) => read(cycle),

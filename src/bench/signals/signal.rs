@@ -1,4 +1,4 @@
-//! A signal: a number of each cycle, with name, unit and frame.
+//! Signal: a number of each cycle, with name, unit and frame.
 
 use std::fmt;
 
@@ -10,11 +10,11 @@ use crate::reading::Reading;
 /// Source of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// Log and replay: it is there in either.
+    /// Log or replay: both contain it.
     Both,
-    /// `bus.log` alone.
+    /// `bus.log` only.
     Log,
-    /// Replay alone.
+    /// Replay only.
     Replay,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for Source {
     }
 }
 
-/// A named number of each cycle.
+/// Named number of each cycle.
 #[derive(Clone, Debug)]
 pub struct Signal {
     /// Name: the quantity, as in STYLE.md, and its component or joint: `f_g_task.fx`, `tau.elbow`.
@@ -41,13 +41,13 @@ pub struct Signal {
     pub about: &'static str,
     /// Source.
     pub source: Source,
-    /// Its place among the components of its quantity.
+    /// Index among the components of its quantity.
     pub(crate) place: usize,
     pub(crate) reading: Reading,
 }
 
 impl Signal {
-    /// Returns its value in a cycle; NaN where it has none.
+    /// Returns the value in a cycle; NaN if absent.
     pub fn value(&self, cycle: &Cycle<'_>) -> f64 {
         self.reading.value(cycle, self.place).unwrap_or(f64::NAN)
     }
@@ -58,18 +58,18 @@ impl Signal {
     }
 }
 
-/// A name that no signal has.
+/// Name that no signal has.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("unknown signal \"{name}\"{}; frhc signals SESSION lists all", nearest.as_ref().map_or_else(String::new, |name| format!(", did you mean {name}?")))]
 pub struct UnknownSignal {
     /// The name.
     pub name: String,
-    /// A name that is like it.
+    /// Similar name of a signal.
     pub nearest: Option<String>,
 }
 
-/// Returns the signals with these names, in the order of the names: a whole name, a quantity for all its components, or a
-/// pattern with `*`.
+/// Returns the signals with these names, in the order of the names. A name is that of a signal, of a quantity for all its
+/// components, or a pattern with `*`.
 ///
 /// # Errors
 /// The first name that no signal has.
@@ -92,7 +92,7 @@ pub fn chosen(catalogue: &[Signal], names: &[String]) -> Result<Vec<Signal>, Unk
     Ok(chosen)
 }
 
-/// Returns whether a pattern matches a name as a whole; `*` matches any characters.
+/// Returns whether a pattern matches the complete name; `*` matches any characters.
 fn matches(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let first = parts.next().unwrap_or_default();

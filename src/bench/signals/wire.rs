@@ -1,7 +1,7 @@
 //! Cycles of a `bus.log`, decoded by the layout of a configuration.
 //!
-//! Positions and targets are the newest on the wire when the cycle ends. Torques of a cycle that are sent behind its line, as in
-//! the log of `demo`, belong to the next one.
+//! Positions and targets are the newest on the wire at the end of the cycle. Torques after the line of their cycle, as in the
+//! log of `demo`, are assigned to the next cycle.
 
 use std::fmt;
 use std::io::{self, BufRead};
@@ -31,7 +31,7 @@ const SYNC: u16 = 0x80;
 pub struct Ending {
     /// Number of the cycle.
     pub number: u64,
-    /// Time of its first SYNC, or that of its line where no SYNC is in the log.
+    /// Time of its first SYNC, or of its line if the log lacks the SYNC.
     pub at: Instant,
     /// Mode.
     pub mode: Mode,
@@ -50,9 +50,9 @@ pub struct Wire {
     pub q: Option<[f64; 6]>,
     /// Target torques (6071h), in ‰ of rated torque; `None` until all were sent.
     pub targets: Option<[i16; 6]>,
-    /// Joint torques of these targets by the torque curves, in N·m or N.
+    /// Joint torques of these targets according to the torque curves, in N·m or N.
     pub tau: Option<[f64; 6]>,
-    /// Statuswords (6041h) of the drives; `None` where none was sent.
+    /// Statuswords (6041h) of the drives; `None` until the first one.
     pub statuswords: [Option<Statusword>; 6],
     /// Load of each bus between its last two SYNCs, in percent of its bit rate.
     pub load_percent: Vec<f64>,
@@ -94,15 +94,15 @@ impl<R> fmt::Debug for WireCycles<R> {
 }
 
 impl<R: BufRead> WireCycles<R> {
-    /// Creates a reader of a log with these interfaces and this time zero, in µs since 1970. Without a configuration nothing
-    /// of the drives is known.
+    /// Creates a reader of a log with these interfaces and this time zero, in µs since 1970. Without a configuration it does
+    /// not decode the frames of the drives.
     pub fn new(log: R, interfaces: &[String], origin_us: u64, config: Option<&Config>) -> Self {
         Self {
             log,
             interfaces: interfaces.to_vec(),
             origin_us,
             line: Vec::new(),
-            layout: config.map(Layout::of),
+            layout: config.map(Layout::from_config),
             wire: Wire::new(interfaces.len()),
             bits: vec![(0, None); interfaces.len()],
             f_s: Wrench::default(),
@@ -201,7 +201,7 @@ impl<R: BufRead> WireCycles<R> {
 fn unwrapped(low: u32, last: u64) -> u64 {
     let high = last & !u64::from(u32::MAX);
     let same = high | u64::from(low);
-    // Half a turn back is a turn ahead.
+    // A large step backwards is an overflow of the 32 bits.
     if same + (1 << 31) < last { same + (1 << 32) } else { same }
 }
 
@@ -218,7 +218,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(config: &Config) -> Self {
+    fn from_config(config: &Config) -> Self {
         let members = members(config);
         let joint = |place: usize| {
             let member = members.get(place)?;

@@ -153,7 +153,7 @@ impl Encoder {
     }
 }
 
-/// Takes the low 32 bits of a whole number: a counter wraps.
+/// Takes the low 32 bits of an integer: the counter wraps.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,

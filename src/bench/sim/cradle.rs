@@ -1,17 +1,17 @@
-//! Cradle: the support in which an unpowered arm rests, until its drives carry it.
+//! Cradle: the support of an unpowered arm, until its drives carry it.
 //!
-//! It lifts a joint and never presses it down, yields a little under the weight, and is swung away once the drives carry
-//! most of the weight. An operator who had to hold the arm meanwhile would not hold it in a known posture.
+//! It only lifts joints, yields slightly under the weight, and is removed once the drives carry most of the weight. Without
+//! it an operator would have to hold the arm, in an unknown posture.
 
 use crate::arm::Joints;
 
-/// Deflection of a joint under its whole weight, in rad (m): a tenth of a degree. A hand at rest yields more.
+/// Deflection of a joint under its full gravity torque, in rad (m): a tenth of a degree, less than that of a hand at rest.
 const DEFLECTION: f64 = 0.002;
 
 /// Ratio of damping to stiffness, in s.
 const DAMPING_TIME: f64 = 0.02;
 
-/// Share of the weight below which the cradle is swung away.
+/// Share of the weight on the cradle below which it is removed.
 const LEFT_BELOW: f64 = 0.2;
 
 /// Cradle of an arm.
@@ -25,12 +25,12 @@ pub struct Cradle {
 }
 
 impl Cradle {
-    /// Returns no cradle.
+    /// Creates an absent cradle, which exerts no torque.
     pub fn none() -> Self {
         Self { rest: Joints::zeros(), weight: Joints::zeros(), is_left: true }
     }
 
-    /// Returns a cradle at `rest`, in rad (m), for joints whose weight takes these torques there, in N·m (N).
+    /// Creates a cradle at `rest`, in rad (m), for joints that need these torques there, in N·m (N).
     pub const fn new(rest: Joints, weight: Joints) -> Self {
         Self { rest, weight, is_left: false }
     }

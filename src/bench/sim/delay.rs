@@ -10,7 +10,7 @@ const TICK: f64 = 1e-3;
 /// Remainder of time that counts as zero, in s.
 const ROUNDING: f64 = 1e-9;
 
-/// Delay line of wrenches, one per millisecond.
+/// Delay line of wrenches, with one sample per millisecond.
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     line: Box<[Wrench]>,
@@ -47,7 +47,7 @@ impl Delay {
 mod tests {
     use super::*;
 
-    fn of(number: f64) -> Wrench {
+    fn force(number: f64) -> Wrench {
         Wrench::from_components([number, 0.0, 0.0, 0.0, 0.0, 0.0])
     }
 
@@ -55,8 +55,8 @@ mod tests {
     fn output_is_the_input_delayed() {
         let mut delay = Delay::new(0.15);
         for ms in 0..400 {
-            let out = delay.step(1e-3, of(f64::from(ms)));
-            assert_eq!(out, of(f64::from((ms - 150).max(0))), "at {ms} ms");
+            let out = delay.step(1e-3, force(f64::from(ms)));
+            assert_eq!(out, force(f64::from((ms - 150).max(0))), "at {ms} ms");
         }
     }
 
@@ -64,15 +64,15 @@ mod tests {
     fn delay_hardly_depends_on_the_step() {
         let mut delay = Delay::new(0.1);
         // A step, seen every 0.3 ms.
-        let arrived = (0..1_000).position(|_| delay.step(0.3e-3, of(1.0)).force.x > 0.5);
+        let arrived = (0..1_000).position(|_| delay.step(0.3e-3, force(1.0)).force.x > 0.5);
         let at = 0.3 * f64::from(u32::try_from(arrived.unwrap()).unwrap());
         assert!((at - 100.0).abs() <= 1.3, "{at} ms");
         // After a long pause the output is the last input.
-        assert_eq!(delay.step(1.0, of(2.0)), of(2.0));
+        assert_eq!(delay.step(1.0, force(2.0)), force(2.0));
     }
 
     #[test]
     fn zero_delay_returns_the_input() {
-        assert_eq!(Delay::new(0.0).step(1e-3, of(3.0)), of(3.0));
+        assert_eq!(Delay::new(0.0).step(1e-3, force(3.0)), force(3.0));
     }
 }

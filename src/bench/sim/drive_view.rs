@@ -55,7 +55,7 @@ pub struct Report {
 
 impl DriveView {
     /// Reads the values of `drive`.
-    pub fn of(drive: &Drive) -> Self {
+    pub fn new(drive: &Drive) -> Self {
         let dictionary = drive.dictionary();
         let newton_metres = |per_mille: f64| per_mille / 1e3 * drive.rated_torque();
         Self {
@@ -75,9 +75,9 @@ impl DriveView {
 
 impl Report {
     /// Takes a snapshot of `world`.
-    pub fn of(world: &World) -> Self {
+    pub fn new(world: &World) -> Self {
         let mut axes = world.drives().each_ref().map(|drive| Axis {
-            view: DriveView::of(drive),
+            view: DriveView::new(drive),
             position: 0.0,
             torque: 0.0,
         });
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
     use crate::actuator::ActuatorSettings;
     use crate::drive::DriveSettings;
-    use crate::drivetrain::Sensed;
+    use crate::drivetrain::MotorReading;
     use crate::motion::Tuning;
     use canopen::eds::Eds;
     use canopen::frame::Frame;
@@ -142,7 +142,7 @@ mod tests {
     fn drive_view_at_power_up_has_default_values() {
         let mut drive = drive();
         drive.on_time(Instant::ZERO, &mut Vec::new());
-        let view = DriveView::of(&drive);
+        let view = DriveView::new(&drive);
         assert_eq!((view.channel, view.node.raw()), (Channel(1), 3));
         assert_eq!(view.nmt, NmtState::PreOperational);
         assert_eq!((view.state, view.mode, view.error), (State::SwitchOnDisabled, 0, 0));
@@ -161,13 +161,13 @@ mod tests {
             write(&mut drive, 0x6040, &controlword.to_le_bytes());
         }
         write(&mut drive, 0x6071, &250_i16.to_le_bytes());
-        drive.sense(&Sensed { position: std::f64::consts::TAU, ..Sensed::default() });
-        let view = DriveView::of(&drive);
+        drive.sense(&MotorReading { position: std::f64::consts::TAU, ..MotorReading::default() });
+        let view = DriveView::new(&drive);
         assert_eq!((view.nmt, view.state), (NmtState::Operational, State::OperationEnabled));
         assert_eq!((view.mode, view.position_counts), (10, 16_484));
         assert!((view.demand_torque - 0.25 * RATED).abs() < 1e-12, "{view:?}");
         drive.fail_with(0x8611);
-        let view = DriveView::of(&drive);
+        let view = DriveView::new(&drive);
         assert_eq!(view.error, 0x8611);
         assert_ne!(view.state, State::OperationEnabled);
     }

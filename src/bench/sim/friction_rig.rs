@@ -1,10 +1,10 @@
 //! Friction rig: one joint moved slowly through its range at constant velocities, up and down, and held in postures
 //! that it reaches from both sides.
 //!
-//! Not on a bus, and nothing accelerates, so the motor balances gravity and friction alone:
+//! The rig is not on a bus. Nothing accelerates, so the motor balances gravity and friction alone:
 //!
 //! ```text
-//!  torque = gravity(q) + s dry(velocity) + viscous velocity      s: +1 up, -1 down; where held, the side it came from
+//!  torque = gravity(q) + s dry(velocity) + viscous velocity      s: +1 up, -1 down; if held, by the approach
 //! ```
 
 use crate::actuator::{ActuatorSettings, TorqueCurve};
@@ -13,9 +13,9 @@ use crate::plant::Resistance;
 use crate::random::SplitMix;
 use crate::rig::whole;
 
-/// Part of the range in the middle of which the joint moves.
+/// Moved part of the range, centred in it.
 const PART: f64 = 0.8;
-/// Time to move through it at the fastest speed, in s.
+/// Time to move through the part at the fastest speed, in s.
 const FASTEST: f64 = 2.0;
 /// Speeds relative to the fastest.
 const SPEEDS: [f64; 6] = [0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
@@ -31,20 +31,20 @@ const NOISE: f64 = 0.0005;
 pub struct FrictionRigSettings {
     /// Motor, gear and torque curve, as configured.
     pub actuator: ActuatorSettings,
-    /// Place of the joint, from 0.
+    /// Index of the joint, from 0.
     pub joint: usize,
-    /// Its friction, of which the seed changes the Coulomb and the viscous part, and its range.
+    /// Friction and range; the seed changes the Coulomb and the viscous part.
     pub resistance: Resistance,
-    /// Positions of all joints, of which only the one moves, in rad or m.
+    /// Positions of all joints, in rad or m; only joint `joint` moves.
     pub start: Joints,
 }
 
-/// One reading.
+/// Reading at a constant velocity, or at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlowReading {
-    /// Velocity of the joint in rad/s or m/s; zero where it is held.
+    /// Velocity of the joint in rad/s or m/s; zero if held.
     pub velocity: f64,
-    /// The joint moves up, or did before it was held.
+    /// The joint moves up, or moved up before it was held.
     pub is_rising: bool,
     /// Actual torque (6077h), in ‰ of rated torque.
     pub per_mille: i16,
@@ -52,7 +52,7 @@ pub struct SlowReading {
     pub q: Joints,
 }
 
-/// A joint that is swept.
+/// Rig of one joint.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionRig {
     arm: Arm,
@@ -91,8 +91,8 @@ impl FrictionRig {
         NOISE * self.settings.actuator.max_torque
     }
 
-    /// Sweeps at each speed up and down, then holds postures from both sides. Places where the motor is too weak are
-    /// left out.
+    /// Sweeps at each speed up and down, then holds postures approached from both sides. Positions where the motor is too
+    /// weak are left out.
     pub fn measure(mut self) -> Vec<SlowReading> {
         let [low, high] = self.resistance.range;
         let fastest = PART * (high - low) / FASTEST;
@@ -112,7 +112,7 @@ impl FrictionRig {
         readings
     }
 
-    /// Returns what the drive reports there; `None` where the motor is too weak.
+    /// Returns the reading of the drive at a position; `None` where the motor is too weak.
     fn reading(&mut self, position: f64, speed: f64, direction: f64) -> Option<SlowReading> {
         let mut q = self.settings.start;
         *q.get_mut(self.settings.joint)? = position;

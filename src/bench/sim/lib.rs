@@ -1,8 +1,8 @@
-//! The simulation: drives and switch box on the bus, the arm they move, the operator's hand, and the contact of the
+//! Simulation of drives and switch box on the bus, the arm they move, the operator's hand, and the contact of the
 //! commanded object.
 //!
-//! Imports neither the controller nor the commanded side. Kinematics and dynamics are a second, different implementation,
-//! compared with independent programs: an error in one cannot hide in the other.
+//! It does not depend on the controller or the commanded side. Kinematics and dynamics are a second, different
+//! implementation, compared with independent programs, so that an error in one cannot cancel in the other.
 //!
 //! | module                | content                                                     |
 //! |-----------------------|-------------------------------------------------------------|

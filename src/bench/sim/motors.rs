@@ -1,7 +1,7 @@
 //! Six drivetrains behind the transmission to the joints.
 
 use crate::arm::Joints;
-use crate::drivetrain::{Drivetrain, Sensed};
+use crate::drivetrain::{Drivetrain, MotorReading};
 use crate::transmission::Transmission;
 
 /// The six drivetrains of an arm, base first.
@@ -56,7 +56,7 @@ impl Motors {
     }
 
     /// Returns the values that each drive measures.
-    pub(super) fn sensed(&self) -> [Sensed; 6] {
+    pub(super) fn sensed(&self) -> [MotorReading; 6] {
         self.trains.each_ref().map(Drivetrain::sensed)
     }
 }

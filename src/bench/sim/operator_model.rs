@@ -9,7 +9,7 @@
 //!  startle      opens the hand when f differs by more than `startle` from its average of the last 0.25 s
 //! ```
 //!
-//! A startled operator has released the grip and the deadman switch in it, until the script releases and holds again.
+//! A startled operator has released the grip and its deadman switch until the script releases and holds them again.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 

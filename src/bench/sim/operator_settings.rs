@@ -124,13 +124,13 @@ impl OperatorSettings {
         Self { shake: Shake { amplitude: 0.0, ..self.shake }, ..self }
     }
 
-    /// Returns how far the script must lead the hand past its place, in m, for it to press with `force` N.
+    /// Returns the deflection of the hand's spring, in m, at a force of `force` N: the lead of the script over the hand.
     pub fn deflection(&self, force: f64) -> f64 {
         let stiffened = 1.0 + self.stiffening * (force / self.hand.max_force).min(1.0);
         force / (self.hand.stiffness * stiffened) + self.yielding * force / self.hand.stiffness
     }
 
-    /// Returns the same in rad for a moment in N·m.
+    /// Returns the rotational deflection of the hand's spring, in rad, at a moment of `moment` N·m.
     pub fn turn_deflection(&self, moment: f64) -> f64 {
         (1.0 + self.yielding) * moment / self.hand.rotational_stiffness
     }

@@ -1,13 +1,13 @@
-//! Task of an operator who puts pegs into holes by sight: the twist of the pegs that the operator wants.
+//! Model of an operator who puts pegs into holes by sight: the desired twist of the pegs.
 //!
-//! The operator sees the pegs and their misalignment late and with an error that stays the same for a trial, and presses
-//! harder where they do not move as wanted: `e' = g (v_wanted - v_seen)`. There is no wrench in here: what the hand feels
-//! acts on the [hand](crate::hand) that carries out the task.
+//! The operator sees the pegs and their misalignment with a delay, and with an error that is constant in a trial. Effort
+//! rises where they do not move as wanted: `e' = g (v_wanted - v_seen)`. Wrenches are no input: they act on the
+//! [hand](crate::hand) that executes the task.
 //!
 //! ```text
 //!  approach   towards the holes, slower near the plate; aligns by sight, and waits above the plate until aligned
-//!  insert     on along the axis of the pegs, until they are as deep as wanted
-//!  back off   when the pegs have stopped moving: up again, and to a place a little beside
+//!  insert     along the axis of the pegs, until the insertion depth is reached
+//!  back off   after a stall: up again, and to a slightly different position
 //! ```
 
 use std::collections::VecDeque;
@@ -31,18 +31,18 @@ const MAX_EFFORT: [f64; 2] = [0.01, 0.1];
 /// Height in m below which pegs are at the plate, not above it.
 const AT_PLATE: f64 = 2e-3;
 
-/// Task and sight of an operator.
+/// Settings of task and sight of an operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PegOperatorSettings {
-    /// Delay of sight, in s.
+    /// Visual delay, in s.
     pub visual_delay: f64,
-    /// Error of sight across the axis of the holes, in m: its direction is random, and constant in a trial.
+    /// Visual error across the axis of the holes, in m: its direction is random, and constant in a trial.
     pub visual_error: f64,
-    /// Error of sight of the orientation, in rad.
+    /// Visual error of the orientation, in rad.
     pub visual_turn_error: f64,
-    /// Misalignment that is not corrected, in m.
+    /// Position error that is not corrected, in m.
     pub tolerance: f64,
-    /// The same of orientation, in rad.
+    /// Orientation error that is not corrected, in rad.
     pub turn_tolerance: f64,
     /// Speed far from the plate, in m/s.
     pub approach_speed: f64,
@@ -56,17 +56,17 @@ pub struct PegOperatorSettings {
     pub max_correction: f64,
     /// Maximum rate of turn of a correction, in rad/s.
     pub max_turn: f64,
-    /// Rate at which the operator presses harder, g, in 1/s.
+    /// Rate g at which effort rises, in 1/s.
     pub effort: f64,
-    /// Progress in m without which pegs count as stopped.
+    /// Minimum progress of pegs that are not stalled, in m.
     pub stall_distance: f64,
-    /// Time without it, in s.
+    /// Time without this progress until pegs count as stalled, in s.
     pub stall_time: f64,
     /// Distance of a retreat, in m.
     pub back_off: f64,
     /// Distance of a new attempt from the last, in m.
     pub search_step: f64,
-    /// Depth at which the task is done, in m.
+    /// Insertion depth that completes the task, in m.
     pub insert_depth: f64,
 }
 
@@ -83,19 +83,19 @@ enum Phase {
 #[derive(Clone, Debug)]
 pub struct PegOperator {
     settings: PegOperatorSettings,
-    /// Constant error of sight: m across the axis, rad.
+    /// Constant visual error: in m across the axis, and in rad.
     error: [Vector3<f64>; 2],
-    /// Places beside the seen one that the operator tries.
+    /// Offset of the present attempt from the seen position, in m.
     search: Vector3<f64>,
     random: SplitMix,
-    /// Views that are not old enough yet, with their times.
+    /// Delay line of views, with their times.
     on_the_way: VecDeque<(f64, Misalignment)>,
     now: f64,
     phase: Phase,
-    /// Pose and twist of the pegs as seen last.
+    /// Last seen misalignment of the pegs.
     before: Option<Misalignment>,
     v_seen: Twist,
-    /// Speed added by pressing harder.
+    /// Speed added by effort.
     pressed: Twist,
     /// Lowest height in this attempt, and its time.
     lowest: (f64, f64),
@@ -125,17 +125,17 @@ impl PegOperator {
         }
     }
 
-    /// Returns how often the operator has begun.
+    /// Returns the number of attempts, the present one included.
     pub const fn attempts(&self) -> u32 {
         self.attempts
     }
 
-    /// Returns whether the operator has seen the pegs as deep as wanted.
+    /// Returns whether the operator has seen the pegs at the insertion depth.
     pub fn is_done(&self) -> bool {
         self.phase == Phase::Done
     }
 
-    /// Takes where the pegs are now, `dt` s after the last call; returns the wanted twist of {E}, along the axes of {P}.
+    /// Takes the present misalignment, `dt` s after the last call; returns the desired twist of {E}, along the axes of {P}.
     pub fn step(&mut self, dt: f64, pegs: &Misalignment) -> Twist {
         self.now += dt;
         let Some(seen) = self.seen(pegs) else { return Twist::ZERO };
@@ -158,7 +158,7 @@ impl PegOperator {
         wanted + self.pressed
     }
 
-    /// Presses harder on the axes that do not move as wanted, and no more where nothing is wanted.
+    /// Raises effort on axes that do not move as wanted, and removes it from axes at rest.
     fn press(&mut self, dt: f64, seen: &Misalignment, wanted: &Twist) {
         let before = self.before.replace(*seen).unwrap_or(*seen);
         let v = Twist {
@@ -182,7 +182,7 @@ impl PegOperator {
         self.pressed = Twist::from_components(pressed);
     }
 
-    /// Returns the newest view that is old enough.
+    /// Returns the view of the present time, which the visual delay has passed.
     fn seen(&mut self, pegs: &Misalignment) -> Option<Misalignment> {
         let oldest = self.now - self.settings.visual_delay;
         if self.on_the_way.len() < self.on_the_way.capacity() {
@@ -234,7 +234,7 @@ impl PegOperator {
     }
 }
 
-/// Returns what is left of a vector beyond a magnitude.
+/// Returns the part of a vector beyond a magnitude.
 fn beyond(vector: &Vector3<f64>, tolerance: f64) -> Vector3<f64> {
     let size = vector.norm();
     if size > tolerance { vector * (1.0 - tolerance / size) } else { Vector3::zeros() }

@@ -1,5 +1,5 @@
-//! Time zero of a scenario: the first SYNC, or a later one after a pause, while no drive has had torque. A master that
-//! runs its proof test pauses before it is ready; the times of the script count from then on.
+//! Time zero of a scenario: the first SYNC, or a later one after a pause before any torque. A master with a proof test
+//! pauses SYNC before it is ready; the times of the script start afterwards.
 
 use std::time::Duration;
 

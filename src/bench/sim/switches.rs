@@ -1,6 +1,6 @@
-//! The operator's switch box: a CiA 401 input module of one byte, and of the lever of a gripper.
+//! Switch box of the operator: a CiA 401 module with a byte of digital inputs, and the lever of a gripper.
 //!
-//! [`Input`](faults::Input) has the wiring of the bits. The lever is wired to every analogue input that the box has.
+//! [`Input`](faults::Input) has the wiring of the bits. The lever is wired to every analogue input of the box.
 
 use std::time::Duration;
 
@@ -65,7 +65,7 @@ impl SwitchBox {
         self.device.on_frame(now, &power_up, &mut self.frames);
     }
 
-    /// Sends an EMCY for a condition that passes by itself; `register` holds its bits of 1001h.
+    /// Sends an EMCY for a transient condition; `register` has its bits of 1001h.
     pub fn report_transient_error(&mut self, code: u16, register: u8) {
         self.device.report_transient_error(code, register);
     }

@@ -1,4 +1,4 @@
-//! Everything but the node: six drives and a switch box on their buses, the arm they move, and the operator's hand.
+//! Environment of the node: six drives and a switch box on their buses, the arm they move, and the operator's hand.
 //!
 //! At every SYNC the arm first advances to that time with the torques that acted until then; then the drives sample it
 //! and receive the SYNC. Without SYNCs it advances every millisecond, and at each change of a demand: a demand acts
@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Translation3};
 use crate::arm::Joints;
 use crate::cradle::Cradle;
 use crate::drive::Drive;
-use crate::drivetrain::{Drivetrain, Sensed};
+use crate::drivetrain::{Drivetrain, MotorReading};
 use crate::fault::devices::{Devices, present};
 use crate::fault::{Breakable, Faults, Notice};
 use crate::motors::Motors;
@@ -31,7 +31,7 @@ use units::time::Instant;
 /// Maximum time between two steps of the arm.
 const TICK: Duration = Duration::from_millis(1);
 
-/// Maximum time that the arm advances at once.
+/// Maximum time that the arm advances in one call.
 const MAX_ADVANCE: Duration = Duration::from_millis(100);
 
 /// Torque demand that counts as zero, in ‰ of rated torque: half the resolution of a target.
@@ -40,16 +40,16 @@ const RESOLUTION: f64 = 0.5;
 /// Bus whose SYNC the arm and the scenario follow; the other buses follow within microseconds.
 const LEADING: Channel = Channel(0);
 
-/// A drive as the plant sees it.
+/// Interface of a drive to the plant.
 pub trait Motor: Breakable {
     /// Updates the motor and encoder values at `now`.
-    fn sense(&mut self, now: Instant, sensed: &Sensed);
+    fn sense(&mut self, now: Instant, sensed: &MotorReading);
 
     /// Returns the torque demand, in ‰ of rated torque.
     fn demand(&self) -> f64;
 }
 
-/// An input module as the operator sees it.
+/// Interface of an input module to the operator.
 pub trait Inputs: Breakable {
     /// Sets the eight digital inputs.
     fn set(&mut self, inputs: u8);
@@ -58,12 +58,12 @@ pub trait Inputs: Breakable {
     fn set_lever(&mut self, _counts: i16) {}
 }
 
-/// Everything on the buses but the node.
+/// Devices on the buses, with the arm and its operator.
 #[derive(Clone, Debug)]
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
     motors: Motors,
-    /// The operator's switch box, if there is one.
+    /// Switch box of the operator, if configured.
     switches: Option<I>,
     plant: Plant,
     operator: OperatorModel,
@@ -71,7 +71,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     scenario: Scenario,
     /// Pose of the grip at the start, to which the movements of the scenario are relative.
     x_0_start: Isometry3<f64>,
-    /// Desired pose of the grip in place of that of the scenario.
+    /// Desired pose of the grip instead of that of the scenario.
     aim: Option<Isometry3<f64>>,
     /// Time zero of the scenario.
     start: ScenarioStart,
@@ -79,7 +79,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     now: Instant,
     /// Time since which no drive demands torque.
     zero_torque_since: Option<Instant>,
-    /// Torques of a push from outside.
+    /// Joint torques of an external push, in N·m (N).
     tau_push: Joints,
     cradle: Cradle,
 }
@@ -165,12 +165,12 @@ impl<M: Motor, I: Inputs> World<M, I> {
         &self.plant
     }
 
-    /// Sets the torques in N·m (N) of a push from outside on the joints, beside motors and hand.
+    /// Sets joint torques of an external push, in N·m (N), in addition to motors and hand.
     pub fn set_push(&mut self, tau: &Joints) {
         self.tau_push = *tau;
     }
 
-    /// Has the operator aim at this pose of the grip in {0} in place of the scenario's; `None` returns to that.
+    /// Sets the desired pose of the grip in {0} instead of the scenario's; `None` returns to the scenario's.
     pub const fn set_aim(&mut self, x_0_d: Option<Isometry3<f64>>) {
         self.aim = x_0_d;
     }
@@ -180,7 +180,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         &self.x_0_start
     }
 
-    /// Returns the oldest notice of a fault's begin or end, once.
+    /// Takes the oldest notice of the start or end of a fault.
     pub fn notice(&mut self) -> Option<Notice> {
         self.faults.notice()
     }
@@ -202,7 +202,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// Advances arm, operator and encoders to `now`.
     fn advance(&mut self, now: Instant) {
-        // After a pause of the simulation the arm does not catch up.
+        // The arm does not catch up after a pause of the simulation.
         let dt = now.since(self.now).min(MAX_ADVANCE).as_secs_f64();
         if dt <= 0.0 {
             return;
@@ -239,7 +239,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         Isometry3::from_parts(Translation3::from(place), turned)
     }
 
-    /// Applies changed demands at `now`; until then the old ones acted.
+    /// Advances the arm to `now` with the old demands, then applies changed ones.
     fn update_demands(&mut self, now: Instant) {
         let demands = self.drives.each_ref().map(Motor::demand);
         if demands.iter().any(|demand| demand.abs() > 0.0) {
@@ -325,7 +325,7 @@ fn devices<'a, M: Motor, I: Inputs>(
 }
 
 impl Motor for Drive {
-    fn sense(&mut self, now: Instant, sensed: &Sensed) {
+    fn sense(&mut self, now: Instant, sensed: &MotorReading) {
         self.sense_at(now, sensed);
     }
 
@@ -407,7 +407,7 @@ mod tests {
     }
 
     impl Motor for FakeMotor {
-        fn sense(&mut self, _: Instant, sensed: &Sensed) {
+        fn sense(&mut self, _: Instant, sensed: &MotorReading) {
             self.motion = (sensed.position, sensed.velocity);
         }
 

@@ -1,4 +1,4 @@
-//! A force/torque sensor: cross-talk, bias, drift, noise, saturation and quantisation of a true wrench.
+//! Force/torque sensor: cross-talk, bias, drift, noise, saturation and quantisation of a true wrench.
 //!
 //! The wrench acts on the body beyond the sensor. Readings are always finite: an axis whose value is not finite keeps
 //! its last reading.
@@ -25,7 +25,7 @@ pub struct WristSensorSettings {
 }
 
 impl WristSensorSettings {
-    /// Reads the truth.
+    /// Ideal sensor, which reads the true wrench.
     pub const IDEAL: Self = Self {
         cross_talk: [
             [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -49,7 +49,7 @@ impl Default for WristSensorSettings {
     }
 }
 
-/// A force/torque sensor with its errors.
+/// Force/torque sensor with its errors.
 #[derive(Clone, Copy, Debug)]
 pub struct WristSensor {
     settings: WristSensorSettings,
@@ -96,7 +96,7 @@ fn product(share: f64, value: f64) -> f64 {
     if share.abs() > 0.0 { share * value } else { 0.0 }
 }
 
-/// Rounds to the nearest whole step.
+/// Rounds to the nearest multiple of `resolution`.
 fn quantised(value: f64, resolution: f64) -> f64 {
     let is_stepped = resolution > 0.0 && value.is_finite();
     if is_stepped { (value / resolution).round() * resolution } else { value }

@@ -1,12 +1,12 @@
-//! The whole loop in one process: a node on the in-memory bus with drives, operator and object.
+//! Node on the in-memory bus with simulated drives, operator and object: the closed loop in one process.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::delayed::Delayed;
-use crate::disturbed::{Disturbed, Link};
+use crate::delayed::DelayedSide;
+use crate::disturbed::{FaultySide, Link};
 use crate::side::Side;
 use crate::world;
 use bus::{Bus, Tap};
@@ -26,7 +26,7 @@ use units::time::Instant;
 
 /// Traffic of a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Carried {
+pub struct BusTraffic {
     /// Number of complete frames.
     pub frames: u64,
     /// Bus load, in percent.
@@ -34,9 +34,9 @@ pub struct Carried {
 }
 
 /// The node of a bench, whose inputs go to `S`.
-pub type BenchNode<T, S> = RecordedNode<Memory<World, T>, Disturbed<Delayed<Side>>, S>;
+pub type BenchNode<T, S> = RecordedNode<Memory<World, T>, FaultySide<DelayedSide<Side>>, S>;
 
-/// A node, its drives, its operator and its object.
+/// Node with its drives, its operator and its object.
 #[derive(Clone, Debug)]
 pub struct Bench<T, S = ()> {
     node: BenchNode<T, S>,
@@ -47,7 +47,7 @@ pub struct Bench<T, S = ()> {
     host_faults: HostFaults,
 }
 
-/// Faults that the simulated world does not apply: those of buses, host and commanded side.
+/// Faults of buses, host and commanded side, which the simulated world does not apply.
 #[derive(Clone, Debug, Default)]
 struct HostFaults {
     /// Faults that were not planned on the bus yet.
@@ -58,8 +58,8 @@ struct HostFaults {
 }
 
 impl HostFaults {
-    /// The faults of a scenario that start after `elapsed`.
-    fn of(scenario: &Scenario, elapsed: Duration) -> Self {
+    /// Creates the faults of a scenario that start after `elapsed`.
+    fn after(scenario: &Scenario, elapsed: Duration) -> Self {
         let faults = scenario.faults().iter().copied();
         let to_plan: Vec<Fault> =
             faults.filter(|fault| fault.is_of_host() && fault.start >= elapsed).collect();
@@ -96,22 +96,22 @@ pub struct Course {
     pub scenario: Scenario,
     /// Seed of the operator's tremor.
     pub seed: u64,
-    /// Most seconds of virtual time in a second of the wall clock; `None` for as fast as possible.
+    /// Maximum seconds of virtual time per second of the wall clock; `None` for as fast as possible.
     pub speed: Option<f64>,
 }
 
 impl<T: Tap> Bench<T> {
-    /// A bench of `config`, whose operator follows `scenario` with the tremor of `seed`. `tap` receives every frame.
+    /// Creates a bench of `config`, whose operator follows `scenario` with the tremor of `seed`. `tap` receives every frame.
     pub fn new(config: &Config, scenario: Scenario, seed: u64, tap: T) -> Self {
         Self::in_world_of(config, config, scenario, seed, tap)
     }
 
-    /// As [`new`](Self::new), with another commanded side than that of `config`.
+    /// Creates a bench as [`new`](Self::new), with another commanded side than that of `config`.
     pub fn with_side(config: &Config, side: Side, scenario: Scenario, seed: u64, tap: T) -> Self {
         Self::recorded(config, side, Course { scenario, seed, speed: None }, tap, ())
     }
 
-    /// As [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
+    /// Creates a bench as [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
     pub fn in_world_of(
         world: &Config,
         config: &Config,
@@ -120,12 +120,12 @@ impl<T: Tap> Bench<T> {
         tap: T,
     ) -> Self {
         let course = Course { scenario, seed, speed: None };
-        Self::of_parts(world, config, Side::of(config), course, tap, ())
+        Self::of_parts(world, config, Side::from_config(config), course, tap, ())
     }
 }
 
 impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
-    /// A bench of `config` with this commanded side. `tap` receives every frame, and `sink` the inputs of the node.
+    /// Creates a bench of `config` with this commanded side. `tap` receives every frame, and `sink` the inputs of the node.
     pub fn recorded(config: &Config, side: Side, course: Course, tap: T, sink: S) -> Self {
         Self::of_parts(config, config, side, course, tap, sink)
     }
@@ -141,14 +141,14 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         let Course { scenario, seed, speed } = course;
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
-        let host_faults = HostFaults::of(&scenario, Duration::ZERO);
+        let host_faults = HostFaults::after(&scenario, Duration::ZERO);
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = match speed {
             Some(speed) => bus.at_speed(speed),
             None => bus,
         };
-        let side = Disturbed::new(Delayed::by(side, config.link.simulated));
+        let side = FaultySide::new(DelayedSide::by(side, config.link.simulated));
         let node = RecordedNode::new(config, bus, side, sink);
         Self { node, requests, bitrates, begun: None, host_faults }
     }
@@ -179,12 +179,12 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
         let requests = scenario.requests().filter(|(at, _)| *at > elapsed);
         self.requests = requests.map(|(at, asked)| (at, request(asked))).collect();
-        self.host_faults = HostFaults::of(&scenario, self.elapsed());
+        self.host_faults = HostFaults::after(&scenario, self.elapsed());
         self.world_mut().set_scenario(scenario, seed);
         self.plan_host_faults();
     }
 
-    /// Takes the oldest request of the scenario that is due.
+    /// Takes the oldest request of the scenario whose time has come.
     pub fn due(&mut self) -> Option<Request> {
         let now = self.node.bus().now();
         let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
@@ -193,7 +193,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         Some(request)
     }
 
-    /// Makes the requests of the scenario that are due, then runs one cycle.
+    /// Makes the requests of the scenario whose time has come, then runs one cycle.
     pub fn cycle(&mut self) -> Record {
         while let Some(request) = self.due() {
             if let Err(refused) = self.ask(request) {
@@ -251,7 +251,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         self.node.request(request, &mut || false)
     }
 
-    /// Stops the node's process, as if it had been killed, while the stations go on. Returns the time of the stop.
+    /// Stops the node's process as by a kill while the stations continue. Returns the time of the stop.
     pub fn fall_silent_for(&mut self, span: Duration) -> Instant {
         let bus = self.node.bus_mut();
         let begun = bus.now();
@@ -267,27 +267,27 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         self.node.stop(&mut || false)
     }
 
-    /// The node.
+    /// Returns the node.
     pub const fn node(&self) -> &BenchNode<T, S> {
         &self.node
     }
 
-    /// The tap that receives every frame.
+    /// Returns the tap that receives every frame.
     pub const fn tap_mut(&mut self) -> &mut T {
         self.node.bus_mut().tap_mut()
     }
 
-    /// Sets the wrench that a broken sensor of the commanded side reports; `None` repairs it.
+    /// Sets the wrench reported by a broken sensor of the commanded side; `None` repairs it.
     pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
         self.node.remote_mut().set_sensor_fault(reported);
     }
 
-    /// The commanded side.
+    /// Returns the commanded side.
     pub const fn side(&self) -> &Side {
         self.node.remote().side().far()
     }
 
-    /// The buses.
+    /// Returns the buses.
     pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
         self.node.bus_mut()
     }
@@ -297,41 +297,41 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         self.node.notice()
     }
 
-    /// The time on the bus.
+    /// Returns the time on the bus.
     pub fn now(&self) -> Instant {
         self.node.bus().now()
     }
 
-    /// Time zero of the scenario: the first SYNC.
+    /// Returns time zero of the scenario: the first SYNC.
     pub fn begun(&self) -> Instant {
         self.node.bus().stations().scenario_start().unwrap_or(Instant::ZERO)
     }
 
-    /// Time since the start of the scenario.
+    /// Returns the time since the start of the scenario.
     pub fn elapsed(&self) -> Duration {
         let bus = self.node.bus();
         let now = bus.now();
         now.since(bus.stations().scenario_start().unwrap_or(now))
     }
 
-    /// The stations, as they really are.
+    /// Returns the simulated stations, with their ground truth.
     pub const fn world(&self) -> &World {
         self.node.bus().stations()
     }
 
-    /// The stations.
+    /// Returns the simulated stations for changes.
     pub const fn world_mut(&mut self) -> &mut World {
         self.node.bus_mut().stations_mut()
     }
 
     /// Returns the traffic of each bus so far.
-    pub fn carried(&self) -> Vec<Carried> {
+    pub fn carried(&self) -> Vec<BusTraffic> {
         let bus = self.node.bus();
         let seconds = bus.now().since(Instant::ZERO).as_secs_f64();
         let of = |((frames, bits), bitrate): ((u64, u64), &u32)| {
             let seconds_on_wire =
                 Duration::from_micros(bits).as_secs_f64() * 1e6 / f64::from(*bitrate);
-            Carried { frames, percent: 100.0 * seconds_on_wire / seconds.max(1e-6) }
+            BusTraffic { frames, percent: 100.0 * seconds_on_wire / seconds.max(1e-6) }
         };
         bus.carried().zip(&self.bitrates).map(of).collect()
     }

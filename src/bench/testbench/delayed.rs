@@ -1,7 +1,7 @@
-//! A link with delay between node and commanded side, in memory: constant delay, jitter, loss, reordering, outage.
+//! Link with delay between node and commanded side, in memory: constant delay, jitter, loss, reordering, outage.
 //!
-//! Both ends are those of the [`contract`], and its messages are what the link delays. The far side runs its own cycle,
-//! whatever arrives:
+//! Both ends are those of the [`contract`], whose messages are delayed. The far side runs its own cycle, independently of
+//! arrivals:
 //!
 //! ```text
 //!  node       Command t0 ─┐                      ┌─► Feedback, echo t0: its age is now − t0
@@ -19,7 +19,7 @@ use units::time::Instant;
 /// Shortest time between two messages of one direction, for the length of the queues.
 const MIN_PERIOD: Duration = Duration::from_micros(250);
 
-/// Maximum number of messages under way in one direction.
+/// Maximum number of messages in transit in one direction.
 const MAX_UNDER_WAY: usize = 8_192;
 
 /// Maximum time that the far side catches up with after a pause of the node.
@@ -28,22 +28,22 @@ const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 /// Number of the arm.
 const ARM: u16 = 0;
 
-/// Messages that were sent, and their fate.
+/// Counts of sent messages by their fate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Sent.
+    /// Messages sent.
     pub sent: u64,
-    /// Lost by chance or in an outage.
+    /// Messages lost at random or in an outage.
     pub lost: u64,
-    /// Lost because too many were under way.
+    /// Messages lost because the queue was full.
     pub overflowed: u64,
-    /// Received after a newer one, and dropped.
+    /// Messages received after a newer one, and dropped.
     pub overtaken: u64,
 }
 
-/// A commanded side behind a link with delay, or directly connected.
+/// Commanded side behind a link with delay, or directly connected.
 #[derive(Clone, Debug)]
-pub struct Delayed<R> {
+pub struct DelayedSide<R> {
     far: R,
     link: Option<Link>,
 }
@@ -62,17 +62,17 @@ struct Link {
     next: Option<Instant>,
     /// Newest sample at the node.
     newest: Option<RemoteSample>,
-    /// Why the far side holds in the present epoch.
+    /// Reason of the far side to hold in the present epoch.
     holds: Option<Reason>,
 }
 
-impl<R> Delayed<R> {
-    /// Connects `far` directly: the same as `far` alone.
+impl<R> DelayedSide<R> {
+    /// Connects `far` directly, without a link.
     pub const fn direct(far: R) -> Self {
         Self { far, link: None }
     }
 
-    /// Puts a link between the node and `far`. Allocates; an exchange does not.
+    /// Creates a link between the node and `far`. Allocates here, not in exchanges.
     pub fn new(far: R, settings: DelaySettings) -> Self {
         Self { far, link: Some(Link::new(settings)) }
     }
@@ -82,23 +82,23 @@ impl<R> Delayed<R> {
         Self { far, link: settings.map(Link::new) }
     }
 
-    /// The commanded side.
+    /// Returns the commanded side.
     pub const fn far(&self) -> &R {
         &self.far
     }
 
-    /// The commanded side, to change it between two exchanges.
+    /// Returns the commanded side, for changes between two exchanges.
     pub const fn far_mut(&mut self) -> &mut R {
         &mut self.far
     }
 
-    /// Returns the fate of the commands and that of the feedbacks; `None` where there is no link between.
+    /// Returns the counts of commands and of feedbacks; `None` without a link.
     pub fn counts(&self) -> Option<[Counts; 2]> {
         self.link.as_ref().map(Link::counts)
     }
 }
 
-impl<R: Remote> Remote for Delayed<R> {
+impl<R: Remote> Remote for DelayedSide<R> {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         match &mut self.link {
             None => self.far.exchange(now, command),
@@ -144,7 +144,7 @@ impl Link {
             settings,
             there: Way::new(length, seed),
             back: Way::new(length, !seed),
-            // Constant, so that a run repeats; no other process has them.
+            // The sessions are constant, so that a run repeats; no other process is on this link.
             node: NodeEnd::new(ARM, 1),
             far: FarEnd::new(ARM, 2, hold_after),
             begun: None,
@@ -174,7 +174,7 @@ impl Link {
         self.newest
     }
 
-    /// Runs the cycles of the far side that are due until `now`.
+    /// Runs the cycles of the far side up to `now`.
     fn run_far_side(&mut self, now: Instant, far: &mut impl Remote) {
         let begun = self.begun.unwrap_or(now);
         let mut next = self.next.unwrap_or(now);
@@ -191,7 +191,7 @@ impl Link {
             }
             let command = messages::command(&mut self.far, next);
             let sensed = far.exchange(next, &command).filter(|sensed| sensed.at == next);
-            // What the far side repeats is not sent again: it would get a newer echo.
+            // A repeated sample is not sent again, because it would get a newer echo.
             if let Some(sensed) = sensed {
                 let feedback = self.far.feedback(next, &messages::measured(&sensed));
                 self.back.send(next, next.since(begun), feedback, &self.settings);
@@ -209,7 +209,7 @@ impl Link {
     }
 }
 
-/// A message on its way.
+/// Message in transit.
 #[derive(Clone, Copy, Debug)]
 struct Datagram<T> {
     number: u64,
@@ -217,14 +217,14 @@ struct Datagram<T> {
     content: T,
 }
 
-/// One direction.
+/// One direction of the link.
 #[derive(Clone, Debug)]
 struct Way<T> {
     under_way: Vec<Datagram<T>>,
     length: usize,
     random: SplitMix,
     counts: Counts,
-    /// Arrival of the last one that was sent.
+    /// Arrival of the last sent message.
     last_arrival: Instant,
 }
 
@@ -244,7 +244,7 @@ impl<T: Copy> Way<T> {
         let DelaySettings { delay, jitter, loss, reorders, .. } = *settings;
         let number = self.counts.sent;
         self.counts.sent += 1;
-        // Drawn for every datagram, so that the loss of one changes no other.
+        // One random number per datagram, so that a loss does not change the sequence.
         let is_unlucky = unit(&mut self.random) < loss;
         let late = jitter.mul_f64(unit(&mut self.random));
         if is_unlucky || settings.is_out(elapsed) {
@@ -261,7 +261,7 @@ impl<T: Copy> Way<T> {
         self.under_way.push(Datagram { number, arrival, content });
     }
 
-    /// Takes the first of those that have arrived until `now`.
+    /// Takes the oldest message that has arrived by `now`.
     fn receive(&mut self, now: Instant) -> Option<T> {
         let arrived = self.under_way.iter().enumerate().filter(|(_, one)| one.arrival <= now);
         let first = arrived.min_by_key(|(_, one)| (one.arrival, one.number));

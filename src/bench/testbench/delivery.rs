@@ -1,9 +1,9 @@
-//! Drive as its maker's tool has left it: what the configuration states of it, and an encoder that makes 6064h count as
-//! the configuration says.
+//! Delivery state of a simulated drive: stored objects that the configuration states, and an encoder for which 6064h counts
+//! as configured.
 //!
 //! 6064h is `encoder · 6092h / (608Fh · 6091h)` per revolution of the motor (CiA 402-2). A stated 608Fh is that of the
-//! encoder: the drive then counts what its factors give, whatever `encoder_counts_per_rev` says. What is not stated fits
-//! the rest.
+//! encoder; the drive then counts by its factors, independently of `encoder_counts_per_rev`. Factors that are not stated
+//! are chosen to fit.
 
 use canopen::nameplate::{Nameplate, Ratio};
 use canopen::object::Object;
@@ -11,20 +11,20 @@ use canopen_device::dictionary::Dictionary;
 use config::JointParameters;
 use sim::drive::Delivery;
 
-/// A drive and its encoder.
-pub(super) struct Delivered {
+/// Delivery state of a drive and its encoder.
+pub(super) struct DeliveryState {
     /// Values stored in the drive.
     pub(super) delivery: Delivery,
     /// Encoder increments per revolution of the motor.
     pub(super) increments: f64,
 }
 
-impl Delivered {
-    /// Returns what `joint` has, with the objects of `dictionary`.
-    pub(super) fn of(joint: &JointParameters, dictionary: &Dictionary) -> Self {
+impl DeliveryState {
+    /// Computes the delivery state of the drive of `joint`, with the objects of `dictionary`.
+    pub(super) fn new(joint: &JointParameters, dictionary: &Dictionary) -> Self {
         let Nameplate { polarity, gear, rated_torque, rated_current, modes, units, .. } =
             &joint.nameplate;
-        let Factors { increments, encoder, feed } = Factors::of(joint, dictionary);
+        let Factors { increments, encoder, feed } = Factors::new(joint, dictionary);
         let mut stored = vec![
             (Object::POLARITY, u32::from(*polarity)),
             (Object::ENCODER_INCREMENTS, encoder.0),
@@ -45,7 +45,7 @@ impl Delivered {
     }
 }
 
-/// Encoder, and the factors between it and 6064h that the drive holds.
+/// Encoder, and the stored factors between it and 6064h.
 struct Factors {
     /// Increments per revolution of the motor.
     increments: f64,
@@ -56,7 +56,7 @@ struct Factors {
 }
 
 impl Factors {
-    fn of(joint: &JointParameters, dictionary: &Dictionary) -> Self {
+    fn new(joint: &JointParameters, dictionary: &Dictionary) -> Self {
         let has = |object| dictionary.entry(object).is_some();
         let Nameplate { encoder, gear, feed, .. } = &joint.nameplate;
         let gear = if has(Object::GEAR_MOTOR_REVOLUTIONS) { *gear } else { Ratio::ONE };

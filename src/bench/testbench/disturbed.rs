@@ -1,4 +1,4 @@
-//! Faults of a commanded side in this process: a link that freezes or is lost, and a sensor that reports what is not.
+//! Faults of a commanded side in this process: a frozen or lost link, and a sensor with a wrong reading.
 
 use std::time::Duration;
 
@@ -10,30 +10,30 @@ use units::time::Instant;
 /// State of the link to the commanded side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Link {
-    /// Works.
+    /// Transmits both ways.
     #[default]
     Up,
     /// Repeats the same sample with its old time.
     Frozen,
     /// Transmits nothing in either direction.
     Lost,
-    /// Takes longer than stated.
+    /// Transmits with more delay than configured.
     Slow,
-    /// Works, to a commanded side that holds for a reason of its own until a new epoch.
+    /// Transmits to a commanded side that holds for a local reason until a new epoch.
     Held,
-    /// Works, to a commanded side that another node leads, and whose messages answer that node.
+    /// Transmits to a commanded side led by another node, whose messages answer that node.
     Foreign,
 }
 
-/// A commanded side that another node leads, and what the contract lets through of its messages.
+/// Ends of the contract of a commanded side led by another node.
 #[derive(Clone, Debug)]
-struct Usurped {
+struct ForeignLead {
     node: NodeEnd,
     other: NodeEnd,
     far: FarEnd,
 }
 
-impl Usurped {
+impl ForeignLead {
     fn new() -> Self {
         Self {
             node: NodeEnd::new(0, 1),
@@ -42,7 +42,7 @@ impl Usurped {
         }
     }
 
-    /// Returns what a message with this sample is at the node that does not lead.
+    /// Returns the sample that the node accepts from a message of a side led by another node.
     fn received(&mut self, now: Instant, sensed: &RemoteSample) -> Option<RemoteSample> {
         let order = messages::order(&Command::HOLD);
         self.node.command(now, &order);
@@ -52,22 +52,22 @@ impl Usurped {
     }
 }
 
-/// A commanded side with faults.
+/// Commanded side with faults.
 #[derive(Clone, Debug)]
-pub struct Disturbed<R> {
+pub struct FaultySide<R> {
     side: R,
     link: Link,
     /// Last sample over the link.
     known: Option<RemoteSample>,
     /// The side holds until a new epoch.
     holds: bool,
-    /// The other node that leads, since the first time that one did.
-    usurped: Option<Box<Usurped>>,
-    /// Value of a broken sensor.
+    /// State of the lead by another node; `None` before the first one.
+    usurped: Option<Box<ForeignLead>>,
+    /// Reading of a broken sensor.
     sensor_fault: Option<Wrench>,
 }
 
-impl<R> Disturbed<R> {
+impl<R> FaultySide<R> {
     /// Creates a side without faults.
     pub const fn new(side: R) -> Self {
         Self { side, link: Link::Up, known: None, holds: false, usurped: None, sensor_fault: None }
@@ -88,13 +88,13 @@ impl<R> Disturbed<R> {
         self.link = link;
     }
 
-    /// Sets the wrench that a broken sensor reports; `None` repairs it.
+    /// Sets the wrench reported by a broken sensor; `None` repairs it.
     pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
         self.sensor_fault = reported;
     }
 }
 
-impl<R: Remote> Remote for Disturbed<R> {
+impl<R: Remote> Remote for FaultySide<R> {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
         self.holds |= self.link == Link::Held;
         let passes = !self.holds && !matches!(self.link, Link::Lost | Link::Foreign);
@@ -104,7 +104,7 @@ impl<R: Remote> Remote for Disturbed<R> {
             Link::Up | Link::Slow | Link::Held => Some(sensed),
             Link::Frozen | Link::Lost => None,
             Link::Foreign => {
-                let usurped = self.usurped.get_or_insert_with(|| Box::new(Usurped::new()));
+                let usurped = self.usurped.get_or_insert_with(|| Box::new(ForeignLead::new()));
                 usurped.received(now, &sensed)
             }
         };
@@ -159,11 +159,11 @@ mod tests {
 
     #[test]
     fn frozen_link_repeats_and_lost_link_holds() {
-        let mut side = Disturbed::new(Counting::default());
+        let mut side = FaultySide::new(Counting::default());
         let command = Motion::Pose(Isometry3::identity()).into();
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
         let time_of =
-            |side: &mut Disturbed<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
+            |side: &mut FaultySide<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
         assert_eq!(time_of(&mut side, 1), at(1));
         side.set_link(Link::Frozen);
         assert_eq!((time_of(&mut side, 2), side.side().0), (at(1), 2));
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn far_side_of_another_node_neither_follows_nor_is_felt() {
-        let mut side = Disturbed::new(Counting::default());
+        let mut side = FaultySide::new(Counting::default());
         let command = Motion::Pose(Isometry3::identity()).into();
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
         side.exchange(at(1), &command);
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn broken_sensor_reports_its_value() {
-        let mut side = Disturbed::new(Counting::default());
+        let mut side = FaultySide::new(Counting::default());
         let wrong = Wrench::from_components([1.0; 6]);
         side.set_sensor_fault(Some(wrong));
         assert_eq!(side.exchange(Instant::ZERO, &Command::HOLD).unwrap().f_s, wrong);

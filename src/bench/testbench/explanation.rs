@@ -1,12 +1,12 @@
 //! One cycle of the controller: every intermediate of Fig. 3 by name, with unit, frame and equation.
 //!
-//! The values are those of the step that the loop runs; the command of the other mode is computed besides. The cycles
-//! before it lead there: reference set, deadman pressed, one cycle ago.
+//! The values are those of the step in the loop; the command of the other mode is computed in addition. Earlier cycles set
+//! the reference, press the deadman, and play the cycle before.
 
 use nalgebra::{Isometry3, Vector3};
 use serde::Serialize;
 
-use crate::question::{InvalidQuestion, Posed, Question};
+use crate::question::{CycleInputs, InvalidQuestion, Question};
 use config::Config;
 use controller::interpretation::{DisplacementFrame, Interpretation};
 use controller::reference::Displacement;
@@ -39,17 +39,17 @@ pub enum Value {
     Word(Option<String>),
 }
 
-/// One line of the explanation. It serializes without its name.
+/// Entry of the explanation. It serializes without its name.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// Its name, as everywhere in this program.
+    /// Name of the value, as in code and records.
     #[serde(skip)]
     pub name: &'static str,
-    /// Its value.
+    /// Value of the entry.
     pub value: Value,
-    /// Its unit.
+    /// SI unit; empty without one.
     pub unit: &'static str,
-    /// The frame it is written in.
+    /// Frame that the value is written in.
     pub frame: &'static str,
     /// Equation or section of the paper.
     pub place: &'static str,
@@ -57,14 +57,14 @@ pub struct Entry {
     pub what: &'static str,
 }
 
-/// The whole cycle, in the order it is computed.
+/// Entries of a cycle, in the order of computation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explanation(pub Vec<Entry>);
 
-/// Answers `question` for the controller of `config`, whose arm is at `start` if nothing is said.
+/// Explains a cycle of the controller of `config` with the inputs of `question`; the default posture is `start`.
 ///
 /// # Errors
-/// The first key of the question that cannot be.
+/// The first invalid key of the question.
 pub fn explain(
     config: &Config,
     start: &JointVector,
@@ -76,8 +76,8 @@ pub fn explain(
     Ok(Explanation(entries(&posed, &output)))
 }
 
-/// Runs the cycles that lead there, and the cycle itself.
-fn run(posed: &Posed) -> Output {
+/// Runs the preceding cycles and the explained one.
+fn run(posed: &CycleInputs) -> Output {
     let mut controller = Controller::new(&posed.settings);
     let up = Switches::default();
     let held = Switches { deadman: posed.deadman, ..up };
@@ -108,19 +108,19 @@ fn run(posed: &Posed) -> Output {
 }
 
 /// Returns Fig. 3 from top to bottom.
-fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
+fn entries(posed: &CycleInputs, output: &Output) -> Vec<Entry> {
     let mut entries = motion(posed, output);
     entries.extend(wrenches(posed, output));
     entries.extend(torques(output));
     if posed.settings.extensions.friction.is_none() {
-        // The paper has none: without it, nothing is said of it.
+        // The paper has no friction compensation: the entry is omitted without it.
         entries.retain(|entry| entry.name != TAU_FRICTION);
     }
     entries
 }
 
 /// Returns the pose of the grip, and the command.
-fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
+fn motion(posed: &CycleInputs, output: &Output) -> Vec<Entry> {
     let settings = &posed.settings;
     let (interpretation, law) = (&settings.interpretation, &settings.command);
     let Output { q, reference, x_0_g, x_h_g, dx, dx_db, command, .. } = output;
@@ -148,7 +148,7 @@ fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
 }
 
 /// Returns the sensed wrench, and the wrenches on the grip.
-fn wrenches(posed: &Posed, output: &Output) -> Vec<Entry> {
+fn wrenches(posed: &CycleInputs, output: &Output) -> Vec<Entry> {
     let Output { f_m_task, f_g_task, f_g_centring, f_g_damping, port, .. } = output;
     let f_w_task = f_g_task.at(posed.settings.arm.grip());
     let v_g = &output.twist.v_g;
@@ -196,7 +196,7 @@ fn torques(output: &Output) -> Vec<Entry> {
     ]
 }
 
-/// Where the translation of ΔX is written.
+/// Returns the frame in which the translation of ΔX is written.
 const fn axes(interpretation: &Interpretation) -> &'static str {
     match interpretation.displacement {
         DisplacementFrame::Base => "0",

@@ -1,4 +1,4 @@
-//! A far side: the simulated robot behind the contract, without I/O and without a clock.
+//! Far side: the simulated robot behind the contract, without I/O and without a clock.
 //!
 //! ```text
 //!  Command ──► contract::FarEnd ── motion ──► robot_site ── joints, wrist sensor ──► reasons to hold
@@ -23,13 +23,13 @@ use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Reading of a sensor that says itself that it is invalid.
+/// Reading of a sensor that reports itself invalid.
 const INVALID: Wrench = Wrench::from_components([f64::NAN; 6]);
 
 /// Bounds of a far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotLimits {
-    /// Age of the newest command after which it holds.
+    /// Age of the newest command after which the robot holds.
     pub hold_after: Duration,
     /// Range of the sensor: a component at it or beyond is saturated.
     pub sensor_range: SensorRange,
@@ -78,7 +78,7 @@ impl SensorRange {
 pub struct Outgoing {
     /// Feedback.
     pub feedback: [u8; Feedback::LENGTH],
-    /// Capability, where the node asked for it.
+    /// Capability, if requested by the node.
     pub capability: Option<[u8; Capability::LENGTH]>,
 }
 
@@ -87,9 +87,9 @@ pub struct Outgoing {
 pub struct Status {
     /// Time of the newest cycle.
     pub at: Instant,
-    /// Why it holds; [`Reason::None`] while it follows.
+    /// Reason to hold; [`Reason::None`] while the robot follows.
     pub reason: Reason,
-    /// Session and epoch of the node that leads; session 0 for none.
+    /// Session and epoch of the leading node; session 0 for none.
     pub leader: (u64, u32),
     /// Measurements of the newest cycle.
     pub measured: Measurements,
@@ -121,7 +121,7 @@ impl FarRobot {
     /// `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// A configuration without a robot, one that cannot be simulated, or one that starts in contact.
+    /// The configuration has no robot, or one that cannot be simulated or starts in contact.
     pub fn new(
         config: &Config,
         limits: RobotLimits,
@@ -134,7 +134,7 @@ impl FarRobot {
         let equipment = Equipment {
             sensor: WristSensorSettings { range, ..WristSensorSettings::default() },
             limit: limits.wrench,
-            ..Equipment::of(&config.remote)
+            ..Equipment::from_remote(&config.remote)
         };
         let site = RobotSite::in_free_space(config, &equipment, seed)?;
         Ok(Self {
@@ -162,7 +162,7 @@ impl FarRobot {
         self.step_with(now, |measurement| measurement)
     }
 
-    /// Performs a cycle with what `supply` makes of the measurements: a sensor that is silent, or an encoder that fails.
+    /// Performs a cycle with measurements changed by `supply`, such as a silent sensor or a failed encoder.
     pub fn step_with(
         &mut self,
         now: Instant,
@@ -186,7 +186,7 @@ impl FarRobot {
             self.end.hold(reason);
         }
         let Command { motion, gripper } = messages::command(&mut self.end, now);
-        // The control needs a valid reading to hold where the arm is; a hold does not depend on it otherwise.
+        // The control needs any valid reading to hold the present pose; the hold does not depend on its value.
         self.site.command(&motion, &Measurement { reading: self.sensor.valid, ..measurement });
         let control = self.site.control();
         if are_joints_valid && control.is_stopped() {
@@ -195,7 +195,7 @@ impl FarRobot {
         let (f_s, x_b_m) = (*control.operator_wrench(), *control.pose());
         let sensed = RemoteSample { at: now, f_s, x_b_m, gripper: self.site.grip(gripper) };
         let Measurements { wrench, pose, gripper } = messages::measured(&sensed);
-        // A reading that is sent again would get a newer echo, and so would look new.
+        // A repeated reading would get a newer echo, and appear new.
         let wrench = wrench.filter(|_| are_joints_valid && sensor.is_new_and_valid);
         let pose = pose.filter(|_| are_joints_valid);
         self.measured = Measurements { wrench, pose, gripper };
@@ -206,8 +206,8 @@ impl FarRobot {
         }
     }
 
-    /// Performs a cycle with the reading of a sensor that is not simulated: its number, 0 before the first, and its wrench, `None`
-    /// for an invalid one. A reading with the number of the one before is not new.
+    /// Performs a cycle with the reading of a real sensor: its number, 0 before the first, and its wrench, `None` if invalid. A
+    /// reading with the number of the last one is not new.
     pub fn step_with_reading(
         &mut self,
         now: Instant,
@@ -223,22 +223,22 @@ impl FarRobot {
         })
     }
 
-    /// Ends the robot: it holds from the next cycle on, whatever is commanded.
+    /// Ends the robot: it holds from the next cycle on and ignores commands.
     pub const fn end(&mut self) {
         self.is_ending = true;
     }
 
-    /// Returns why it holds; [`Reason::None`] while it follows.
+    /// Returns the reason to hold; [`Reason::None`] while the robot follows.
     pub const fn reason(&self) -> Reason {
         self.end.reason()
     }
 
-    /// Returns session and epoch of the node that leads; session 0 for none.
+    /// Returns session and epoch of the leading node; session 0 for none.
     pub fn leader(&self) -> (u64, u32) {
         self.end.leader()
     }
 
-    /// Returns the figures that a node gets when it asks.
+    /// Returns the capability, which nodes may request.
     pub const fn figures(&self) -> &Capability {
         &self.figures
     }
@@ -261,7 +261,7 @@ impl FarRobot {
     }
 }
 
-/// Watch on the readings of the force/torque sensor.
+/// Monitor of the readings of the force/torque sensor.
 #[derive(Clone, Copy, Debug)]
 struct SensorWatch {
     /// Number of the newest reading; 0 before the first.
@@ -285,7 +285,7 @@ struct Judgement {
 }
 
 impl SensorWatch {
-    /// Takes the reading of a cycle; returns the reason to hold, if it has one.
+    /// Takes the reading of a cycle; returns the reason to hold that it gives.
     fn judge(&mut self, measurement: &Measurement, limits: &RobotLimits) -> Judgement {
         let Measurement { reading, reading_number, .. } = measurement;
         let is_new = self.newest != *reading_number;
@@ -295,7 +295,7 @@ impl SensorWatch {
         if is_finite {
             self.valid = *reading;
         }
-        // First: a sensor that is silent says nothing of its present condition.
+        // Silence comes first: the last reading says nothing about the present.
         let reason = if self.missed >= limits.max_missed_readings {
             Some(Reason::SensorSilent)
         } else if !is_finite {
@@ -327,8 +327,8 @@ fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capabilit
     Capability { has_gripper, ..stated.capability(workspace(robot)) }
 }
 
-/// Returns a box in {b} that {MRF} never leaves, its least and its greatest corner in m: around its base,
-/// as far as all links together reach. Not every position in it is reached.
+/// Returns the lowest and highest corner, in m, of a box in {b} that {MRF} cannot leave: around the base, with the reach of
+/// all links together. Not every position in it can be reached.
 fn workspace(robot: &RobotArm) -> [[f64; 3]; 2] {
     let lengths = robot.joints.iter().map(|joint| joint.link.a.hypot(joint.link.d));
     let reach = lengths.sum::<f64>() + robot.x_n_m.translation.vector.norm();

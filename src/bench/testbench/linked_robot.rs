@@ -1,5 +1,5 @@
-//! A robot behind the contract of docs/link.md, both ends in this process: for a demonstration in virtual time of a configuration whose
-//! robot is elsewhere.
+//! Robot behind the contract of docs/link.md, with both ends in this process: for demonstrations in virtual time of
+//! configurations with a remote robot.
 //!
 //! ```text
 //!  exchange k      node's end takes the feedback of cycle k - 1, and sends command k
@@ -19,7 +19,7 @@ use units::time::Instant;
 const NODE_SESSION: u64 = 1;
 const ROBOT_SESSION: u64 = 2;
 
-/// A robot, and the node's end of the link to it.
+/// Robot with the node's end of the link to it.
 #[derive(Clone, Debug)]
 pub struct LinkedRobot {
     end: NodeEnd,
@@ -33,7 +33,7 @@ impl LinkedRobot {
     /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// A configuration without a robot, one that cannot be simulated, or one that starts in contact.
+    /// The configuration has no robot, or one that cannot be simulated or starts in contact.
     pub fn new(config: &Config, seed: u64) -> Result<Self, NoRobot> {
         let arm = config.far_side.arm;
         Ok(Self {
@@ -50,7 +50,7 @@ impl LinkedRobot {
         &self.robot
     }
 
-    /// Takes the feedback of the cycle before.
+    /// Takes the feedback of the previous cycle.
     fn receive(&mut self, now: Instant) {
         let received = self.feedback.take();
         let sample = received.and_then(|feedback| self.end.on_message(now, &feedback));

@@ -24,23 +24,23 @@ const MAX_NON_ORTHONORMAL: f64 = 1e-6;
 /// Largest force and moment of a question that sets its own gains, in N and N·m.
 const UNLIMITED: f64 = 1e6;
 
-/// One question. Keys are the names of this program; those of the paper's symbols are taken too.
+/// Inputs of an explained cycle. Keys are the names of this program; those of the paper's symbols are accepted, too.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Question {
     /// Joint positions now, in rad or m.
     #[serde(alias = "q_now")]
     pub q: Option<[f64; 6]>,
-    /// A cycle ago; as now if not given.
+    /// Joint positions one cycle earlier, in rad or m; those of `q` by default.
     #[serde(alias = "q_prev")]
     pub q_before: Option<[f64; 6]>,
-    /// When the reference was set; as now if not given.
+    /// Joint positions when the reference was set, in rad or m; those of `q` by default.
     #[serde(alias = "q_ref")]
     pub q_reference: Option<[f64; 6]>,
-    /// The wrench on the object at {S}, payload removed, in N and N·m.
+    /// Wrench on the object at {S}, payload removed, in N and N·m.
     #[serde(alias = "F_S_contact")]
     pub f_s: Option<[f64; 6]>,
-    /// The object's pose when the reference was set, in its base.
+    /// Pose of the object in {b} when the reference was set.
     #[serde(alias = "T_ref_object")]
     pub x_b_r: Option<Rows>,
     /// `rate` or `pose`.
@@ -51,14 +51,14 @@ pub struct Question {
     pub deadman: Option<bool>,
     /// State of reflection; on by default.
     pub reflection: Option<bool>,
-    /// State of the layers beside the paper's law; off by default.
+    /// State of the extensions of the paper's law; off by default.
     pub layers: bool,
     /// Pose of the sensor in {MRF}.
     #[serde(alias = "T_MRF_S")]
     pub x_m_s: Option<Rows>,
     /// Gravity in {0}, in m/s².
     pub gravity_m_per_s2: Option<[f64; 3]>,
-    /// The cycle, in s.
+    /// Cycle period, in s.
     #[serde(alias = "T_cycle")]
     pub period_s: Option<f64>,
     /// K_V, in 1/s.
@@ -72,7 +72,7 @@ pub struct Question {
     pub wrench_gain: Option<[f64; 6]>,
     /// Half-widths of the deadbands, in m and rad.
     pub deadband: Option<[f64; 6]>,
-    /// The parabolic constant of Eq. 8: plateau over deadband squared.
+    /// Parabolic constant of Eq. 8: plateau over deadband squared.
     #[serde(alias = "a")]
     pub parabola: Option<[f64; 6]>,
     /// K_D, in N·s/m and N·m·s/rad.
@@ -81,23 +81,23 @@ pub struct Question {
     /// Capacities, in N·m or N; torque curves become straight lines to 1000 ‰.
     #[serde(alias = "tau_cap")]
     pub max_torque: Option<[f64; 6]>,
-    /// The assist's part of them.
+    /// Share of the capacities for the assist, 0 to 1.
     pub assist_fraction: Option<f64>,
 }
 
-/// An invalid key of a question.
+/// Invalid key of a question.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{key}: {reason}")]
 pub struct InvalidQuestion {
-    /// The key.
+    /// Name of the key.
     pub key: &'static str,
-    /// Problem of its value.
+    /// Reason to reject its value.
     pub reason: String,
 }
 
-/// A checked question.
+/// Checked inputs with all defaults.
 #[derive(Clone, Debug)]
-pub(super) struct Posed {
+pub(super) struct CycleInputs {
     pub(super) settings: Settings,
     pub(super) q: JointVector,
     pub(super) q_before: JointVector,
@@ -120,9 +120,9 @@ impl Question {
         start: &JointVector,
         x_b_m: &Isometry3<f64>,
         mode: Mode,
-    ) -> Result<Posed, InvalidQuestion> {
+    ) -> Result<CycleInputs, InvalidQuestion> {
         let q = joints("q", self.q, start)?;
-        Ok(Posed {
+        Ok(CycleInputs {
             settings: self.over(settings)?,
             q,
             q_before: joints("q_before", self.q_before, &q)?,

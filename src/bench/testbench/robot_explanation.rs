@@ -1,6 +1,6 @@
-//! A robot arm at given joint positions: kinematics of the room `robot`, torques and masses of the simulation.
+//! Robot arm at given joint positions: kinematics of the room `robot`, torques and masses of the simulation.
 //!
-//! These are the computations that a controlled arm runs on; other programs can be compared with them by the arm's file.
+//! The simulated arm uses the same computations, so that other programs can be compared with it by the arm's file.
 
 use nalgebra::Vector3;
 
@@ -15,10 +15,10 @@ use telemetry::digits;
 /// Significant digits of limits in messages: those of the file, without the rounding of rad.
 const MESSAGE_DIGITS: usize = 12;
 
-/// Joint positions that an arm cannot have.
+/// Reason why joint positions are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidPosture {
-    /// Another number of joints.
+    /// The number of positions is not that of the joints.
     #[error("must have one position for each of the {joints} joints, got {got}")]
     Count {
         /// Number of joints.
@@ -26,7 +26,7 @@ pub enum InvalidPosture {
         /// Number of positions.
         got: usize,
     },
-    /// A position beyond its range, or NaN.
+    /// A position is outside of its range, or NaN.
     #[error("joint {joint} must be within its limit_deg, {low} to {high}, got {got}")]
     Range {
         /// The joint, from 1.
@@ -38,15 +38,15 @@ pub enum InvalidPosture {
         /// Position, in degrees.
         got: f64,
     },
-    /// An arm that cannot be simulated.
+    /// The arm cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] InvalidJointCount),
 }
 
-/// Explains `arm` at joint positions in degrees, or at its start. Nothing is held: the arm carries no payload.
+/// Explains `arm` without payload, at joint positions in degrees, or at its start.
 ///
 /// # Errors
-/// Positions that the arm cannot have.
+/// The positions are invalid, or the arm cannot be simulated.
 pub fn explain(arm: &RobotArm, degrees: Option<&[f64]>) -> Result<Explanation, InvalidPosture> {
     let q = degrees.map_or_else(|| Ok(arm.start()), |degrees| positions(arm, degrees))?;
     let mut entries = kinematics(arm, &q);
@@ -74,7 +74,7 @@ fn positions(arm: &RobotArm, degrees: &[f64]) -> Result<Joints, InvalidPosture> 
     Ok(q)
 }
 
-/// Returns what the room `robot` computes.
+/// Returns the entries computed by the room `robot`.
 fn kinematics(arm: &RobotArm, q: &Joints) -> Vec<Entry> {
     let law = arm.law();
     let (x_b_m, j_m) = law.chain().forward_and_jacobian(q);
@@ -96,7 +96,7 @@ fn kinematics(arm: &RobotArm, q: &Joints) -> Vec<Entry> {
     ]
 }
 
-/// Returns what the simulation computes.
+/// Returns the entries computed by the simulation.
 fn dynamics(arm: &RobotArm, q: &Joints) -> Result<Vec<Entry>, InvalidPosture> {
     let links: Vec<LinkSettings> =
         arm.joints.iter().map(|joint| simulated_joint::settings(joint).link).collect();
@@ -113,7 +113,7 @@ fn dynamics(arm: &RobotArm, q: &Joints) -> Result<Vec<Entry>, InvalidPosture> {
     ])
 }
 
-/// Leaves out joints that the arm does not have.
+/// Returns the values of the arm's joints, without the padding.
 fn of_joints(arm: &RobotArm, values: &Joints) -> Vec<f64> {
     values.iter().copied().take(arm.joints.len()).collect()
 }

@@ -1,4 +1,4 @@
-//! A robot at the commanded side: the control of the room `robot` on a simulated arm with masses, servos and a sensor.
+//! Robot at the commanded side: the control of the room `robot` on a simulated arm with masses, servos and a sensor.
 //!
 //! ```text
 //!  command ─► robot::arm_control ─ joint rates ─► sim::manipulator ─► scene
@@ -6,7 +6,7 @@
 //!                   └────── joints, wrist sensor ────────┘
 //! ```
 //!
-//! Both know the arm from its file, and nothing of each other. The arm moves with the rates of the exchange before.
+//! Control and simulation know the arm from its file alone. The arm moves with the rates of the previous exchange.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -31,19 +31,19 @@ use sim::wrist_sensor::WristSensorSettings;
 use units::spatial::{Motion, Wrench};
 use units::time::Instant;
 
-/// Depth from which the damping of a surface is complete, in m.
+/// Depth at which the damping of a surface reaches its full value, in m.
 const DAMPING_DEPTH: f64 = 1e-3;
 
-/// A robot that cannot be simulated.
+/// Reason why a robot cannot be simulated.
 #[derive(Debug, Error)]
 pub enum NoRobot {
-    /// No arm.
+    /// The configuration has no arm.
     #[error("the configuration has no remote.robot")]
     NoArm,
-    /// An arm, tool or scene that is invalid.
+    /// The arm, the tool or the scene is invalid.
     #[error(transparent)]
     Invalid(#[from] InvalidManipulator),
-    /// A start in contact.
+    /// The tool would start in contact.
     #[error(
         "{}: joint.start_deg: the tool would start in a surface, at ({:.3}, {:.3}, {:.3}) m: change start_deg or \
          base_m, or move the surface",
@@ -55,15 +55,15 @@ pub enum NoRobot {
         /// Position of {MRF} in {b}, in m.
         at: [f64; 3],
     },
-    /// A script of the operator that is invalid.
+    /// The script of the operator is invalid.
     #[error(transparent)]
     Scenario(#[from] sim::scenario::Problem),
-    /// The drives do not boot.
+    /// The drives did not reach Operation enabled (CiA 402).
     #[error(transparent)]
     BringUp(#[from] node::BringUpError),
 }
 
-/// Tool, scene, sensor and limit of a robot, beside its configuration.
+/// Tool, scene, sensor and limit of a robot, in addition to its configuration.
 #[derive(Clone, Debug)]
 pub struct Equipment {
     /// Surface of the tool.
@@ -81,20 +81,20 @@ pub struct Equipment {
 /// Span and delay of the readings of a wrist sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadingTime {
-    /// Last part of each cycle that a reading is the mean of, in s; more than the cycle is the whole cycle.
+    /// Duration at the end of each cycle over which a reading is averaged, in s; at most the cycle.
     pub span: f64,
-    /// Cycles by which the control gets it late.
+    /// Delay of the reading, in cycles.
     pub late: usize,
 }
 
 impl ReadingTime {
-    /// The mean of the cycle, at its end.
+    /// Mean over the cycle, available at its end.
     pub const MEAN: Self = Self { span: f64::INFINITY, late: 0 };
 }
 
 impl Equipment {
     /// Returns the tool and scene of the free object of a configuration, with an ideal sensor.
-    pub fn of(remote: &Virtual) -> Self {
+    pub fn from_remote(remote: &Virtual) -> Self {
         Self {
             shape: Shape::Cube { half_edge: HALF_CUBE },
             scene: scene(remote),
@@ -124,7 +124,7 @@ pub struct RobotSite {
     gripper: Option<SimulatedGripper>,
     qd: Joints,
     reading: ReadingTime,
-    /// Readings under way to the control.
+    /// Readings that have not reached the control yet.
     under_way: VecDeque<Wrench>,
     measurement: Measurement,
     before: Option<Instant>,
@@ -137,7 +137,7 @@ impl RobotSite {
     /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// A configuration without a robot, or one that cannot be simulated.
+    /// The configuration has no robot, or one that cannot be simulated.
     pub fn new(config: &Config, equipment: &Equipment, seed: u64) -> Result<Self, NoRobot> {
         let robot = config.robot.as_ref().ok_or(NoRobot::NoArm)?;
         let Virtual { interaction, servo, .. } = config.remote;
@@ -188,17 +188,17 @@ impl RobotSite {
         Err(NoRobot::StartsInContact { file, at: site.pose().translation.vector.into() })
     }
 
-    /// Returns the simulated arm, as it really is.
+    /// Returns the simulated arm, with its ground truth.
     pub const fn arm(&self) -> &Manipulator {
         &self.arm
     }
 
-    /// Returns its control.
+    /// Returns the control of the arm.
     pub const fn control(&self) -> &ArmControl {
         &self.control
     }
 
-    /// Returns the pose of {MRF} in {b}, as it really is.
+    /// Returns the true pose of {MRF} in {b}.
     pub const fn pose(&self) -> &Isometry3<f64> {
         self.arm.x_b_m()
     }
@@ -208,8 +208,8 @@ impl RobotSite {
         self.measurement
     }
 
-    /// Moves the arm with its joint rates until `now`; returns the measurements there. After a pause it moves for ten
-    /// periods only, and without time since the last call not at all.
+    /// Moves the arm with its joint rates until `now`; returns the measurements. After a pause it moves for at most ten
+    /// periods.
     pub fn measure(&mut self, now: Instant) -> Measurement {
         let elapsed = self.before.map_or(Duration::ZERO, |before| now.since(before));
         self.before = Some(now);
@@ -227,8 +227,8 @@ impl RobotSite {
         self.measurement
     }
 
-    /// Has the control take a command and the measurements of the last [`measure`](Self::measure), or what a test or a fault
-    /// makes of them.
+    /// Steps the control with a command and the measurements of the last [`measure`](Self::measure), which a test or a fault
+    /// may have changed.
     pub fn command(&mut self, command: &Motion, measurement: &Measurement) {
         if self.dt > 0.0 {
             let Measurement { q, reading, .. } = measurement;
@@ -236,14 +236,14 @@ impl RobotSite {
         }
     }
 
-    /// Moves the gripper over the time of the last [`measure`](Self::measure), with a command or else the last one; returns
-    /// its opening and force, `None` without one.
+    /// Moves the gripper over the time of the last [`measure`](Self::measure), with a command or else the last one. Returns
+    /// opening and force; `None` without a gripper.
     pub fn grip(&mut self, command: Option<Gripper>) -> Option<Gripper> {
         let dt = self.dt;
         self.gripper.as_mut().map(|gripper| gripper.step(dt, command))
     }
 
-    /// Returns the reading that reaches the control; the first is there from the start.
+    /// Returns the reading that reaches the control; initially that of the start.
     fn read(&mut self) -> Wrench {
         let reading = *self.arm.f_s_sensed();
         self.under_way.push_back(reading);
@@ -267,7 +267,7 @@ impl Remote for RobotSite {
         })
     }
 
-    /// Lets an arm that its control has stopped move again.
+    /// Resets a stop of the arm's control.
     fn begin_epoch(&mut self) {
         self.control.reset();
     }
@@ -277,7 +277,7 @@ impl Remote for RobotSite {
     }
 }
 
-/// Returns a sensor with the sign and bias of the configuration, and further errors.
+/// Returns a sensor with the sign and bias of the configuration, and additional errors.
 fn sensor(errors: &WristSensorSettings, configured: &WristSensor) -> WristSensorSettings {
     let sign = match configured.reports {
         Reports::OnTool => 1.0,

@@ -1,5 +1,4 @@
-//! The commanded side of a simulation: a virtual object in the node's own scene, or a robot that is simulated, with or without a
-//! link to it.
+//! Commanded side of a simulation: a virtual object in the node's scene, or a simulated robot with or without a link.
 
 use config::Config;
 use remote::site::VirtualSite;
@@ -17,17 +16,17 @@ pub enum Side {
     Virtual(Box<VirtualSite>),
     /// An arm with masses, servos and a sensor.
     Robot(Box<RobotSite>),
-    /// The same behind a link.
+    /// An arm with masses, servos and a sensor, behind a link.
     Linked(Box<LinkedRobot>),
 }
 
 impl Side {
     /// Returns the commanded side of a configuration, as `frhc run` has it.
-    pub fn of(config: &Config) -> Self {
+    pub fn from_config(config: &Config) -> Self {
         Self::Virtual(Box::new(VirtualSite::new(&config.remote, config.period)))
     }
 
-    /// Returns the simulated robot, if it is one.
+    /// Returns the simulated robot; `None` for any other side.
     pub const fn robot(&self) -> Option<&RobotSite> {
         match self {
             Self::Robot(site) => Some(site),

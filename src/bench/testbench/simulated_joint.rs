@@ -1,4 +1,4 @@
-//! A joint of a robot file as the simulation describes it.
+//! Conversion of a joint of a robot file to the settings of the simulation.
 
 use crate::world;
 use config::robots::RobotJoint;

@@ -1,4 +1,4 @@
-//! A station on a real bus: simulated drives on SocketCAN, for any master.
+//! Station on a real bus: simulated drives on SocketCAN, for any master.
 
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use units::time::Instant;
 /// Time between two calls of `is_over`.
 const POLL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Time until a full bus is tried again: a few frames at 1 Mbit/s, one at 125 kbit/s.
+/// Interval of retries while a bus is full: a few frames at 1 Mbit/s, one at 125 kbit/s.
 const RETRY_AFTER: Duration = Duration::from_millis(1);
 
 /// Runs `station` on `bus` until `is_over` returns true. Frames that a full bus refuses are sent later, up to a bound.
 ///
 /// # Errors
-/// A bus whose interface went down, or was down from the start.
+/// The interface of a bus is down.
 pub fn run<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Maps `items` on as many threads; the results are in the items' order, however long each takes.
+/// Maps `items` on this number of threads; the results are in the order of the items.
 pub fn each<T: Sync, R: Send>(
     threads: NonZero<usize>,
     items: &[T],

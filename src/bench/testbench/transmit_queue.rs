@@ -80,7 +80,7 @@ impl TransmitQueue {
     }
 }
 
-/// Returns whether a bus refuses a frame for now. A bus that is down loses it.
+/// Returns whether a bus cannot accept a frame yet. A bus that is down loses it.
 fn is_refused<B: Bus>(bus: &mut B, telegram: Telegram, down: &mut Option<Down>) -> bool {
     match bus.send(telegram) {
         Ok(()) => false,

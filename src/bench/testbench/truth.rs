@@ -1,7 +1,7 @@
-//! The truth at the hand: the wrench between grip and hand in the simulated world, with its parts.
+//! Ground truth at the hand: the wrench between grip and hand in the simulated world, with its parts.
 //!
-//! At a SYNC the drives have held the torque of two cycles ago for one period (CiA 301, 7.2.2.5.1). What is felt then
-//! is compared with K_T times the wrench that was sensed in that cycle, and with the parts of its torque.
+//! At a SYNC the drives have held the torque of two cycles ago for one period (CiA 301, 7.2.2.5.1). The wrench on the hand at
+//! that time is compared with K_T times the wrench sensed two cycles ago, and with the parts of that torque.
 
 use crate::bench::Bench;
 use bus::Tap;
@@ -12,7 +12,7 @@ use node::record::Record;
 use telemetry::fidelity::command::AtGrip;
 use telemetry::fidelity::{Commanded, Parts, Sample};
 
-/// Samples of the truth.
+/// Samples of the ground truth at the hand.
 #[derive(Clone, Debug)]
 pub struct Truth {
     commanded: Commanded,
@@ -21,7 +21,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Creates the judge of a bench of `config`.
+    /// Creates the measurement for a bench of `config`.
     pub fn new(config: &Config) -> Self {
         Self { commanded: Commanded::new(&config.controller), delay: TorqueDelay::new(None) }
     }

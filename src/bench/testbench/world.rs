@@ -1,10 +1,10 @@
-//! The simulated world a configuration describes.
+//! Simulated world of a configuration: drives, switch box, arm, operator.
 
 use std::time::Duration;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::delivery::Delivered;
+use crate::delivery::DeliveryState;
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
@@ -29,14 +29,14 @@ use units::numbering::Joint;
 /// Time from a SYNC until a simulated drive sends its TPDO.
 const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
-/// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
+/// Creates drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     let plant = config.plant();
     let inertias = inertias(&plant);
     let drives = Joint::ALL.map(|number| {
         let joint = number.entry(&config.joints);
         let dictionary = drive_dictionary(joint);
-        let Delivered { delivery, increments } = Delivered::of(joint, &dictionary);
+        let DeliveryState { delivery, increments } = DeliveryState::new(joint, &dictionary);
         let actuator =
             ActuatorSettings { counts_per_rev: increments, ..actuator(&joint.plant.actuator) };
         let settings = DriveSettings {
@@ -47,7 +47,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             latency: DRIVE_LATENCY,
             tuning: tuning(&joint.plant, increments, *number.entry(&inertias)),
         };
-        Drive::delivered(settings, &delivery, &scenario.quirks().of(number))
+        Drive::delivered(settings, &delivery, &scenario.quirks().for_joint(number))
     });
     let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = config.switches.as_ref().map(|switches| {
@@ -74,7 +74,7 @@ fn cradle(config: &Config, plant: &Plant) -> Cradle {
     Cradle::new(rest, weight.component_mul(&supported))
 }
 
-/// Returns friction and end stops of a joint, as the simulation computes them.
+/// Returns the simulated friction and end stops of a joint.
 pub const fn resistance(joint: &JointPlant) -> Resistance {
     Resistance {
         coulomb: joint.friction.coulomb,
@@ -84,7 +84,7 @@ pub const fn resistance(joint: &JointPlant) -> Resistance {
     }
 }
 
-/// Returns the dictionary of a drive. Where its EDS leaves the identity blank, it has the configured one.
+/// Returns the dictionary of a drive. The configured identity replaces one that is absent in the EDS.
 fn drive_dictionary(joint: &JointParameters) -> Dictionary {
     let mut dictionary = dictionary(&joint.eds, joint.channel, joint.node);
     let Identity { vendor, product, revision } = joint.identity;
@@ -98,7 +98,7 @@ fn drive_dictionary(joint: &JointParameters) -> Dictionary {
     dictionary
 }
 
-/// Returns the dictionary of a device with a serial number of its own, for LSS.
+/// Returns the dictionary of a device with a unique serial number, for LSS.
 fn dictionary(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
     let mut dictionary = Dictionary::new(eds, node);
     let serial = u32::from(bus) << 8 | u32::from(node.raw());
@@ -112,7 +112,7 @@ pub fn start(plant: &Plant) -> Joints {
     Joints::from(plant.joints.each_ref().map(|joint| joint.start))
 }
 
-/// Returns the arm, as the simulation computes it.
+/// Returns the simulated arm.
 pub fn arm(plant: &Plant) -> Arm {
     let links = plant.joints.each_ref().map(|joint| LinkSettings {
         is_prismatic: joint.link.kind == JointKind::Prismatic,
@@ -134,7 +134,7 @@ fn transmission(plant: &Plant) -> Transmission {
     Transmission::new(plant.coupling.matrix(), *plant.coupling.offset())
 }
 
-/// Returns motor and gear of a joint, as the simulation computes them, and an encoder whose increments are those of 6064h.
+/// Returns the simulated motor and gear of a joint, and an encoder whose increments are those of 6064h.
 pub fn actuator(actuator: &Actuator) -> ActuatorSettings {
     ActuatorSettings {
         counts_per_rev: f64::from(actuator.counts_per_rev),
@@ -159,7 +159,7 @@ fn drivetrain(joint: &JointPlant) -> DrivetrainSettings {
     }
 }
 
-/// Returns the inertia at each actuator where the arm starts, in kg·m² (kg).
+/// Returns the inertia at each actuator in the start posture, in kg·m² (kg).
 fn inertias(plant: &Plant) -> [f64; 6] {
     let arm = arm(plant);
     let joints = arm.mass_matrix(&arm.posture(&start(plant)));
@@ -167,8 +167,7 @@ fn inertias(plant: &Plant) -> [f64; 6] {
     (matrix.transpose() * joints * matrix).diagonal().into()
 }
 
-/// Returns the servo gains for a load and an encoder with `increments` per revolution; the default ones where none
-/// follow from it.
+/// Returns the servo gains for a load and an encoder with `increments` per revolution; the default ones for an invalid load.
 fn tuning(joint: &JointPlant, increments: f64, inertia: f64) -> Tuning {
     let [per_mille_per_newton_metre, ..] = joint.actuator.torque_curve;
     let load = Load {
@@ -177,7 +176,7 @@ fn tuning(joint: &JointPlant, increments: f64, inertia: f64) -> Tuning {
         counts_per_turn: increments * joint.actuator.gear_ratio,
         per_mille_per_newton_metre,
     };
-    Tuning::of(&load).unwrap_or_default()
+    Tuning::from_load(&load).unwrap_or_default()
 }
 
 /// Returns the inertia tensor of xx, yy, zz, xy, xz, yz.

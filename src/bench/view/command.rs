@@ -1,4 +1,4 @@
-//! `frhc view`: the page, until a signal ends it.
+//! `frhc view`: serves the page until a signal.
 
 use std::io;
 use std::net::SocketAddr;
@@ -30,7 +30,7 @@ pub struct View {
 /// Serves the page until SIGINT or SIGTERM.
 ///
 /// # Errors
-/// The address cannot be used, or its line not be written.
+/// The address cannot be used, or cannot be printed.
 pub fn execute(args: &View) -> Result<(), Failure> {
     let sockets = args.socket.clone().map_or_else(default_sockets, |path| vec![path]);
     let server = bind(args.listen, sockets)?;

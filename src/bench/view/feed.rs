@@ -51,7 +51,7 @@ pub struct Line {
 pub enum News {
     /// The node sent a line.
     Line(Line),
-    /// There is no node, or none whose telemetry can be read: the reason, as a sentence. Comes once for each reason.
+    /// Reason, as a sentence, why no telemetry can be read; reported once for each reason.
     Absent(String),
 }
 
@@ -70,7 +70,7 @@ pub struct FeedReader {
 }
 
 impl FeedReader {
-    /// Starts to read the first of these sockets that a node listens on, and calls `on_news` with what comes.
+    /// Starts to read the first of these sockets on which a node listens, and calls `on_news` with lines and failures.
     ///
     /// # Errors
     /// The thread cannot be started.
@@ -123,7 +123,7 @@ fn read_once(
             Err(error) => reasons.push(refusal(path, &error)),
         }
     }
-    // One that exists says more than one that does not.
+    // A socket without a working node has a better reason than an absent one.
     let absent = |reason: &&String| reason.starts_with("No node");
     let telling = reasons.iter().find(|reason| !absent(reason)).or(reasons.first());
     telling.cloned().unwrap_or_else(|| "No socket is given.".to_owned())

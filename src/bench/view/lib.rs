@@ -1,4 +1,5 @@
-//! A running node on a screen. What is shown is read from the node's telemetry (docs/telemetry.md); nothing here can reach its console.
+//! Display of a running node, in a browser or a terminal, from its telemetry (docs/telemetry.md). This room has no access to
+//! the node's console.
 #![forbid(unsafe_code)]
 
 pub mod command;

@@ -26,7 +26,7 @@ const TAP: [f64; 2] = [10.0, 11.0];
 const TAP_OVER: f64 = 12.0;
 const AFTER_TAP: std::ops::Range<f64> = 11.5..15.0;
 
-/// Way of the object to the wall, in m.
+/// Distance of the object from the wall, in m.
 const GAP: f64 = 0.01;
 
 /// Half the edge of the object, in m.
@@ -38,8 +38,8 @@ const MAX_ENERGY_MJ: f64 = 100.0;
 /// Speed of a swing, in m/s.
 const SWING: f64 = 0.01;
 
-/// The hands as scenarios state them, with hardly a tremor and no reaction: a linear loop with the impedance of the preset.
-/// Without any tremor a grip at rest looks like one that is let go, or like an encoder that stands.
+/// Operator presets with minimal tremor and no reaction: a linear loop with the impedance of the preset. Without any
+/// tremor, a grip at rest would be detected as released, or its encoder as frozen.
 pub(super) const HANDS: [&str; 4] = [
     "preset = \"steady\"\ntremor_mm = 0.05",
     "preset = \"relaxed\"\ntremor_mm = 0.05\nreaction_s = 0.0\nyielding = 0.0",
@@ -61,7 +61,7 @@ pub(super) struct Play<'a> {
     pub(super) mode: CommandMode,
     /// Number of the hand in [`HANDS`].
     pub(super) hand: usize,
-    /// Axis along which the object meets the wall, from 0.
+    /// Axis along which the object touches the wall, from 0.
     pub(super) axis: usize,
     /// Share of the arm's dry friction that it really has.
     pub(super) friction: f64,
@@ -72,7 +72,7 @@ pub(super) struct Play<'a> {
 pub(super) struct Outcome {
     /// Energy given to the hand at the first impact, after it, and in the last seconds, in mJ.
     pub(super) energy_mj: [f64; 3],
-    /// Largest speeds of the grip in m/s: after the tap, in the last seconds, and at all.
+    /// Maximum speed of the grip in m/s: after the tap, in the last seconds, and over the complete run.
     speeds: [f64; 3],
     /// Time with contact, in s.
     pub(super) contact_s: f64,
@@ -105,7 +105,7 @@ impl Part {
 }
 
 impl Play<'_> {
-    /// Returns what 20 s of contact do.
+    /// Returns the outcome of 20 s of contact.
     pub(super) fn outcome(&self) -> Outcome {
         let config = self.with_wall();
         let world = config.clone().with_friction(self.friction);
@@ -204,8 +204,8 @@ impl Play<'_> {
 }
 
 impl Outcome {
-    /// Returns whether the swing after the tap has not decayed, or has stopped the drives. A hand without tremor that
-    /// hardly moves looks like no hand, or like an encoder that stands: both stops are no swing.
+    /// Returns whether the oscillation after the tap has not decayed, or has stopped the drives. Stops due to a released
+    /// grip or a frozen encoder do not count: a hand that hardly moves also causes them.
     pub(super) fn is_growing(&self) -> bool {
         let [after, last, _] = self.speeds;
         let has_swung = self.stop.is_some_and(|cause| {
@@ -214,13 +214,13 @@ impl Outcome {
         self.contact_s > 0.0 && has_swung || last > SWING && last > 0.8 * after
     }
 
-    /// Returns whether the contact neither grows nor gives much energy after its first second.
+    /// Returns whether the oscillation does not grow and the contact supplies little energy after its first second.
     pub(super) fn is_calm(&self) -> bool {
         let [_, later, last] = self.energy_mj;
         !self.is_growing() && later <= MAX_ENERGY_MJ && last <= MAX_ENERGY_MJ
     }
 
-    /// Returns whether the first impact alone gave more.
+    /// Returns whether the first impact exceeds the maximum energy.
     pub(super) fn has_hard_impact(&self) -> bool {
         self.energy_mj[0] > MAX_ENERGY_MJ
     }

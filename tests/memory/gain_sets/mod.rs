@@ -26,7 +26,7 @@ const NEAR: f64 = 1.2;
 /// Friction that an arm has at the least, as a share of the identified one.
 const LEAST_FRICTION: f64 = 0.3;
 
-/// A gain set in one mode: what the gate says, and what contact did in each hand.
+/// Gain set in one mode: result of the gate, and outcome of contact with each hand.
 struct Case {
     set: GainSet,
     mode: CommandMode,

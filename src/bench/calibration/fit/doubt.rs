@@ -1,55 +1,55 @@
-//! Reasons not to accept a curve that was fitted: the readings speak against it.
+//! Reasons not to accept a fitted curve, each with its figure and a remedy.
 //!
-//! A curve can fit badly, or fit what was not meant: each doubt names the evidence with its number, and what to do.
+//! A curve may fit badly, or fit readings with a systematic error: exchanged directions, an offset, another joint.
 
-use crate::fit::calibrated::{Calibrated, EXCHANGED};
+use crate::fit::curve_fit::{CurveFit, EXCHANGED};
 use crate::fit::uneven::Unevenness;
 use controller::torque_curve::TorqueCurve;
 
-/// Largest share of readings that may be left out.
+/// Maximum share of outliers among the readings.
 const MAX_OUTLIERS: f64 = 0.02;
-/// Largest even part relative to the end of the curve.
+/// Maximum even part, relative to the end of the curve.
 const MAX_UNEVENNESS: f64 = 0.02;
-/// Largest residual of readings left out, RMS, relative to the end of the curve.
+/// Maximum RMS residual of left-out readings (cross-validation), relative to the end of the curve.
 const MAX_LEFT_OUT: f64 = 0.02;
-/// Largest ratio of a range or slope to the configured one, or the reverse.
+/// Maximum ratio of a range or slope to the configured one, or of the configured one to it.
 const MAX_RATIO: f64 = 3.0;
 
-/// A reason not to accept a fitted curve.
+/// Reason not to accept a fitted curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Doubt {
-    /// Samples driven up lie where those driven down should.
+    /// Samples driven up lie below those driven down.
     DirectionsExchanged {
-        /// Friction that the samples ask for, in N·m; below zero.
+        /// Fitted friction, in N·m; negative.
         friction: f64,
     },
-    /// Too many readings belong to no curve.
+    /// Too many readings are outliers.
     Outliers {
-        /// Number of these.
+        /// Number of outliers.
         found: usize,
-        /// Number of all.
+        /// Number of readings.
         of: usize,
     },
-    /// The load cell does not show zero without load.
+    /// The load cell has an offset.
     CellOffset {
-        /// In N·m.
+        /// Offset in N·m.
         offset: f64,
         /// Even part relative to the end of the curve.
         share: f64,
     },
-    /// One side of zero torque is weaker.
+    /// Targets on one side of zero give less torque.
     WeakerSide {
         /// Torque of the positive side relative to the negative one at the same target.
         strength: f64,
         /// Even part relative to the end of the curve.
         share: f64,
     },
-    /// The curve does not predict a reading that is left out.
+    /// The curve does not predict left-out readings (cross-validation).
     LeftOut {
-        /// Residual relative to the end of the curve, RMS.
+        /// RMS residual, relative to the end of the curve.
         share: f64,
     },
-    /// Range or slope are far from the configured ones.
+    /// Range or slope differ from the configured ones by more than a factor of three.
     Scale {
         /// Range in N·m: measured, configured.
         range: [f64; 2],
@@ -58,19 +58,19 @@ pub enum Doubt {
     },
 }
 
-impl Calibrated {
-    /// Returns what the readings say against the curve, the plainest first.
+impl CurveFit {
+    /// Returns the doubts that follow from the readings alone, the most obvious first.
     pub fn doubts(&self) -> Vec<Doubt> {
         let end = self.curve.at(self.curve.max_torque());
         let left_out = self.both.residuals.left_out_rms / end;
         let uneven = self.uneven();
-        // Sides that differ explain what the odd curve misses.
+        // A difference of the sides already explains residuals of an odd curve.
         let is_unexplained = left_out > MAX_LEFT_OUT && uneven.is_none();
         let left_out = is_unexplained.then_some(Doubt::LeftOut { share: left_out });
         [self.exchange(), self.excess(), uneven, left_out].into_iter().flatten().collect()
     }
 
-    /// Returns whether range or slope are far from those of the `configured` curve.
+    /// Returns a doubt if range or slope differ from those of the `configured` curve by more than a factor of three.
     pub fn doubt_against(&self, configured: &TorqueCurve) -> Option<Doubt> {
         let range = [self.curve.max_torque(), configured.max_torque()];
         let slope = [self.curve.slope(0.0), configured.slope(0.0)];
@@ -104,7 +104,7 @@ impl Calibrated {
 }
 
 impl Doubt {
-    /// Returns reason and remedy, with torques in `unit`: `N·m`, or `N` of a sliding joint.
+    /// Returns reason and remedy, with torques in `unit`: `N·m`, or `N` for a prismatic joint.
     pub fn reason(&self, unit: &str) -> String {
         let percent = |share: f64| 100.0 * share;
         match *self {
@@ -143,7 +143,7 @@ impl Doubt {
     }
 }
 
-/// Converts a number of readings.
+/// Converts a number of readings to `f64`; infinity beyond `u32`.
 fn count(readings: usize) -> f64 {
     u32::try_from(readings).map_or(f64::INFINITY, f64::from)
 }

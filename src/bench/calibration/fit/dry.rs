@@ -1,9 +1,9 @@
-//! Torque curve and dry friction at once: `per_mille = p(t + s f)`, where `s` is +1 for samples driven up
+//! Simultaneous fit of torque curve and dry friction: `per_mille = p(t + s f)`, where `s` is +1 for samples driven up
 //! and -1 for those driven down, `p` is odd and `f` is the friction.
 //!
-//! The load cell shows what the motor exerts less the friction against the driving direction, so the motor's
-//! torque is `t + s f`. For a given `f` the rest is linear: a search over `f` with linear least squares
-//! inside (variable projection; Golub and Pereyra 1973), then steps of Gauss and Newton to full precision.
+//! The load cell reads the motor's torque minus the friction against the driving direction, so the motor's torque is
+//! `t + s f`. For a given `f` the problem is linear: a search over `f` with linear least squares inside (variable
+//! projection; Golub and Pereyra 1973), then Gauss-Newton steps to full precision.
 
 use nalgebra::DVector;
 
@@ -11,30 +11,30 @@ use crate::fit::polynomial::{ODD, Polynomial, Residuals, columns, unscaled};
 use crate::fit::sample::Sample;
 use crate::least_squares::{self, Solution};
 
-/// Largest friction looked for, relative to the largest torque.
+/// Largest friction of the search, relative to the largest torque.
 const REACH: f64 = 0.5;
-/// Places in which the search begins, on each side of zero.
+/// Number of initial values of the search on each side of zero.
 const PLACES: u16 = 40;
-/// Steps of the golden section, each of which leaves 62 % of a place.
+/// Steps of the golden-section search; each leaves 62 % of the interval.
 const SECTIONS: u32 = 40;
-/// Steps of Gauss and Newton, which double the digits.
+/// Gauss-Newton steps; each doubles the correct digits.
 const STEPS: u32 = 12;
 
-/// A torque curve with the friction that shifts the driving directions apart.
+/// Torque curve with dry friction, which separates the driving directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Dry {
-    /// The curve over the motor's torque, at the joint.
+    /// Curve over the motor's torque at the joint.
     pub(super) polynomial: Polynomial<3>,
-    /// Friction in N·m. Below zero: samples driven up lie below those driven down.
+    /// Friction in N·m; negative if samples driven up lie below those driven down.
     pub(super) friction: f64,
     /// Standard deviation of the friction, in N·m.
     pub(super) deviation: f64,
 }
 
 impl Dry {
-    /// The best curve and friction; `None` unless the samples determine both, whichever is left out.
+    /// Fits curve and friction; `None` unless the samples determine both without any one of them.
     pub(super) fn fit(samples: &[Sample]) -> Option<Self> {
-        let problem = Problem::of(samples);
+        let problem = Problem::new(samples);
         let mut friction = problem.search()?;
         let mut best = problem.step(friction)?;
         for _ in 0..STEPS {
@@ -45,48 +45,48 @@ impl Dry {
             friction += best.change;
             best = next;
         }
-        let residuals = Residuals::of(&best.solution);
+        let residuals = Residuals::from_solution(&best.solution);
         let polynomial = Polynomial::found(best.curve.coefficients(problem.scale), residuals);
         Some(Self { polynomial, friction, deviation: best.deviation })
     }
 
-    /// The best curve without friction; `None` unless the samples determine it.
+    /// Fits a curve without friction; `None` unless the samples determine it.
     pub(super) fn without_friction(self, samples: &[Sample]) -> Option<Self> {
         let polynomial = Polynomial::fit(samples, ODD)?;
         Some(Self { polynomial, friction: 0.0, ..self })
     }
 
-    /// The sample as it were without friction: at the motor's torque.
+    /// Returns the sample at the motor's torque, as if without friction.
     pub(super) fn at_motor(&self, sample: &Sample) -> Sample {
         shifted(sample, self.friction)
     }
 }
 
-/// Returns the sample at the motor's torque, which overcomes `friction`.
+/// Returns the sample at the motor's torque, which overcomes `friction`, in N·m.
 pub(super) fn shifted(sample: &Sample, friction: f64) -> Sample {
     Sample { torque: sample.torque + sample.direction.sign() * friction, ..*sample }
 }
 
-/// Samples, and the largest torque.
+/// Samples with their largest torque, the scale of the fit.
 struct Problem<'s> {
     samples: &'s [Sample],
     targets: DVector<f64>,
     scale: f64,
 }
 
-/// The best curve for some friction.
+/// Least-squares curve for a given friction.
 struct Curve {
-    /// Coefficients over torques divided by the scale.
+    /// Coefficients of the scaled torques, in ‰.
     scaled: DVector<f64>,
     /// Sum of the squared residuals, in ‰².
     squares: f64,
     residuals: DVector<f64>,
 }
 
-/// A curve, and what better friction the linearized problem asks for.
+/// Gauss-Newton step of the friction, from a curve.
 struct Step {
     curve: Curve,
-    /// In N·m.
+    /// Change of the friction, in N·m.
     change: f64,
     /// Standard deviation of the friction, in N·m.
     deviation: f64,
@@ -95,7 +95,7 @@ struct Step {
 }
 
 impl<'s> Problem<'s> {
-    fn of(samples: &'s [Sample]) -> Self {
+    fn new(samples: &'s [Sample]) -> Self {
         let scale = samples.iter().map(|sample| sample.torque.abs()).fold(0.0, f64::max);
         let targets = DVector::from_iterator(samples.len(), samples.iter().map(|s| s.per_mille));
         Self { samples, targets, scale }

@@ -1,23 +1,22 @@
-//! A torque curve from measurements (4.2, Fig. 6): odd least squares of 5th order over both driving directions
-//! with the friction between them, how well it fits, and what speaks against it.
+//! Torque curve from measurements (4.2, Fig. 6): odd least squares of 5th order over both driving directions with the
+//! friction between them, its quality, and doubts about it.
 //!
-//! Not where the measurements come from. Targets are fitted over torques, since that is how the curve
-//! is used: the torque is wanted, the target is sought. The abscissa is scaled to its largest value, so
-//! that its fifth power is of like size.
+//! Targets are fitted over torques, since the controller looks up the target of a torque. The abscissa is scaled to its
+//! largest value, which keeps its fifth power at a similar size. The files of the measurements are read elsewhere.
 //!
 //! | file           | content                                                          |
 //! |----------------|------------------------------------------------------------------|
 //! | `sample`       | one measurement                                                  |
-//! | `calibrated`   | all of a joint's samples to its curve                            |
+//! | `curve_fit`    | the fit of all samples of a joint                                |
 //! | `polynomial`   | a polynomial through samples                                     |
-//! | `dry`          | a curve and the dry friction that shifts the directions apart    |
-//! | `robust`       | readings that belong to no curve                                 |
+//! | `dry`          | a curve with the dry friction between the directions             |
+//! | `robust`       | outliers among readings                                          |
 //! | `uneven`       | an offset of the load cell, or sides of different strength       |
-//! | [`doubt`]      | when a fitted curve is not accepted                              |
+//! | [`doubt`]      | reasons not to accept a fitted curve                             |
 //! | [`sweep`]      | Coulomb and viscous friction from torques at constant velocities |
 //! | [`posture`]    | gravity from held postures                                       |
 
-mod calibrated;
+mod curve_fit;
 pub mod doubt;
 mod dry;
 mod polynomial;
@@ -28,7 +27,7 @@ mod selection;
 pub mod sweep;
 mod uneven;
 
-pub use crate::fit::calibrated::{Calibrated, DryFriction, NotCalibrated};
+pub use crate::fit::curve_fit::{CurveFit, DryFriction, NoTorqueCurve};
 pub use crate::fit::polynomial::{Polynomial, Residuals, line, odd};
 pub use crate::fit::sample::{Direction, Outlier, Sample};
 pub use crate::fit::uneven::Unevenness;

@@ -1,37 +1,37 @@
-//! Gravity from held postures: dry friction holds a joint on either side of its load, so the mean of a posture that
-//! was approached from below and from above is the load alone.
+//! Gravity from held postures. Dry friction adds to the load or subtracts from it, by the direction of approach, so the
+//! mean of both directions is the load alone.
 
 use crate::fit::sample::Direction;
 
-/// Largest difference of positions in one posture, in rad or m.
+/// Maximum difference of joint positions in one posture, in rad or m.
 const SAME: f64 = 0.01;
 
-/// A joint at rest.
+/// Reading of a joint at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
+pub struct PostureReading {
     /// Positions of all joints, in rad or m.
     pub q: [f64; 6],
-    /// Direction in which the joint came there.
+    /// Direction of the approach.
     pub direction: Direction,
-    /// Torque of the motor at the joint less that of gravity, in N·m or N.
+    /// Torque of the motor at the joint minus that of the gravity model, in N·m or N.
     pub torque: f64,
 }
 
-/// One posture.
+/// Error of the gravity model and friction in one posture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture {
     /// Positions of all joints, in rad or m.
     pub q: [f64; 6],
-    /// Load less gravity, in N·m or N; `None` where the joint came from one side only.
+    /// Load minus gravity model, in N·m or N; `None` with readings of one direction only.
     pub error: Option<f64>,
-    /// Half of the distance of the two sides, in N·m or N: friction at rest.
+    /// Friction at rest, in N·m or N: half the difference of both directions.
     pub friction: Option<f64>,
-    /// Place of its first reading, from 0.
+    /// Index of the first reading of the posture, from 0.
     pub place: usize,
 }
 
-/// Returns the postures of readings, in the order of their first readings.
-pub fn postures(readings: &[Held]) -> Vec<Posture> {
+/// Groups readings by posture, in the order of their first readings.
+pub fn postures(readings: &[PostureReading]) -> Vec<Posture> {
     let mut postures: Vec<Posture> = Vec::new();
     for (place, reading) in readings.iter().enumerate() {
         let is_here = |other: &[f64; 6]| {
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn mean_of_both_sides_is_the_load() {
-        let held = |at: f64, direction, torque| Held {
+        let held = |at: f64, direction, torque| PostureReading {
             q: [0.0, at, 0.0, 0.0, 0.0, 0.0],
             direction,
             torque,

@@ -1,8 +1,8 @@
-//! Readings that belong to no curve: slips of the pen, a lever that slipped, a spike of the load cell.
+//! Outliers among readings: a wrong entry, a lever that slipped, a spike of the load cell.
 //!
-//! A reading is an outlier if it lies more than five times the median absolute deviation (MAD) of all from
-//! the fit (Rousseeuw and Croux 1993; 3.4 standard deviations of normal noise). Least squares would follow an
-//! outlier, so the fit that looks for them minimizes absolute deviations: a third of the readings may be wrong.
+//! A reading is an outlier if its distance from the fit exceeds five times the median absolute deviation (MAD) of all
+//! readings (Rousseeuw and Croux 1993), which is 3.4 standard deviations of normal noise. Least squares would follow
+//! outliers, so the fit that finds them minimizes absolute deviations. It tolerates a third of wrong readings.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,10 +12,10 @@ use crate::least_squares;
 const DEVIATIONS: f64 = 5.0;
 /// Steps of iteratively reweighted least squares.
 const STEPS: u32 = 40;
-/// Smallest residual that a weight counts, relative to their median.
+/// Smallest residual in a weight, relative to the median of the residuals.
 const SMALLEST: f64 = 1e-3;
 
-/// Returns the solution of `A x = b` with the least sum of absolute residuals; `None` if the rows do not determine it.
+/// Returns the `x` that minimizes the sum of absolute residuals of `A x = b`; `None` if the rows do not determine it.
 pub(super) fn least_absolute(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVector<f64>> {
     let mut weights = DVector::from_element(b.len(), 1.0);
     let mut unknowns = least_squares::weighted(a, b, &weights)?;
@@ -32,7 +32,7 @@ pub(super) fn least_absolute(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVect
     Some(unknowns)
 }
 
-/// Returns which distances are those of a fit. Numbers in steps of `resolution` have no deviation below half a step.
+/// Returns a flag per distance, set for inliers. The median absolute deviation is at least half a step of `resolution`.
 pub(super) fn inliers(distances: &[f64], resolution: f64) -> Vec<bool> {
     let mad = median(distances.iter().map(|distance| distance.abs()));
     let limit = DEVIATIONS * mad.max(resolution / 2.0);
@@ -45,7 +45,7 @@ pub(super) fn chosen<T: Copy>(entries: &[T], flags: &[bool]) -> Vec<T> {
     chosen.map(|(entry, _)| *entry).collect()
 }
 
-/// Returns the median; zero of nothing.
+/// Returns the median; zero without numbers.
 pub(super) fn median(numbers: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = numbers.collect();
     sorted.sort_by(f64::total_cmp);

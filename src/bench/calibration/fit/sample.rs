@@ -1,20 +1,20 @@
-//! One measurement of a joint against a load cell.
+//! Reading of a joint against a load cell.
 
 use derive_more::Display;
 
-/// Which way a joint was driven when a sample was taken.
+/// Driving direction of a joint at a sample.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Direction {
-    /// Its torque rose.
+    /// The torque rises.
     #[display("up")]
     Up,
-    /// Its torque fell.
+    /// The torque falls.
     #[display("down")]
     Down,
 }
 
 impl Direction {
-    /// +1 up, -1 down.
+    /// Returns +1 for up, -1 for down.
     pub const fn sign(self) -> f64 {
         match self {
             Self::Up => 1.0,
@@ -23,27 +23,27 @@ impl Direction {
     }
 }
 
-/// One measurement at rest.
+/// Reading of a joint at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Load cell reading, in N·m at the joint (N for a sliding joint).
+    /// Load cell reading, in N·m at the joint (N for a prismatic joint).
     pub torque: f64,
     /// Target torque (6071h), in ‰ of rated torque.
     pub per_mille: f64,
-    /// Which way the joint was driven.
+    /// Driving direction.
     pub direction: Direction,
 }
 
-/// A sample that belongs to no curve.
+/// Sample excluded from a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlier {
-    /// Its place among the samples, from 0.
+    /// Index among the samples, from 0.
     pub place: usize,
-    /// Its reading less that of the curve, in N·m.
+    /// Distance of the reading from the fit, in N·m or N.
     pub distance: f64,
 }
 
-/// Range within which both directions were measured on both sides of zero, in N·m.
+/// Returns the largest torque with samples of both directions on both sides of zero, in N·m.
 pub(super) fn range(samples: &[Sample]) -> f64 {
     let reach = |direction, sign: f64| {
         let of = samples.iter().filter(|sample| sample.direction == direction);

@@ -1,8 +1,7 @@
 //! Selection of the readings that a curve is fitted to.
 //!
-//! The targets are known exactly, the readings are not. So the first look fits readings over targets, where a
-//! wrong reading cannot lie beyond all others and draw the curve to itself; then the curve is fitted to what is
-//! left, and every reading is compared with it again until none changes sides.
+//! The targets are exact, the readings are not. A first fit is therefore one of readings over targets, where a wrong reading
+//! has no leverage. Then the curve is fitted to the inliers, and all readings are compared with it, until none changes.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,39 +10,39 @@ use crate::fit::robust::{self, chosen};
 use crate::fit::sample::Sample;
 use crate::fit::uneven::Sides;
 
-/// Powers of the target in the first look: a curve, its inverse, and sides that differ.
+/// Powers of the target in the first fit, enough for the inverse of a curve and for sides that differ.
 const POWERS: i32 = 8;
-/// Comparisons of all readings with the curve of the kept ones.
+/// Maximum number of comparisons of all readings with the curve of the kept ones.
 const ROUNDS: u32 = 12;
-/// Deviation that the first look forgives, relative to the largest reading: so near, none draws the curve to itself.
+/// Resolution of the readings in the first fit, relative to the largest reading: smaller errors do not bend the curve.
 const FORGIVEN: f64 = 0.02;
-/// Resolution of a target in ‰: it is a whole number.
+/// Resolution of a target (6071h), in ‰.
 const RESOLUTION: f64 = 1.0;
-/// Smallest slope that turns a distance in ‰ into one in N·m, relative to that of the whole curve.
+/// Minimum slope for the conversion of distances from ‰ to N·m, relative to the mean slope of the curve.
 const FLATTEST: f64 = 0.2;
 
-/// Readings that the curve is fitted to, and the curve.
+/// Fitted curve, and the readings that it is fitted to.
 pub(super) struct Selection {
     pub(super) dry: Dry,
-    /// A flag per reading.
+    /// Flag per reading, set if the fit includes it.
     pub(super) is_kept: Vec<bool>,
 }
 
-/// Fits curve and friction to all readings but outliers; `None` if they do not determine them.
+/// Fits curve and friction to all readings except outliers; `None` if they do not determine both.
 pub(super) fn select(samples: &[Sample]) -> Option<Selection> {
     let everything = vec![true; samples.len()];
     let first = first_look(samples).unwrap_or_else(|| everything.clone());
     settle(samples, first).or_else(|| settle(samples, everything))
 }
 
-/// Compares all readings with the curve of the kept ones until none changes sides.
+/// Alternates between a fit to the kept readings and a comparison of all readings, until the kept ones do not change.
 fn settle(samples: &[Sample], first: Vec<bool>) -> Option<Selection> {
     let mut is_kept = first;
     let mut rounds = 0;
     loop {
         let kept = chosen(samples, &is_kept);
         let dry = Dry::fit(&kept)?;
-        // Sides that differ make no outliers.
+        // A difference between the sides of zero must not count as outliers.
         let sides = Sides::fit(&dry, &kept, [true, true]);
         let distances: Vec<f64> =
             samples.iter().map(|sample| sides.distance(sample, FLATTEST)).collect();
@@ -57,7 +56,7 @@ fn settle(samples: &[Sample], first: Vec<bool>) -> Option<Selection> {
     }
 }
 
-/// Returns which readings lie near a smooth curve over the targets.
+/// Returns a flag per reading, set for those near a smooth curve over the targets.
 fn first_look(samples: &[Sample]) -> Option<Vec<bool>> {
     let largest = samples.iter().map(|sample| sample.per_mille.abs()).fold(0.0, f64::max);
     let rows = samples.iter().flat_map(|sample| {
@@ -70,7 +69,7 @@ fn first_look(samples: &[Sample]) -> Option<Vec<bool>> {
     let b = DVector::from_iterator(samples.len(), samples.iter().map(|sample| sample.torque));
     let unknowns = robust::least_absolute(&a, &b)?;
     let distances = b - a * unknowns;
-    // Of readings at equal steps from end to end half are within half of the range.
+    // With equal steps from end to end, the median of the absolute readings is half of the largest.
     let reach = 2.0 * robust::median(samples.iter().map(|sample| sample.torque.abs()));
     Some(robust::inliers(distances.as_slice(), FORGIVEN * reach))
 }

@@ -1,4 +1,4 @@
-//! Tests of the fit as a whole.
+//! Tests of the complete fit.
 
 use proptest::prelude::*;
 
@@ -13,7 +13,7 @@ fn curve(t: f64) -> f64 {
     c1 * t + c3 * t.powi(3) + c5 * t.powi(5)
 }
 
-/// Up and down between ±6 N·m in `steps` steps, with friction; `noise` is added to each torque.
+/// Returns samples up and down between ±6 N·m in `steps` steps, with friction; `noise` is added to each torque.
 fn sweep(steps: u16, friction: f64, mut noise: impl FnMut() -> f64) -> Vec<Sample> {
     let mut samples = Vec::new();
     for (direction, lag) in [(Direction::Up, friction), (Direction::Down, -friction)] {
@@ -32,7 +32,7 @@ fn exact() -> Vec<Sample> {
 
 #[test]
 fn samples_of_a_curve_give_the_curve() {
-    let calibrated = Calibrated::fit(&exact()).unwrap();
+    let calibrated = CurveFit::fit(&exact()).unwrap();
     for (fitted, coefficient) in calibrated.curve.coefficients().into_iter().zip(CURVE) {
         assert!((fitted / coefficient - 1.0).abs() < 1e-11, "{fitted} for {coefficient}");
     }
@@ -53,10 +53,10 @@ fn a_motor_that_turns_against_its_joint_has_the_same_curve() {
     for sample in &mut samples {
         sample.per_mille = -sample.per_mille;
     }
-    let calibrated = Calibrated::fit(&samples).unwrap();
+    let calibrated = CurveFit::fit(&samples).unwrap();
     assert!(calibrated.is_reversed);
     assert!(calibrated.distance(&samples, &calibrated.curve).unwrap() < 1e-9);
-    assert_eq!(calibrated.curve, Calibrated::fit(&exact()).unwrap().curve);
+    assert_eq!(calibrated.curve, CurveFit::fit(&exact()).unwrap().curve);
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn friction_is_taken_out_of_the_curve_exactly() {
             for sample in &mut samples {
                 sample.per_mille = curve(sample.torque + sample.direction.sign() * friction);
             }
-            let calibrated = Calibrated::fit(&samples).unwrap();
+            let calibrated = CurveFit::fit(&samples).unwrap();
             let found = calibrated.friction;
             assert!((found.torque - friction).abs() < 1e-9 * friction, "{found:?}");
             assert!((found.hysteresis() - width * 6.0).abs() < 1e-8);
@@ -89,13 +89,13 @@ fn friction_is_taken_out_of_the_curve_exactly() {
 
 #[test]
 fn distance_of_the_directions_is_looked_at_from_end_to_end() {
-    // 100 ‰ per N·m; the ways lie 2 (3 + t²/4) ‰ apart, so 24 ‰ at the ends and 6 ‰ in the middle.
+    // 100 ‰ per N·m; the directions are 2 (3 + t²/4) ‰ apart, so 24 ‰ at the ends and 6 ‰ in the middle.
     let mut samples = exact();
     for Sample { torque, per_mille, direction } in &mut samples {
         let apart = 3.0 + torque.powi(2) / 4.0;
         *per_mille = 100.0 * *torque + direction.sign() * apart;
     }
-    let DryFriction { torque, widest, .. } = Calibrated::fit(&samples).unwrap().friction;
+    let DryFriction { torque, widest, .. } = CurveFit::fit(&samples).unwrap().friction;
     assert!((widest - 0.24).abs() < 0.01, "{widest}");
     assert!((0.03..0.12).contains(&torque), "{torque}");
 }
@@ -106,7 +106,7 @@ fn weak_joint_is_not_taken_for_a_reversed_one() {
     for sample in &mut samples {
         (sample.torque, sample.per_mille) = (sample.torque * 1e-3, sample.torque / 3.0);
     }
-    let calibrated = Calibrated::fit(&samples).unwrap();
+    let calibrated = CurveFit::fit(&samples).unwrap();
     assert!(!calibrated.is_reversed);
     assert!(calibrated.distance(&samples, &calibrated.curve).unwrap() < 1e-9);
 }
@@ -115,7 +115,7 @@ fn weak_joint_is_not_taken_for_a_reversed_one() {
 fn range_ends_where_one_direction_lacks_a_side() {
     let mut samples = exact();
     samples.retain(|s| s.direction == Direction::Up || s.torque > -4.2);
-    assert!((Calibrated::fit(&samples).unwrap().curve.max_torque() - 4.0).abs() < 1e-12);
+    assert!((CurveFit::fit(&samples).unwrap().curve.max_torque() - 4.0).abs() < 1e-12);
 }
 
 #[test]
@@ -126,8 +126,8 @@ fn a_curve_that_does_not_rise_is_refused_and_where_is_said() {
     for sample in &mut samples {
         sample.per_mille = flat(sample.torque);
     }
-    let error = Calibrated::fit(&samples).unwrap_err();
-    let NotCalibrated::NoCurve(InvalidTorqueCurve::NotMonotone { torque, .. }) = error else {
+    let error = CurveFit::fit(&samples).unwrap_err();
+    let NoTorqueCurve::NoCurve(InvalidTorqueCurve::NotMonotone { torque, .. }) = error else {
         panic!("{error}")
     };
     assert!((torque - 8.0_f64.sqrt()).abs() < 1e-9, "{torque}");
@@ -137,28 +137,28 @@ fn a_curve_that_does_not_rise_is_refused_and_where_is_said() {
 fn too_little_is_refused_and_what_is_missing_is_said() {
     let refused = |keep: &dyn Fn(&Sample) -> bool| {
         let samples: Vec<Sample> = exact().into_iter().filter(keep).collect();
-        Calibrated::fit(&samples).unwrap_err()
+        CurveFit::fit(&samples).unwrap_err()
     };
     let (up, down) = (Direction::Up, Direction::Down);
-    assert_eq!(refused(&|_| false), NotCalibrated::DirectionMissing(up));
-    assert_eq!(refused(&|s| s.direction == up), NotCalibrated::DirectionMissing(down));
+    assert_eq!(refused(&|_| false), NoTorqueCurve::DirectionMissing(up));
+    assert_eq!(refused(&|s| s.direction == up), NoTorqueCurve::DirectionMissing(down));
     assert_eq!(
         refused(&|s| s.direction == up || s.torque.abs() < 1.6),
-        NotCalibrated::TooFew { direction: down, found: 7 }
+        NoTorqueCurve::TooFew { direction: down, found: 7 }
     );
-    assert_eq!(refused(&|s| s.torque > 0.2), NotCalibrated::OneSided { direction: up });
+    assert_eq!(refused(&|s| s.torque > 0.2), NoTorqueCurve::OneSided { direction: up });
     let twice = |torque: f64| {
         let sample = Sample { torque, per_mille: curve(torque), direction: up };
         [sample; 4].into_iter().chain([Sample { direction: down, ..sample }; 4])
     };
     let repeated: Vec<Sample> = [-2.0, 2.0].into_iter().flat_map(twice).collect();
     assert_eq!(
-        Calibrated::fit(&repeated).unwrap_err(),
-        NotCalibrated::Undetermined { direction: up }
+        CurveFit::fit(&repeated).unwrap_err(),
+        NoTorqueCurve::Undetermined { direction: up }
     );
     let mut broken = exact();
     broken[4].torque = f64::NAN;
-    assert_eq!(Calibrated::fit(&broken).unwrap_err(), NotCalibrated::NotFinite { place: 5 });
+    assert_eq!(CurveFit::fit(&broken).unwrap_err(), NoTorqueCurve::NotFinite { place: 5 });
 }
 
 proptest! {
@@ -168,11 +168,11 @@ proptest! {
     ) {
         let mut noise = noise.into_iter();
         let samples = sweep(48, FRICTION, || noise.next().unwrap());
-        let calibrated = Calibrated::fit(&samples).unwrap();
+        let calibrated = CurveFit::fit(&samples).unwrap();
         for step in 0..=60 {
             let t = f64::from(step) / 10.0 * calibrated.curve.max_torque() / 6.0;
             let error = (calibrated.both.at(t) - curve(t)).abs();
-            // Noise is all that is left; at an end three standard deviations of the curve are twice it.
+            // Only noise remains; at an end three standard deviations of the curve are twice the noise.
             prop_assert!(error < 2.0 * calibrated.both.residuals.left_out_rms, "{error} at {t}");
         }
     }
@@ -186,12 +186,12 @@ proptest! {
         let slopes = |end: f64| (0..=600).map(move |step| slope(end * f64::from(step) / 600.0));
         let least = |end: f64| slopes(end).fold(f64::INFINITY, f64::min);
         let is_gentle = least(6.0) > slopes(6.0).fold(0.0, f64::max) / 2.0;
-        // Rounding decides nothing.
+        // Excludes curves whose slope is zero within rounding.
         prop_assume!(least(6.0).abs() > 0.01 * c1);
         let sign = if is_reversed { -1.0 } else { 1.0 };
         let mut samples = sweep(24, 0.0, || 0.0);
         samples.iter_mut().for_each(|sample| sample.per_mille = sign * at(sample.torque));
-        match Calibrated::fit(&samples) {
+        match CurveFit::fit(&samples) {
             Ok(calibrated) => {
                 // Readings where a curve is too flat may be left out: its range ends before them.
                 let end = calibrated.curve.max_torque();
@@ -204,7 +204,7 @@ proptest! {
                     prop_assert!((calibrated.curve.at(t) - at(t)).abs() < 1e-6 * (1.0 + at(6.0).abs()));
                 }
             }
-            Err(NotCalibrated::NoCurve(InvalidTorqueCurve::NotMonotone { .. })) => {
+            Err(NoTorqueCurve::NoCurve(InvalidTorqueCurve::NotMonotone { .. })) => {
                 prop_assert!(least(6.0) < 0.0, "{}", least(6.0));
             }
             Err(other) => prop_assert!(false, "{other}"),
@@ -220,7 +220,7 @@ proptest! {
             per_mille,
             direction: if is_up { Direction::Up } else { Direction::Down },
         }).collect();
-        let rises = Calibrated::fit(&samples).map(|calibrated| calibrated.curve.least_slope().0 > 0.0);
+        let rises = CurveFit::fit(&samples).map(|calibrated| calibrated.curve.least_slope().0 > 0.0);
         prop_assert!(rises != Ok(false));
     }
 }
@@ -231,7 +231,7 @@ fn outlier_is_reported_with_its_distance_and_changes_nothing() {
     for (place, slip) in [(7, 1.5), (30, 3.0), (60, -0.5)] {
         let mut samples = clean.clone();
         samples[place].torque += slip;
-        let calibrated = Calibrated::fit(&samples).unwrap();
+        let calibrated = CurveFit::fit(&samples).unwrap();
         let [outlier] = calibrated.outliers[..] else { panic!("{:?}", calibrated.outliers) };
         assert_eq!(outlier.place, place);
         assert!((outlier.distance - slip).abs() < 1e-6, "{outlier:?}");

@@ -1,7 +1,7 @@
-//! Sides that differ: a load cell with an offset, or a joint that is weaker on one side of zero.
+//! Difference between the sides of zero: a load cell with an offset, or a joint that is weaker on one side.
 //!
-//! An odd fit splits the difference, and both look alike to it. They differ in shape, so the readings are fitted
-//! once more with both as unknowns, for the size, and with each alone, for the kind:
+//! An odd fit averages the sides and cannot distinguish the two. They differ in shape, so the readings are fitted again with
+//! both as unknowns, for the size, and with each alone, for the kind:
 //!
 //! ```text
 //!  per_mille = p(g w + s f),   w = t - δ,   g = 1 - κ sgn(w)      δ: offset of the load cell, κ: sides
@@ -15,31 +15,31 @@ use crate::fit::polynomial::{ODD, columns, unscaled};
 use crate::fit::sample::Sample;
 use crate::least_squares;
 
-/// Places at which the even part is looked at, from zero to the end.
+/// Number of torques at which the even part is evaluated, from zero to the end.
 const PLACES: u16 = 100;
-/// Steps of Gauss and Newton.
+/// Maximum number of Gauss-Newton steps.
 const STEPS: u32 = 20;
-/// Halvings of a step that would not improve the fit.
+/// Maximum number of halvings of a step that does not improve the fit.
 const HALVINGS: u32 = 6;
-/// Number of unknowns that both kinds have: c1, c3, c5 and friction.
+/// Number of unknowns common to both kinds: c1, c3, c5 and friction.
 const COMMON: usize = ODD.len() + 1;
 
 /// Difference between the two sides of zero torque.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Unevenness {
-    /// Largest even part relative to the end of the curve.
+    /// Largest even part, relative to the end of the curve.
     pub share: f64,
-    /// More like an offset of the load cell than sides of different strength.
+    /// An offset of the load cell fits better than sides of different strength.
     pub is_offset: bool,
-    /// Offset of the load cell in N·m, if it is nothing else.
+    /// Offset of the load cell in N·m, fitted with equal sides.
     pub offset: f64,
-    /// Torque of the positive side relative to that of the negative at the same target, if it is nothing else.
+    /// Torque of the positive side relative to the negative one at the same target, fitted without an offset.
     pub strength: f64,
 }
 
 impl Unevenness {
-    /// Compares the sides of samples whose curve is `dry` and whose range is `range` in N·m.
-    pub(super) fn of(dry: &Dry, samples: &[Sample], range: f64) -> Self {
+    /// Compares the sides of samples with the curve `dry`, within ±`range` in N·m.
+    pub(super) fn compare(dry: &Dry, samples: &[Sample], range: f64) -> Self {
         let both = Sides::fit(dry, samples, [true, true]);
         let offset = Sides::fit(dry, samples, [true, false]);
         let strength = Sides::fit(dry, samples, [false, true]);
@@ -58,21 +58,21 @@ impl Unevenness {
     }
 }
 
-/// A curve over torques that an offset and the side change.
+/// Curve with an offset of the torques and sides of different strength.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sides {
     coefficients: [f64; 3],
     friction: f64,
-    /// δ, in N·m.
+    /// Offset δ of the load cell, in N·m.
     offset: f64,
-    /// κ.
+    /// Difference κ of the sides, without unit.
     side: f64,
     /// Largest motor torque of the samples, in N·m.
     extent: f64,
 }
 
 impl Sides {
-    /// Fits the chosen ones of offset and side, from `dry` on; it is `dry` itself if the samples determine no better.
+    /// Fits the chosen ones of offset and side, starting from `dry`; returns `dry` if the samples do not determine them.
     pub(super) fn fit(dry: &Dry, samples: &[Sample], is_chosen: [bool; 2]) -> Self {
         let motor = samples.iter().map(|sample| dry.at_motor(sample).torque.abs());
         let mut best = Self {
@@ -96,8 +96,8 @@ impl Sides {
         best
     }
 
-    /// Returns reading less that of the curve in N·m, which is followed up to the largest motor torque. No slope is
-    /// below `flattest` of the mean one.
+    /// Returns the distance of a reading from the curve in N·m, within the largest motor torque. The slope for the
+    /// conversion is at least `flattest` times the mean slope.
     pub(super) fn distance(&self, sample: &Sample, flattest: f64) -> f64 {
         let motor = self.motor(sample);
         let within = motor.clamp(-self.extent, self.extent);
@@ -110,7 +110,7 @@ impl Sides {
         self.curve(self.extent) / self.extent
     }
 
-    /// Returns what the motor exerts without friction at a reading in N·m.
+    /// Returns the motor torque without friction at a reading in N·m.
     fn scaled(&self, torque: f64) -> f64 {
         let load = torque - self.offset;
         load - self.side * load.abs()
@@ -138,7 +138,7 @@ impl Sides {
         samples.iter().map(|sample| self.residual(sample).powi(2)).sum()
     }
 
-    /// Returns the change of c1, c3, c5, friction, offset and side that the linearized problem asks for.
+    /// Returns the Gauss-Newton step of c1, c3, c5, friction, offset and side.
     fn step(&self, samples: &[Sample], is_chosen: [bool; 2]) -> Option<[f64; COMMON + 2]> {
         let column = |of: &dyn Fn(&Sample) -> f64| {
             DVector::from_iterator(samples.len(), samples.iter().map(of))
@@ -168,7 +168,7 @@ impl Sides {
         found.try_into().ok()
     }
 
-    /// Returns the curve after a part of a step.
+    /// Returns the curve after the fraction `part` of a step.
     fn after(&self, step: &[f64; COMMON + 2], part: f64) -> Self {
         let [c1, c3, c5, friction, offset, side] = step.map(|change| part * change);
         let changes = unscaled([c1, c3, c5].iter(), self.extent, ODD);

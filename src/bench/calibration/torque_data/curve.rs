@@ -1,4 +1,4 @@
-//! Readings of a load cell over targets, joint at rest: input of the fit of a torque curve (paper, 4.2).
+//! Load cell readings over targets of joints at rest: input of the fit of a torque curve (paper, 4.2).
 //!
 //! ```text
 //! # load cell 20 N on a lever arm of 300 mm, 2026-03-02        comments: provenance of the data
@@ -34,17 +34,17 @@ pub struct TorqueData {
     /// Readings are forces of prismatic joints in N, not torques in N·m.
     pub is_force: bool,
     /// Joints, in order of appearance.
-    pub joints: Vec<Measured>,
+    pub joints: Vec<JointReadings>,
 }
 
 /// Readings of one joint.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Name or number, as written.
+pub struct JointReadings {
+    /// Name or number of the joint, as written.
     pub joint: String,
     /// Readings, at least one.
     pub samples: Vec<Sample>,
-    /// Line of each reading, from 1; empty if they are from no file.
+    /// Line of each reading, from 1; empty without a file.
     pub lines: Vec<usize>,
 }
 
@@ -60,7 +60,7 @@ impl TorqueData {
     /// Parses `text`, the content of `file`.
     ///
     /// # Errors
-    /// As [`load`](Self::load).
+    /// The first 20 problems of the text, with line and column.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut readings = Readings::new(file, text);
         let mut data = Self::default();
@@ -86,7 +86,7 @@ impl TorqueData {
                 measured.lines.push(line);
             }
             None => {
-                self.joints.push(Measured { joint, samples: vec![sample], lines: vec![line] });
+                self.joints.push(JointReadings { joint, samples: vec![sample], lines: vec![line] });
             }
         }
     }
@@ -101,7 +101,7 @@ impl fmt::Display for TorqueData {
         let measured = if self.is_force { Column::Force } else { Column::Torque };
         let columns = [Column::Joint, Column::Direction, Column::PerMille, measured];
         writeln!(f, "{}", columns.map(Column::name).join(","))?;
-        for Measured { joint, samples, .. } in &self.joints {
+        for JointReadings { joint, samples, .. } in &self.joints {
             let joint = readings::quoted(joint).ok_or(fmt::Error)?;
             for Sample { torque, per_mille, direction } in samples {
                 writeln!(f, "{joint},{direction},{per_mille},{torque:.5}")?;
@@ -270,7 +270,7 @@ mod tests {
                 data.add(Some(Row { line, joint: format!("j{joint}"), date: None, sample }));
             }
             let mut read = parse(&data.to_string()).unwrap();
-            // Joints are written one after the other, so their lines change.
+            // Readings are written by joint, so their lines change.
             for (read, written) in read.joints.iter_mut().zip(&data.joints) {
                 read.lines.clone_from(&written.lines);
             }

@@ -4,5 +4,5 @@ mod curve;
 mod readings;
 mod sweep;
 
-pub use crate::torque_data::curve::{Measured, TorqueData};
-pub use crate::torque_data::sweep::{SweepData, SweepReading, Swept};
+pub use crate::torque_data::curve::{JointReadings, TorqueData};
+pub use crate::torque_data::sweep::{JointSweep, SweepData, SweepReading};

@@ -1,5 +1,5 @@
-//! A text file of readings, one per line, before its columns have a meaning: comments, a line of column names, and
-//! rows of fields separated by commas.
+//! Text file of readings, one per line: comments, a line of column names, and rows of comma-separated fields. Its readers
+//! interpret the columns.
 //!
 //! Fields may be quoted as in spreadsheets, `"left, arm"`, with doubled quotes inside, but not over several lines.
 //! All problems of a file are found in one run, each with line and column.
@@ -27,7 +27,7 @@ pub(super) struct Readings<'t> {
 /// Fields of one line.
 #[derive(Debug)]
 pub(super) struct Row {
-    /// Its number, from 1.
+    /// Number of the line, from 1.
     pub(super) line: usize,
     pub(super) fields: Vec<String>,
 }
@@ -53,7 +53,7 @@ impl<'t> Readings<'t> {
         readings
     }
 
-    /// Notes a problem of a line.
+    /// Adds a problem of a line.
     pub(super) fn problem(&mut self, line: usize, column: &str, reason: impl fmt::Display) {
         self.problems.push(Problem {
             file: self.file.clone(),
@@ -63,8 +63,8 @@ impl<'t> Readings<'t> {
         });
     }
 
-    /// Takes the column names. Returns their line and the columns, or `None` if it names no column. Names that are
-    /// unknown, repeated or missing are problems of that line.
+    /// Takes the line of column names. Returns its number and the columns, or `None` if there are none. Unknown, repeated
+    /// or missing names are problems of the line.
     pub(super) fn header<C: Copy + PartialEq>(
         &mut self,
         known: &[(&'static str, C)],
@@ -100,7 +100,7 @@ impl<'t> Readings<'t> {
         self.problems.iter().any(|problem| problem.line == Some(line))
     }
 
-    /// Takes the other lines as rows of `width` fields, except those with another number of fields.
+    /// Takes the remaining lines as rows of `width` fields; another number of fields is a problem.
     pub(super) fn rows(&mut self, width: usize) -> Vec<Row> {
         let mut rows = Vec::new();
         while let Some((line, text)) = self.lines.next() {
@@ -118,7 +118,7 @@ impl<'t> Readings<'t> {
     /// Returns `value`, or the first problems of the file in the order of its lines.
     ///
     /// # Errors
-    /// The problems, if there are any; or that there is no reading, if there `is_empty`.
+    /// The problems, or, without problems, that the file has no reading if `is_empty`.
     pub(super) fn finish<T>(mut self, value: T, is_empty: bool) -> Result<T, Invalid> {
         if self.problems.is_empty() && is_empty {
             let (file, reason) = (self.file, "must have at least one reading".to_owned());
@@ -144,7 +144,7 @@ impl<'t> Readings<'t> {
         fields
     }
 
-    /// Returns the name of a joint.
+    /// Parses the name of a joint; an invalid field is a problem.
     pub(super) fn joint(&mut self, line: usize, column: &str, field: &str) -> Option<String> {
         if field.is_empty() {
             self.problem(line, column, "must not be empty");
@@ -152,7 +152,7 @@ impl<'t> Readings<'t> {
         (!field.is_empty()).then(|| field.to_owned())
     }
 
-    /// Returns a driving direction.
+    /// Parses a driving direction; an invalid field is a problem.
     pub(super) fn direction(
         &mut self,
         line: usize,
@@ -170,7 +170,7 @@ impl<'t> Readings<'t> {
         }
     }
 
-    /// Returns a target torque, in ‰.
+    /// Parses a torque in ‰ of rated torque; an invalid field is a problem.
     pub(super) fn per_mille(&mut self, line: usize, column: &str, field: &str) -> Option<i16> {
         let whole = field.parse::<i16>().ok();
         if whole.is_none() {
@@ -180,7 +180,7 @@ impl<'t> Readings<'t> {
         whole
     }
 
-    /// Returns a finite number.
+    /// Parses a finite number; an invalid field is a problem.
     pub(super) fn number(&mut self, line: usize, column: &str, field: &str) -> Option<f64> {
         let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
         if number.is_none() {

@@ -4,15 +4,15 @@
 //! # 6077h, mean of each plateau, 2026-03-02                     comments: provenance of the data
 //! joint,velocity_rad_per_s,per_mille,direction,q1,q2,q3,q4,q5,q6
 //! elbow,0.2,131,,0,-0.87,1.2,-0.79,0,0
-//! elbow,0,118,up,0,-0.87,1.2,-0.79,0,0                          held: came here from below
+//! elbow,0,118,up,0,-0.87,1.2,-0.79,0,0                          held, approached from below
 //! ```
 //!
 //! | column               | content                                                                 |
 //! |----------------------|-------------------------------------------------------------------------|
 //! | `joint`              | name or number of the joint that moves                                  |
-//! | `velocity_rad_per_s` | its velocity; `velocity_m_per_s` for prismatic joints; 0 where it is held |
+//! | `velocity_rad_per_s` | its velocity; `velocity_m_per_s` for prismatic joints; 0 if held        |
 //! | `per_mille`          | actual torque (6077h) in ‰ of rated torque, an integer                  |
-//! | `direction`          | `up` or `down`: of the motion, needed where the joint is held           |
+//! | `direction`          | direction of the motion, `up` or `down`; required if held               |
 //! | `q1` … `q6`          | positions of all joints, in rad or m; all or none                       |
 //! | `time_s`             | optional, any number                                                    |
 
@@ -33,29 +33,29 @@ pub struct SweepData {
     pub file: PathBuf,
     /// Comment lines, without `#`.
     pub provenance: Vec<String>,
-    /// Velocities are those of prismatic joints in m/s, not in rad/s.
+    /// Velocities are those of prismatic joints, in m/s instead of rad/s.
     pub is_linear: bool,
     /// Joints, in order of appearance.
-    pub joints: Vec<Swept>,
+    pub joints: Vec<JointSweep>,
 }
 
 /// Sweep of one joint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Swept {
-    /// Name or number, as written.
+pub struct JointSweep {
+    /// Name or number of the joint, as written.
     pub joint: String,
     /// Readings, at least one.
     pub readings: Vec<SweepReading>,
 }
 
-/// One reading.
+/// Torque of a joint at a constant velocity, or at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepReading {
-    /// Its line, from 1; 0 if it is from no file.
+    /// Line of the reading, from 1; 0 without a file.
     pub line: usize,
-    /// Velocity of the joint in rad/s or m/s; zero where it is held.
+    /// Velocity of the joint in rad/s or m/s; zero if held.
     pub velocity: f64,
-    /// Direction in which it moves, or moved before it was held.
+    /// Direction of the motion, or of the motion before the joint was held.
     pub direction: Direction,
     /// Actual torque (6077h), in ‰ of rated torque.
     pub per_mille: i16,
@@ -82,7 +82,7 @@ impl SweepData {
     /// Parses `text`, the content of `file`.
     ///
     /// # Errors
-    /// As [`load`](Self::load).
+    /// The first 20 problems of the text, with line and column.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut readings = Readings::new(file, text);
         let mut data = Self { file: file.to_path_buf(), ..Self::default() };
@@ -102,7 +102,7 @@ impl SweepData {
     fn add(&mut self, joint: String, reading: SweepReading) {
         match self.joints.iter_mut().find(|swept| swept.joint == joint) {
             Some(swept) => swept.readings.push(reading),
-            None => self.joints.push(Swept { joint, readings: vec![reading] }),
+            None => self.joints.push(JointSweep { joint, readings: vec![reading] }),
         }
     }
 }
@@ -115,7 +115,7 @@ impl fmt::Display for SweepData {
         }
         let velocity = if self.is_linear { Column::Linear } else { Column::Angular };
         writeln!(f, "joint,{},per_mille,direction,q1,q2,q3,q4,q5,q6", velocity.name())?;
-        for Swept { joint, readings } in &self.joints {
+        for JointSweep { joint, readings } in &self.joints {
             let joint = readings::quoted(joint).ok_or(fmt::Error)?;
             for SweepReading { velocity, direction, per_mille, q, .. } in readings {
                 write!(f, "{joint},{velocity},{per_mille},{direction}")?;
@@ -225,7 +225,7 @@ fn parse_row(
     Some((joint?, SweepReading { line, velocity, direction, per_mille: per_mille?, q }))
 }
 
-/// Returns the direction of a velocity, or the given one where the joint is held.
+/// Returns the direction of a velocity, or that of the field if the joint is held.
 fn direction(
     readings: &mut Readings<'_>,
     line: usize,

@@ -1,4 +1,4 @@
-//! Adapters, buses, the process and the host; frames of other masters.
+//! Faults of adapters, buses, process and host, and frames of other masters.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -95,8 +95,8 @@ fn abandoned(at: &Conditions<'_>) -> Criterion {
     Criterion::BusAbandoned(within, at.cycles(ABANDONED))
 }
 
-/// Cycles until the node must have abandoned a bus: a cycle that has begun, two whose SYNC is not seen, and the one
-/// in which that is known.
+/// Cycles until the node must have abandoned a bus: the running cycle, two without transmit confirmation of SYNC, and the
+/// one that detects them.
 const ABANDONED: u32 = 4;
 
 fn channel(random: &mut Random, at: &Conditions<'_>) -> Channel {
@@ -110,21 +110,21 @@ fn disturbed(
     criterion: Criterion,
 ) -> Injection {
     let target = Target::Bus(channel(random, at));
-    Injection::of([at.fault(target, FaultKind::Bus(disturbance))], criterion)
+    Injection::new([at.fault(target, FaultKind::Bus(disturbance))], criterion)
 }
 
-/// Too short for the drives. Nothing takes back what waits in the adapter: it acts at the SYNC behind it, for at most
-/// the time of a drive's own timer.
+/// Criterion of a stall that is shorter than the drives' timers. Frames in the adapter cannot be recalled: they act at the
+/// next SYNC, for at most the time of a drive's timer.
 const BRIEF_STALL: Criterion =
     Criterion::Either("late frames may act until the drives' own timers run out");
 
-/// Returns a stall, in µs, in which every drive stops by its own timer: 10 ms at least.
+/// Returns the duration of a stall in which every drive stops by its own timer, in µs, at least 10 ms.
 fn long_stall(at: &Conditions<'_>) -> u64 {
     let micros = timers::slowest(at.config).as_micros();
     u64::try_from(micros).unwrap_or(u64::MAX).max(10_000)
 }
 
-/// Lasts for a number of µs in `range`; queued frames come out at the end.
+/// Returns a stall with a duration in µs within `range`; queued frames are sent at its end.
 fn stalled(
     random: &mut Random,
     at: &Conditions<'_>,
@@ -134,17 +134,17 @@ fn stalled(
     let channel = channel(random, at);
     let span = Duration::from_micros(range.start + random.below(range.end - range.start));
     let fault = Fault::of_bus(at.onset, channel, Disturbance::AdapterStalled).lasting(span);
-    Injection::of([Entry::Fault(fault)], criterion)
+    Injection::new([Entry::Fault(fault)], criterion)
 }
 
-/// The COB-ID wins against everything of the cycle.
+/// Returns a flood of frames whose COB-ID wins arbitration against every frame of the cycle.
 fn flooded(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let cob_id = u16::try_from(1 + random.below(0x7E)).unwrap_or(1);
     let frame = Frame::new(cob_id, random.bits().to_le_bytes());
     disturbed(random, at, Disturbance::Flood(frame), abandoned(at))
 }
 
-/// A frame of another master, whose other commands are unknown.
+/// Returns a frame of a foreign master.
 fn foreign(random: &mut Random, at: &Conditions<'_>, frame: Frame) -> Injection {
     let channel = channel(random, at);
     foreign_on(at, channel, frame)
@@ -152,7 +152,7 @@ fn foreign(random: &mut Random, at: &Conditions<'_>, frame: Frame) -> Injection 
 
 fn foreign_on(at: &Conditions<'_>, channel: Channel, frame: Frame) -> Injection {
     let fault = FaultKind::ForeignFrame { frame, period: None };
-    Injection::of([at.fault(Target::Bus(channel), fault)], Criterion::Stop(at.limit()))
+    Injection::new([at.fault(Target::Bus(channel), fault)], Criterion::Stop(at.limit()))
 }
 
 fn foreign_nmt(random: &mut Random, at: &Conditions<'_>) -> Injection {
@@ -184,15 +184,15 @@ fn foreign_targets(random: &mut Random, at: &Conditions<'_>) -> Injection {
     foreign_on(at, joint.channel, frame_of(cob_id, &random.bytes(bytes)))
 }
 
-/// Returns a frame with this data, without any where it does not fit.
+/// Returns a frame with this data, or without data if it is longer than 8 bytes.
 fn frame_of(cob_id: u16, data: &[u8]) -> Frame {
     Frame::from_slice(cob_id, data).unwrap_or(Frame::new(cob_id, []))
 }
 
-/// COB-ID of SDO requests, before the node-ID is added.
+/// Base COB-ID of SDO requests (CiA 301, 7.3.3); the node-ID is added to it.
 const SDO_REQUEST: u16 = 0x600;
 
-/// Another client writes one of the timers by which a drive stops without its master.
+/// Returns a download by a foreign SDO client to a timer by which a drive stops without its master.
 fn foreign_download(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint().entry(&at.config.joints);
     let cob_id = SDO_REQUEST + u16::from(joint.node.raw());
@@ -206,7 +206,7 @@ fn foreign_download(random: &mut Random, at: &Conditions<'_>) -> Injection {
     foreign_on(at, joint.channel, Frame::new(cob_id, payload))
 }
 
-/// A dozen frames with random data within 50 ms, on COB-IDs that this network uses, or on others.
+/// Returns twelve frames with random data within 50 ms, on COB-IDs of this network if `are_own`, else on others.
 fn random_frames(random: &mut Random, at: &Conditions<'_>, are_own: bool) -> Injection {
     let mut entries = Vec::new();
     let mut after = Duration::ZERO;
@@ -226,7 +226,7 @@ fn random_frames(random: &mut Random, at: &Conditions<'_>, are_own: bool) -> Inj
     }
     let why = "some of them imitate a node or a master";
     let criterion = if are_own { Criterion::Either(why) } else { Criterion::GoesOn };
-    Injection::of(entries, criterion)
+    Injection::new(entries, criterion)
 }
 
 /// Returns whether a COB-ID of the predefined connection set is one of nodes 1 to 6, 16 and 127, or a broadcast.
@@ -240,30 +240,30 @@ fn host(at: &Conditions<'_>, fault: HostFault, span: Duration) -> [Entry; 1] {
     [Entry::Fault(Fault::of_host(at.onset, fault, span))]
 }
 
-/// Stopped for longer than the case is of interest.
+/// Stops the process for longer than the case is observed.
 fn killed(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let stopped = host(at, HostFault::ProcessStopped, Duration::from_millis(300));
-    Injection::of(stopped, Criterion::TorqueFree(at.limit()))
+    Injection::new(stopped, Criterion::TorqueFree(at.limit()))
         .observed_for(Duration::from_millis(350))
 }
 
-/// Stopped for a number of cycles; the first frame after that must be zero.
+/// Stops the process for a number of cycles; its first targets afterwards must be zero.
 fn stopped(random: &mut Random, at: &Conditions<'_>, [least, most]: [u32; 2]) -> Injection {
     let more = u64::try_from(at.cycles(most - least).as_micros()).unwrap_or(0);
     let span = at.cycles(least) + Duration::from_micros(random.below(more));
     let criterion = Criterion::Stop(span + at.cycles(2));
-    Injection::of(host(at, HostFault::ProcessStopped, span), criterion)
+    Injection::new(host(at, HostFault::ProcessStopped, span), criterion)
         .observed_for(span + Duration::from_millis(150))
 }
 
-/// A cycle is skipped, and not made up for.
+/// Delays the process such that one cycle is skipped and not repeated.
 fn one_cycle_late(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let micros = u64::try_from(at.config.period.as_micros()).unwrap_or(1_000);
     let span = Duration::from_micros(1 + random.below(micros));
-    Injection::of(host(at, HostFault::ProcessStopped, span), Criterion::GoesOn)
+    Injection::new(host(at, HostFault::ProcessStopped, span), Criterion::GoesOn)
 }
 
-/// Stopped after any frame of a cycle that is sent or read: torques that are late then are dropped (I5).
+/// Stops the process after any frame of a cycle; torques that are late then must not be sent (I5).
 fn stall_within_cycle(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let plans = at.config.node_plans();
     let of_every_sync = plans.iter().flat_map(|(_, plan)| &plan.pdos).filter(|pdo| {
@@ -277,18 +277,18 @@ fn stall_within_cycle(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let fault = HostFault::ProcessStoppedAfter(after);
     let why = "the drives' RPDO timers may run out before the next torque";
     let criterion = if periods < 1.2 { Criterion::GoesOn } else { Criterion::Either(why) };
-    Injection::of(host(at, fault, at.config.period.mul_f64(periods)), criterion)
+    Injection::new(host(at, fault, at.config.period.mul_f64(periods)), criterion)
 }
 
 fn clock_set(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let wall = Duration::from_secs(random.below(4_000_000_000));
     let fault = at.fault(Target::Host, FaultKind::Host(HostFault::ClockSet(wall)));
-    Injection::of([fault], Criterion::GoesOn)
+    Injection::new([fault], Criterion::GoesOn)
 }
 
 fn suspended(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let span = Duration::from_millis(50 + random.below(200));
     let criterion = Criterion::Stop(span + at.cycles(2));
-    Injection::of(host(at, HostFault::Suspended(None), span), criterion)
+    Injection::new(host(at, HostFault::Suspended(None), span), criterion)
         .observed_for(span + Duration::from_millis(150))
 }

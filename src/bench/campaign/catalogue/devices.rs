@@ -1,4 +1,4 @@
-//! Drives and switch box: lost, rebooted, failed, or with wrong measurements.
+//! Faults of drives and switch box: loss, reboot, failure, wrong measurements.
 
 use std::time::Duration;
 
@@ -74,33 +74,33 @@ pub(super) const KINDS: &[Kind] = &[
 fn lost(random: &mut Random, at: &Conditions<'_>, how: Disconnection) -> Injection {
     let target = Target::Joint(random.joint());
     let fault = at.fault(target, FaultKind::Disconnection(how));
-    Injection::of([fault], Criterion::Stop(at.limit()))
+    Injection::new([fault], Criterion::Stop(at.limit()))
 }
 
-/// Noticed by missing samples, as a single one.
+/// Disconnects several drives; missing samples detect them, as they detect a single one.
 fn several_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joints = [random.joint(), random.joint(), random.joint()];
     let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
     let faults = joints.map(|joint| at.fault(Target::Joint(joint), unplugged));
-    Injection::of(faults, Criterion::Stop(at.limit_of(1)))
+    Injection::new(faults, Criterion::Stop(at.limit_of(1)))
 }
 
-/// Two cycles beyond the heartbeat time: the one that has begun, and the one in which it is noticed.
+/// Stops a heartbeat. The limit is two cycles after the heartbeat time: the running one, and the one that detects it.
 fn heartbeat_lost(at: &Conditions<'_>, target: Target) -> Injection {
     let within = at.limit() + at.cycles(2);
-    let lost = FaultKind::Frames(FrameFault::of(Service::Heartbeat, Effect::Drop));
-    Injection::of([at.fault(target, lost)], Criterion::Stop(within))
+    let lost = FaultKind::Frames(FrameFault::on_service(Service::Heartbeat, Effect::Drop));
+    Injection::new([at.fault(target, lost)], Criterion::Stop(within))
         .observed_for(within + Duration::from_millis(150))
 }
 
-/// COB-ID of a heartbeat, before the node-ID is added.
+/// Base COB-ID of heartbeats (CiA 301, 7.3.3); the node-ID is added to it.
 const HEARTBEAT: u16 = 0x700;
 
 /// Toggle bit of an answer to node guarding (CiA 301, 7.2.8.2.2.1).
 const TOGGLE: u8 = 0x80;
 
-/// One heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive itself goes on. An answer
-/// of a guarded node counts if its toggle bit has changed, so that one with either bit is sent.
+/// Sends one heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive keeps running. The
+/// response of a guarded node is valid if its toggle bit has changed, so one with either bit is sent.
 fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let number = random.joint();
     let joint = number.entry(&at.config.joints);
@@ -116,11 +116,11 @@ fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injec
         let fault = FaultKind::ForeignFrame { frame, period: None };
         at.fault(Target::Bus(joint.channel), fault)
     });
-    Injection::of(faults.collect::<Vec<_>>(), Criterion::Stop(at.limit()))
+    Injection::new(faults.collect::<Vec<_>>(), Criterion::Stop(at.limit()))
 }
 
 fn device(at: &Conditions<'_>, target: Target, fault: DeviceFault) -> Injection {
-    Injection::of([at.fault(target, FaultKind::Device(fault))], Criterion::Stop(at.limit()))
+    Injection::new([at.fault(target, FaultKind::Device(fault))], Criterion::Stop(at.limit()))
 }
 
 /// Returns one of the error codes of drives (CiA 402).
@@ -144,14 +144,14 @@ fn inhibit_time(at: &Conditions<'_>, joint: Joint) -> Duration {
     Duration::from_micros(100 * u64::from(inhibit.unwrap_or(0)))
 }
 
-/// Reported by the statusword alone, which may have to wait for its inhibit time.
+/// Raises a drive fault without EMCY: only the statusword reports it, after the inhibit time at most.
 fn drive_fault_without_emergency(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let fault = at.fault(Target::Joint(joint), FaultKind::Device(DeviceFault::DriveFault(0)));
-    Injection::of([fault], Criterion::Stop(at.limit() + inhibit_time(at, joint)))
+    Injection::new([fault], Criterion::Stop(at.limit() + inhibit_time(at, joint)))
 }
 
-/// Demands a stop only of joints that carry more than a little of the arm: the fault shows where torque acts.
+/// Requires a stop only for joints with a load above [`LOADED`]: a wrong torque is not detectable without torque.
 fn where_loaded(at: &Conditions<'_>, joint: Joint, within: Duration) -> Criterion {
     if at.weight(joint) > LOADED {
         Criterion::Stop(within)
@@ -160,21 +160,21 @@ fn where_loaded(at: &Conditions<'_>, joint: Joint, within: Duration) -> Criterio
     }
 }
 
-/// Least load of a joint that shows a wrong torque, in ‰ of its largest torque.
+/// Minimum load of a joint at which a wrong torque is detected, in ‰ of its largest torque.
 const LOADED: f64 = 100.0;
 
-/// Shoulder joints carry the arm, so a wrong scale is visible.
+/// Scales the torque of a shoulder joint, whose load makes a wrong scale detectable.
 fn torque_scaled(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = if random.coin() { Joint::of::<3>() } else { Joint::of::<2>() };
     let factor = rounded(random.within(-10.0, -6.0), 2);
     let fault = FaultKind::Sensor(SensorFault::TorqueScaled(factor));
     // The torque comes at every hundredth SYNC in the grouped layout, and the second one counts.
     let within = at.limit().max(at.cycles(216));
-    Injection::of([at.fault(Target::Joint(joint), fault)], where_loaded(at, joint, within))
+    Injection::new([at.fault(Target::Joint(joint), fault)], where_loaded(at, joint, within))
         .observed_for(Duration::from_millis(600))
 }
 
-/// Causes by which a torque without a command is noticed.
+/// Causes that detect a torque without a command.
 const UNARMED_TORQUE: &[Cause] = &[
     Cause::TorqueDiffers,
     Cause::TargetNotTaken,
@@ -197,7 +197,7 @@ fn offset(random: &mut Random) -> i16 {
 /// Time from zero torque until the drives are off, and for the last controlword.
 const OFF_TIME: Duration = Duration::from_millis(115);
 
-/// The drive pushes although its target is zero, which ends when the power stages are switched off after the stop.
+/// Makes a drive exert torque at a zero target, until the power stages are switched off after the stop.
 fn torque_before_arming(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, offset) = (random.joint(), offset(random));
     let fault =
@@ -208,42 +208,42 @@ fn torque_before_arming(random: &mut Random, at: &Conditions<'_>) -> Injection {
         true => Criterion::TorqueFree(within),
         false => Criterion::GoesOn,
     };
-    Injection::of([fault], criterion).observed_for(Duration::from_millis(600))
+    Injection::new([fault], criterion).observed_for(Duration::from_millis(600))
 }
 
-/// A drive has held a torque offset since before its boot: it is written 0 and read back, so that no torque acts before
-/// arming, and none but the targets afterwards.
+/// Gives a drive a stored torque offset (60B2h) before its boot. The master must write zero and read it back, so that no
+/// offset acts.
 fn stored_offset(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, offset) = (random.joint(), offset(random));
     let stored = Quirk::Stored(Object::TORQUE_OFFSET, u32::from(offset.cast_unsigned()));
     let quirk = has_offset(at, joint).then_some((joint, stored));
-    Injection { quirk, ..Injection::of([], Criterion::GoesOn) }
+    Injection { quirk, ..Injection::new([], Criterion::GoesOn) }
 }
 
-/// The first wrong position is discarded; the limit counts from the second.
+/// Makes an encoder jump. The first wrong position is discarded; the limit starts at the second.
 fn encoder_jump(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let sign = if random.coin() { 1.0 } else { -1.0 };
     let (joint, by) = (random.joint(), sign * random.within(0.2, 3.0));
     let fault = FaultKind::Sensor(SensorFault::PositionOffset(rounded(by, 4)));
     let criterion = Criterion::Stop(at.limit() + at.cycles(1));
-    Injection::of([at.fault(Target::Joint(joint), fault)], criterion)
+    Injection::new([at.fault(Target::Joint(joint), fault)], criterion)
 }
 
 const FROZEN: FaultKind = FaultKind::Sensor(SensorFault::PositionFrozen);
 
 fn encoder_frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let criterion = Criterion::Either("visible only under torque while a neighbour moves");
-    Injection::of([at.fault(Target::Joint(random.joint()), FROZEN)], criterion)
+    Injection::new([at.fault(Target::Joint(random.joint()), FROZEN)], criterion)
         .observed_for(Duration::from_millis(800))
 }
 
-/// The elevation, which carries the arm, freezes while the hand moves it and its neighbour. Far and fast enough that even
-/// the torque of a light arm's elevation changes by a tenth, slowly enough that the grip is not too fast.
+/// Freezes the position of the elevation joint while the hand moves it and its neighbour. The motion changes the gravity
+/// torque of even a light arm by a tenth, and keeps the grip below its speed limit.
 fn frozen_in_motion(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let movement = Move::new(at.onset_s(), 0.6, [0.12, 0.0, 0.05]);
     let (elevation, after) = (Joint::of::<2>(), Duration::from_millis(100));
     let frozen = at.fault_after(after, Target::Joint(elevation), FROZEN);
     let criterion = where_loaded(at, elevation, at.limit() + after);
-    Injection::of([Entry::Move(movement), Entry::Fault(frozen)], criterion)
+    Injection::new([Entry::Move(movement), Entry::Fault(frozen)], criterion)
         .observed_for(Duration::from_millis(900))
 }

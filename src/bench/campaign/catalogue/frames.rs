@@ -1,4 +1,4 @@
-//! Frames of devices: lost, late, duplicated, changed, or sent by another node.
+//! Faults of frames of devices: lost, late, duplicated, corrupted, or sent by another node.
 
 use std::time::Duration;
 
@@ -41,37 +41,37 @@ pub(super) const KINDS: &[Kind] = &[
     kind(13, "one RPDO lost", NO_CAUSE, |random, at| one_lost(random, at, RPDO)),
 ];
 
-/// The position of a drive.
+/// TPDO with the position of a drive.
 const TPDO: Service = Service::Tpdo(1);
 
-/// The target torque of a drive.
+/// RPDO with the target torque (6071h) of a drive.
 const RPDO: Service = Service::Rpdo(1);
 
-/// Two drives that answer in turn look like one whose position jumps, where the second one answers first.
+/// Causes of two drives with one node-ID: if the second one answers first, the position appears to jump.
 const TWO_DRIVES: &[Cause] = &[Cause::Duplicate, Cause::PositionJumped];
 
-/// Samples out of order leave SYNC windows empty; late ones may then exceed the number of SYNCs.
+/// Causes of reordered samples, which leave SYNC windows empty; late ones may then exceed the number of SYNCs.
 const OUT_OF_ORDER: &[Cause] =
     &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue, Cause::Duplicate];
 
-/// Samples lost or late: three in a row, one in twenty, or more than ten overdue.
+/// Causes of lost or late samples: three in succession, one in twenty, or more than ten overdue.
 const LOSSES: &[Cause] = &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue];
 
 fn frames(at: &Conditions<'_>, joint: Joint, fault: FrameFault) -> Entry {
     at.fault(Target::Joint(joint), FaultKind::Frames(fault))
 }
 
-/// An effect on every TPDO 1 of a drive.
+/// Returns an effect on every TPDO 1 of a drive.
 fn of_tpdo(
     random: &mut Random,
     at: &Conditions<'_>,
     effect: Effect,
     criterion: Criterion,
 ) -> Injection {
-    Injection::of([frames(at, random.joint(), FrameFault::of(TPDO, effect))], criterion)
+    Injection::new([frames(at, random.joint(), FrameFault::on_service(TPDO, effect))], criterion)
 }
 
-/// Two cycles beyond the limit: the one that has begun, and the one until the first wrong sample.
+/// Returns a stop within two cycles after the limit: the running one, and the one until the first wrong sample.
 fn second_node(at: &Conditions<'_>) -> Criterion {
     Criterion::Stop(at.limit() + at.cycles(2))
 }
@@ -81,52 +81,52 @@ fn resized(random: &mut Random, at: &Conditions<'_>) -> Injection {
     of_tpdo(random, at, Effect::Resize(bytes), Criterion::Stop(at.limit()))
 }
 
-/// More than a twentieth within a second.
+/// Drops more than one in twenty samples within a second.
 fn tpdo_share(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, share) = (random.joint(), rounded(random.within(0.1, 0.2), 3));
-    let fault = FrameFault::of(TPDO, Effect::Drop).to(Extent::Share(share));
+    let fault = FrameFault::on_service(TPDO, Effect::Drop).to(Extent::Share(share));
     let within = Duration::from_millis(1_100) + at.cycles(2);
-    Injection::of([frames(at, joint, fault)], Criterion::ReflectionOff(within))
+    Injection::new([frames(at, joint, fault)], Criterion::ReflectionOff(within))
         .observed_for(within + Duration::from_millis(50))
 }
 
 fn one_lost(random: &mut Random, at: &Conditions<'_>, service: Service) -> Injection {
-    let fault = FrameFault::of(service, Effect::Drop).to(Extent::First(1));
-    Injection::of([frames(at, random.joint(), fault)], Criterion::GoesOn)
+    let fault = FrameFault::on_service(service, Effect::Drop).to(Extent::First(1));
+    Injection::new([frames(at, random.joint(), fault)], Criterion::GoesOn)
 }
 
 fn sync_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
-    let fault = FrameFault::of(Service::Sync, Effect::Drop);
-    Injection::of([frames(at, random.joint(), fault)], Criterion::Stop(at.limit()))
+    let fault = FrameFault::on_service(Service::Sync, Effect::Drop);
+    Injection::new([frames(at, random.joint(), fault)], Criterion::Stop(at.limit()))
 }
 
-/// Returns a delay of this many cycles, in whole microseconds.
+/// Returns a delay of this number of cycles, rounded to 1 µs.
 fn delay(at: &Conditions<'_>, cycles: f64, reorders: bool) -> FrameFault {
     let millis = rounded(cycles * at.config.period.as_secs_f64() * 1e3, 3);
     let by = Duration::from_secs_f64(millis * 1e-3);
-    FrameFault::of(TPDO, Effect::Delay { by, reorders })
+    FrameFault::on_service(TPDO, Effect::Delay { by, reorders })
 }
 
 fn slightly_late(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let cycles = random.within(0.2, 2.0);
     let criterion = Criterion::Either("a constant lateness looks like none");
-    Injection::of([frames(at, random.joint(), delay(at, cycles, false))], criterion)
+    Injection::new([frames(at, random.joint(), delay(at, cycles, false))], criterion)
 }
 
 fn late(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let cycles = random.within(4.0, 20.0);
     let fault = frames(at, random.joint(), delay(at, cycles, false));
-    Injection::of([fault], Criterion::Stop(at.limit()))
+    Injection::new([fault], Criterion::Stop(at.limit()))
 }
 
 fn reordered(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let cycles = random.within(0.5, 3.0);
     let fault = delay(at, cycles, true).to(Extent::Share(0.3));
     let criterion = Criterion::Either("a late sample fills its own window");
-    Injection::of([frames(at, random.joint(), fault)], criterion)
+    Injection::new([frames(at, random.joint(), fault)], criterion)
 }
 
-/// The delay grows by a cycle every 50 cycles, as behind a growing queue, up to 16.
+/// Returns a delay that grows by one cycle every 50 cycles, as behind a growing queue, up to 16 cycles.
 fn growing_delay(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let step = at.cycles(50);
@@ -135,9 +135,9 @@ fn growing_delay(random: &mut Random, at: &Conditions<'_>) -> Injection {
         let fault = at.fault_after(step * (age - 1), Target::Joint(joint), fault);
         Entry::Fault(fault.lasting(step))
     });
-    // One sample in 250 cycles is forgiven, so that more than ten are overdue at an age of 14 cycles.
+    // The balance drops one overdue sample in 250 cycles, so more than ten are overdue at an age of 14 cycles.
     let within = at.cycles(14 * 50);
-    Injection::of(steps.collect::<Vec<_>>(), Criterion::Stop(within))
+    Injection::new(steps.collect::<Vec<_>>(), Criterion::Stop(within))
         .observed_for(within + Duration::from_millis(150))
 }
 
@@ -146,7 +146,7 @@ fn frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
     of_tpdo(random, at, Effect::Freeze, criterion).observed_for(Duration::from_millis(800))
 }
 
-/// Two drives of one bus with one node-ID, whose positions are not near each other.
+/// Gives two drives of one bus the same node-ID; their positions must differ.
 fn imitated(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let channel = |joint: Joint| joint.entry(&at.config.joints).channel;
@@ -156,10 +156,10 @@ fn imitated(random: &mut Random, at: &Conditions<'_>) -> Injection {
         .collect();
     let by = random.one_of(&others).copied().unwrap_or(joint);
     let fault = FaultKind::Imitation { by, service: TPDO };
-    Injection::of([at.fault(Target::Joint(joint), fault)], second_node(at))
+    Injection::new([at.fault(Target::Joint(joint), fault)], second_node(at))
 }
 
-/// A high bit of the position, whose place in the frame is the layout's. The first wrong one is discarded.
+/// Inverts a high bit of the position in the frame. The first wrong position is discarded.
 fn corrupted(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let channel = joint.entry(&at.config.joints).channel;
@@ -173,33 +173,33 @@ fn corrupted(random: &mut Random, at: &Conditions<'_>) -> Injection {
     for (to, from) in mask.iter_mut().skip(before).zip(bit.to_le_bytes()) {
         *to = from;
     }
-    let fault = FrameFault::of(TPDO, Effect::Corrupt(mask));
-    Injection::of([frames(at, joint, fault)], Criterion::Stop(at.limit() + at.cycles(1)))
+    let fault = FrameFault::on_service(TPDO, Effect::Corrupt(mask));
+    Injection::new([frames(at, joint, fault)], Criterion::Stop(at.limit() + at.cycles(1)))
 }
 
-/// A drive without its RPDOs stops by its timer, or the node finds that it holds its target.
+/// Causes of lost RPDOs: the drive stops by its timer, or the node detects that it holds its target.
 const COMMANDS_LOST: &[Cause] =
     &[Cause::Emergency, Cause::DriveLeft, Cause::TargetNotTaken, Cause::TorqueDiffers];
 
-/// The drive stops by its own timer, and its emergency stops the others two cycles later. Without that timer it holds its
-/// target until the node finds that, and switches it off by SDO: the hand moves, so that the target changes.
+/// Drops the RPDOs of a drive. Its timer stops it, and its EMCY stops the others two cycles later. A drive without that
+/// timer holds its target until the node detects it and switches the drive off by SDO; the hand moves to change the target.
 fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
-    let fault = frames(at, joint, FrameFault::of(RPDO, Effect::Drop));
+    let fault = frames(at, joint, FrameFault::on_service(RPDO, Effect::Drop));
     if at.has_rpdo_timer(joint) {
         let within = at.limit_for(joint) + at.cycles(2);
-        return Injection::of([fault], Criterion::Stop(within));
+        return Injection::new([fault], Criterion::Stop(within));
     }
     let by_sdo = timers::power_off_by_sdo(at.config) + at.cycles(4);
     let within = at.limit_for(joint) + by_sdo;
     let begin = at.onset_s().max(at.situation.rests_s());
-    let injection = Injection::of([fault, hand_turns(at, begin)], Criterion::TorqueFree(within));
+    let injection = Injection::new([fault, hand_turns(at, begin)], Criterion::TorqueFree(within));
     let waits = Duration::from_secs_f64(begin - at.onset_s());
     Injection { cut_off: Some(joint), loses_commands: true, ..injection }
         .observed_for(waits + Duration::from_millis(900))
 }
 
-/// The hand moves and turns far enough that the torque of every joint changes.
+/// Returns a motion of the hand that changes the torque of every joint.
 fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
     let to_m = match at.situation {
         Situation::Ready | Situation::Armed => [0.08, 0.06, 0.05],
@@ -209,13 +209,13 @@ fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
     Entry::Move(Move::new(begin_s, 0.6, to_m).turning([0.4, 0.4, 0.4]))
 }
 
-/// Another drive's emergency stops the node while a drive receives no controlword. With one PDO each way it receives no
-/// target either, and ends its torque by its RPDO timer, or is switched off 100 ms after the stop.
+/// Drops the controlwords of a drive, then stops the node by the EMCY of another. If its only RPDO is lost, the drive
+/// receives no target either: it stops by its RPDO timer, or is switched off 100 ms after the stop.
 fn controlword_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, other) = (random.joint(), random.joint());
     let rpdo = pdo_with(at, joint, Object::CONTROLWORD);
     let service = Service::Rpdo(rpdo.map_or(1, |rpdo| rpdo.number));
-    let lost = frames(at, joint, FrameFault::of(service, Effect::Drop));
+    let lost = frames(at, joint, FrameFault::on_service(service, Effect::Drop));
     let after = random.duration(0.001, 0.02);
     let emergency = DeviceFault::Emergency { code: error_codes::OVER_CURRENT, register: 1 };
     let emergency =
@@ -224,6 +224,6 @@ fn controlword_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let held = Duration::from_millis(100) + timers::power_off_by_sdo(at.config) + at.cycles(4);
     let receives_targets = service != RPDO;
     let free = if receives_targets { at.cycles(1) } else { held };
-    let injection = Injection::of([lost, emergency], Criterion::TorqueFree(stopped + free));
+    let injection = Injection::new([lost, emergency], Criterion::TorqueFree(stopped + free));
     Injection { loses_commands: true, ..injection }.observed_for(Duration::from_millis(300))
 }

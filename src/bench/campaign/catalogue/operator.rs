@@ -1,4 +1,4 @@
-//! The operator and the commanded side.
+//! Faults of the operator, the switch box and the commanded side.
 
 use std::time::Duration;
 
@@ -44,10 +44,10 @@ pub(super) const KINDS: &[Kind] = &[
 ];
 
 fn sensed_force(at: &Conditions<'_>, force: f64, criterion: Criterion) -> Injection {
-    Injection::of([at.fault(Target::Link, FaultKind::SensedForce(force))], criterion)
+    Injection::new([at.fault(Target::Link, FaultKind::SensedForce(force))], criterion)
 }
 
-/// A refused wrench counts as none: reflection ends as if the link were lost (hazard 34).
+/// Criterion of a rejected wrench, which counts as absent: reflection ends as after a loss of the link (hazard 34).
 fn refused(at: &Conditions<'_>) -> Criterion {
     Criterion::ReflectionOff(at.limit_of(34))
 }
@@ -57,13 +57,13 @@ fn not_finite(random: &mut Random, at: &Conditions<'_>) -> Injection {
     sensed_force(at, force.unwrap_or(f64::NAN), refused(at))
 }
 
-/// More than 1e5 N is refused as a measurement.
+/// Reports a wrench above 1e5 N, which is rejected as a measurement.
 fn too_large(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let exponent = random.within(5.1, 300.0);
     sensed_force(at, 10_f64.powf(exponent), refused(at))
 }
 
-/// Limited to the cap, with its usual slew.
+/// Reports a large valid wrench, whose torque is limited in size and slew.
 fn large(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let force = random.within(-400.0, 400.0);
     sensed_force(at, force, Criterion::GoesOn)
@@ -71,42 +71,42 @@ fn large(random: &mut Random, at: &Conditions<'_>) -> Injection {
 
 fn link(at: &Conditions<'_>, fault: LinkFault) -> Injection {
     let fault = at.fault(Target::Link, FaultKind::Link(fault));
-    Injection::of([fault], Criterion::ReflectionOff(at.limit()))
+    Injection::new([fault], Criterion::ReflectionOff(at.limit()))
 }
 
-/// Refused messages count as none.
+/// Makes the far side answer another node; rejected messages count as absent.
 fn answers_another(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let fault = at.fault(Target::Link, FaultKind::Link(LinkFault::Foreign));
-    Injection::of([fault], refused(at))
+    Injection::new([fault], refused(at))
 }
 
-/// Shorter than any age of a wrench that matters.
+/// Interrupts the link for less than the maximum age of a wrench.
 fn link_briefly_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let duration = random.duration(0.001, 0.010);
     let fault = if random.coin() { LinkFault::Lost } else { LinkFault::Frozen };
     let fault = at.fault_after(Duration::ZERO, Target::Link, FaultKind::Link(fault));
-    Injection::of([Entry::Fault(fault.lasting(duration))], Criterion::GoesOn)
+    Injection::new([Entry::Fault(fault.lasting(duration))], Criterion::GoesOn)
 }
 
-/// The onset is the first of two cycles over which the grip was faster than 1 m/s, as the watch takes two. Its own
-/// speed, from counts, may be below the limit once more.
+/// Moves the grip too fast. The onset is the first of two cycles above 1 m/s, since the watch needs two. The speed of the
+/// watch, from counts, may be below the limit for one cycle more.
 fn too_fast(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let duration_s = seconds(random.duration(0.08, 0.1));
-    // Far enough for the heaviest grip.
+    // This distance suffices with the heaviest grip.
     let y = if random.coin() { 0.2 } else { -0.2 };
     let movement = Move::new(at.onset_s(), duration_s, [0.0, y, 0.0]);
     let injection =
-        Injection::of([Entry::Move(movement)], Criterion::Stop(at.limit() + at.cycles(1)));
+        Injection::new([Entry::Move(movement)], Criterion::Stop(at.limit() + at.cycles(1)));
     Injection { onset_speed: Some(1.0), ..injection }.observed_for(Duration::from_millis(300))
 }
 
-/// The command is zero in the next cycle, and reflection ends in time.
+/// Releases the deadman: the command is zero in the next cycle, and reflection ends in time.
 fn deadman_released(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let released = at.switch(Duration::ZERO, Switch::deadman, false);
-    Injection::of([released], Criterion::Disengaged(at.limit(), MayStop::No))
+    Injection::new([released], Criterion::Disengaged(at.limit(), MayStop::No))
 }
 
-/// Reflection ends after three missed TPDOs; the heartbeat is missed later.
+/// Disconnects the switch box: reflection ends after three missed TPDOs, before the heartbeat time expires.
 fn switch_box_unplugged(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let within = at.limit_of(2) + at.cycles(2);
     let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
@@ -115,20 +115,20 @@ fn switch_box_unplugged(_: &mut Random, at: &Conditions<'_>) -> Injection {
     } else {
         Criterion::Stop(within)
     };
-    Injection::of([at.fault(Target::SwitchBox, unplugged)], criterion)
+    Injection::new([at.fault(Target::SwitchBox, unplugged)], criterion)
         .observed_for(within + Duration::from_millis(150))
 }
 
-/// Time in which gravity compensation may ramp to zero when the operator disarms.
+/// Maximum time of the ramp of gravity compensation to zero after disarming.
 const RAMP_DOWN: Duration = Duration::from_millis(50);
 
 fn disarmed(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let request = Console::new(at.onset_s(), ConsoleRequest::Disarm);
     let criterion = Criterion::ZeroTorque(RAMP_DOWN + at.cycles(2));
-    Injection::of([Entry::Console(request)], criterion)
+    Injection::new([Entry::Console(request)], criterion)
 }
 
-/// The deadman's contacts disagree; 10 ms until that is reported.
+/// Makes the deadman's contacts disagree; the switch box reports it after 10 ms.
 fn deadman_stuck(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let is_a = random.coin();
     let input = if is_a { Input::DeadmanA } else { Input::DeadmanB };
@@ -136,7 +136,7 @@ fn deadman_stuck(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let stuck = if is_low { ContactFault::StuckLow } else { ContactFault::StuckHigh };
     let fault = at.fault(Target::SwitchBox, FaultKind::Contact(input, stuck));
     let criterion = Criterion::Stop(at.limit() + Duration::from_millis(10));
-    Injection::of([fault], criterion).observed_for(Duration::from_millis(220))
+    Injection::new([fault], criterion).observed_for(Duration::from_millis(220))
 }
 
 fn bounces(at: &Conditions<'_>, after: Duration, input: Input, duration: Duration) -> Entry {
@@ -144,17 +144,17 @@ fn bounces(at: &Conditions<'_>, after: Duration, input: Input, duration: Duratio
     Entry::Fault(at.fault_after(after, Target::SwitchBox, bouncing).lasting(duration))
 }
 
-/// The node may disengage, which is no reason to stop, and must not engage.
+/// Makes the pressed deadman bounce: the node may disengage, but must not stop or engage.
 fn deadman_bounces(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let input = if random.coin() { Input::DeadmanA } else { Input::DeadmanB };
     let duration = random.duration(0.002, 0.040);
-    Injection::of([bounces(at, Duration::ZERO, input, duration)], Criterion::GoesOn)
+    Injection::new([bounces(at, Duration::ZERO, input, duration)], Criterion::GoesOn)
 }
 
-/// Makes the entry that closes or opens a switch at a time in s.
+/// Function that returns the entry which closes or opens a switch at a time in s.
 type SetSwitch = fn(f64, bool) -> Switch;
 
-/// Each button is pressed once, and its contact bounces at both edges.
+/// Presses each button once, with bouncing contacts at both edges.
 fn buttons_bounce(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let buttons: [(SetSwitch, Input); 2] =
         [(Switch::reflection, Input::Reflection), (Switch::reference, Input::Reference)];
@@ -166,29 +166,29 @@ fn buttons_bounce(random: &mut Random, at: &Conditions<'_>) -> Injection {
             entries.push(bounces(at, after, input, random.duration(0.005, 0.020)));
         }
     }
-    Injection::of(entries, Criterion::GoesOn)
+    Injection::new(entries, Criterion::GoesOn)
 }
 
-/// A silent switch box releases the deadman, which a new press alone closes; it returns long before its heartbeat is
-/// missed.
+/// Interrupts the switch box for less than its heartbeat time with the deadman pressed. This counts as a release; only a new
+/// press may engage.
 fn silent_while_closed(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let switch = if random.coin() { Switch::reflection } else { Switch::reference };
     let closed = at.switch(Duration::ZERO, switch, true);
-    let lost = FaultKind::Frames(FrameFault::of(Service::Tpdo(1), Effect::Drop));
+    let lost = FaultKind::Frames(FrameFault::on_service(Service::Tpdo(1), Effect::Drop));
     let silent = at.fault_after(Duration::from_millis(30), Target::SwitchBox, lost);
     let silent = silent.lasting(random.duration(0.025, 0.060));
     let criterion = Criterion::Disengaged(Duration::from_millis(75), MayStop::No);
-    Injection::of([closed, Entry::Fault(silent)], criterion)
+    Injection::new([closed, Entry::Fault(silent)], criterion)
 }
 
-/// Pressed for less than the 25 ms in which contacts settle: the node does not engage.
+/// Presses the deadman for less than the settling time of 25 ms: the node must not engage.
 fn deadman_touched(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let pressed = at.switch(Duration::ZERO, Switch::deadman, true);
     let span = Duration::from_micros(1_000 + random.below(21_000));
-    Injection::of([pressed, at.switch(span, Switch::deadman, false)], Criterion::GoesOn)
+    Injection::new([pressed, at.switch(span, Switch::deadman, false)], Criterion::GoesOn)
 }
 
-/// The node engages 25 ms after the last bounce, not after the first.
+/// Presses the deadman with bouncing contacts: the node may engage 25 ms after the last bounce, not after the first.
 fn deadman_bounces_when_pressed(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let mut injection = deadman_bounces(random, at);
     injection.entries.insert(0, at.switch(Duration::ZERO, Switch::deadman, true));
@@ -198,7 +198,7 @@ fn deadman_bounces_when_pressed(random: &mut Random, at: &Conditions<'_>) -> Inj
 fn reference_pressed(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let pressed = at.switch(Duration::ZERO, Switch::reference, true);
     let released = at.switch(Duration::from_millis(60), Switch::reference, false);
-    Injection::of([pressed, released], Criterion::GoesOn)
+    Injection::new([pressed, released], Criterion::GoesOn)
 }
 
 fn reflection_switched(_: &mut Random, at: &Conditions<'_>) -> Injection {
@@ -206,5 +206,5 @@ fn reflection_switched(_: &mut Random, at: &Conditions<'_>) -> Injection {
     let presses = presses.map(|(millis, is_pressed)| {
         at.switch(Duration::from_millis(millis), Switch::reflection, is_pressed)
     });
-    Injection::of(presses, Criterion::GoesOn)
+    Injection::new(presses, Criterion::GoesOn)
 }

@@ -1,7 +1,7 @@
-//! Age of the node's frames: from the time the bus accepts one until it is on the wire, or acts.
+//! Age of the node's frames, from acceptance by the bus until they are on the wire, or act.
 //!
-//! An adapter may hold frames back, and the node cannot recall them. So the node is judged by what it knew when it sent
-//! a frame; the drives say whether an old target acted.
+//! An adapter may delay frames, and the node cannot recall them. The node is therefore judged by the time of acceptance; the
+//! drives report whether an old target acted.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use canopen::frame::{Channel, Frame, Telegram};
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Greatest age of a target that is not stale, in periods: 2 ms at 1 kHz.
+/// Maximum age of a target that is not stale, in periods: 2 ms at 1 kHz.
 const MAX_AGE: u32 = 2;
 
 /// Frames that were accepted, and targets that wait for a SYNC.
@@ -19,7 +19,7 @@ const MAX_AGE: u32 = 2;
 pub(super) struct Age {
     /// Accepted frames of each bus, the oldest first.
     taken: Vec<VecDeque<(Instant, Frame)>>,
-    /// The target that acts at the next SYNC, and the time at which it was sent.
+    /// Target that acts at the next SYNC, with the time at which it was sent.
     waiting: [Option<(Instant, i16)>; 6],
     /// Age of each target when it began to act; zero for a target of zero.
     acting: [Duration; 6],
@@ -81,7 +81,7 @@ impl Age {
     }
 }
 
-/// Returns the greatest age of a target that is not stale.
+/// Returns the maximum age of a target that is not stale.
 pub(crate) fn stale(period: Duration) -> Duration {
     period * MAX_AGE
 }

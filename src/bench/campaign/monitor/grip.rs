@@ -17,11 +17,11 @@ fn min_settling_time(sheet: &Sheet) -> Duration {
     SETTLING_TIME.saturating_sub(sheet.period * 2)
 }
 
-/// The deadman's contacts as the switch box reports them, and the mode they led to.
+/// Contacts of the deadman as reported by the switch box, and their settling.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Grip {
     reported: Option<Deadman>,
-    /// Their state at the end of a cycle, and the time since which they have it.
+    /// State of the contacts at the end of a cycle, and the time of its last change.
     contacts: Option<(Deadman, Instant)>,
     /// The deadman has settled open, and has not engaged since.
     has_released: bool,

@@ -1,4 +1,4 @@
-//! The thirteen invariants, and their violations.
+//! Invariants I1 to I13, and their violations.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use derive_more::Display;
 use crate::monitor::sheet::Sheet;
 use units::time::Instant;
 
-/// A condition that holds on the buses at any moment, with any fault.
+/// Condition on the frames of all buses that holds at any time, with any fault.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[display("I{}", self.number())]
 pub enum Invariant {
@@ -30,7 +30,7 @@ pub enum Invariant {
     HandsOff,
     /// I9: the node uses the configured COB-IDs alone.
     OwnIdentifiers,
-    /// I10: one SYNC in a period; missed ones are not made up for.
+    /// I10: one SYNC per period; missed ones are not repeated.
     NoBurst,
     /// I11: all joints stop within a cycle of each other.
     Together,
@@ -58,20 +58,20 @@ impl Invariant {
         Self::LastResort,
     ];
 
-    /// Returns its number, from 1.
+    /// Returns the number of the invariant, from 1.
     pub fn number(self) -> usize {
         1 + Self::ALL.iter().position(|one| *one == self).unwrap_or_default()
     }
 }
 
-/// A violation of an invariant.
+/// Violation of an invariant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// The invariant.
+    /// Violated invariant.
     pub invariant: Invariant,
-    /// Its time on the bus.
+    /// Time on the bus.
     pub at: Instant,
-    /// Its description.
+    /// Description, with joint or node and value.
     pub what: String,
 }
 
@@ -83,14 +83,14 @@ impl fmt::Display for Violation {
     }
 }
 
-/// The first violations of a run, and the number of all.
+/// First violations of a run, and the number of all.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Violations {
     first: Vec<Violation>,
     count: u64,
 }
 
-/// A moment on the buses: what the monitor checks there, and where it records violations.
+/// Time, configuration and record of violations for the checks of one frame.
 #[derive(Debug)]
 pub(super) struct Moment<'a> {
     pub(super) sheet: &'a Sheet,
@@ -105,7 +105,7 @@ impl Moment<'_> {
     }
 }
 
-/// Most violations that are kept with their description.
+/// Maximum number of violations that are kept with their description.
 const MAX_KEPT: usize = 8;
 
 impl Violations {

@@ -1,7 +1,7 @@
-//! The monitor: receives every complete frame with its sender, and checks the invariants I1 to I13.
+//! Monitor: a tap that receives every complete frame with its sender, and checks the invariants I1 to I13.
 //!
-//! It decodes frames by itself, from the configuration alone, and never asks the node. Answers of the console are
-//! reported to it, as to an operator. It changes nothing that the node can see.
+//! It decodes frames from the configuration alone, without the node's state. Answers of the console are reported to it, as
+//! to an operator. It has no effect on the node.
 //!
 //! | file        | invariants                                        |
 //! |-------------|---------------------------------------------------|
@@ -11,8 +11,8 @@
 //! | `grip`      | engagement by the deadman: I3                     |
 //! | `age`       | age of targets on the wire                        |
 //! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
-//! | `watch`     | timers that stop a drive, as it has proven them   |
-//! | `sheet`     | the configuration, as the monitor reads it        |
+//! | `watch`     | proof of the timers that stop a drive             |
+//! | `sheet`     | the monitor's own interpretation of the configuration |
 //! | `invariant` | names of the invariants, and their violations     |
 
 mod age;
@@ -51,7 +51,7 @@ use config::Config;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// An answer of the console to a request that it has granted.
+/// Answer of the console to a granted request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// Armed.
@@ -76,7 +76,7 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// The monitor of a network before its first frame.
+    /// Creates the monitor of a network before its first frame.
     pub fn new(config: &Config) -> Self {
         let sheet = Sheet::new(config);
         Self {
@@ -148,7 +148,7 @@ impl Monitor {
         self.age.delivered
     }
 
-    /// Returns for each joint the age of its target when it began to act, since the node sent it; zero for a target of
+    /// Returns for each joint the age of its target, since the node sent it, when it began to act. Zero for a target of
     /// zero.
     pub const fn acting_ages(&self) -> [Duration; 6] {
         self.age.acting()
@@ -179,7 +179,7 @@ impl Monitor {
         self.torque.peak(&self.sheet)
     }
 
-    /// Forgets violations and counts; the state of the network stays.
+    /// Clears violations and counts, but not the state of the network.
     pub fn forget(&mut self) {
         self.violations.forget();
         self.torque.unarmed = 0;
@@ -198,7 +198,7 @@ impl Tap for Monitor {
         self.order.on_wire(&self.sheet, at, telegram);
         if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
             self.torque.on_tpdo(at, &sample);
-            // A process that does not run discards what comes meanwhile.
+            // A stopped process discards frames that arrive meanwhile.
             let is_received = !self.rhythm.is_process_exempt(at);
             self.order.on_tpdo(at, &sample, is_received);
             self.grip.on_tpdo(&sample);

@@ -1,9 +1,9 @@
-//! The modes that the invariants distinguish.
+//! Modes of the node that the invariants distinguish.
 
 /// Mode of the node, as far as the invariants distinguish it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Torque is taken off by a latched mode.
+    /// A latched mode without torque: S2 or S3.
     Stopped,
     /// Command and reflection are enabled.
     Engaged,

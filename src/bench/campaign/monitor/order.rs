@@ -16,13 +16,13 @@ use units::time::Instant;
 /// State of every node.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
-    nodes: Vec<Known>,
+    nodes: Vec<NodeState>,
 }
 
-/// State of one node by its frames.
+/// State of one node, as reported by its frames.
 #[derive(Clone, Debug, Default)]
-struct Known {
-    /// Vendor, product and revision that it has reported.
+struct NodeState {
+    /// Reported vendor-ID, product code and revision number (1018h).
     identity: [Option<u32>; 3],
     /// Objects written and not read back, with their four bytes.
     unread: Vec<(Object, [u8; 4])>,
@@ -32,24 +32,24 @@ struct Known {
     is_started: bool,
     /// Reset by the master, so that its boot-up message is expected.
     is_reset: bool,
-    /// Time at which it booted by itself.
+    /// Time of a boot-up message without a reset by the master.
     booted: Option<Instant>,
     proof: Proof,
     state: Option<State>,
-    /// Time since which it reports that its power stage is off.
+    /// Time of the first report that its power stage is off.
     off_since: Option<Instant>,
     target: i16,
     controlword: u16,
 }
 
-impl Known {
-    /// Returns whether it was proven to stop by every timer that it has.
+impl NodeState {
+    /// Returns whether the drive has stopped by every timer of its plan.
     const fn is_proven(&self, member: &Member) -> bool {
-        self.proof.covers(&member.watched)
+        self.proof.covers(&member.timers)
     }
 
-    /// Checks a command by which the node switches off a drive that does not follow its RPDO (I13): it must not have
-    /// reported that it is off two periods ago.
+    /// Checks a command that switches off a drive which does not follow its RPDO (I13). It violates I13 if the drive has
+    /// reported off for more than two periods.
     fn check_last_resort(&self, moment: &mut Moment<'_>, member: &Member, how: &str) {
         let latest = moment.sheet.period * 2;
         let is_known = self.off_since.is_some_and(|since| moment.at.since(since) > latest);
@@ -59,7 +59,7 @@ impl Known {
         }
     }
 
-    /// Returns the reason for which it must not be started.
+    /// Returns the reason why the node must not be started yet.
     fn unready(&self, member: &Member) -> Option<String> {
         let identity = member.identity;
         if self.identity != [identity.vendor, identity.product, identity.revision].map(Some) {
@@ -72,7 +72,7 @@ impl Known {
 
 impl Order {
     pub(super) fn new(sheet: &Sheet) -> Self {
-        Self { nodes: vec![Known::default(); sheet.nodes.len()] }
+        Self { nodes: vec![NodeState::default(); sheet.nodes.len()] }
     }
 
     /// Takes a frame of the node.
@@ -105,7 +105,7 @@ impl Order {
             // A reset by the master does not change the identity.
             let identity = if known.is_reset { known.identity } else { [None; 3] };
             let booted = known.is_started.then_some(at);
-            *known = Known { identity, booted, ..Known::default() };
+            *known = NodeState { identity, booted, ..NodeState::default() };
         }
     }
 
@@ -123,13 +123,13 @@ impl Order {
         self.nodes.get(joint.index()).map_or(0, |known| known.target)
     }
 
-    /// Returns whether a drive reports that it acts on no target.
+    /// Returns whether a drive reports a state without torque.
     pub(super) fn is_off(&self, joint: Joint) -> bool {
         let state = self.nodes.get(joint.index()).and_then(|known| known.state);
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
-    /// Returns whether every drive was proven to stop by itself, and one of them is started, so that targets act.
+    /// Returns whether all drives have passed their proof test and at least one is started, so that targets act.
     pub(super) fn are_driven(&self, sheet: &Sheet) -> bool {
         let mut drives = self.nodes.iter().zip(&sheet.nodes).take(6);
         let is_started = drives.clone().any(|(known, _)| known.is_started);
@@ -139,11 +139,11 @@ impl Order {
     fn on_emergency(&mut self, sheet: &Sheet, at: Instant, (node, frame): (NodeIndex, &Frame)) {
         let node = self.nodes.get_mut(node.0).zip(sheet.nodes.get(node.0));
         if let Some(((known, member), emergency)) = node.zip(Emergency::decode(frame.data())) {
-            known.proof.on_emergency(&member.watched, at, emergency.code);
+            known.proof.on_emergency(&member.timers, at, emergency.code);
         }
     }
 
-    /// Takes a target. I6: none before its drive was proven to stop by itself.
+    /// Takes a target. I6: no non-zero target before the proof test of its drive.
     pub(super) fn on_target(&mut self, moment: &mut Moment<'_>, joint: Joint, target: i16) {
         let (sheet, at) = (moment.sheet, moment.at);
         let Some((known, member)) =
@@ -164,7 +164,7 @@ impl Order {
         let (sheet, at) = (moment.sheet, moment.at);
         let Some(known) = self.nodes.get_mut(joint.index()) else { return };
         let before = std::mem::replace(&mut known.controlword, word);
-        // A frame on its way when the drive booted cannot be recalled.
+        // A frame that was queued when the drive booted cannot be recalled.
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if is_enabling(word) && !known.is_started && !is_on_its_way {
             let what = format!("joint {joint} is enabled before it was started");
@@ -264,7 +264,7 @@ const ABORT: u8 = 0b1000_0000;
 /// Upload: request and response.
 const UPLOAD: u8 = 0b0100_0000;
 
-/// Returns whether the value read is the one written. The COB-ID of an invalid PDO does not matter.
+/// Returns whether the value read is the one written. The COB-ID of an invalid PDO is ignored.
 const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
     let is_off = written[3] & read[3] & INVALID != 0;
     is_off || u32::from_le_bytes(written) == u32::from_le_bytes(read)
@@ -273,8 +273,8 @@ const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
 /// Bit 31 of a COB-ID, in its last byte: invalid (CiA 301, 7.5.2.35).
 const INVALID: u8 = 0x80;
 
-/// Returns whether a download may go to an enabled drive: a controlword without voltage (CiA 402, bit 1), for one
-/// that receives no SYNC.
+/// Returns whether a download to an enabled drive is allowed: a controlword with voltage disabled (bit 1, CiA 402), for a
+/// drive that receives no SYNC.
 fn is_power_off(object: Object, word: [u8; 2]) -> bool {
     object == Object::CONTROLWORD && u16::from_le_bytes(word) & VOLTAGE == 0
 }

@@ -9,7 +9,7 @@ use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use units::time::Instant;
 
-/// Most periods from the SYNC of a cycle to its heartbeat.
+/// Maximum number of periods from the SYNC of a cycle to its heartbeat.
 const MAX_HEARTBEAT_PERIODS: u32 = 2;
 
 /// Times of SYNCs and RPDOs.
@@ -21,10 +21,10 @@ pub(super) struct Rhythm {
     exemptions: Vec<Exemption>,
 }
 
-/// An exemption from I5: targets may be missing or late.
+/// Exemption from I5: targets may be missing or late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exemption {
-    /// A bus, from this time on: the times of its frames are not the node's.
+    /// A bus, from this time on: the node does not determine the times of its frames.
     Bus(Channel, Instant),
     /// The process, in this interval. Late targets must be zero.
     Process(Instant, Instant),
@@ -39,7 +39,7 @@ impl Rhythm {
         }
     }
 
-    /// Exempts a bus or the process from I5. I10 holds all the same, but for SYNCs that a disturbed adapter held.
+    /// Exempts a bus or the process from I5. I10 still applies, except to SYNCs held by a disturbed adapter.
     pub(super) fn exempt(&mut self, exemption: Exemption) {
         self.exemptions.push(exemption);
     }

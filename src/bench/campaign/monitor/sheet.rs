@@ -1,8 +1,8 @@
-//! The configuration of a network, as the monitor reads it by itself, once.
+//! Configuration of a network in the terms of the monitor, computed once.
 
 use std::time::Duration;
 
-use crate::monitor::watch::Watched;
+use crate::monitor::watch::DriveTimers;
 use canopen::exchange::TpdoMap;
 use canopen::frame::{Channel, Frame};
 use canopen::layout::{Direction, Mapped, Pdo};
@@ -23,19 +23,19 @@ pub(super) const SDO_REPLY: u16 = 0x580;
 /// COB-ID of heartbeat, boot-up message and node guarding.
 pub(super) const ERROR_CONTROL: u16 = 0x700;
 
-/// A network by its configuration.
+/// COB-IDs, bounds and timers of a network, from its configuration.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) period: Duration,
     /// Bitrate of each bus, in bit/s.
     pub(super) bitrates: Vec<u32>,
-    /// The TPDOs of all nodes.
+    /// TPDOs of all nodes.
     pub(super) tpdos: TpdoMap,
     pub(super) rpdos: Vec<Rpdo>,
-    /// The joints' drives, then the switch box.
+    /// Drives of the joints, then the switch box.
     pub(super) nodes: Vec<Member>,
     pub(super) joints: [JointSheet; 6],
-    /// The master's own heartbeat.
+    /// COB-ID of the master's heartbeat.
     pub(super) heartbeat: u16,
     /// Buses and COB-IDs of all frames that the node may send.
     own: Vec<(Channel, u16)>,
@@ -51,7 +51,7 @@ pub(super) struct Member {
     pub(super) identity: Identity,
     /// COB-ID of its emergency messages.
     pub(super) emergency: u16,
-    pub(super) watched: Watched,
+    pub(super) timers: DriveTimers,
 }
 
 /// Bounds of one joint's target.
@@ -59,7 +59,7 @@ pub(super) struct Member {
 pub(super) struct JointSheet {
     /// Largest target, in ‰ of rated torque.
     pub(super) cap: i16,
-    /// Largest growth in a cycle, in N·m (N).
+    /// Largest growth per cycle, in N·m (N).
     pub(super) growth: f64,
     /// Largest torque, in N·m (N).
     pub(super) capacity: f64,
@@ -83,7 +83,7 @@ pub(super) struct Rpdo {
 impl Sheet {
     pub(super) fn new(config: &Config) -> Self {
         let plans = config.node_plans();
-        let nodes: Vec<Member> = plans.iter().map(Member::of).collect();
+        let nodes: Vec<Member> = plans.iter().map(Member::from_plan).collect();
         let rpdos = rpdos(&plans);
         let tpdos = config.exchange().tpdos.clone();
         let heartbeat = ERROR_CONTROL + u16::from(config.node_id.raw());
@@ -125,7 +125,7 @@ impl Sheet {
     /// Returns the node that is guarded by this remote frame.
     pub(super) fn guarded(&self, channel: Channel, frame: &Frame) -> Option<NodeIndex> {
         let is_guarded =
-            |node: &NodeIndex| self.nodes.get(node.0).is_some_and(|it| it.watched.is_guarded());
+            |node: &NodeIndex| self.nodes.get(node.0).is_some_and(|it| it.timers.is_guarded());
         let node = self.node(channel, frame.cob_id, ERROR_CONTROL).filter(is_guarded);
         node.filter(|_| frame.is_remote())
     }
@@ -151,8 +151,8 @@ impl Sheet {
         self.nodes.iter().position(is_it).map(NodeIndex)
     }
 
-    /// Returns the torques that carry the arm at these positions, at the actuators in N·m (N), and whether each joint
-    /// is near an end of its range.
+    /// Returns the gravity torques of the actuators at these positions, in N·m (N), and whether each joint is near an end
+    /// of its range.
     pub(super) fn weight(&self, counts: &[i32; 6]) -> ([f64; 6], [bool; 6]) {
         let calibration = &self.config.controller.calibration;
         let q = calibration.positions(&counts.map(Counts));
@@ -172,13 +172,13 @@ impl Sheet {
 const NEAR: f64 = 0.06;
 
 impl Member {
-    fn of((channel, plan): &(Channel, NodePlan)) -> Self {
+    fn from_plan((channel, plan): &(Channel, NodePlan)) -> Self {
         Self {
             channel: *channel,
             node: plan.node,
             identity: plan.identity,
             emergency: plan.emcy_cob_id,
-            watched: Watched::of(plan),
+            timers: DriveTimers::from_plan(plan),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Distances of the SYNCs of one bus: I10.
 //!
-//! The node sends at most half a period late, so two SYNCs that it hands over are at least half a period apart, and a
-//! missed one is not made up for. The wire, or a disturbed adapter, may hold one until just before the next: the node is
-//! then judged by the times of handing over alone.
+//! The node sends at most half a period late, so two SYNCs that the bus accepts are at least half a period apart, and a
+//! missed one is not repeated. The wire, or a disturbed adapter, may delay one until just before the next: the node is then
+//! judged by the times of acceptance alone.
 
 use std::time::Duration;
 
@@ -13,10 +13,10 @@ use units::time::Instant;
 /// Number of SYNCs that are remembered.
 const REMEMBERED: usize = 10;
 
-/// Maximum error of a frame's start: the times of two frames are rounded to whole microseconds.
+/// Maximum error of a frame's start: the times of two frames are rounded to 1 µs.
 const ROUNDING: Duration = Duration::from_micros(2);
 
-/// SYNCs of one bus, as the node hands them over and on the wire.
+/// SYNCs of one bus: times of acceptance, and times on the wire.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spacing {
     bit_ns: u64,
@@ -56,7 +56,7 @@ impl Spacing {
         self.sent.latest()
     }
 
-    /// Returns the time at which the last SYNC was handed over.
+    /// Returns the time at which the bus accepted the last SYNC.
     pub(super) fn latest_accepted(&self) -> Option<Instant> {
         self.accepted.latest()
     }

@@ -11,7 +11,7 @@ use canopen::bits;
 use canopen::frame::Frame;
 use units::numbering::Joint;
 
-/// At 500 Hz, with one RPDO for each drive: controlword and target.
+/// Period in µs: 500 Hz, with one RPDO of controlword and target for each drive.
 const PERIOD: u64 = 2_000;
 
 const ENABLE: u16 = 0x000F;
@@ -22,7 +22,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// All nodes are identified, started and at zero; 20 cycles have passed.
+    /// Returns a bench whose nodes are identified and started, after 20 cycles with zero targets.
     fn running() -> Self {
         let mut bench = Self::cold();
         (1..=6).chain([16]).for_each(|node| bench.identify(node));
@@ -32,7 +32,7 @@ impl Bench {
         bench
     }
 
-    /// The same, armed, and the deadman pressed after that.
+    /// Returns a running bench that is armed, with the deadman pressed afterwards.
     fn engaged() -> Self {
         let mut bench = Self::running();
         bench.received(0x190, &[0b10]);
@@ -42,7 +42,7 @@ impl Bench {
         bench
     }
 
-    /// The same, at some torque on every joint.
+    /// Returns an engaged bench with torque on every joint.
     fn pushing() -> Self {
         let mut bench = Self::engaged();
         (1..=16).for_each(|step| bench.cycle([20 * step; 6]));
@@ -60,20 +60,20 @@ impl Bench {
         self.monitor.on_sent(Instant::from_micros(self.now), &telegram);
     }
 
-    /// Accepted by the bus, and not on the wire yet.
+    /// Has the bus accept a frame, which is not on the wire yet.
     fn taken(&mut self, cob_id: u16, data: &[u8]) -> Telegram {
         let telegram = self.telegram(cob_id, data);
         self.monitor.on_taken(Instant::from_micros(self.now), &telegram);
         telegram
     }
 
-    /// An accepted frame is on the wire.
+    /// Puts an accepted frame on the wire.
     fn comes(&mut self, telegram: Telegram) {
         self.now += 10;
         self.monitor.on_sent(Instant::from_micros(self.now), &telegram);
     }
 
-    /// A drive reports missing RPDOs, and missing heartbeats.
+    /// Sends the EMCYs of a drive for missing RPDOs and missing heartbeats.
     fn prove(&mut self, joint: Joint) {
         let emergency = self.monitor.sheet.nodes[joint.index()].emergency;
         [0x50, 0x30].into_iter().zip([0x82, 0x81]).for_each(|(low, high)| {
@@ -100,7 +100,7 @@ impl Bench {
         self.sent(0x200 + node, &[a, b, c, d]);
     }
 
-    /// SYNC and six targets, with all drives enabled.
+    /// Sends SYNC and six targets, with all drives enabled.
     fn cycle(&mut self, targets: [i16; 6]) {
         self.cycle_of(targets, ENABLE);
     }
@@ -195,7 +195,7 @@ fn i3_more_than_the_weight_with_an_open_deadman_is_reported() {
     assert_eq!(bench.violated(), [Invariant::Permitted]);
 }
 
-/// A deadman with each of these states for a time in ms; the mode is engaged at the end of the last.
+/// Plays deadman states for a time in ms each; the mode is engaged at the end of the last.
 fn engaged_after(states: &[(u8, u64)]) -> Vec<Invariant> {
     let mut bench = Bench::running();
     bench.received(0x190, &[0b10]);
@@ -472,8 +472,8 @@ fn i10_burst_of_cycles_is_reported_and_a_late_one_is_not() {
     assert_eq!(bench.violated(), [Invariant::NoBurst], "nor at twice the rate");
 }
 
-/// A SYNC that is on the wire a tenth of a period before the next one is handed over. Other frames follow each other
-/// meanwhile, but for `gap` µs.
+/// Puts a SYNC on the wire a tenth of a period before the next one is accepted. Other frames keep the wire busy in between,
+/// except for `gap` µs.
 fn held(mut bench: Bench, gap: u64) -> Bench {
     bench.now = bench.now.next_multiple_of(PERIOD);
     let next = bench.now + PERIOD;

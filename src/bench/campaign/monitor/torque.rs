@@ -12,7 +12,7 @@ use units::time::Instant;
 /// Time in which reflection may end after the deadman opens.
 const RELEASE_TIME: Duration = Duration::from_millis(20);
 
-/// Time in which gravity compensation may ramp to zero after disarming.
+/// Maximum time of the ramp of gravity compensation to zero after disarming.
 const RAMP_DOWN: Duration = Duration::from_millis(50);
 
 /// Uncertainty of the arm's weight, as a share of capacity: friction and tools.
@@ -142,8 +142,8 @@ impl Torque {
         }
     }
 
-    /// Takes a target on the wire that was sent at `since`, in ‰ of rated torque. `is_off` says that its drive acts on no
-    /// target.
+    /// Takes a target on the wire that was sent at `since`, in ‰ of rated torque. `is_off` is set if its drive exerts no
+    /// torque.
     pub(super) fn on_target(
         &mut self,
         moment: &mut Moment<'_>,
@@ -242,7 +242,7 @@ impl Torque {
         weight
     }
 
-    /// Returns whether the deadman is pressed, or was released so lately that reflection may still end.
+    /// Returns whether the deadman is pressed, or was released less than the release time ago.
     fn is_pressed(&self, at: Instant, period: Duration) -> bool {
         let is_over = |since: Instant| at.since(since) > RELEASE_TIME + period * 2;
         self.has_edge && !self.open_since.is_some_and(is_over)

@@ -1,4 +1,4 @@
-//! Timers by which a drive stops by itself: those of the configuration, and those that its emergency messages prove.
+//! Timers by which a drive stops without its master: those of the configuration, and those proven by EMCY messages.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
 use units::time::Instant;
 
-/// Timers of one drive by its plan.
+/// Timers of one drive, from its plan.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Watched {
+pub(super) struct DriveTimers {
     rpdos: bool,
     master: Option<MasterWatch>,
 }
 
-/// Sign of life of the master for which a drive waits. Both end in the same error code.
+/// Monitoring of the master by a drive. Both kinds report the same error code.
 #[derive(Clone, Copy, Debug)]
 enum MasterWatch {
     Heartbeat,
@@ -22,8 +22,8 @@ enum MasterWatch {
     Guarding(Duration),
 }
 
-impl Watched {
-    pub(super) fn of(plan: &NodePlan) -> Self {
+impl DriveTimers {
+    pub(super) fn from_plan(plan: &NodePlan) -> Self {
         let guarding = plan
             .watchdog(Awaited::Guarding)
             .map(|timer| MasterWatch::Guarding(Duration::from_millis(u64::from(timer.millis))));
@@ -31,13 +31,13 @@ impl Watched {
         Self { rpdos: plan.watchdog(Awaited::Rpdo).is_some(), master: guarding.or(heartbeat) }
     }
 
-    /// Returns whether the master guards the node by remote frames.
+    /// Returns whether the master polls the node by remote frames (node guarding).
     pub(super) const fn is_guarded(&self) -> bool {
         matches!(self.master, Some(MasterWatch::Guarding(_)))
     }
 }
 
-/// Timers that a drive has shown since it booted.
+/// Timers proven by a drive since its boot.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Proof {
     rpdos: bool,
@@ -47,15 +47,15 @@ pub(super) struct Proof {
 }
 
 impl Proof {
-    /// Takes a remote frame by which the master guards it.
+    /// Takes a remote frame of node guarding.
     pub(super) const fn on_poll(&mut self, at: Instant) {
         self.polled = Some(at);
     }
 
-    /// Takes an emergency message: one because of a silent master proves the timer. Life guarding begins with the first
-    /// remote frame, and ends a life time after the last.
-    pub(super) fn on_emergency(&mut self, watched: &Watched, at: Instant, code: u16) {
-        match (code, watched.master) {
+    /// Takes an EMCY: the error code of a lost master proves the timer. Life guarding starts with the first remote frame,
+    /// and expires a life time after the last.
+    pub(super) fn on_emergency(&mut self, timers: &DriveTimers, at: Instant, code: u16) {
+        match (code, timers.master) {
             (error_codes::RPDO_TIMEOUT, _) => self.rpdos = true,
             (error_codes::MASTER_LOST, Some(MasterWatch::Heartbeat)) => self.master = true,
             (error_codes::MASTER_LOST, Some(MasterWatch::Guarding(life_time))) => {
@@ -65,9 +65,9 @@ impl Proof {
         }
     }
 
-    /// Returns whether it has at least one timer, and has shown every one.
-    pub(super) const fn covers(&self, watched: &Watched) -> bool {
-        let Watched { rpdos, master } = *watched;
+    /// Returns whether the drive has at least one timer, and has proven every one.
+    pub(super) const fn covers(&self, timers: &DriveTimers) -> bool {
+        let DriveTimers { rpdos, master } = *timers;
         (rpdos || master.is_some()) && (!rpdos || self.rpdos) && (master.is_none() || self.master)
     }
 }
@@ -80,9 +80,9 @@ mod tests {
     fn drive_without_a_timer_is_never_proven() {
         let mut proof = Proof::default();
         for code in [error_codes::RPDO_TIMEOUT, error_codes::MASTER_LOST] {
-            proof.on_emergency(&Watched { rpdos: false, master: None }, Instant::ZERO, code);
+            proof.on_emergency(&DriveTimers { rpdos: false, master: None }, Instant::ZERO, code);
         }
-        assert!(!proof.covers(&Watched { rpdos: false, master: None }));
-        assert!(proof.covers(&Watched { rpdos: true, master: None }));
+        assert!(!proof.covers(&DriveTimers { rpdos: false, master: None }));
+        assert!(proof.covers(&DriveTimers { rpdos: true, master: None }));
     }
 }

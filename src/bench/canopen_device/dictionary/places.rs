@@ -1,6 +1,6 @@
 //! Places of the objects in a dictionary: a hash table with open addressing.
 //!
-//! A drive accesses some thirty objects in every cycle. A search by halves would compare seven of them for each.
+//! A drive accesses about thirty objects in every cycle. A binary search would compare seven of them for each.
 
 use canopen::object::Object;
 
@@ -19,7 +19,7 @@ pub(super) struct Places {
 
 impl Places {
     /// Returns the places of `objects`, at most 65536.
-    pub(super) fn of(objects: impl ExactSizeIterator<Item = Object>) -> Self {
+    pub(super) fn new(objects: impl ExactSizeIterator<Item = Object>) -> Self {
         let count = (SLOTS_PER_OBJECT * objects.len()).next_power_of_two();
         let mut places = Self { slots: vec![None; count] };
         for (place, object) in (0..=u16::MAX).zip(objects) {
@@ -47,7 +47,7 @@ impl Places {
         None
     }
 
-    /// Returns the slots in the order in which an object looks for its own.
+    /// Returns the slots in the probe order of an object.
     fn from(&self, object: Object) -> impl Iterator<Item = usize> + use<> {
         let mask = self.slots.len() - 1;
         let number = u32::from(object.index) << 8 | u32::from(object.sub);

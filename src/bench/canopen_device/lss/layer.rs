@@ -1,7 +1,7 @@
 //! LSS slave of a device (CiA 305), and its effect on the device.
 //!
 //! Without a node-id a device only takes LSS frames and sends no boot-up message. During a change of the bit
-//! rate it neither sends nor receives. A simulated bus has one bit rate, so a device always returns.
+//! rate it does not communicate. A simulated bus has one bit rate, so a device always returns.
 
 mod effects;
 
@@ -91,7 +91,7 @@ pub(crate) enum Silence {
 }
 
 impl Silence {
-    /// Time at which it ends by itself.
+    /// Returns the end of the silence; `None` if only LSS ends it.
     pub(crate) const fn end(self) -> Option<Instant> {
         match self {
             Self::Until(end) => Some(end),
@@ -143,7 +143,7 @@ mod tests {
         out
     }
 
-    /// Frames sent by itself until `millis`.
+    /// Returns the frames sent until `millis`, without received frames.
     fn wait(device: &mut Device<Idle>, millis: u64) -> Vec<Frame> {
         let mut out = Vec::new();
         while let Some(due) = device.deadline().filter(|due| *due <= at(millis)) {

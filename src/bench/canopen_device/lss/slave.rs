@@ -119,7 +119,7 @@ impl Slave {
         effect
     }
 
-    /// Returns whether it has neither an active nor a pending node-id.
+    /// Returns whether the slave has no active and no pending node-id.
     const fn is_unconfigured(&self) -> bool {
         self.active.is_none() && self.pending.is_none()
     }

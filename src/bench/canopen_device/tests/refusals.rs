@@ -50,7 +50,7 @@ fn fixture() -> Fixture {
         let text = include_str!("../../../../eds/frhc_drive.eds");
         Eds::parse(format!("{text}{MORE}").as_bytes()).unwrap()
     });
-    Fixture::of(&EDS)
+    Fixture::from_eds(&EDS)
 }
 
 /// Request from text: `40 1018:9` and up to four bytes.

@@ -15,7 +15,7 @@ pub struct LoopDelay {
 
 impl LoopDelay {
     /// Delay from the sampling of a position, at the end of SYNC, to the torque computed from it; zero without RPDOs.
-    pub fn of(timeline: &Timeline, period_us: f64) -> Self {
+    pub fn new(timeline: &Timeline, period_us: f64) -> Self {
         let ends = |is_wanted: fn(Stage) -> bool| {
             let steps = timeline.steps.iter().filter(move |step| is_wanted(step.stage));
             steps.map(|step| step.end_us)
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn synchronous_torque_acts_one_period_after_its_position() {
         let timeline = worst(&streams(&drives(3), 1_000, master(), 5));
-        let delay = LoopDelay::of(&timeline, 1_000.0);
+        let delay = LoopDelay::new(&timeline, 1_000.0);
         assert_eq!(delay.synchronous_us.to_string(), "1000");
         // Latency 100, three TPDOs of 135, host 60, then one RPDO of 95, and three.
         assert_eq!(delay.first_arrival_us.to_string(), "660");
@@ -61,8 +61,8 @@ mod tests {
     #[test]
     fn torque_after_the_next_sync_acts_one_sync_later() {
         let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
-        assert_eq!(LoopDelay::of(&timeline, 1_000.0).synchronous_us.to_string(), "2000");
-        assert_eq!(LoopDelay::of(&timeline, 1_015.0).synchronous_us.to_string(), "1015");
+        assert_eq!(LoopDelay::new(&timeline, 1_000.0).synchronous_us.to_string(), "2000");
+        assert_eq!(LoopDelay::new(&timeline, 1_015.0).synchronous_us.to_string(), "1015");
     }
 
     #[test]
@@ -71,12 +71,12 @@ mod tests {
         for period_us in [0, 1_000] {
             let period = f64::from(period_us);
             let silent = worst(&streams(&drives(0), period_us, master(), 0));
-            assert_eq!(LoopDelay::of(&silent, period), none);
+            assert_eq!(LoopDelay::new(&silent, period), none);
             // Positions alone: the drives of the bus have their torques on another.
             let mut planned = streams(&drives(3), period_us, master(), 0);
             planned.retain(|stream| !matches!(stream.role, Role::Rpdo(_)));
             let positions = worst(&planned);
-            assert_eq!(LoopDelay::of(&positions, period), none);
+            assert_eq!(LoopDelay::new(&positions, period), none);
             assert_eq!(
                 positions.steps.iter().filter(|step| matches!(step.stage, Stage::Tpdo(_))).count(),
                 3

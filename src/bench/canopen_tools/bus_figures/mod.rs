@@ -15,7 +15,7 @@ pub mod values;
 use std::time::Duration;
 
 use crate::bus_figures::loop_delay::LoopDelay;
-use crate::bus_figures::typical::Known;
+use crate::bus_figures::typical::SignalLookup;
 use crate::bus_figures::utilisation::{Margin, Utilisation};
 use crate::bus_figures::values::Values;
 use canopen::frame::Channel;
@@ -26,7 +26,7 @@ use canopen::load::timeline::Timeline;
 
 /// Frame with its typical length and worst-case response time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Planned {
+pub struct PlannedFrame {
     /// Frame.
     pub stream: Stream,
     /// Typical length, in bits.
@@ -35,7 +35,7 @@ pub struct Planned {
     pub response: Option<Duration>,
 }
 
-impl Planned {
+impl PlannedFrame {
     /// Returns whether it may miss its deadline.
     pub fn is_late(&self) -> bool {
         network::is_late(&self.stream, self.response)
@@ -61,7 +61,7 @@ pub struct BusPlan {
     /// Limit of the worst-case load, in percent of the bit rate.
     pub load_limit_percent: f64,
     /// Frames by descending priority.
-    pub frames: Vec<Planned>,
+    pub frames: Vec<PlannedFrame>,
     /// Bus load.
     pub utilisation: Utilisation,
     /// Margin for unplanned traffic.
@@ -96,13 +96,18 @@ pub fn plans(network: &Network, values: &Values, assumed: &Assumptions) -> Vec<B
     buses.map(plan).collect()
 }
 
-fn plan_of(network: &Network, bus: &Bus, known: Known<'_>, assumed: &Assumptions) -> BusPlan {
+fn plan_of(
+    network: &Network,
+    bus: &Bus,
+    known: SignalLookup<'_>,
+    assumed: &Assumptions,
+) -> BusPlan {
     let responses = network.responses(bus, assumed).into_iter();
     let planned = |(stream, response)| {
         let typical_bits = typical::typical_bits(&stream, known);
-        Planned { stream, typical_bits, response }
+        PlannedFrame { stream, typical_bits, response }
     };
-    let frames: Vec<Planned> = responses.map(planned).collect();
+    let frames: Vec<PlannedFrame> = responses.map(planned).collect();
     let worst_bits = |stream: &Stream| f64::from(stream.worst_bits());
     let typical_bits = |stream: &Stream| {
         let found = frames.iter().find(|frame| frame.stream.cob_id == stream.cob_id);
@@ -112,7 +117,7 @@ fn plan_of(network: &Network, bus: &Bus, known: Known<'_>, assumed: &Assumptions
     let typical_load = |stream: &Stream| stream.pace.typical_per_s() * typical_bits(stream);
     let (planned, sporadic) = (network.planned(bus), bus.sporadic(assumed));
     let utilisation =
-        Utilisation::of(&planned, &sporadic, typical_bits, bus.bitrate, network.period_us);
+        Utilisation::new(&planned, &sporadic, typical_bits, bus.bitrate, network.period_us);
     let timeline = Both {
         worst: bus.timeline(&planned, worst_bits, assumed),
         typical: bus.timeline(&planned, typical_bits, assumed),
@@ -124,8 +129,8 @@ fn plan_of(network: &Network, bus: &Bus, known: Known<'_>, assumed: &Assumptions
         load_limit_percent: bus.load_limit_percent,
         margin: utilisation.margin(bus.bitrate),
         loop_delay: Both {
-            worst: LoopDelay::of(&timeline.worst, period_us),
-            typical: LoopDelay::of(&timeline.typical, period_us),
+            worst: LoopDelay::new(&timeline.worst, period_us),
+            typical: LoopDelay::new(&timeline.typical, period_us),
         },
         rates: Both {
             worst: network.rates(bus, worst_load, timeline.worst.done_us),

@@ -1,8 +1,8 @@
 //! Typical frame lengths: mean exact length, with stuff bits and CRC, over typical values.
 //!
-//! Stuffing depends on the values: small positive numbers are long runs of zero bits. A joint rests at home for
-//! three quarters of the time and else moves about there, with torques around those that hold the arm. The
-//! samples come from a fixed sequence, so a plan always gives the same figures.
+//! Stuffing depends on the values: small positive numbers are long runs of zero bits. A joint rests at home for three
+//! quarters of the time, and else moves near it, with torques around that of gravity. A fixed pseudo-random sequence gives
+//! the samples, so that a plan always has the same figures.
 
 use canopen::frame::Frame;
 use canopen::load::pace::MOVING;
@@ -36,10 +36,10 @@ pub struct Signals {
 }
 
 /// Typical values by node.
-pub type Known<'a> = &'a dyn Fn(NodeId) -> Signals;
+pub type SignalLookup<'a> = &'a dyn Fn(NodeId) -> Signals;
 
 /// Typical length of a frame, in bits.
-pub fn typical_bits(stream: &Stream, known: Known<'_>) -> f64 {
+pub fn typical_bits(stream: &Stream, known: SignalLookup<'_>) -> f64 {
     let mut random = Random::new(stream.cob_id);
     let mut sum = 0;
     for place in 0..SAMPLES {
@@ -52,7 +52,7 @@ pub fn typical_bits(stream: &Stream, known: Known<'_>) -> f64 {
 }
 
 /// Bytes of one sampled frame.
-fn content(stream: &Stream, known: Known<'_>, random: &mut Random) -> Vec<u8> {
+fn content(stream: &Stream, known: SignalLookup<'_>, random: &mut Random) -> Vec<u8> {
     match stream.role {
         Role::Sync => Vec::new(),
         Role::Heartbeat => vec![OPERATIONAL],
@@ -72,7 +72,7 @@ fn content(stream: &Stream, known: Known<'_>, random: &mut Random) -> Vec<u8> {
 }
 
 /// Sampled value of a slot.
-fn value(slot: &Slot, known: Known<'_>, random: &mut Random) -> i64 {
+fn value(slot: &Slot, known: SignalLookup<'_>, random: &mut Random) -> i64 {
     let signals = known(slot.node);
     match slot.mapped.object {
         Object::STATUSWORD => STATUS,

@@ -28,7 +28,7 @@ pub struct Utilisation {
 
 impl Utilisation {
     /// Computes all measures from planned and sporadic frames. `typical_bits` returns the typical length.
-    pub fn of(
+    pub fn new(
         planned: &[Stream],
         sporadic: &[Stream],
         typical_bits: impl Fn(&Stream) -> f64,
@@ -97,7 +97,7 @@ mod tests {
         let planned = streams(&plans, 1_000, master(), 5);
         let sporadic = sporadic(&plans, 100_000, 10_000);
         let least = |stream: &Stream| f64::from(stream.least_bits());
-        let all = Utilisation::of(&planned, &sporadic, least, MBIT, 1_000);
+        let all = Utilisation::new(&planned, &sporadic, least, MBIT, 1_000);
         assert_eq!(all.cycle_worst.to_string(), "855.0 of 1000 bits a cycle, 85.5 %");
         assert_eq!(all.cycle_least.to_string(), "711.0 of 1000 bits a cycle, 71.1 %");
         // Six statuswords of 95 bits about every 50 ms, 11.12; every 10 ms, 57.

@@ -12,14 +12,14 @@ use config::{Config, JointParameters};
 /// Values by the bus and the node-id of a drive.
 pub type Values = BTreeMap<(Channel, NodeId), Signals>;
 
-/// A joint in use moves so much of its range to either side of where it starts.
+/// Typical deviation of a joint from its start, as a share of its range.
 const TRAVEL: f64 = 0.05;
 
-/// And its torque so much of what it may be to either side of gravity's.
+/// Typical deviation of a joint's torque from that of gravity, as a share of its maximum.
 const EFFORT: f64 = 0.15;
 
-/// Returns the typical values of each joint's drive: near the start, holding the arm up.
-pub fn of(config: &Config) -> Values {
+/// Returns the typical values of each joint's drive: near the start, with the torque of gravity.
+pub fn typical_values(config: &Config) -> Values {
     let controller = &config.controller;
     let q = SVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));
@@ -40,7 +40,7 @@ pub fn of(config: &Config) -> Values {
     joints.map(signals).collect()
 }
 
-/// The whole number nearest to one that is not negative.
+/// Rounds a number that is not negative to the nearest integer.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,

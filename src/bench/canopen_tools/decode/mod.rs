@@ -126,15 +126,15 @@ pub struct Annotation<'d> {
 impl Decoder {
     /// Returns a decoder for buses with known nodes and timing.
     pub fn new(members: Vec<Member>, timing: Timing) -> Self {
-        Self::of(members, Some(timing))
+        Self::with_timing(members, Some(timing))
     }
 
     /// Returns a decoder for a bus without a configuration.
     pub fn generic() -> Self {
-        Self::of(Vec::new(), None)
+        Self::with_timing(Vec::new(), None)
     }
 
-    fn of(members: Vec<Member>, timing: Option<Timing>) -> Self {
+    fn with_timing(members: Vec<Member>, timing: Option<Timing>) -> Self {
         let frames = signals::frames(&members);
         let last = members.iter().map(|member| member.channel).max();
         let channels = (0..=u8::MAX).map(Channel).take_while(|channel| last >= Some(*channel));
@@ -185,7 +185,7 @@ impl Decoder {
         let use_of = self.networks.get(network).map_or(Use::Unknown, |n| n.use_of(cob_id));
         let decoded = match (Frame::from_slice(cob_id, data), self.buses.get_mut(place)) {
             (Some(frame), Some(bus)) => bus.decoded(at, use_of, &frame, &self.frames),
-            (None, _) | (_, None) => Decoded::Whole(What::Malformed("at most eight bytes")),
+            (None, _) | (_, None) => OwnedWhat::Whole(What::Malformed("at most eight bytes")),
         };
         let node = use_of.node();
         let member = if let Use::Pdo(pdo) = use_of {
@@ -204,20 +204,20 @@ impl Decoder {
     }
 
     /// Adds the borrowed parts of a decoded frame.
-    fn what(&self, place: usize, decoded: Decoded) -> What<'_> {
+    fn what(&self, place: usize, decoded: OwnedWhat) -> What<'_> {
         match decoded {
-            Decoded::Pdo(pdo, data, length) => match self.frames.get(pdo) {
+            OwnedWhat::Pdo(pdo, data, length) => match self.frames.get(pdo) {
                 Some(frame) => What::Pdo(frame, data, length),
                 None => What::Unknown,
             },
-            Decoded::Sdo(node, side, what) => {
+            OwnedWhat::Sdo(node, side, what) => {
                 let bus = self.buses.get(place);
                 match bus.and_then(|bus| bus.sdo.get(usize::from(node))) {
                     Some(listener) => What::Sdo(listener.step(side, what)),
                     None => What::Unknown,
                 }
             }
-            Decoded::Whole(what) => what,
+            OwnedWhat::Whole(what) => what,
         }
     }
 
@@ -239,7 +239,7 @@ impl BusState {
         use_of: Use,
         frame: &Frame,
         frames: &[PdoFrame],
-    ) -> Decoded {
+    ) -> OwnedWhat {
         self.watch.remarks.clear();
         if let Some(now) = at {
             self.watch.on_time(now);
@@ -270,7 +270,7 @@ impl BusState {
             }
             (Use::Unknown, _) => Some(What::Unknown),
         };
-        Decoded::Whole(whole.unwrap_or_else(|| What::Malformed(use_of.expects())))
+        OwnedWhat::Whole(whole.unwrap_or_else(|| What::Malformed(use_of.expects())))
     }
 
     fn on_pdo(
@@ -279,8 +279,8 @@ impl BusState {
         pdo: usize,
         frame: &Frame,
         frames: &[PdoFrame],
-    ) -> Decoded {
-        let Some(layout) = frames.get(pdo) else { return Decoded::Whole(What::Unknown) };
+    ) -> OwnedWhat {
+        let Some(layout) = frames.get(pdo) else { return OwnedWhat::Whole(What::Unknown) };
         let length = frame.data().len();
         if length != layout.bytes {
             self.watch.remarks.push(Remark::Length(layout.bytes));
@@ -290,20 +290,20 @@ impl BusState {
         for (to, from) in data.iter_mut().zip(frame.data()) {
             *to = *from;
         }
-        Decoded::Pdo(pdo, data, length)
+        OwnedWhat::Pdo(pdo, data, length)
     }
 
-    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> Decoded {
+    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> OwnedWhat {
         match self.sdo.get_mut(usize::from(node)) {
-            Some(listener) => Decoded::Sdo(node, side, listener.on_frame(side, data)),
-            None => Decoded::Whole(What::Unknown),
+            Some(listener) => OwnedWhat::Sdo(node, side, listener.on_frame(side, data)),
+            None => OwnedWhat::Whole(What::Unknown),
         }
     }
 }
 
 /// [`What`] without borrowed parts.
 #[derive(Clone, Debug)]
-enum Decoded {
+enum OwnedWhat {
     /// Index of the PDO, its data and length.
     Pdo(usize, [u8; 8], usize),
     /// Node, side and step of a transfer.

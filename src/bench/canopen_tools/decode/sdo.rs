@@ -1,7 +1,7 @@
 //! Reassembly of SDO transfers from the frames of both sides (CiA 301, 7.2.4.3).
 //!
-//! Tolerant: an unexpected frame is decoded by itself. Covers expedited, segmented and block transfers. Of long
-//! values the beginning and the length are kept.
+//! Tolerant: an unexpected frame is decoded without its transfer. Covers expedited, segmented and block transfers. The first
+//! bytes and the length of long values are kept.
 
 use canopen::abort::AbortCode;
 use canopen::object::Object;

@@ -25,7 +25,7 @@ struct Probe {
 }
 
 impl Probe {
-    fn of(members: Vec<Member>) -> Self {
+    fn new(members: Vec<Member>) -> Self {
         let mut decoder = Decoder::new(members, TIMING);
         let bus = decoder.listen(Some(Channel(0)));
         Self { decoder, bus }
@@ -43,7 +43,7 @@ impl Probe {
 
 #[test]
 fn pdos_of_a_drive_read_with_joint_and_si_values() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     assert_eq!(
         bus.decode(0, 0x182, &[0x37, 0x1A, 0xE8, 0x03, 0, 0, 0x9C, 0xFF]),
         "TPDO1_elbow: operation enabled     , internal limit    0.90000 rad   \
@@ -59,7 +59,7 @@ fn pdos_of_a_drive_read_with_joint_and_si_values() {
 
 #[test]
 fn shared_frame_lists_every_joint() {
-    let mut bus = Probe::of(grouped());
+    let mut bus = Probe::new(grouped());
     assert_eq!(
         bus.decode(0, 0x201, &[1, 0, 0xFE, 0xFF, 0, 0]),
         "RPDO1_group1: shoulder   0.0001 /  0.0200  elbow  -0.0002 / -0.0400  \
@@ -73,14 +73,14 @@ fn shared_frame_lists_every_joint() {
 
 #[test]
 fn short_pdo_reads_as_far_as_it_goes() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     let annotation = bus.decode(0, 0x182, &[0x50, 0x02, 1]);
     assert_eq!(annotation.trim_end(), "TPDO1_elbow: switch on disabled     ! 8 bytes are mapped");
 }
 
 #[test]
 fn frames_outside_the_layout_read_by_the_predefined_set() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     assert_eq!(bus.decode(0, 0x282, &[1]), "TPDO2 elbow: off in this layout");
     assert_eq!(bus.decode(0, 0x185, &[1]), "TPDO1 node 5: ");
     assert_eq!(bus.decode(0, 0x085, &[0; 8]), "EMCY node 5: 0000h error reset");
@@ -93,7 +93,7 @@ fn frames_outside_the_layout_read_by_the_predefined_set() {
 
 #[test]
 fn pdo_is_expected_after_its_first_frame() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     let sample = [0x37, 0x12, 0, 0, 0, 0, 0, 0];
     assert_eq!(bus.decode(0, 0x080, &[]), "SYNC: ");
     assert_eq!(bus.decode(1_000, 0x080, &[]), "SYNC: 1000 µs +0", "no PDO received yet");
@@ -108,7 +108,7 @@ fn pdo_is_expected_after_its_first_frame() {
 
 #[test]
 fn late_sample_and_sync_gap_are_remarked() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     bus.decode(0, 0x080, &[]);
     assert!(!bus.decode(600, 0x182, &[0; 8]).contains('!'));
     assert!(bus.decode(601, 0x182, &[0; 8]).ends_with("! 601 µs after SYNC"));
@@ -121,7 +121,7 @@ fn late_sample_and_sync_gap_are_remarked() {
 
 #[test]
 fn heartbeat_changes_are_shown_and_loss_is_remarked_once() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     assert_eq!(bus.decode(0, 0x702, &[0]), "heartbeat elbow: boot-up");
     assert_eq!(
         bus.decode(20_000, 0x702, &[0x7F]),
@@ -162,7 +162,7 @@ fn unconfigured_period_is_measured() {
 
 #[test]
 fn sdo_values_have_their_text() {
-    let mut bus = Probe::of(per_drive());
+    let mut bus = Probe::new(per_drive());
     let mut decode = |cob_id, data: [u8; 8]| bus.decode(0, cob_id, &data);
     assert_eq!(
         decode(0x602, [0x40, 0x00, 0x10, 0, 0, 0, 0, 0]),

@@ -8,7 +8,7 @@ use crate::decode::lss::Clock;
 use crate::decode::sdo::{Act, Side, Step, Value};
 use crate::decode::watch::{Change, Remark};
 use crate::decode::{Annotation, What, Who};
-use crate::fixed::Fixed;
+use crate::fixed::FixedDecimal;
 use crate::object_text::{self, Command, ObjectText, Status, Switches, ValueText};
 use crate::signals::{ACTUATOR_POSITION, PdoFrame, Signal};
 use canopen::drive::{Controlword, Statusword};
@@ -169,16 +169,16 @@ impl<'d> Annotation<'d> {
         let else_type = described.map(|described| described.data_type);
         match &step.act {
             Act::AskRead => write!(f, "read {called}"),
-            Act::AskWrite(value) => write!(f, "write {called} = {}", value.of(object, else_type)),
+            Act::AskWrite(value) => write!(f, "write {called} = {}", value.text(object, else_type)),
             Act::Begin(None) => write!(f, "{called}, in pieces"),
             Act::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
             Act::Part(done, None) => write!(f, "{called}, {done} bytes"),
             Act::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
             Act::Read(value) => {
-                write!(f, "{called} = {}{}", value.of(object, else_type), Cut(*value))
+                write!(f, "{called} = {}{}", value.text(object, else_type), Cut(*value))
             }
             Act::Written(value) => {
-                write!(f, "written {called} = {}{}", value.of(object, else_type), Cut(*value))
+                write!(f, "written {called} = {}{}", value.text(object, else_type), Cut(*value))
             }
             Act::Aborted(code) => {
                 f.write_str(if step.side == Side::Client { "broken off " } else { "refused " })?;
@@ -191,7 +191,7 @@ impl<'d> Annotation<'d> {
 
 impl<'t> Value<'t> {
     /// Text of a value of `object`.
-    const fn of(&self, object: Object, fallback_type: Option<u16>) -> ValueText<'t> {
+    const fn text(&self, object: Object, fallback_type: Option<u16>) -> ValueText<'t> {
         ValueText { object, bytes: self.bytes, length: self.length, fallback_type }
     }
 }
@@ -257,8 +257,8 @@ fn pdo(
 }
 
 /// Returns a torque or force for its column.
-const fn torque(value: f64) -> Fixed {
-    Fixed::new(value, 8, 4)
+const fn torque(value: f64) -> FixedDecimal {
+    FixedDecimal::new(value, 8, 4)
 }
 
 /// Width of the longest state.
@@ -272,7 +272,12 @@ fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     }
     if let Some(measure) = &signal.measure {
         let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
-        return write!(f, "{} {}{place}", Fixed::new(measure.value(raw), 9, 5), measure.unit);
+        return write!(
+            f,
+            "{} {}{place}",
+            FixedDecimal::new(measure.value(raw), 9, 5),
+            measure.unit
+        );
     }
     let [low, high, ..] = raw.to_le_bytes();
     let word = u16::from_le_bytes([low, high]);

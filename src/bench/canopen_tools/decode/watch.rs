@@ -61,7 +61,7 @@ pub(super) struct Watch {
     sync: Option<Instant>,
     /// SYNC period, configured or measured.
     period: Option<Duration>,
-    pdos: Vec<Awaited>,
+    pdos: Vec<ExpectedPdo>,
     nodes: Vec<Node>,
     /// Earliest deadline of a heartbeat.
     due: Option<Instant>,
@@ -71,7 +71,7 @@ pub(super) struct Watch {
 
 /// Synchronous PDO.
 #[derive(Clone, Debug)]
-struct Awaited {
+struct ExpectedPdo {
     frame: usize,
     /// Number of SYNCs per frame.
     syncs: u8,
@@ -113,7 +113,7 @@ impl Watch {
             let syncs = frame.transmission.syncs().filter(|_| frame.transmission.0 != 0)?;
             let of = if frame.senders.is_empty() { &frame.receivers } else { &frame.senders };
             let nodes = of.iter().map(|member| node(*member)).collect();
-            Some(Awaited { frame: *place, syncs, nodes, has_come: false, age: None })
+            Some(ExpectedPdo { frame: *place, syncs, nodes, has_come: false, age: None })
         };
         let pdos = places.iter().filter_map(awaited).collect();
         let period = timing.map(|timing| timing.period);

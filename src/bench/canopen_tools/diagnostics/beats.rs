@@ -58,7 +58,7 @@ impl Beats {
     }
 
     /// Returns the last heartbeat of a node.
-    pub fn of(&self, node: NodeId) -> Option<Beat> {
+    pub fn last(&self, node: NodeId) -> Option<Beat> {
         self.0.iter().find(|beat| beat.node == node).copied()
     }
 }
@@ -77,12 +77,12 @@ mod tests {
         let node = NodeId::new(3).unwrap();
         for (ms, state) in [(10, 0), (20, 0x7F)] {
             beats.on_frame(at(ms), &Frame::new(0x703, [state]));
-            let beat = beats.of(node).unwrap();
+            let beat = beats.last(node).unwrap();
             assert_eq!(beat.interval, None);
             assert!(!beat.is_overdue(at(10_000)), "the interval is not known");
         }
         beats.on_frame(at(120), &Frame::new(0x703, [5]));
-        let beat = beats.of(node).unwrap();
+        let beat = beats.last(node).unwrap();
         assert_eq!((beat.state, beat.at), (NmtState::Operational, at(120)));
         assert_eq!(beat.interval, Some(Duration::from_millis(100)));
         assert!(!beat.is_overdue(at(420)) && beat.is_overdue(at(421)));

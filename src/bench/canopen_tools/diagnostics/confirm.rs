@@ -68,7 +68,7 @@ impl Confirmation {
     fn outcome(&mut self) -> Vec<NodeResponse> {
         let mut nodes = std::mem::take(&mut self.nodes);
         for response in &mut nodes {
-            response.last = self.beats.of(response.node);
+            response.last = self.beats.last(response.node);
         }
         nodes
     }

@@ -4,7 +4,7 @@
 //! |---------------|------------------------------------------------------------------|
 //! | [`scan`]      | nodes on the bus                                                 |
 //! | [`states`]    | NMT states of nodes without a heartbeat, by node guarding        |
-//! | [`silent`]    | the same of nodes that respond to no SDO request                 |
+//! | [`silent`]    | NMT states of nodes that respond to no SDO request               |
 //! | [`effective`] | configured PDOs of a node                                        |
 //! | [`confirm`]   | NMT command with its confirmation                                |
 //! | [`watch`]     | boot-up, change of state and loss of nodes                       |

@@ -42,10 +42,10 @@ const TOGGLE: u8 = 0x80;
 
 /// Properties of one node.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct NodeReport {
     /// Node-id.
     pub node: NodeId,
-    /// Set if it replied; otherwise it only sent by itself.
+    /// Set if the node replied; otherwise it only sent unrequested frames.
     pub answers: bool,
     /// NMT state in its heartbeat.
     pub state: Option<NmtState>,
@@ -73,7 +73,7 @@ pub struct Found {
     pub is_answered_twice: bool,
 }
 
-impl Found {
+impl NodeReport {
     const fn new(node: NodeId) -> Self {
         Self {
             node,
@@ -148,10 +148,10 @@ impl Found {
     }
 }
 
-/// Node that is polled, or sends by itself.
+/// Node that is polled, or sends unrequested frames.
 #[derive(Clone, Debug)]
 struct Node {
-    found: Found,
+    found: NodeReport,
     /// Index of the current object in [`OBJECTS`].
     next: usize,
     transfer: Option<Transfer>,
@@ -214,14 +214,14 @@ impl Scan {
         }
     }
 
-    fn outcome(&mut self, now: Instant) -> Option<Vec<Found>> {
+    fn outcome(&mut self, now: Instant) -> Option<Vec<NodeReport>> {
         let is_busy = self.nodes.iter().any(|node| node.transfer.is_some());
         if self.is_over || is_busy || !self.waiting.is_empty() || now < self.listens_until {
             return None;
         }
         self.is_over = true;
         let all = self.nodes.drain(..).map(|node| node.found);
-        let mut found: Vec<Found> = all.filter(Found::is_there).collect();
+        let mut found: Vec<NodeReport> = all.filter(NodeReport::is_there).collect();
         found.sort_by_key(|found| found.node);
         Some(found)
     }
@@ -229,7 +229,7 @@ impl Scan {
 
 impl Node {
     const fn new(node: NodeId) -> Self {
-        Self { found: Found::new(node), next: 0, transfer: None, answered: None }
+        Self { found: NodeReport::new(node), next: 0, transfer: None, answered: None }
     }
 
     /// Sends the next request, if there is one.
@@ -279,14 +279,14 @@ const ABORT: u8 = 4;
 
 impl Procedure for Scan {
     /// Existing nodes, by node-id.
-    type Outcome = Vec<Found>;
+    type Outcome = Vec<NodeReport>;
 
     fn on_frame(
         &mut self,
         now: Instant,
         frame: &Frame,
         out: &mut Vec<Frame>,
-    ) -> Option<Vec<Found>> {
+    ) -> Option<Vec<NodeReport>> {
         let is_reply = |node: &&mut Node| frame.cob_id == response_cob_id(node.found.node);
         if let Some(node) = self.nodes.iter_mut().find(is_reply) {
             node.found.is_answered_twice |= node.is_repeated(frame);
@@ -302,7 +302,7 @@ impl Procedure for Scan {
         self.outcome(now)
     }
 
-    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Vec<Found>> {
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Vec<NodeReport>> {
         for node in &mut self.nodes {
             let transfer = node.transfer.as_mut();
             if let Some(outcome) = transfer.and_then(|transfer| transfer.on_time(now, out)) {
@@ -352,7 +352,7 @@ mod tests {
     fn scan(
         nodes: &[NodeId],
         mut answer: impl FnMut(&Frame) -> Vec<Frame>,
-    ) -> (Vec<Found>, Instant, usize) {
+    ) -> (Vec<NodeReport>, Instant, usize) {
         let (mut now, mut out, mut most) = (Instant::ZERO, Vec::new(), 0);
         let mut scan = Scan::start(nodes, TIMEOUT, LISTEN, now, &mut out);
         loop {
@@ -403,14 +403,14 @@ mod tests {
             device(0x603, 7, frame).into_iter().collect()
         };
         let (found, _, _) = scan(&nodes(1..=20), answer);
-        let expected = Found {
+        let expected = NodeReport {
             answers: true,
             device_type: Some(0x0002_0192),
             vendor: Some(1),
             product: Some(1),
             revision: Some(1),
             serial: Some(7),
-            ..Found::new(NodeId::new(3).unwrap())
+            ..NodeReport::new(NodeId::new(3).unwrap())
         };
         assert_eq!(found, [expected]);
     }
@@ -437,7 +437,7 @@ mod tests {
         };
         assert_eq!(now, Instant::ZERO + LISTEN);
         let summary =
-            |found: &Found| (found.node.raw(), found.answers, found.state, found.boot_ups);
+            |found: &NodeReport| (found.node.raw(), found.answers, found.state, found.boot_ups);
         let (three, five) = (summary(&found[0]), summary(&found[1]));
         assert_eq!(three, (3, false, Some(NmtState::PreOperational), 1));
         assert_eq!(five, (5, false, Some(NmtState::Operational), 0));

@@ -1,8 +1,8 @@
-//! NMT states of nodes that respond to no SDO request, asked by one remote frame each: an NMT-stopped node answers node
-//! guarding, and nothing else (CiA 301, 7.3.2.2.4).
+//! NMT states of nodes that respond to no SDO request, polled by one remote frame each. An NMT-stopped node still answers node
+//! guarding (CiA 301, 7.3.2.2.4).
 //!
-//! Such a node cannot be asked for its life time (100Ch times 100Dh) before. If it has one, the remote frame starts its
-//! life guarding.
+//! The life time of such a node (100Ch times 100Dh) cannot be read before the poll. If it has one, the remote frame starts
+//! its life guarding.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::procedure::Procedure;
 use canopen::frame::Frame;
 use units::time::Instant;
 
-/// Nodes asked at once: their remote frames fit any transmit queue.
+/// Nodes polled in parallel: their remote frames fit any transmit queue.
 const MAX_PARALLEL: usize = 20;
 
 /// Poll in progress.
@@ -23,13 +23,13 @@ pub struct Silent {
     timeout: Duration,
     waiting: Vec<NodeId>,
     asked: Vec<NodeId>,
-    /// End of the wait for the nodes asked.
+    /// End of the wait for the polled nodes.
     until: Instant,
     answers: Vec<(NodeId, NmtState)>,
 }
 
 impl Silent {
-    /// Asks `nodes`, with `timeout` for each answer.
+    /// Polls `nodes`, with `timeout` for each answer.
     pub fn start(
         nodes: impl IntoIterator<Item = NodeId>,
         timeout: Duration,

@@ -1,8 +1,8 @@
-//! NMT states of nodes that send no heartbeat, asked by node guarding (CiA 301, 7.2.8.2.2.1): one node at a time, by one
+//! NMT states of nodes that send no heartbeat, polled by node guarding (CiA 301, 7.2.8.2.2.1): one node at a time, by one
 //! remote frame each.
 //!
-//! A node with a life time (100Ch times 100Dh) starts life guarding at its first remote frame, and takes the end of the
-//! polls for the loss of its master. Such nodes are not asked.
+//! A node with a life time (100Ch times 100Dh) starts life guarding at its first remote frame, and would detect a lost master
+//! at the end of the polls. Such nodes are not polled.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -26,7 +26,7 @@ pub enum Answer {
     State(NmtState),
     /// No answer in time.
     Silent,
-    /// Not asked: life guarding would start.
+    /// Not polled: life guarding would start.
     LifeGuarding,
 }
 
@@ -49,7 +49,7 @@ pub struct States {
 }
 
 impl States {
-    /// Asks `nodes`, which answer SDO requests, with `timeout` for each response.
+    /// Polls `nodes`, which answer SDO requests, with `timeout` for each response.
     pub fn start(
         nodes: impl IntoIterator<Item = NodeId>,
         timeout: Duration,
@@ -116,7 +116,7 @@ impl States {
 }
 
 impl Procedure for States {
-    /// Every asked node with its answer.
+    /// Every polled node with its answer.
     type Outcome = Vec<(NodeId, Answer)>;
 
     fn on_frame(

@@ -4,7 +4,7 @@
 //! with a one drop out if others have a zero, so the lowest identity is found and that slave alone enters
 //! configuration, after 4 × (32 + 1) + 1 requests.
 //!
-//! A late reply must not count for the next request, so every request keeps its window open for slower slaves.
+//! A late reply must not count for the next request, so every request waits for its full window.
 
 use std::time::Duration;
 
@@ -15,13 +15,12 @@ use units::time::Instant;
 
 /// Result of a fastscan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum FastscanOutcome {
     /// No unconfigured slave replied.
     None,
     /// Identity of the slave, which is in configuration now.
     One(Address),
-    /// A slave replied at first, but none confirmed the whole number: replies came too late, or a slave was
-    /// removed.
+    /// A slave replied at first, but none confirmed the complete number: replies came too late, or a slave was removed.
     Lost(Part),
 }
 
@@ -67,12 +66,12 @@ impl Fastscan {
     }
 
     /// Sends the next request at the end of a window. Returns the result once.
-    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Found> {
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<FastscanOutcome> {
         if self.deadline.is_none_or(|deadline| now < deadline) {
             return None;
         }
         let next = match self.stage {
-            Stage::Everybody if !self.is_answered => return self.finish(Found::None),
+            Stage::Everybody if !self.is_answered => return self.finish(FastscanOutcome::None),
             Stage::Everybody => Stage::Bit(Part::Vendor, HIGHEST_BIT),
             Stage::Bit(part, bit) => {
                 if !self.is_answered {
@@ -81,10 +80,12 @@ impl Fastscan {
                 }
                 bit.checked_sub(1).map_or(Stage::Whole(part), |bit| Stage::Bit(part, bit))
             }
-            Stage::Whole(part) if !self.is_answered => return self.finish(Found::Lost(part)),
+            Stage::Whole(part) if !self.is_answered => {
+                return self.finish(FastscanOutcome::Lost(part));
+            }
             Stage::Whole(part) => match Part::at(part.place() + 1) {
                 Some(part) => Stage::Bit(part, HIGHEST_BIT),
-                None => return self.finish(Found::One(self.address)),
+                None => return self.finish(FastscanOutcome::One(self.address)),
             },
         };
         self.request(next, now, out);
@@ -114,7 +115,7 @@ impl Fastscan {
         self.deadline = Some(now + self.window);
     }
 
-    const fn finish(&mut self, found: Found) -> Option<Found> {
+    const fn finish(&mut self, found: FastscanOutcome) -> Option<FastscanOutcome> {
         self.deadline = None;
         Some(found)
     }
@@ -133,7 +134,7 @@ mod tests {
     const WINDOW: Duration = Duration::from_millis(10);
 
     /// Runs a scan to its end; `answer` returns the number of replies to a request.
-    fn scan(mut answer: impl FnMut(&Frame) -> usize) -> (Found, usize) {
+    fn scan(mut answer: impl FnMut(&Frame) -> usize) -> (FastscanOutcome, usize) {
         let (mut now, mut out, mut requests) = (Instant::ZERO, Vec::new(), 0);
         let mut scan = Fastscan::start(WINDOW, now, &mut out);
         loop {
@@ -177,7 +178,7 @@ mod tests {
 
     #[test]
     fn one_request_suffices_without_unconfigured_slaves() {
-        assert_eq!(scan(|_| 0), (Found::None, 1));
+        assert_eq!(scan(|_| 0), (FastscanOutcome::None, 1));
     }
 
     #[test]
@@ -187,7 +188,7 @@ mod tests {
             received += 1;
             usize::from(received <= 40)
         };
-        assert_eq!(scan(falls_silent).0, Found::Lost(Part::Product));
+        assert_eq!(scan(falls_silent).0, FastscanOutcome::Lost(Part::Product));
     }
 
     #[test]
@@ -197,7 +198,7 @@ mod tests {
         for frame in [Reply::NonConfigured.frame(), Frame::new(REPLY_COB_ID, [0x4F])] {
             scan.on_frame(&frame);
         }
-        assert_eq!(scan.on_time(Instant::ZERO + WINDOW, &mut out), Some(Found::None));
+        assert_eq!(scan.on_time(Instant::ZERO + WINDOW, &mut out), Some(FastscanOutcome::None));
     }
 
     proptest! {
@@ -212,7 +213,7 @@ mod tests {
             let mut slaves: Vec<_> = addresses.iter().map(|a| Slave::new(*a, None)).collect();
             for (place, address) in addresses.iter().enumerate() {
                 let (found, requests) = scan(|request| answers(&mut slaves, request));
-                prop_assert_eq!(found, Found::One(*address));
+                prop_assert_eq!(found, FastscanOutcome::One(*address));
                 prop_assert_eq!(requests, 4 * 33 + 1);
                 for (other, slave) in slaves.iter().enumerate() {
                     prop_assert_eq!(slave.mode() == Mode::Configuration, other == place);
@@ -230,7 +231,7 @@ mod tests {
             let reply = |question: &Frame| {
                 usize::from(slave.handle(&question.data().try_into().unwrap()).is_some())
             };
-            prop_assert_eq!(scan(reply).0, Found::One(address));
+            prop_assert_eq!(scan(reply).0, FastscanOutcome::One(address));
             prop_assert_eq!(slave.state(), lss::LssState::Configuration);
         }
 

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 
 use canopen_rs::NodeId;
 
-use crate::lss::fastscan::{Fastscan, Found};
+use crate::lss::fastscan::{Fastscan, FastscanOutcome};
 use crate::lss::job::{Job, LssError, Report, Selection, Step, TO_WAITING, Timeouts};
 use crate::procedure::Procedure;
 use canopen::frame::Frame;
@@ -20,9 +20,9 @@ use canopen_device::lss::codec::{Answer, Reply, Request};
 use canopen_device::lss::node_of;
 use units::time::Instant;
 
-/// Awaited event.
+/// Event that the master waits for.
 #[derive(Clone, Copy, Debug)]
-enum Awaited {
+enum Wait {
     Reply(Request, Option<Reply>),
     /// Result of a scan, which has deadlines of its own.
     Scan(Fastscan),
@@ -36,10 +36,10 @@ pub struct Master {
     job: Job,
     timeouts: Timeouts,
     steps: VecDeque<Step>,
-    awaited: Option<Awaited>,
+    awaited: Option<Wait>,
     /// End of the wait.
     until: Instant,
-    /// Request of the step before: a late reply to it comes from another slave.
+    /// Request of the previous step: a late reply to it comes from another slave.
     before: Option<Request>,
     report: Report,
     failure: Option<LssError>,
@@ -78,11 +78,11 @@ impl Master {
                 Step::Request(request) => {
                     out.push(request.frame());
                     let wait = if request == Request::Store { store } else { reply };
-                    (Awaited::Reply(request, None), wait)
+                    (Wait::Reply(request, None), wait)
                 }
-                Step::Scan => (Awaited::Scan(Fastscan::start(probe, now, out)), probe),
-                Step::Pause(span) => (Awaited::Pause, span + reply),
-                Step::BootUp(node) => (Awaited::BootUp(node), store),
+                Step::Scan => (Wait::Scan(Fastscan::start(probe, now, out)), probe),
+                Step::Pause(span) => (Wait::Pause, span + reply),
+                Step::BootUp(node) => (Wait::BootUp(node), store),
             };
             (self.awaited, self.until) = (Some(awaited), now + wait);
             return;
@@ -151,7 +151,7 @@ impl Master {
 
     /// Takes a reply to the current request, or a late one to the request before.
     fn on_reply(&mut self, reply: Reply, now: Instant, out: &mut Vec<Frame>) {
-        let Some(Awaited::Reply(request, first)) = self.awaited else { return };
+        let Some(Wait::Reply(request, first)) = self.awaited else { return };
         if !reply.answers(request) {
             if let Some(before) = self.before.filter(|before| reply.answers(*before)) {
                 self.fail(LssError::Several(before), now, out);
@@ -161,7 +161,7 @@ impl Master {
         } else if self.job.selection.is_one() {
             self.conclude(request, Some(reply), now, out);
         } else {
-            self.awaited = Some(Awaited::Reply(request, Some(reply)));
+            self.awaited = Some(Wait::Reply(request, Some(reply)));
         }
     }
 
@@ -183,39 +183,39 @@ impl Procedure for Master {
         out: &mut Vec<Frame>,
     ) -> Option<Self::Outcome> {
         match &mut self.awaited {
-            Some(Awaited::Reply(..)) => {
+            Some(Wait::Reply(..)) => {
                 let reply = Reply::decode(frame)?;
                 self.on_reply(reply, now, out);
             }
-            Some(Awaited::Scan(scan)) => scan.on_frame(frame),
-            Some(Awaited::BootUp(node)) => {
+            Some(Wait::Scan(scan)) => scan.on_frame(frame),
+            Some(Wait::BootUp(node)) => {
                 if is_boot_up(frame, *node) {
                     self.report.is_booted = true;
                     self.proceed(now, out);
                 }
             }
-            Some(Awaited::Pause) | None => {}
+            Some(Wait::Pause) | None => {}
         }
         self.outcome()
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
         match &mut self.awaited {
-            Some(Awaited::Scan(scan)) => match scan.on_time(now, out) {
+            Some(Wait::Scan(scan)) => match scan.on_time(now, out) {
                 None => {}
-                Some(Found::One(address)) => {
+                Some(FastscanOutcome::One(address)) => {
                     self.report.address = Some(address);
                     self.proceed(now, out);
                 }
-                Some(Found::None) => self.fail(LssError::NoneUnconfigured, now, out),
-                Some(Found::Lost(part)) => self.fail(LssError::Lost(part), now, out),
+                Some(FastscanOutcome::None) => self.fail(LssError::NoneUnconfigured, now, out),
+                Some(FastscanOutcome::Lost(part)) => self.fail(LssError::Lost(part), now, out),
             },
             Some(_) | None if now < self.until => {}
-            Some(Awaited::Reply(request, reply)) => {
+            Some(Wait::Reply(request, reply)) => {
                 let (request, reply) = (*request, *reply);
                 self.conclude(request, reply, now, out);
             }
-            Some(Awaited::Pause | Awaited::BootUp(_)) => self.proceed(now, out),
+            Some(Wait::Pause | Wait::BootUp(_)) => self.proceed(now, out),
             None => {}
         }
         self.outcome()
@@ -223,8 +223,8 @@ impl Procedure for Master {
 
     fn deadline(&self) -> Option<Instant> {
         match &self.awaited {
-            Some(Awaited::Reply(..) | Awaited::Pause | Awaited::BootUp(_)) => Some(self.until),
-            Some(Awaited::Scan(scan)) => scan.deadline(),
+            Some(Wait::Reply(..) | Wait::Pause | Wait::BootUp(_)) => Some(self.until),
+            Some(Wait::Scan(scan)) => scan.deadline(),
             // No step has to wait: the outcome is ready.
             None => Some(Instant::ZERO),
         }

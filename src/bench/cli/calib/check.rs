@@ -1,4 +1,4 @@
-//! `frhc calib check`: properties of the torque curves of a configuration, whose loading has proven them monotone.
+//! `frhc calib check`: properties of the torque curves of a configuration, which loads only with monotone curves.
 
 use serde::Serialize;
 
@@ -14,25 +14,25 @@ use telemetry::digits::significant;
 struct Finding<'a> {
     joint: &'a str,
     monotone: bool,
-    /// N·m, or N for a prismatic joint.
+    /// Unit of torques: N·m, or N for a prismatic joint.
     unit: &'static str,
     max_torque: f64,
     /// Smallest slope in ‰ per unit.
     least_slope_per_mille: f64,
-    /// Torque at which it occurs.
+    /// Torque of the smallest slope.
     least_slope_at: f64,
     /// Torque of one step of 6071h near zero.
     resolution: f64,
     /// Target at the end of the range (6072h), in ‰.
     max_target_per_mille: i16,
-    /// Ratio of the largest value of 6071h (16 bits) to that target.
+    /// Ratio of the largest value of 6071h (16 bits) to the target at the end of the range.
     i16_margin: f64,
 }
 
 /// Loads the configuration, which rejects curves that are not monotone, and prints their properties.
 pub(super) fn run(args: &Check) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
-    let findings = config.joints.iter().map(Finding::of);
+    let findings = config.joints.iter().map(Finding::new);
     if args.json {
         let joints: Vec<_> = findings.collect();
         print::line(&serde_json::json!({ "ok": true, "joints": joints }).to_string());
@@ -44,7 +44,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
 }
 
 impl<'a> Finding<'a> {
-    fn of(joint: &'a JointParameters) -> Self {
+    fn new(joint: &'a JointParameters) -> Self {
         let curve = joint.calibration.curve();
         let (least_slope_per_mille, least_slope_at) = curve.least_slope();
         let max_target_per_mille = joint.calibration.max_target().0;

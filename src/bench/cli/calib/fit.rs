@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 
 use crate::calib::plot::TorquePlot;
-use crate::calib::session::{Evidence, Fitted, Session};
+use crate::calib::session::{CurveResult, Evidence, Session};
 use crate::calib::{Fit, fragment, judgement, report};
 use calibration::torque_data::TorqueData;
 use config::{Config, JointParameters};
@@ -41,9 +41,9 @@ fn fit_all<'a>(
     data: &'a TorqueData,
     config: Option<&Config>,
     wanted: Option<&str>,
-) -> Result<Vec<Fitted<'a>>, Failure> {
+) -> Result<Vec<CurveResult<'a>>, Failure> {
     let wanted = wanted.map(|name| called(config, name, Kind::Usage)).transpose()?;
-    let mut joints: Vec<Fitted<'a>> = Vec::new();
+    let mut joints: Vec<CurveResult<'a>> = Vec::new();
     for measured in &data.joints {
         let (name, joint) = called(config, &measured.joint, Kind::Configuration)?;
         if joints.iter().any(|other| other.joint == name) {
@@ -62,7 +62,7 @@ fn fit_all<'a>(
     }
 }
 
-/// Returns name and entry of a joint given by name or number; without a configuration the name as written.
+/// Returns name and configuration of a joint given by name or number; without a configuration the name as written.
 pub(super) fn called<'c>(
     config: Option<&'c Config>,
     written: &str,
@@ -80,7 +80,7 @@ pub(super) fn called<'c>(
 fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failure> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     let mut files = vec![(folder.join("torque_curves.toml"), fragment::text(session))];
-    for Fitted { joint, measured, evidence, .. } in &session.joints {
+    for CurveResult { joint, measured, evidence, .. } in &session.joints {
         let Some(Evidence { fit, line, .. }) = evidence else { continue };
         let plot = TorquePlot {
             joint,

@@ -1,7 +1,7 @@
 //! `torque_curves.toml`: the keys of every joint that a calibration replaces, with their origin.
 
 use crate::calib::report;
-use crate::calib::session::{Evidence, Fitted, Session};
+use crate::calib::session::{CurveResult, Evidence, Session};
 use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
 use telemetry::digits::significant;
 
@@ -13,7 +13,7 @@ const ENDS: f64 = 1e4;
 /// Returns the curve rounded to the digits that are written, its range rounded down.
 ///
 /// # Errors
-/// When the rounded curve is not monotone.
+/// The rounded curve is not monotone.
 pub(super) fn written(curve: &TorqueCurve) -> Result<TorqueCurve, InvalidTorqueCurve> {
     let coefficients = curve.coefficients().map(|c| significant(c, DIGITS));
     TorqueCurve::new(coefficients, (curve.max_torque() * ENDS).floor() / ENDS)
@@ -37,8 +37,8 @@ pub(super) fn text(session: &Session<'_>) -> String {
     lines.join("\n") + "\n"
 }
 
-fn joint(session: &Session<'_>, fitted: &Fitted<'_>) -> String {
-    let Fitted { joint, measured, reasons, .. } = fitted;
+fn joint(session: &Session<'_>, fitted: &CurveResult<'_>) -> String {
+    let CurveResult { joint, measured, reasons, .. } = fitted;
     let Some(Evidence { fit, curve, .. }) = fitted.accepted() else {
         let reasons = reasons.iter().map(|reason| format!("\n# {joint}: rejected: {reason}"));
         return reasons.collect();

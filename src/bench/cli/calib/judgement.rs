@@ -1,26 +1,26 @@
-//! Judgement of one joint's measurements: the fitted curve, and everything that speaks against it.
+//! Fitted torque curve of one joint, and the reasons to reject it.
 
-use crate::calib::session::{Evidence, Fitted};
+use crate::calib::session::{CurveResult, Evidence};
 use crate::calib::{fragment, report};
-use calibration::fit::Calibrated;
+use calibration::fit::CurveFit;
 use calibration::fit::doubt::Doubt;
-use calibration::torque_data::Measured;
+use calibration::torque_data::JointReadings;
 use config::{Actuator, JointParameters};
 use controller::arm::JointKind;
 
-/// Fits a curve to the samples of a joint, and checks it against its entry in a configuration.
+/// Fits a curve to the samples of a joint, and checks it against the configuration.
 pub(super) fn judge<'a>(
     joint: String,
-    measured: &'a Measured,
+    measured: &'a JointReadings,
     is_force: bool,
     configured: Option<&JointParameters>,
-) -> Fitted<'a> {
+) -> CurveResult<'a> {
     let (evidence, reasons, warnings) = (None, Vec::new(), Vec::new());
-    let mut fitted = Fitted { joint, measured, evidence, reasons, warnings };
+    let mut fitted = CurveResult { joint, measured, evidence, reasons, warnings };
     if let Some(joint) = configured {
         fitted.reasons.extend(wrong_unit(is_force, joint));
     }
-    let fit = match Calibrated::fit(&measured.samples) {
+    let fit = match CurveFit::fit(&measured.samples) {
         Ok(fit) => fit,
         Err(error) => {
             fitted.reasons.push(error.to_string());
@@ -42,8 +42,8 @@ pub(super) fn judge<'a>(
     fitted
 }
 
-/// Adds what the readings and the configuration say against the curve.
-fn doubt(fitted: &mut Fitted<'_>, unit: &str, configured: Option<&JointParameters>) {
+/// Adds the doubts that follow from the readings and from the configuration.
+fn doubt(fitted: &mut CurveResult<'_>, unit: &str, configured: Option<&JointParameters>) {
     let Some(Evidence { fit, curve, .. }) = &fitted.evidence else { return };
     let against = configured.and_then(|joint| fit.doubt_against(joint.calibration.curve()));
     let doubts: Vec<Doubt> = fit.doubts().into_iter().chain(against).collect();
@@ -67,7 +67,7 @@ fn doubt(fitted: &mut Fitted<'_>, unit: &str, configured: Option<&JointParameter
     fitted.warnings.extend(warnings);
 }
 
-/// Returns whether the column of the readings is that of the other kind of joint.
+/// Returns the reason to reject readings in the unit of the other kind of joint.
 fn wrong_unit(is_force: bool, joint: &JointParameters) -> Option<String> {
     let (kind, column) = match joint.plant.link.kind {
         JointKind::Revolute => ("revolute", "torque_nm"),
@@ -77,16 +77,16 @@ fn wrong_unit(is_force: bool, joint: &JointParameters) -> Option<String> {
     (!is_right).then(|| format!("the joint is {kind}; its readings must be in a column {column}"))
 }
 
-/// Returns whether the motor turns otherwise than configured.
-fn wrong_direction(fit: &Calibrated, joint: &JointParameters) -> Option<String> {
+/// Returns the reason to reject a motor whose direction differs from the configured one.
+fn wrong_direction(fit: &CurveFit, joint: &JointParameters) -> Option<String> {
     let gear_ratio = joint.plant.actuator.gear_ratio;
     let motor = if fit.is_reversed { "against" } else { "with" };
     ((gear_ratio < 0.0) != fit.is_reversed)
         .then(|| format!("the motor turns {motor} the joint, but gear_ratio is {gear_ratio}"))
 }
 
-/// Returns the straight line to compare with: that of the data sheets, or the best one.
-fn straight_line(fit: &Calibrated, joint: Option<&JointParameters>) -> (&'static str, f64) {
+/// Returns the straight line for comparison: that of the data sheets, or else the fitted one.
+fn straight_line(fit: &CurveFit, joint: Option<&JointParameters>) -> (&'static str, f64) {
     let [slope] = fit.line.coefficients;
     joint.map_or(("best straight line", slope), |joint| {
         // Nominal data of motor and gear: 1000 ‰ at their product.

@@ -1,12 +1,12 @@
 //! Plot of a joint's torque curve as in the paper's Fig. 6: measurements in both driving directions, straight line and
 //! polynomial; below, the residuals of the measurements.
 
-use calibration::fit::{Calibrated, Direction, Sample};
+use calibration::fit::{CurveFit, Direction, Sample};
 use picture::{self, Ink, Panel, Series};
 use run::exit::{Failure, Kind, OrFail};
 use telemetry::digits::significant;
 
-/// Points of a curve.
+/// Number of points of a drawn curve.
 const POINTS: u16 = 160;
 
 /// Content of a plot.
@@ -21,7 +21,7 @@ pub(super) struct TorquePlot<'a> {
     /// Measured samples.
     pub(super) samples: &'a [Sample],
     /// Fit of the samples.
-    pub(super) calibrated: &'a Calibrated,
+    pub(super) calibrated: &'a CurveFit,
     /// Straight line for comparison: name, and slope in ‰ per N·m.
     pub(super) line: (&'a str, f64),
 }
@@ -30,12 +30,12 @@ impl TorquePlot<'_> {
     /// Returns the plot as SVG. Targets of an inverted motor are drawn negated.
     ///
     /// # Errors
-    /// When it cannot be drawn.
+    /// The picture cannot be drawn.
     pub(super) fn svg(&self) -> Result<String, Failure> {
         picture::svg(&[self.curve(), self.rest()], 1).or_fail(Kind::File)
     }
 
-    /// Target over torque.
+    /// Returns the panel of target over torque.
     fn curve(&self) -> Panel {
         let Self { calibrated, line: (line, slope), .. } = *self;
         let target = if calibrated.is_reversed {
@@ -61,7 +61,7 @@ impl TorquePlot<'_> {
         panel
     }
 
-    /// Residuals of the polynomial.
+    /// Returns the panel of the polynomial's residuals.
     fn rest(&self) -> Panel {
         let calibrated = self.calibrated;
         let rest = |t: f64, per_mille: f64| per_mille - calibrated.both.at(t);
@@ -78,12 +78,12 @@ impl TorquePlot<'_> {
         panel
     }
 
-    /// Returns the axis of torques.
+    /// Returns the label of the torque axis.
     fn torque(&self) -> String {
         format!("joint torque in {}", self.unit)
     }
 
-    /// Returns a mark per sample, and a ring about each that was left out, at its torque and the value that `of` computes.
+    /// Returns a mark per sample, and a ring around each outlier, at its torque and the value computed by `of`.
     fn marks(&self, of: impl Fn(f64, f64) -> f64 + Copy) -> Vec<Series> {
         let marks = |name, direction| {
             let is_it = move |sample: &&Sample| sample.direction == direction;
@@ -102,7 +102,7 @@ impl TorquePlot<'_> {
         series
     }
 
-    /// Returns the points of the samples that `is_meant` selects.
+    /// Returns the points of the samples selected by `is_meant`.
     fn points(
         &self,
         is_meant: impl Fn(&&Sample) -> bool,
@@ -119,7 +119,7 @@ impl TorquePlot<'_> {
 }
 
 /// Returns the coefficients of the curve, and its range.
-fn curve_note(calibrated: &Calibrated, unit: &str) -> String {
+fn curve_note(calibrated: &CurveFit, unit: &str) -> String {
     let [c1, c3, c5] = calibrated.curve.coefficients().map(|c| significant(c, 5));
     let (least, _) = calibrated.curve.least_slope();
     let range = calibrated.curve.max_torque();
@@ -128,8 +128,8 @@ fn curve_note(calibrated: &Calibrated, unit: &str) -> String {
     )
 }
 
-/// Returns how well the curve fits, and the friction between the directions.
-fn rest_notes(calibrated: &Calibrated, unit: &str) -> [String; 2] {
+/// Returns the notes on residuals and on the friction between the directions.
+fn rest_notes(calibrated: &CurveFit, unit: &str) -> [String; 2] {
     let residuals = calibrated.both.residuals;
     let friction = calibrated.friction;
     [
@@ -145,7 +145,7 @@ fn rest_notes(calibrated: &Calibrated, unit: &str) -> [String; 2] {
     ]
 }
 
-/// Samples torques from one to another.
+/// Returns equally spaced torques from one to another.
 fn along(from: f64, to: f64) -> impl Iterator<Item = f64> {
     (0..=POINTS).map(move |place| from + (to - from) * f64::from(place) / f64::from(POINTS))
 }
@@ -171,7 +171,7 @@ mod tests {
             provenance: "a.csv: 50 samples",
             unit: "N·m",
             samples: &samples,
-            calibrated: &Calibrated::fit(&samples).unwrap(),
+            calibrated: &CurveFit::fit(&samples).unwrap(),
             line: ("rated torque times gear ratio", 180.0),
         };
         for panel in [plot.curve(), plot.rest()] {

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::calib::session::{Evidence, Fitted, Session};
-use calibration::fit::{Calibrated, Polynomial, Residuals};
-use calibration::torque_data::Measured;
+use crate::calib::session::{CurveResult, Evidence, Session};
+use calibration::fit::{CurveFit, Polynomial, Residuals};
+use calibration::torque_data::JointReadings;
 use telemetry::digits::significant;
 
 /// Returns the unit of the measurements.
@@ -13,7 +13,7 @@ pub(super) const fn unit(is_force: bool) -> &'static str {
 }
 
 /// Returns file, number and dates of a joint's samples in one line.
-pub(super) fn origin(session: &Session<'_>, measured: &Measured) -> String {
+pub(super) fn origin(session: &Session<'_>, measured: &JointReadings) -> String {
     let mut origin = format!("{}: {} samples", session.file, measured.samples.len());
     if let Some(first) = session.data.dates.first() {
         origin.push_str(&format!(", {first}"));
@@ -42,7 +42,7 @@ pub(super) fn text(session: &Session<'_>) -> String {
 }
 
 fn table(
-    fitted: &Fitted<'_>,
+    fitted: &CurveResult<'_>,
     Evidence { fit, curve, before, .. }: &Evidence,
     unit: &str,
 ) -> String {
@@ -82,7 +82,7 @@ fn table(
 }
 
 /// Formats line and distance of each outlier.
-fn left_out(fitted: &Fitted<'_>, unit: &str) -> String {
+fn left_out(fitted: &CurveResult<'_>, unit: &str) -> String {
     let outliers = fitted.outliers();
     if outliers.is_empty() {
         return "no reading".to_owned();
@@ -121,7 +121,7 @@ pub(super) fn json(session: &Session<'_>) -> serde_json::Value {
     })
 }
 
-fn joint_json(fitted: &Fitted<'_>) -> serde_json::Value {
+fn joint_json(fitted: &CurveResult<'_>) -> serde_json::Value {
     let outliers = fitted.outliers();
     let outlier =
         |(line, distance): &(usize, f64)| serde_json::json!({ "line": line, "distance": distance });
@@ -142,7 +142,7 @@ fn joint_json(fitted: &Fitted<'_>) -> serde_json::Value {
 
 fn curve_json(evidence: &Evidence) -> serde_json::Value {
     let Evidence { fit, curve, before, .. } = evidence;
-    let Calibrated { both, up, down, line, friction, is_reversed, unevenness, .. } = fit;
+    let CurveFit { both, up, down, line, friction, is_reversed, unevenness, .. } = fit;
     let (least_slope, at) = curve.least_slope();
     serde_json::json!({
         "torque_curve": curve.coefficients(),

@@ -1,4 +1,4 @@
-//! The session of one case, which is played from its own boot.
+//! Recording of the session of one case, played from its own boot.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::session_inputs::SessionInputs;
 use campaign::case::Case;
 use campaign::monitor::Monitor;
-use campaign::run::{Campaign, Part, Replayed};
+use campaign::run::{Campaign, Part, Replay};
 use canopen::frame::Telegram;
 use config::Config;
 use config::files::Files;
@@ -25,7 +25,7 @@ use telemetry::summary::Summary;
 use testbench::bench::Bench;
 use units::time::Instant;
 
-/// The bench of a case whose session is recorded.
+/// Bench of a case whose session is recorded.
 pub(super) type CaseBench<'a, 'r> = Bench<Monitor, SessionInputs<'a, 'r>>;
 
 /// Returns the folder of the session of a case.
@@ -40,7 +40,7 @@ pub(super) fn play(
     (seed, force): (u64, Force),
     cases: &Campaign,
     on_cycle: &mut dyn FnMut(&mut CaseBench<'_, '_>, &Record),
-) -> Result<Option<Replayed>, Failure> {
+) -> Result<Option<Replay>, Failure> {
     let of_case = cases.cases().first();
     let Some((case, config)) =
         of_case.and_then(|case| Some((case, cases.configs().get(case.config)?)))

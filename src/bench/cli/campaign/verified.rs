@@ -12,29 +12,29 @@ use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 
-/// Result of all replayed cases.
+/// Numbers of replayed cases, cycles and frames, and the differences.
 #[derive(Debug, Serialize)]
-pub(super) struct Verified {
+pub(super) struct ReplayReport {
     case_count: usize,
     cycle_count: u64,
     frame_count: u64,
-    /// Cases that are not as recorded.
-    differences: Vec<Differing>,
+    /// Cases whose replay differs from the recording.
+    differences: Vec<Difference>,
 }
 
-/// A case that is not as recorded.
+/// Case whose replay differs from the recording.
 #[derive(Debug, Serialize)]
-struct Differing {
+struct Difference {
     case: u32,
     difference: String,
-    /// Command that leaves its session.
+    /// Command that records the session of the case.
     replay: String,
 }
 
-impl Verified {
-    /// Plays all cases from their own boots, and replays them. `verdicts` are those on clones of warm benches; `command` gives
-    /// the one that leaves the session of a case.
-    pub(super) fn of(
+impl ReplayReport {
+    /// Plays all cases from their own boots, and replays them. `verdicts` are those on clones of warm benches; `command`
+    /// returns the command that records the session of a case.
+    pub(super) fn replay_all(
         cases: &Cases,
         verdicts: &[Verdict],
         threads: NonZero<usize>,
@@ -52,7 +52,7 @@ impl Verified {
         let verified = verified.or_fail(Kind::Drive)?;
         let differing = |one: &Verification| {
             let difference = one.difference.clone()?;
-            Some(Differing { case: one.case, difference, replay: command(one.case) })
+            Some(Difference { case: one.case, difference, replay: command(one.case) })
         };
         Ok(Self {
             case_count: verified.len(),
@@ -63,7 +63,7 @@ impl Verified {
     }
 
     /// # Errors
-    /// A case that is not as recorded.
+    /// The replay of a case differs from the recording.
     pub(super) fn ensure_equal(&self) -> Result<(), Failure> {
         match &*self.differences {
             [] => Ok(()),
@@ -76,10 +76,10 @@ impl Verified {
     }
 }
 
-impl fmt::Display for Verified {
+impl fmt::Display for ReplayReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { case_count, cycle_count, frame_count, differences } = self;
-        for Differing { case, difference, replay } in differences {
+        for Difference { case, difference, replay } in differences {
             writeln!(f, "case {case}: {difference}\n  {replay}")?;
         }
         let equal = case_count - differences.len();

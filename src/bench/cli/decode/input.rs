@@ -20,7 +20,7 @@ pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failu
         return Ok((Box::new(io::stdin().lock()), "stdin".to_owned()));
     };
     let name = path.display().to_string();
-    match files::open(path).and_then(PartFile::of) {
+    match files::open(path).and_then(PartFile::from_file) {
         Ok(file) => Ok((Box::new(file), name)),
         Err(error) => {
             let is_piped = error.kind() == ErrorKind::InvalidInput;

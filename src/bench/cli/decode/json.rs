@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use serde_json::to_writer;
 
-use crate::decode::decoded::Decoded;
+use crate::decode::meaning::Meaning;
 use crate::decode::timestamps::GoesBack;
 use ::replay::recorder_line::RecorderLine;
 use canopen::drive::{Controlword, State, Statusword};
@@ -36,7 +36,7 @@ pub(super) fn frame(
     number: u64,
     nanos: Option<u64>,
     line: &Line<'_>,
-    decoded: &Decoded<'_>,
+    meaning: &Meaning<'_>,
     back: Option<GoesBack>,
     scratch: &mut String,
     to: &mut impl Write,
@@ -60,8 +60,8 @@ pub(super) fn frame(
     if let Some(dlc) = line.raw_dlc {
         write!(to, ",\"dlc\":{dlc}")?;
     }
-    match decoded {
-        Decoded::Frame(annotation) => {
+    match meaning {
+        Meaning::Frame(annotation) => {
             write!(to, ",\"kind\":\"{}\"", annotation.kind())?;
             text("name", &annotation.name(), scratch, to)?;
             if let Some(who) = &annotation.who {
@@ -70,28 +70,28 @@ pub(super) fn frame(
             text("text", annotation, scratch, to)?;
             what(&annotation.what, to)?;
         }
-        Decoded::RecorderLine(pseudo) => {
+        Meaning::RecorderLine(pseudo) => {
             write!(to, ",\"kind\":\"{}\"", pseudo.name())?;
             cycle(pseudo, to)?;
         }
-        Decoded::Error(error) => {
+        Meaning::Error(error) => {
             to.write_all(b",\"kind\":\"error frame\"")?;
             text("text", error, scratch, to)?;
         }
-        Decoded::Other(kind) => write!(to, ",\"kind\":\"{kind}\"")?,
+        Meaning::Other(kind) => write!(to, ",\"kind\":\"{kind}\"")?,
     }
-    remarks(decoded, back, to)?;
+    remarks(meaning, back, to)?;
     to.write_all(b"}\n")
 }
 
 /// Writes the anomalies of a line.
-fn remarks(decoded: &Decoded<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::Result<()> {
+fn remarks(meaning: &Meaning<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::Result<()> {
     let mut lead = ",\"remarks\":[";
     if let Some(back) = back {
         write!(to, "{lead}\"{back}\"")?;
         lead = ",";
     }
-    if let Decoded::Frame(annotation) = decoded {
+    if let Meaning::Frame(annotation) = meaning {
         for remark in annotation.remarks() {
             write!(to, "{lead}\"{remark}\"")?;
             lead = ",";
@@ -120,7 +120,7 @@ fn hex(data: &[u8], to: &mut impl Write) -> io::Result<()> {
     data.iter().try_for_each(|byte| to.write_all(&[digit(byte >> 4), digit(byte & 0xF)]))
 }
 
-/// Writes a number in the fewest digits that are read as the same number. A whole one has no point.
+/// Writes a number in the shortest form that is read as the same number; integers without a decimal point.
 fn number(value: f64, to: &mut impl Write) -> io::Result<()> {
     // Most joints rest, and their zero needs no search for digits.
     let is_zero = value.to_bits() == 0;

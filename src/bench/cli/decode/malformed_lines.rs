@@ -5,25 +5,25 @@ use canopen_tools::candump::NotALine;
 use run::exit::{Failure, Kind};
 use run::print;
 
-/// Maximum number of lines reported one by one; a binary file has thousands.
+/// Maximum number of lines that are reported individually; a binary file has thousands.
 const MAX_REPORTED: u32 = 5;
 
 /// Reports malformed lines of one input.
 #[derive(Debug)]
 pub(super) struct MalformedLines {
-    /// The input, as the user named it.
+    /// Name of the input, as given.
     input: String,
     is_quiet: bool,
     reported: u32,
 }
 
 impl MalformedLines {
-    /// Reports on `input`; with `is_quiet` only an input without any valid line.
+    /// Creates the reports of `input`; with `is_quiet` only an input without any valid line is reported.
     pub(super) const fn new(input: String, is_quiet: bool) -> Self {
         Self { input, is_quiet, reported: 0 }
     }
 
-    /// Reports a line, or says that further ones are only counted.
+    /// Reports a line, or once that further ones are only counted.
     pub(super) fn line(&mut self, number: u64, error: NotALine) {
         if self.is_quiet || self.reported > MAX_REPORTED {
             return;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::decode::decoded::Decoded;
+use crate::decode::meaning::Meaning;
 use crate::decode::timestamps::GoesBack;
 use canopen_tools::decode::Decoder;
 
@@ -52,17 +52,17 @@ const PLAIN: &str = "\x1b[0m";
 /// Replaces the content of `to` by the output line.
 pub(super) fn line(
     raw: &str,
-    decoded: &Decoded<'_>,
+    meaning: &Meaning<'_>,
     back: Option<GoesBack>,
     columns: &mut Columns,
     to: &mut String,
 ) {
-    if !matches!(decoded, Decoded::RecorderLine(_)) {
+    if !matches!(meaning, Meaning::RecorderLine(_)) {
         columns.fit(raw);
     }
     to.clear();
     // Writing into a String cannot fail.
-    write(raw, decoded, back, columns, to).ok();
+    write(raw, meaning, back, columns, to).ok();
     to.truncate(to.trim_end().len());
     to.push('\n');
 }
@@ -80,7 +80,7 @@ fn push_spaces(to: &mut String, count: usize) {
 
 fn write(
     raw: &str,
-    decoded: &Decoded<'_>,
+    meaning: &Meaning<'_>,
     back: Option<GoesBack>,
     columns: &Columns,
     to: &mut String,
@@ -93,30 +93,30 @@ fn write(
     push_spaces(to, gap);
     to.push_str(colour(CYAN));
     let start = to.len();
-    match decoded {
-        Decoded::Frame(annotation) => write!(to, "{}", annotation.name())?,
-        Decoded::RecorderLine(pseudo) => to.push_str(pseudo.name()),
-        Decoded::Error(_) => to.push_str("error frame"),
-        Decoded::Other(what) => to.push_str(what),
+    match meaning {
+        Meaning::Frame(annotation) => write!(to, "{}", annotation.name())?,
+        Meaning::RecorderLine(pseudo) => to.push_str(pseudo.name()),
+        Meaning::Error(_) => to.push_str("error frame"),
+        Meaning::Other(what) => to.push_str(what),
     }
     let gap = width.saturating_sub(to.len() - start) + 1;
     to.push_str(plain);
     push_spaces(to, gap);
-    match decoded {
-        Decoded::Frame(annotation) if annotation.is_alarming() => {
+    match meaning {
+        Meaning::Frame(annotation) if annotation.is_alarming() => {
             write!(to, "{}{annotation}{plain}", colour(RED))?;
         }
-        Decoded::Frame(annotation) => write!(to, "{annotation}")?,
-        Decoded::RecorderLine(pseudo) => write!(to, "{pseudo}")?,
-        Decoded::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
-        Decoded::Other(_) => {}
+        Meaning::Frame(annotation) => write!(to, "{annotation}")?,
+        Meaning::RecorderLine(pseudo) => write!(to, "{pseudo}")?,
+        Meaning::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
+        Meaning::Other(_) => {}
     }
     let mut lead = "  ! ";
     if let Some(back) = back {
         write!(to, "{}{lead}{back}{plain}", colour(RED))?;
         lead = ", ";
     }
-    let Decoded::Frame(annotation) = decoded else { return Ok(()) };
+    let Meaning::Frame(annotation) = meaning else { return Ok(()) };
     for remark in annotation.remarks() {
         write!(to, "{}{lead}{remark}{plain}", colour(RED))?;
         lead = ", ";

@@ -2,8 +2,8 @@
 
 use std::io::{self, BufReader, Read, Write};
 
-use crate::decode::decoded::Decoded;
 use crate::decode::input::read_line;
+use crate::decode::meaning::Meaning;
 use crate::decode::timestamps::Timestamps;
 use crate::decode::{json, text};
 use ::replay::recorder_line::RecorderLine;
@@ -148,34 +148,34 @@ impl Transcriber {
         let back = nanos.and_then(|nanos| self.stamps.on_timestamp(line.interface, nanos));
         let at = nanos.map(|nanos| Instant::from_micros(nanos / 1_000));
         let bus = line.canopen().map(|(cob_id, _)| (cob_id, self.bus(line.interface)));
-        let decoded = match (&line.content, bus) {
+        let meaning = match (&line.content, bus) {
             (Content::Data(data), Some((cob_id, bus))) => {
-                Decoded::Frame(self.decoder.on_frame(bus, at, cob_id, data))
+                Meaning::Frame(self.decoder.on_frame(bus, at, cob_id, data))
             }
-            (Content::Data(_), None) => Decoded::Other("29 bits"),
+            (Content::Data(_), None) => Meaning::Other("29 bits"),
             (Content::Fd(_, data), _) => match RecorderLine::read(line, data) {
-                Some(pseudo) => Decoded::RecorderLine(pseudo),
-                None => Decoded::Other("CAN FD"),
+                Some(pseudo) => Meaning::RecorderLine(pseudo),
+                None => Meaning::Other("CAN FD"),
             },
-            (Content::Remote(_), _) => Decoded::Other("remote frame"),
-            (Content::Error(data), _) => Decoded::Error(error_frame(line.id, data)),
+            (Content::Remote(_), _) => Meaning::Other("remote frame"),
+            (Content::Error(data), _) => Meaning::Error(error_frame(line.id, data)),
         };
         if let Some(only) = &self.only {
-            let Decoded::Frame(annotation) = &decoded else { return Ok(()) };
+            let Meaning::Frame(annotation) = &meaning else { return Ok(()) };
             if !only.iter().any(|member| annotation.is_about(*member)) {
                 return Ok(());
             }
         }
         match &mut self.form {
             Form::Text(columns) => {
-                text::line(text, &decoded, back, columns, &mut self.scratch);
+                text::line(text, &meaning, back, columns, &mut self.scratch);
                 output.write_all(self.scratch.as_bytes())
             }
             Form::Json => json::frame(
                 self.counts.number,
                 nanos,
                 line,
-                &decoded,
+                &meaning,
                 back,
                 &mut self.scratch,
                 output,

@@ -1,4 +1,4 @@
-//! The telemetry of `frhc demo`: that of `frhc run`, from a node in this process; and the page that shows it.
+//! Telemetry of `frhc demo`, equal to that of `frhc run`, and the page that shows it.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -24,16 +24,16 @@ use view::server::Running;
 #[derive(Debug)]
 pub(super) struct DemoTelemetry {
     socket: PathBuf,
-    /// Made when the socket was found; the first run has it.
+    /// Publisher of the first run, created with the socket.
     first: RefCell<Option<Publisher>>,
-    /// Folder of a socket that no other program looks for; removed at the end.
+    /// Temporary folder of a private socket; removed at the end.
     _private: Option<TempDir>,
     _page: Option<Running>,
 }
 
 impl DemoTelemetry {
-    /// Offers the telemetry of a demo in real time, or of one with `--telemetry`, and serves its page with `--view`; `None` for any other
-    /// demo.
+    /// Offers the telemetry of a demo in real time or with `--telemetry`, and serves its page with `--view`. Returns `None` for
+    /// any other demo.
     ///
     /// # Errors
     /// The socket of `--telemetry`, or the address of the page, cannot be used.
@@ -57,8 +57,8 @@ impl DemoTelemetry {
     }
 }
 
-/// Listens at the socket of `--telemetry`, or at the default one. Where another node has the latter, a page gets a socket in a temporary
-/// folder, and a demo without a page goes on without telemetry.
+/// Listens at the socket of `--telemetry`, or at the default one. If another node uses the latter, a page gets a socket in a
+/// temporary folder, and a demo without a page runs without telemetry.
 fn socket(
     args: &TelemetryArgs,
     config: &Config,
@@ -86,14 +86,14 @@ fn publisher(socket: &Path, config: &Config) -> Result<Publisher, Failure> {
     started.with_context(|| format!("telemetry socket {}", socket.display())).or_fail(Kind::Bus)
 }
 
-/// Serves the page of the node at this socket, and says where.
+/// Serves the page of the node at this socket, and prints its address.
 fn serve(args: &TelemetryArgs, socket: PathBuf) -> Result<Running, Failure> {
     let server = command::bind(args.listen, vec![socket])?;
     print::note(&format!("look at http://{}/", server.address()));
     server.start().or_fail(Kind::Bus)
 }
 
-/// The telemetry of one run.
+/// Telemetry of one run.
 #[derive(Debug)]
 pub(super) struct RunTelemetry {
     publisher: Publisher,

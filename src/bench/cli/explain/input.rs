@@ -14,7 +14,7 @@ use testbench::question::Question;
 /// Maximum length of the input, in bytes.
 const MAX_LENGTH: u64 = 1 << 20;
 
-/// A question, and the device it is about if the input names one.
+/// Question of one cycle, with the device if the input names one.
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct Input {
     /// Name of a shipped configuration, as `kraft_like`.
@@ -24,14 +24,14 @@ pub(super) struct Input {
     pub(super) question: Question,
 }
 
-/// Part of the question that the command-line flags give.
+/// Part of the question that the command-line flags contain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Flags {
-    /// Nothing.
+    /// No input.
     Absent,
     /// Some inputs, but not the joint positions.
     Some,
-    /// The joint positions: no further input is needed.
+    /// The joint positions, so that no further input is needed.
     Position,
 }
 

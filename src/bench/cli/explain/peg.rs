@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::explain::input;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
-use sim::contact::peg_rig::{Approach, Grip, Lowered, PegRig, PegRigSettings};
+use sim::contact::peg_rig::{Approach, Grip, LoweringResult, PegRig, PegRigSettings};
 
 /// `frhc explain peg`.
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ pub(super) struct Peg {
     question: OsString,
 }
 
-/// A peg, a hole, and where the peg is put or lowered.
+/// Peg, hole, and the poses and approaches of the peg.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Question {
@@ -70,7 +70,7 @@ impl Default for Question {
     }
 }
 
-/// Answers every pose, then every approach.
+/// Computes and prints every pose, then every approach.
 pub(super) fn run(args: &Peg) -> Result<(), Failure> {
     let question: Question = input::read_as(&args.question)?;
     question.check().map_err(|reason| Failure::new(Kind::Usage, reason))?;
@@ -83,7 +83,7 @@ pub(super) fn run(args: &Peg) -> Result<(), Failure> {
         print::line(&json!({ "f_e": f_e, "points": touched.features }).to_string());
     }
     for [x, y, a, b] in &question.approaches {
-        let Lowered { outcome, depth, features, .. } =
+        let LoweringResult { outcome, depth, features, .. } =
             rig.lower(&Approach { offset: [*x, *y], tilt: [*a, *b] }, &grip, depth);
         let answer = json!({ "outcome": outcome, "depth_m": depth, "points": features });
         print::line(&answer.to_string());
@@ -92,7 +92,7 @@ pub(super) fn run(args: &Peg) -> Result<(), Failure> {
 }
 
 impl Question {
-    /// Checks what the rig does not.
+    /// Checks the values that the rig does not check.
     fn check(&self) -> Result<(), String> {
         for (key, value) in [
             ("grip_centre_m", self.grip_centre_m),

@@ -57,7 +57,7 @@ pub(super) fn run(args: &Csv, is_quiet: bool) -> Result<(), Failure> {
     table.write(file, cycles, &progress)
 }
 
-/// A table of signals.
+/// Table of signals, a row for each cycle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Table<'a> {
     pub(crate) signals: &'a [Signal],
@@ -124,7 +124,7 @@ fn fill(row: &mut csv::ByteRecord, signals: &[Signal], cycle: &Cycle<'_>) -> io:
         field.clear();
         let value = signal.value(cycle);
         if !value.is_nan() {
-            // Never `-0`.
+            // Prevents `-0`.
             write!(field, "{}", value + 0.0)?;
         }
         row.push_field(&field);
@@ -132,7 +132,7 @@ fn fill(row: &mut csv::ByteRecord, signals: &[Signal], cycle: &Cycle<'_>) -> io:
     Ok(())
 }
 
-/// Returns what a pass over a session has found, a line each; empty where everything is there.
+/// Returns remarks on missing parts of a session, a line each; empty for a complete session.
 pub(crate) fn remarks(findings: &Findings) -> Vec<String> {
     let verdict = findings.verdict.as_ref().and_then(|verdict| match verdict {
         ReplayVerdict::Equal => None,

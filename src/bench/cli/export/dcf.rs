@@ -122,7 +122,7 @@ fn plain(name: &str) -> String {
     name.chars().take(100).map(plain).collect()
 }
 
-/// Writes all files, or none.
+/// Writes all files or, after a failure, none.
 fn write(folder: &Path, files: &[File], force: Force) -> Result<(), Failure> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     let files = files.iter().map(|file| (folder.join(&file.name), &file.content));

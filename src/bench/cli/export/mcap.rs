@@ -11,7 +11,7 @@ use crate::session_progress;
 use crate::span::Span;
 use crate::whole_file::WholeFile;
 use ::replay::Session;
-use mcap_export::{Choice, Content, ExportError, Exported};
+use mcap_export::{Choice, Content, ExportError, ExportSummary};
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::Force;
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Mcap, is_quiet: bool) -> Result<(), Failure> {
 }
 
 /// Prints the topics, each with its number of messages.
-fn report(path: &Path, exported: &Exported) {
+fn report(path: &Path, exported: &ExportSummary) {
     print::line(&format!("{}: {} cycles", path.display(), exported.cycles));
     for (topic, messages) in &exported.messages {
         print::line(&format!("{topic:<26} {messages:>9}"));

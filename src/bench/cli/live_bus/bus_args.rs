@@ -51,7 +51,7 @@ impl BusArgs {
         self.select_for([])
     }
 
-    /// Selects the bus without opening it: without an interface that of the first named node.
+    /// Selects the bus without opening it. Without an interface it is the bus of the first named node.
     pub(crate) fn select_for<'n>(
         &self,
         nodes: impl IntoIterator<Item = &'n NodeArg>,
@@ -87,7 +87,7 @@ impl SelectedBus {
         self.open_listening(ForceArg { force }).map(|(session, _)| session)
     }
 
-    /// The same, with the heartbeats received meanwhile.
+    /// Opens the interface as [`open_to_command`](Self::open_to_command), and returns the heartbeats received meanwhile.
     pub(crate) fn open_listening(
         &self,
         ForceArg { force }: ForceArg,

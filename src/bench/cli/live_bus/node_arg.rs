@@ -65,7 +65,7 @@ impl NodeArg {
     /// Returns bus and node-id of a named node; `None` if the node is given by its node-id.
     ///
     /// # Errors
-    /// Returns an error for an unknown name, with those that are known.
+    /// The name is unknown; the error lists the known ones.
     pub(super) fn find(&self, config: &Config) -> Result<Option<(Channel, NodeId)>, Failure> {
         let Self::Name(name) = self else { return Ok(None) };
         let nodes = config.node_plans();

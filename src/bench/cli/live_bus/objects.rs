@@ -9,7 +9,7 @@ use canopen::object::Object;
 use canopen::sdo::{Content, SdoError, Terms, Transfer};
 use canopen_tools::value::Octets;
 
-/// An object of a node, and the terms of its transfer.
+/// Object of a node, and the options of its SDO transfer.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     /// Node-id.
@@ -53,7 +53,7 @@ pub enum ObjectError {
 /// Reads the value of an object.
 ///
 /// # Errors
-/// When the bus fails, or the node aborts or does not respond.
+/// The bus fails, or the node aborts the transfer or does not respond.
 pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
     let Target { node, object, terms } = target;
     let outcome = session.run(|now, out| Transfer::read_on(terms, node, object, now, out));
@@ -63,7 +63,7 @@ pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content,
 /// Writes `bytes`; with `verify` reads them back and compares.
 ///
 /// # Errors
-/// As [`read`], or when the value read back differs.
+/// As [`read`], or the value read back differs.
 pub fn write<B: Bus>(
     session: &mut Session<B>,
     target: Target,
@@ -81,7 +81,7 @@ pub fn write<B: Bus>(
         return Ok(());
     }
     let content = read(session, target)?;
-    // An expedited response without size has four bytes, of which the type uses some.
+    // An expedited response without size has four bytes; the type may use fewer.
     if content.exactly(bytes.len()) == Some(bytes) {
         return Ok(());
     }

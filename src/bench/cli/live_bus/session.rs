@@ -68,10 +68,10 @@ impl<B: Bus> Session<B> {
         &self.bus
     }
 
-    /// Begins a procedure and runs it to its outcome.
+    /// Starts a procedure and runs it to its outcome.
     ///
     /// # Errors
-    /// When the bus fails or `stop` is set; the procedure is then aborted.
+    /// The bus fails, or `stop` is set; the procedure is then aborted.
     pub fn run<P: Procedure>(
         &mut self,
         begin: impl FnOnce(Instant, &mut Vec<Frame>) -> P,
@@ -82,7 +82,7 @@ impl<B: Bus> Session<B> {
         self.resume(&mut procedure)
     }
 
-    /// Runs a procedure that has begun to its next outcome.
+    /// Runs a started procedure to its next outcome.
     ///
     /// # Errors
     /// As [`run`](Self::run).

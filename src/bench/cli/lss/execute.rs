@@ -7,7 +7,7 @@ use crate::lss::{Lss, Task};
 use bus::Bus;
 use canopen::NodeId;
 use canopen_device::lss::Address;
-use canopen_tools::diagnostics::scan::{Found, Scan};
+use canopen_tools::diagnostics::scan::{NodeReport, Scan};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, Report, Selection, Timeouts};
 use canopen_tools::lss::master::Master;
@@ -38,14 +38,18 @@ fn owner<B: Bus>(
     session: &mut Session<B>,
     node: NodeId,
     timeout: Duration,
-) -> Result<Option<Found>, SessionError> {
+) -> Result<Option<NodeReport>, SessionError> {
     let found = session.run(|now, out| Scan::start(&[node], timeout, Duration::ZERO, now, out))?;
     Ok(found.into_iter().find(|found| found.node == node))
 }
 
 /// Returns an error if another slave has this node-id. A slave chosen by its identity may have it already.
-fn ensure_free(node: NodeId, owner: Option<&Found>, selection: Selection) -> Result<(), Failure> {
-    let is_its_own = |owner: &Found| match selection {
+fn ensure_free(
+    node: NodeId,
+    owner: Option<&NodeReport>,
+    selection: Selection,
+) -> Result<(), Failure> {
+    let is_its_own = |owner: &NodeReport| match selection {
         Selection::Address(address) => owner.address() == Some(address),
         Selection::Fastscan => false,
         Selection::Selected | Selection::All => true,

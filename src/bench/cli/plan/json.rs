@@ -1,4 +1,4 @@
-//! A plan as JSON, with the units in the keys. An unbounded value is null.
+//! JSON of a plan, with the units in the keys. An unbounded value is null.
 
 use std::time::Duration;
 
@@ -13,12 +13,12 @@ use canopen::load::streams::Sender;
 use canopen::load::timeline::{Stage, Step, Timeline};
 use canopen::load::utilisation::BusLoad;
 use canopen_tools::bus_figures::loop_delay::LoopDelay;
-use canopen_tools::bus_figures::{Both, BusPlan, Planned};
+use canopen_tools::bus_figures::{Both, BusPlan, PlannedFrame};
 use config::Config;
 use run::stopping;
 
-/// Returns the report as one object.
-pub(super) fn of(report: &Report<'_>, config: &Config) -> String {
+/// Returns the report as one JSON object.
+pub(super) fn object(report: &Report<'_>, config: &Config) -> String {
     let assumed = &report.assumed;
     let network = report.network;
     let buses = report.buses.iter().zip(&network.buses);
@@ -88,7 +88,7 @@ fn rates(rates: &Rates) -> Json {
     })
 }
 
-fn frame(planned: &Planned, name: &str, bus: &Bus) -> Json {
+fn frame(planned: &PlannedFrame, name: &str, bus: &Bus) -> Json {
     let stream = &planned.stream;
     let (sent, gap_us, timer_us) = match stream.pace {
         Pace::Clock { period_us } => ("clock", period_us, Some(period_us)),

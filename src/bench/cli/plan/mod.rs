@@ -13,7 +13,7 @@ use canopen::load::network::{Assumptions, Network};
 use canopen::load::proposals::{self, Proposal};
 use canopen::load::streams::{Role, Stream};
 use canopen::load::timeline::Pauses;
-use canopen_tools::bus_figures::{self, BusPlan, Planned, values};
+use canopen_tools::bus_figures::{self, BusPlan, PlannedFrame, values};
 use config::Config;
 use run::config_arg::ConfigArg;
 use run::exit::{Failure, Kind, OrFail};
@@ -56,7 +56,7 @@ enum Layout {
     Grouped,
 }
 
-/// A plan and proposals to improve it.
+/// Plan of the buses, with proposals to improve it.
 struct Report<'r> {
     network: &'r Network,
     assumed: Assumptions,
@@ -70,8 +70,8 @@ struct Report<'r> {
 struct Names(Vec<(String, u16)>);
 
 impl Names {
-    fn of(buses: &[BusPlan]) -> Self {
-        let shared = |frame: &&Planned| {
+    fn from_plans(buses: &[BusPlan]) -> Self {
+        let shared = |frame: &&PlannedFrame| {
             matches!(frame.stream.role, Role::Rpdo(_)) && frame.stream.nodes.len() > 1
         };
         let of_bus = |bus: &BusPlan| {
@@ -83,7 +83,7 @@ impl Names {
         Self(buses.iter().flat_map(of_bus).collect())
     }
 
-    /// Returns the name of a frame without that of its node: `TPDO1`, `RPDO1_group1`.
+    /// Returns the name of a frame without the node, such as `TPDO1` or `RPDO1_group1`.
     fn frame(&self, bus: &BusPlan, stream: &Stream) -> String {
         let role = text::role(stream.role);
         let is_it = |(name, cob_id): &(String, u16)| *name == bus.name && *cob_id == stream.cob_id;
@@ -102,9 +102,9 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
         error_gap_us: args.error_every_ms.map(|ms| ms.saturating_mul(1_000)),
         ..Assumptions::default()
     };
-    let buses = bus_figures::plans(&network, &values::of(&config), &assumed);
+    let buses = bus_figures::plans(&network, &values::typical_values(&config), &assumed);
     let report = Report {
-        names: Names::of(&buses),
+        names: Names::from_plans(&buses),
         buses,
         proposals: proposals::proposals(&network, &assumed),
         obstacles: alternatives::obstacles(&network),
@@ -112,10 +112,10 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
         assumed,
     };
     if args.json {
-        print::line(&json::of(&report, &config));
+        print::line(&json::object(&report, &config));
     } else {
         stopping::lines(&config).iter().for_each(|line| print::line(line));
-        print::line(&text::of(&report));
+        print::line(&text::report(&report));
     }
     if network == config.network() {
         Config::load(file).map(|_| ()).or_fail(Kind::Configuration)
@@ -172,7 +172,7 @@ fn rate(text: &str) -> Result<f64, String> {
     if (1.0..=10_000.0).contains(&rate) { Ok(rate) } else { Err("must be within 1..=10000".into()) }
 }
 
-/// Converts a rate within 1 and 10000 Hz to a period in whole µs.
+/// Converts a rate within 1 and 10000 Hz to a period in µs, rounded.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,

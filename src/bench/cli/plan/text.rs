@@ -1,4 +1,4 @@
-//! A plan as text: a screen or two per bus.
+//! Text of a plan: one or two screens per bus.
 
 use std::time::Duration;
 
@@ -9,13 +9,13 @@ use canopen::load::proposals::Proposal;
 use canopen::load::streams::{Role, Stream};
 use canopen::load::timeline::{Stage, Step};
 use canopen::load::utilisation::BusLoad;
-use canopen_tools::bus_figures::{BusPlan, Planned};
+use canopen_tools::bus_figures::{BusPlan, PlannedFrame};
 
 /// Width of the timeline, in columns.
 const COLUMNS: u32 = 50;
 
 /// Returns the report, without a final line end.
-pub(super) fn of(report: &Report<'_>) -> String {
+pub(super) fn report(report: &Report<'_>) -> String {
     let mut lines = vec![head(report)];
     for (plan, bus) in report.buses.iter().zip(&report.network.buses) {
         lines.push(String::new());
@@ -102,7 +102,7 @@ fn frame_lines(plan: &BusPlan, bus: &Bus, names: &Names) -> Vec<String> {
         "  {:<4} {:<12} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<22} {:>9}",
         "id", "frame", "of", "bytes", "least", "typ", "bits", "every", "within µs"
     );
-    let line = |frame: &Planned| {
+    let line = |frame: &PlannedFrame| {
         let stream = &frame.stream;
         let late = if frame.is_late() { " late" } else { "" };
         let mut of = nodes(stream, bus);
@@ -123,7 +123,7 @@ fn frame_lines(plan: &BusPlan, bus: &Bus, names: &Names) -> Vec<String> {
     };
     let mut lines = vec![head];
     lines.extend(plan.frames.iter().map(line));
-    if plan.frames.iter().any(Planned::is_late) {
+    if plan.frames.iter().any(PlannedFrame::is_late) {
         let late = "late: in the worst case, with all frames queued at once, this frame arrives after the next SYNC";
         lines.extend([format!("  {late}"), "  or after its receiver has timed out".to_owned()]);
     }
@@ -263,7 +263,7 @@ fn span(us: u32) -> String {
     }
 }
 
-/// Formats a bound in whole µs, rounded up.
+/// Formats a response time in µs, rounded up; an unbounded one as `none`.
 fn response(response: Option<Duration>) -> String {
     response.map_or_else(|| "none".into(), |bound| bound.as_nanos().div_ceil(1_000).to_string())
 }
@@ -273,7 +273,7 @@ fn stage(stage: Stage, plan: &BusPlan, bus: &Bus, names: &Names) -> String {
         let found = plan.frames.iter().find(|frame| frame.stream.cob_id == cob_id);
         found.map_or_else(String::new, |frame| {
             let name = names.frame(plan, &frame.stream);
-            // The table of frames says whose a shared one is.
+            // The table of frames lists the nodes of a shared frame.
             let is_shared = frame.stream.nodes.len() > 1;
             if is_shared { name } else { format!("{name} {}", nodes(&frame.stream, bus)) }
         })

@@ -1,4 +1,4 @@
-//! The end of a replay in words; a difference has its first frame.
+//! Text of the end of a replay, with the first differing frame.
 
 use ::replay::{Difference, End, Replay, Session};
 use canopen::frame::{Channel, TEXT_LENGTH, Telegram};
@@ -33,7 +33,7 @@ fn differing(
     Ok(format!("{difference}{}", frame.unwrap_or_default()))
 }
 
-/// Returns the first frame that is sent now and was not then, with the one recorded in its place.
+/// Returns the first replayed frame that differs from the recording, with the recorded one.
 fn first_difference(
     recorded: &[Telegram],
     sent: Vec<Telegram>,

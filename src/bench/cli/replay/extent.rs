@@ -13,22 +13,22 @@ pub(super) struct Extent {
     last: Bound,
 }
 
-/// Bound of a part.
+/// First or last cycle of a part.
 #[derive(Clone, Copy, Debug)]
 enum Bound {
-    /// That of the session.
+    /// First or last cycle of the session.
     Session,
-    /// Cycle of this number, as in `bus.log`. What is sent between two cycles belongs to the one before.
+    /// Cycle with this number, as in `bus.log`. Frames between two cycles belong to the earlier one.
     Cycle(u64),
     /// First cycle whose SYNC was sent at this time or later.
     Time(Instant),
 }
 
 /// Number of a cycle, zero before the first, and time of its SYNC.
-pub(super) type Reached = (u64, Option<Instant>);
+pub(super) type CycleMark = (u64, Option<Instant>);
 
 impl Extent {
-    /// Returns the part between two places. Without them it is the whole session, or as much of it as a fault record has.
+    /// Creates the part between two places. The defaults are the ends of the session, or of the fault record.
     pub(super) fn new(from: Option<Place>, to: Option<Place>, fault: Option<&FaultRecord>) -> Self {
         let of = |place: Option<Place>, time: Option<Instant>| match (place, time) {
             (Some(Place::Cycle(cycle)), _) => Bound::Cycle(cycle),
@@ -40,20 +40,20 @@ impl Extent {
         Self { first, last: of(to, fault.map(FaultRecord::end)) }
     }
 
-    /// Returns whether the part has begun.
-    pub(super) fn is_begun(&self, reached: Reached) -> bool {
-        self.first.is_reached(reached).unwrap_or(true)
+    /// Returns whether a cycle is in the part or after it.
+    pub(super) fn is_begun(&self, mark: CycleMark) -> bool {
+        self.first.is_reached(mark).unwrap_or(true)
     }
 
-    /// Returns whether this is its last cycle.
-    pub(super) fn is_over(&self, reached: Reached) -> bool {
-        self.last.is_reached(reached).unwrap_or(false)
+    /// Returns whether a cycle is the last of the part, or after it.
+    pub(super) fn is_over(&self, mark: CycleMark) -> bool {
+        self.last.is_reached(mark).unwrap_or(false)
     }
 }
 
 impl Bound {
-    /// Returns `None` without a bound.
-    fn is_reached(self, (cycle, at): Reached) -> Option<bool> {
+    /// Returns whether a cycle is at the bound or after it; `None` without a bound.
+    fn is_reached(self, (cycle, at): CycleMark) -> Option<bool> {
         match self {
             Self::Session => None,
             Self::Cycle(bound) => Some(cycle >= bound),
@@ -62,7 +62,7 @@ impl Bound {
     }
 }
 
-/// Returns a time since time zero; the greatest one for a time beyond.
+/// Converts a time in s since time zero, saturating.
 fn at(seconds: f64) -> Instant {
     let since = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
     Instant::ZERO + since

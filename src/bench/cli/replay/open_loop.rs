@@ -1,4 +1,4 @@
-//! `frhc replay --with`: the torques that another configuration would have asked for, from the same inputs.
+//! `frhc replay --with`: torques of another configuration, computed from the same inputs.
 
 use serde::Serialize;
 
@@ -26,7 +26,7 @@ struct JointDifference {
     cycle: u64,
 }
 
-/// Computes a session with both configurations, and prints by how much the torques differ.
+/// Computes a session with both configurations, and prints the differences of their torques.
 pub(super) fn compare(
     session: &Session,
     [recorded, other]: [&Config; 2],

@@ -1,4 +1,4 @@
-//! The trip of a fault record, found again in the replay of its session.
+//! Trip of a fault record, compared with the replay of its session.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ pub(super) struct Trip {
 }
 
 impl Trip {
-    /// Awaits the trip of a record.
+    /// Creates the comparison for a record.
     pub(super) const fn awaited(recorded: FaultRecord) -> Self {
         Self { recorded, replayed: None }
     }
@@ -30,10 +30,10 @@ impl Trip {
         }
     }
 
-    /// Fails unless the replay tripped in the same cycle by the same cause.
+    /// Checks that the replay tripped in the same cycle by the same cause.
     ///
     /// # Errors
-    /// Another cause, or a replay that ended before.
+    /// The cause differs, or the replay ended before the trip.
     pub(super) fn ensure_found(&self) -> Result<(), Failure> {
         let FaultRecord { cycle, cause, .. } = &self.recorded;
         let reason = match &self.replayed {

@@ -1,6 +1,6 @@
 //! Time of the far side, and its periods.
 //!
-//! The clock counts suspension of the host, too: a command from before it is old.
+//! The clock includes suspensions of the host, so that a command from before one is stale.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
 use units::time::Instant;
 
-/// Clock that is never set, and counts while the host is suspended.
+/// Clock that is never set and includes suspensions of the host.
 const CLOCK: ClockId = ClockId::CLOCK_BOOTTIME;
 
 /// Time since the start of this process.
@@ -38,12 +38,12 @@ impl Clock {
     }
 }
 
-/// Reads the clock; every Linux kernel has it.
+/// Reads the clock, which every supported Linux kernel has.
 fn read() -> Duration {
     clock_gettime(CLOCK).map(Duration::from).unwrap_or_default()
 }
 
-/// Returns when the cycle after the one due at `due` is due. Cycles that were missed are left out.
+/// Returns the start of the cycle after the one at `due`. Missed cycles are skipped.
 pub(super) fn next_due(due: Instant, now: Instant, period: Duration) -> Instant {
     let next = due + period;
     if next > now { next } else { now + period }

@@ -1,4 +1,4 @@
-//! The robot's thread: a cycle per period, with the messages of the node in between.
+//! Thread of the robot: a cycle per period, with the messages of the node in between.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -15,7 +15,7 @@ use net_ft::socket::NetFt;
 use testbench::far_robot::{FarRobot, Outgoing};
 use units::time::Instant;
 
-/// Cycles after a stop signal, in which the robot says that it ends.
+/// Number of cycles after a stop signal in which the robot reports its end.
 const LAST_CYCLES: u32 = 10;
 
 /// Requests to the robot's thread.
@@ -49,14 +49,14 @@ impl Requests {
     }
 }
 
-/// The robot, and what it is connected to.
+/// Robot with its connections.
 #[derive(Debug)]
 pub(super) struct Ends {
-    /// The robot.
+    /// Simulated robot.
     pub(super) robot: FarRobot,
-    /// Its connection to the node.
+    /// Connection to the node.
     pub(super) link: FarSocket,
-    /// Its force/torque sensor, if that is a real one.
+    /// Real force/torque sensor, if configured.
     pub(super) sensor: Option<NetFt>,
 }
 
@@ -66,11 +66,11 @@ impl Ends {
         Report {
             status: self.robot.status(),
             is_connected: self.link.is_connected(),
-            sensor: self.sensor.as_ref().map(|sensor| SensorStatus::of(sensor, now)),
+            sensor: self.sensor.as_ref().map(|sensor| SensorStatus::new(sensor, now)),
         }
     }
 
-    /// Performs the robot's cycle, with the reading of a real sensor if it has one.
+    /// Performs a cycle of the robot, with the reading of a real sensor if configured.
     fn step(&mut self, now: Instant) -> Outgoing {
         match &mut self.sensor {
             None => self.robot.step(now),
@@ -82,7 +82,7 @@ impl Ends {
     }
 }
 
-/// Runs cycles of `period` until an end is requested, and a few more that say so.
+/// Runs cycles of `period` until an end is requested, and [`LAST_CYCLES`] more that report it.
 pub(super) fn run(
     ends: &mut Ends,
     clock: Clock,
@@ -100,7 +100,7 @@ pub(super) fn run(
             last_cycles -= 1;
         }
         let Ends { robot, link, .. } = ends;
-        // Each message gets a time after its arrival: after a stop of this process in between, it is old.
+        // The time is read after the arrival: a message that waited during a stop of this process is stale.
         link.receive(clock.now(), |bytes| robot.on_message(clock.now(), bytes));
         let now = clock.now();
         let outgoing = ends.step(now);

@@ -42,7 +42,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let mut ends = Ends { robot, link, sensor };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
-    // Before this a status signal would end the process.
+    // Until here a status signal would end the process.
     let status_signals = runtime.block_on(async { StatusSignals::install() });
     let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
     log_time::set_clock(move || clock.now());
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let (outlet, messages) = Outlet::new();
     let ended = thread::scope(|threads| {
         let (ends, requests, period) = (&mut ends, &requests, config.period);
-        // The outlet goes with the thread: its end is that of the messages.
+        // The thread owns the outlet, so that its end closes the channel.
         let cycles = threads.spawn(move || cycle::run(ends, clock, period, requests, &outlet));
         runtime.block_on(serve(status_signals, messages, requests, args));
         cycles.join()

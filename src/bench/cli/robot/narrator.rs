@@ -1,4 +1,4 @@
-//! Lines of the log: who leads, what the robot follows, and why it holds.
+//! Log lines of the leading node, of what the robot follows, and of the reason to hold.
 
 use contract::{FarState, Reason};
 use far_socket::SocketEvent;
@@ -13,9 +13,9 @@ pub(super) enum Event {
     Sensor(SensorEvent),
     /// A node leads.
     Leads {
-        /// Its session.
+        /// Session of the node.
         session: u64,
-        /// Its epoch.
+        /// Epoch of the node.
         epoch: u32,
     },
     /// The robot follows.
@@ -53,14 +53,14 @@ pub(super) struct Narrator {
 }
 
 impl Default for Narrator {
-    /// The robot holds, and no node leads.
+    /// Returns the state of a robot that holds without a leading node.
     fn default() -> Self {
         Self { leader: (0, 0), reason: Reason::NotArmed }
     }
 }
 
 impl Narrator {
-    /// Takes session and epoch of the node that leads, and the reason to hold; returns what changed since the cycle before.
+    /// Takes session and epoch of the leading node and the reason to hold; returns the changes since the last cycle.
     pub(super) fn observe(
         &mut self,
         leader: (u64, u32),

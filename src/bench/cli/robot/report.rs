@@ -14,7 +14,7 @@ pub(super) struct Report {
     pub(super) status: Status,
     /// A node listens and sends.
     pub(super) is_connected: bool,
-    /// Status of the force/torque sensor, if that is a real one.
+    /// Status of a real force/torque sensor, if configured.
     pub(super) sensor: Option<SensorStatus>,
 }
 

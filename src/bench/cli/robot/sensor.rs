@@ -1,4 +1,4 @@
-//! The real force/torque sensor of `[remote.link.sensor]` in place of the simulated one.
+//! Real force/torque sensor of `[remote.link.sensor]`, instead of the simulated one.
 
 use anyhow::Context;
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use run::exit::{Failure, Kind, OrFail};
 use testbench::far_robot::RobotLimits;
 use units::time::Instant;
 
-/// Opens the sensor of a configuration, if it has one.
+/// Opens the sensor of a configuration; `None` if not configured.
 pub(super) fn opened(config: &Config, bias: bool, now: Instant) -> Result<Option<NetFt>, Failure> {
     let Some(NetFtSensor { address, counts_per_n, counts_per_nm }) = config.far_side.sensor else {
         return if bias { Err(no_sensor(config)) } else { Ok(None) };
@@ -27,7 +27,7 @@ pub(super) fn opened(config: &Config, bias: bool, now: Instant) -> Result<Option
     opened.map(Some).or_fail(Kind::Bus)
 }
 
-/// Returns the failure of `--bias` without a sensor that could take it.
+/// Returns the failure of `--bias` without a sensor.
 fn no_sensor(config: &Config) -> Failure {
     let reason = "remote.link.sensor: absent; --bias is for a sensor at an address of its own";
     Failure::new(Kind::Configuration, format!("{}: {reason}", config.file.display()))
@@ -42,11 +42,11 @@ pub(super) struct SensorStatus {
 
 impl SensorStatus {
     /// Returns the status at `now`.
-    pub(super) fn of(sensor: &NetFt, now: Instant) -> Self {
+    pub(super) fn new(sensor: &NetFt, now: Instant) -> Self {
         Self { condition: sensor.condition(now), counts: *sensor.counts() }
     }
 
-    /// Returns what a line of text has of it: the condition, and the counts that are not 0.
+    /// Returns the condition and all counts above 0, for a line of text.
     pub(super) fn text(&self) -> String {
         let counts = self.named().into_iter().filter(|(_, count)| *count > 0);
         let counts = counts.map(|(name, count)| format!(", {name} {count}")).collect::<String>();

@@ -12,7 +12,7 @@ use crate::scan::pdos::Pdos;
 use bus::Bus;
 use canopen::plan::NodePlan;
 use canopen::{NmtState, NodeId, nmt};
-use canopen_tools::diagnostics::scan::Found;
+use canopen_tools::diagnostics::scan::NodeReport;
 use canopen_tools::diagnostics::silent::Silent;
 use canopen_tools::diagnostics::states::{Answer, States};
 use run::exit::{Failure, Kind};
@@ -63,13 +63,13 @@ type Nodes = Vec<NodeArg>;
 enum Verdict {
     /// No configuration was given.
     Unchecked,
-    /// Its identity is as configured.
+    /// The identity is as configured.
     Expected,
-    /// Its identity differs.
+    /// The identity differs from the configured one.
     Other,
-    /// Its NMT state is received, but it does not respond to SDO requests.
+    /// The node reports an NMT state, but does not respond to SDO requests.
     Mute,
-    /// It is not in the configuration.
+    /// The node is not in the configuration.
     Unexpected,
 }
 
@@ -96,7 +96,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
     }
     // Heartbeats also reveal nodes outside of `--nodes`.
     let asked = found.iter().filter(|found| nodes.contains(&found.node));
-    let checked: Vec<(&Found, Verdict)> =
+    let checked: Vec<(&NodeReport, Verdict)> =
         asked.map(|found| (found, check(found, plans.as_deref(), master))).collect();
     let missing: Vec<&NodePlan> = plans
         .iter()
@@ -129,10 +129,10 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
     conclude(&checked, &missing, args.stopped)
 }
 
-/// Asks nodes that answer but send no heartbeat for their NMT state, by node guarding.
+/// Polls the NMT state of nodes without a heartbeat that answer SDO requests, by node guarding.
 fn ask_states<B: Bus>(
     session: &mut Session<B>,
-    found: &mut [Found],
+    found: &mut [NodeReport],
     timeout: Duration,
 ) -> Result<(), SessionError> {
     let silent = found.iter().filter(|found| found.answers && found.state.is_none());
@@ -157,19 +157,19 @@ fn ask_states<B: Bus>(
 fn find_stopped<B: Bus>(
     session: &mut Session<B>,
     listed: &[NodeId],
-    found: &mut Vec<Found>,
+    found: &mut Vec<NodeReport>,
     timeout: Duration,
 ) -> Result<(), SessionError> {
     let is_unknown = |node: &&NodeId| !found.iter().any(|found| found.node == **node);
     let silent: Vec<NodeId> = listed.iter().filter(is_unknown).copied().collect();
     let answers = session.run(|now, out| Silent::start(silent, timeout, now, out))?;
-    found.extend(answers.into_iter().map(|(node, state)| Found::with_state(node, state)));
+    found.extend(answers.into_iter().map(|(node, state)| NodeReport::with_state(node, state)));
     found.sort_by_key(|found| found.node);
     Ok(())
 }
 
 /// Compares a node with the configuration. The master's own node-id is expected.
-fn check(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
+fn check(found: &NodeReport, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
     let Some(plans) = plans else { return Verdict::Unchecked };
     let Some(plan) = plans.iter().find(|plan| plan.node == found.node) else {
         let is_master = master == Some(found.node);
@@ -188,7 +188,7 @@ fn check(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> V
 
 /// Returns a failure with one line for each missing or different node, or if no node responds.
 fn conclude(
-    checked: &[(&Found, Verdict)],
+    checked: &[(&NodeReport, Verdict)],
     missing: &[&NodePlan],
     has_polled: bool,
 ) -> Result<(), Failure> {
@@ -234,7 +234,7 @@ impl Verdict {
     }
 }
 
-fn table(checked: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
+fn table(checked: &[(&NodeReport, Verdict)], plans: Option<&[NodePlan]>) {
     if checked.is_empty() {
         return;
     }
@@ -267,7 +267,7 @@ fn table(checked: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
 
 fn json(
     interface: &str,
-    checked: &[(&Found, Verdict)],
+    checked: &[(&NodeReport, Verdict)],
     missing: &[&NodePlan],
     pdos: &[Pdos],
 ) -> serde_json::Value {

@@ -1,4 +1,4 @@
-//! The scenarios of `config/scenarios` inside the program, so that all of them run anywhere.
+//! Scenarios of `config/scenarios`, compiled in.
 
 use std::path::{Path, PathBuf};
 
@@ -91,7 +91,7 @@ pub(super) fn path(name: &str) -> PathBuf {
     Path::new("config/scenarios").join(name).with_extension("toml")
 }
 
-/// Returns the content of a shipped file, as it was when the program was built.
+/// Returns the content of a shipped file at build time; `None` for any other file.
 pub(super) fn text(file: &Path) -> Option<&'static str> {
     SCENARIOS.iter().find(|(name, _)| path(name) == file).map(|(_, text)| *text)
 }
@@ -104,7 +104,7 @@ mod tests {
 
     const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../config/scenarios");
 
-    /// Every file in `folder`, also in folders of it.
+    /// Returns all files below `folder`.
     fn below(folder: &Path) -> Vec<PathBuf> {
         let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
         paths.flat_map(|path| if path.is_dir() { below(&path) } else { vec![path] }).collect()

@@ -40,7 +40,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
-    // Before this a status signal would end the process.
+    // Until here a status signal would end the process.
     let status_signals = runtime.block_on(async { StatusSignals::install() });
     let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let flags = Flags::default();
     let (report_sender, reports) = mpsc::channel(1);
     let (fault_sender, faults) = mpsc::unbounded_channel();
-    let narrator = EventNarrator::of(&config);
+    let narrator = EventNarrator::new(&config);
     let ended = thread::scope(|threads| {
         let bus_thread = threads.spawn(|| {
             realtime::ask();
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         runtime.block_on(serve(status_signals, reports, faults, &flags, &narrator, print_report));
         bus_thread.join()
     });
-    print_report(&Report::of(&world));
+    print_report(&Report::new(&world));
     match ended {
         Ok(Ok(())) => Ok(()),
         Ok(Err(Down(channel))) => Err(Failure::new(Kind::Bus, down(&names, channel))),
@@ -86,7 +86,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     }
 }
 
-/// Reads the scenario with the quirks of the command line, and warns of what has no effect.
+/// Reads the scenario with the quirks of the command line, and warns of faults without effect.
 fn scenario_of(args: &Sim, config: &Config) -> Result<Scenario, Failure> {
     let mut scenario = scenario::load(&args.scenario)?;
     args.quirks.assign(config, scenario.quirks_mut())?;
@@ -117,7 +117,7 @@ impl Flags {
             && let Ok(room) = reports.try_reserve()
         {
             self.report.store(false, Ordering::Relaxed);
-            room.send(Report::of(world));
+            room.send(Report::new(world));
         }
         self.stop.load(Ordering::Relaxed)
     }

@@ -1,4 +1,4 @@
-//! Options that experiments share, and the configurations and arms that they name.
+//! Options shared by the experiments, and the configurations and arms that they name.
 
 use std::fmt::Display;
 use std::num::NonZero;
@@ -12,7 +12,7 @@ use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::results::Force;
 
-/// The configurations without `--config`.
+/// Default configurations, used without `--config`.
 const CONFIGS: [&str; 4] = [
     "config/kraft_like.toml",
     "config/kraft_like_500hz.toml",
@@ -20,7 +20,7 @@ const CONFIGS: [&str; 4] = [
     "config/sixr_spherical.toml",
 ];
 
-/// The arms without `--robot`.
+/// Default arms, used without `--robot`.
 const ROBOTS: [&str; 2] = ["config/robots/puma560.toml", "config/robots/eight_r_synthetic.toml"];
 
 /// Options of an experiment on configurations.
@@ -56,7 +56,7 @@ pub(super) struct Results {
 }
 
 impl Results {
-    /// Returns the seeds from the first on: as many as this, or one in the short form.
+    /// Returns `count` consecutive seeds from the first one on; with `--short` a single one.
     pub(super) fn seeds(&self, count: NonZero<u64>) -> impl Iterator<Item = u64> + use<> {
         let (seed, count) = (self.seed, if self.short { 1 } else { count.get() });
         (0..count).map(move |place| seed.wrapping_add(place))
@@ -75,7 +75,7 @@ impl Robots {
     /// Loads the arms; the shipped ones without `--robot`.
     ///
     /// # Errors
-    /// A file that is invalid (exit 3).
+    /// A file is invalid (exit 3).
     pub(super) fn load(&self) -> Result<Vec<RobotArm>, Failure> {
         let shipped = ROBOTS.map(Path::new);
         let named: Vec<&Path> = self.robot.iter().map(PathBuf::as_path).collect();
@@ -84,11 +84,11 @@ impl Robots {
     }
 }
 
-/// A configuration with its name in tables.
-pub(super) struct Named {
-    /// Its file's name without extension.
+/// Configuration with its name in tables.
+pub(super) struct NamedConfig {
+    /// File name without its extension.
     pub(super) name: String,
-    /// The configuration.
+    /// Checked configuration.
     pub(super) config: Config,
 }
 
@@ -96,8 +96,8 @@ impl Common {
     /// Loads the configurations; the shipped ones without `--config`.
     ///
     /// # Errors
-    /// A file that is invalid, or in which nothing can be armed (exit 3).
-    pub(super) fn configs(&self) -> Result<Vec<Named>, Failure> {
+    /// A file is invalid, or has no switch box (exit 3).
+    pub(super) fn configs(&self) -> Result<Vec<NamedConfig>, Failure> {
         let files = match &*self.config {
             [] => CONFIGS.iter().map(PathBuf::from).collect(),
             named => named.to_vec(),
@@ -107,13 +107,13 @@ impl Common {
             refuse_far_side(&config, "experiment")?;
             require_switch_box(&config)?;
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            Ok(Named { name, config })
+            Ok(NamedConfig { name, config })
         };
         files.iter().map(named).collect()
     }
 }
 
-/// Returns the gate of an experiment in which no run may stop: an item is a run and its cause.
+/// Returns the reason to fail of an experiment in which no run may stop; an item is a stopped run and its cause.
 pub(super) fn none_stopped<'r>(
     mut stopped: impl Iterator<Item = (String, &'r str)>,
 ) -> Option<String> {
@@ -122,15 +122,15 @@ pub(super) fn none_stopped<'r>(
     Some(format!("{count} runs stopped; the first, {run}: {cause}"))
 }
 
-/// Refuses a configuration in which nothing can be armed.
+/// Checks that `config` has a switch box, without which the node cannot be armed.
 ///
 /// # Errors
-/// When it has no switch box (exit 3).
+/// The switch box is not configured (exit 3).
 pub fn require_switch_box(config: &Config) -> Result<(), Failure> {
     config.switch_box().map(drop).map_err(|reason| refused(&config.file, reason))
 }
 
-/// Returns the refusal of a file (exit 3).
+/// Returns the failure of an invalid file (exit 3), with its path.
 pub(super) fn refused(file: &Path, reason: impl Display) -> Failure {
     Failure::new(Kind::Configuration, format!("{}: {reason}", file.display()))
 }

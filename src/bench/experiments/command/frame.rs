@@ -1,4 +1,4 @@
-//! Frame of every experiment: it plays the trials with progress, prints the results, writes their files, and applies the gate.
+//! Frame of every experiment: plays the trials with progress, prints the results, writes files, and applies the gate.
 
 use anyhow::Context;
 use serde::Serialize;
@@ -11,10 +11,10 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results;
 
-/// Name of the tables as a file.
+/// Name of the file of the tables, in the folder of `--out`.
 const TABLES: &str = "report.md";
 
-/// Name of the figures as a file.
+/// Name of the file of the figures, in the folder of `--out`.
 const FIGURES: &str = "figures.json";
 
 /// Names of the files of an experiment, beside the tables.
@@ -22,14 +22,14 @@ const FIGURES: &str = "figures.json";
 pub(super) struct Files {
     /// CSV files, in the order of [`Report::csv`].
     pub(super) csv: &'static [&'static str],
-    /// The figures are a file, too.
+    /// Set if the figures are written to [`FIGURES`].
     pub(super) has_figures: bool,
-    /// Picture, and its panels in a row.
+    /// Name of the picture, and its number of panels in a row.
     pub(super) picture: (&'static str, usize),
 }
 
 impl Files {
-    /// Returns the names in the order in which the files are made.
+    /// Returns the names in the order in which the files are written.
     fn names(&self) -> impl Iterator<Item = &'static str> + use<> {
         let figures = self.has_figures.then_some(FIGURES);
         self.csv.iter().copied().chain(figures).chain([self.picture.0, TABLES])
@@ -38,9 +38,9 @@ impl Files {
 
 /// Results of an experiment; `F` are its figures, and `P` returns the panels of its picture.
 pub(super) struct Report<F, P> {
-    /// Figures, for JSON.
+    /// Figures for `--json` and [`FIGURES`].
     pub(super) figures: F,
-    /// Tables.
+    /// Tables for the terminal and [`TABLES`].
     pub(super) tables: Vec<Table>,
     /// Rows of each CSV file, as [`table::csv`] returns them.
     pub(super) csv: Vec<anyhow::Result<String>>,
@@ -50,7 +50,7 @@ pub(super) struct Report<F, P> {
     pub(super) gate: Option<String>,
 }
 
-/// An experiment with its options, whose files are free.
+/// Experiment whose output files do not exist yet, or may be overwritten.
 #[derive(Debug)]
 pub(super) struct Frame<'a> {
     options: &'a Results,
@@ -59,10 +59,10 @@ pub(super) struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Refuses a folder that already has one of the files, before anything runs.
+    /// Creates the frame after a check of the output folder, before any trial is played.
     ///
     /// # Errors
-    /// A file exists, and `--force` is not given.
+    /// An output file exists, and `--force` is not given.
     pub(super) fn new(
         options: &'a Results,
         files: &'static Files,
@@ -76,7 +76,7 @@ impl<'a> Frame<'a> {
     /// Plays all jobs on all cores; the results are in the order of the jobs.
     ///
     /// # Errors
-    /// Those of the first job that cannot be played.
+    /// That of the first job that fails.
     pub(super) fn play<J: Sync, R: Send>(
         &self,
         jobs: &[J],
@@ -85,7 +85,7 @@ impl<'a> Frame<'a> {
         runner::play_all(jobs, self.is_quiet, play)
     }
 
-    /// Computes what the jobs need; `name` is shown meanwhile.
+    /// Runs `compute`, which prepares the jobs, with a progress indicator of this name.
     ///
     /// # Errors
     /// Signals cannot be received.
@@ -100,7 +100,7 @@ impl<'a> Frame<'a> {
     /// Prints the report, and writes its files to the folder of `--out`, all or none.
     ///
     /// # Errors
-    /// A file that cannot be made or written, or else the gate's reason (exit 1).
+    /// A file cannot be written, or the gate has a reason to fail (exit 1).
     pub(super) fn conclude<F: Serialize, P: FnOnce() -> Result<Vec<Panel>, Failure>>(
         &self,
         report: Report<F, P>,

@@ -1,4 +1,4 @@
-//! `frhc experiment ntrfc`: rate commands that become forces in contact, and the approach before (section 4.3 of the paper).
+//! `frhc experiment ntrfc`: rate commands that become forces in contact (section 4.3 of the paper), and the impact.
 
 mod bounds;
 
@@ -41,7 +41,7 @@ const DEADBAND: f64 = 2.0;
 /// K_FA k_e τ_s above which the arm turns back at the wall.
 const MAX_SHARE: f64 = 0.25;
 
-/// K_FA k_e τ_s, on both sides of that bound.
+/// Values of K_FA k_e τ_s, on both sides of [`MAX_SHARE`].
 const SHARES: [f64; 6] = [0.1, 0.225, 0.275, 0.5, 1.0, 2.0];
 
 /// K_FA in m/s per N, stiffness in N/m.
@@ -55,11 +55,11 @@ const PRESS: Press = Press {
     seed: 1,
 };
 
-/// Noise and bias of a sensor that is not ideal, in N.
+/// Noise and bias of the sensor in [`Part::Biased`], in N.
 const NOISE: f64 = 0.2;
 const BIAS: f64 = 1.0;
 
-/// Largest difference from the law, as a share of it.
+/// Maximum difference from the law, as a share of it.
 const TOLERANCE: f64 = 0.01;
 
 /// `frhc experiment ntrfc`.
@@ -78,19 +78,19 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Part {
-    /// Ideal sensor.
+    /// Ideal sensor, no deadband.
     Ideal,
     /// Sensor with noise and bias.
     Biased,
     /// Ideal sensor, deadband of the accommodation.
     Deadband,
-    /// Over K_FA k_e τ_s.
+    /// Gains on both sides of the servo's bound.
     Gain,
 }
 
-/// Everything that was measured.
+/// Results of the experiment.
 #[derive(Serialize)]
-struct Measured {
+struct Figures {
     presses: Vec<Figure>,
     bounds: Vec<contact_bounds::Row>,
 }
@@ -103,7 +103,7 @@ struct Figure {
     row: Row,
 }
 
-/// Plays everything, prints the tables and writes the files.
+/// Runs the experiment, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     refuse_far_side(&config, "experiment")?;
@@ -121,10 +121,10 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let bounds = frame.play(&bounds::jobs(&robots), |(arm, course)| {
         course.play(&config, arm).or_fail(Kind::Configuration)
     })?;
-    let measured = Measured { presses, bounds };
-    let Measured { presses, bounds } = &measured;
+    let figures = Figures { presses, bounds };
+    let Figures { presses, bounds } = &figures;
     frame.conclude(Report {
-        figures: &measured,
+        figures: &figures,
         tables: vec![forces(presses), gains(presses), bounds::table(bounds)],
         csv: vec![
             table::csv(HEAD, presses.iter().map(|Figure { part, row }| (part, row))),
@@ -187,7 +187,7 @@ fn gains(figures: &[Figure]) -> Table {
     Table::new(rows, columns, GAINS_NOTE).below("approach over the gain")
 }
 
-/// Returns the force at rest over the rate, and the peak over it.
+/// Returns the panels: force at rest and peak force over the commanded rate.
 fn panels(figures: &[Figure]) -> Vec<Panel> {
     let mut arms: Vec<&str> = figures.iter().map(|figure| figure.row.arm.as_str()).collect();
     arms.dedup();
@@ -222,7 +222,7 @@ fn panels(figures: &[Figure]) -> Vec<Panel> {
     ]
 }
 
-/// Refuses forces that are not those of the law, and a gain within its bound that oscillates.
+/// Returns the reason to fail: a force that is not that of the law, or an oscillation at a gain within its bound.
 fn gate(figures: &[Figure]) -> Option<String> {
     let Figure { row, .. } = figures.iter().find(|Figure { part, row }| match part {
         Part::Ideal | Part::Biased | Part::Deadband => row.error().abs() > TOLERANCE,

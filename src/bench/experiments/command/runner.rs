@@ -1,4 +1,4 @@
-//! Runs of an experiment on all cores, with their progress. They write no file: a signal ends the process at once.
+//! Runs of an experiment on all cores, with progress. They write no file, so a signal ends the process immediately.
 
 use std::num::NonZero;
 use std::thread;
@@ -8,7 +8,7 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use testbench::threads::each;
 
-/// Plays all jobs on all cores; the results are in the order of the jobs, however long each takes.
+/// Plays all jobs on all cores; the results are in the order of the jobs.
 ///
 /// # Errors
 /// That of the first job that fails.
@@ -29,7 +29,7 @@ pub(super) fn play_all<J: Sync, R: Send>(
     results.into_iter().collect()
 }
 
-/// Computes what the jobs need; `name` is shown meanwhile.
+/// Runs `compute` with a progress indicator of this name.
 ///
 /// # Errors
 /// Signals cannot be received.

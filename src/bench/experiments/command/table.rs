@@ -4,13 +4,13 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-/// A column of a table: its name, and the cell of a row.
+/// Name of a column, and the function that returns its cell of a row.
 pub(super) type Column<R> = (&'static str, fn(&R) -> String);
 
-/// A table with its columns, and what is said above and below it.
+/// Table with a title line above and a note below.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Table {
-    /// A line above the table, in lower case.
+    /// Title line above the table, in lower case.
     pub(super) lead: Option<String>,
     /// Names of the columns.
     pub(super) columns: Vec<String>,
@@ -20,11 +20,10 @@ pub(super) struct Table {
     pub(super) note: String,
 }
 
-/// Returns `rows` as CSV under the names of `head`, which commas separate. Structs and lists in a row have a field for each of
-/// their values.
+/// Returns `rows` as CSV below the comma-separated names of `head`. Structs and lists in a row are flattened.
 ///
 /// # Errors
-/// A row with more or fewer values than there are names.
+/// The number of values of a row is not that of the names.
 pub(super) fn csv(
     head: &str,
     rows: impl IntoIterator<Item = impl Serialize>,
@@ -58,7 +57,7 @@ impl Table {
         Self { lead: None, columns, rows, note: note.into() }
     }
 
-    /// Returns the table below a line.
+    /// Returns the table with a title line.
     pub(super) fn below(self, lead: impl Into<String>) -> Self {
         Self { lead: Some(lead.into()), ..self }
     }

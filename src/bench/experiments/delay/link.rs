@@ -1,4 +1,4 @@
-//! A link by its numbers, and the largest K_T that the gain check accepts with it.
+//! Delay, jitter and loss of a link, and the largest K_T that the gain check accepts with it.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use controller::gains::Gains;
 use controller::stability::finding::Verdict;
 use remote::delay::DelaySettings;
 
-/// Halvings that find the largest gain.
+/// Steps of the bisection for the largest gain.
 const HALVINGS: u32 = 24;
 
 /// Largest K_T of translations that is tried.
@@ -18,13 +18,13 @@ const MAX_GAIN: f64 = 8.0;
 /// A link between node and object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Link {
-    /// Constant delay of one way, in ms.
+    /// Constant delay per direction, in ms.
     pub delay_ms: f64,
-    /// Maximum delay on top, in ms.
+    /// Maximum of the random delay added to it, in ms.
     pub jitter_ms: f64,
     /// Lost datagrams, in percent.
     pub loss_percent: f64,
-    /// A datagram may overtake another by its jitter.
+    /// Jitter may reorder datagrams.
     pub reorders: bool,
     /// Maximum age of a sample, in ms.
     pub max_age_ms: f64,
@@ -33,12 +33,12 @@ pub struct Link {
 }
 
 impl Link {
-    /// Creates a link that delays each way by the first time, and takes samples of at most the second age, in ms.
+    /// Creates a link from its delay per direction and the maximum age of a sample, both in ms.
     pub fn new([delay_ms, max_age_ms]: [f64; 2]) -> Self {
         Self { delay_ms, max_age_ms, ..Self::default() }
     }
 
-    /// Returns the link in the terms of a configuration; `seed` is that of jitter and loss.
+    /// Returns the settings of a configuration for this link; `seed` seeds jitter and loss.
     pub fn settings(&self, seed: u64) -> RemoteLink {
         let millis = |ms: f64| Duration::from_secs_f64(ms.max(0.0) / 1e3);
         let simulated = DelaySettings {
@@ -53,14 +53,14 @@ impl Link {
         RemoteLink { max_age: millis(self.max_age_ms), simulated: Some(simulated) }
     }
 
-    /// Returns whether a sample can be young enough: both ways with jitter, and a cycle of either side.
+    /// Returns whether a round trip with jitter, plus one cycle, is within the maximum age of a sample.
     pub fn is_usable(&self, config: &Config) -> bool {
         let RemoteLink { max_age, simulated } = self.settings(1);
         simulated.is_none_or(|link| link.round_trip() + config.period <= max_age)
     }
 }
 
-/// Returns `config` with this K_T along x, and the others in proportion to it. A K_T of zero along x stays zero.
+/// Returns `config` with this K_T along x, and the others in proportion. If K_T along x was zero, all become zero.
 #[must_use]
 pub fn with_wrench_gain(config: &Config, k_t: f64) -> Config {
     let configured = *config.controller.reflection.gain();

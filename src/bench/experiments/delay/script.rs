@@ -1,12 +1,12 @@
-//! The hand leads the object to the wall, rests against it, and withdraws.
+//! Script of the delay experiment: the hand leads the object to the wall, rests against it, and withdraws.
 //!
 //! ```text
 //!  3 … 5 s     pose mode: approach; rate mode: deflection within 0.5 s, and the object follows
-//!  … 11 s      the hand rests; the last second of it is judged
-//!  11 … 12 s   withdraws to its start
+//!  … 11 s      the hand rests; the last second is judged
+//!  11 … 12 s   the hand withdraws to its start
 //! ```
 //!
-//! The hand is that of the gain check: no reaction, no tremor. A tremor would excite what is looked for.
+//! The hand is that of the gain check: no reaction, and no tremor, which would excite the oscillation that is measured.
 
 use derive_more::Display;
 use nalgebra::Vector3;
@@ -27,7 +27,7 @@ pub const JUDGED_S: [f64; 2] = [10.0, 11.0];
 /// Length of the script, in s.
 pub const SECONDS: f64 = 12.5;
 
-/// Force on the hand at rest, in N, where the depth or the wall's force allows for it.
+/// Force on the hand at rest, in N, within the limits of depth and wall force.
 const FELT: f64 = 9.0;
 
 /// Maximum depth in the wall in pose mode, in m.
@@ -36,36 +36,36 @@ const MAX_DEPTH: f64 = 0.02;
 /// Maximum force on the wall in rate mode, in N.
 const MAX_FORCE: f64 = 7.0;
 
-/// Smallest component of a direction that is commanded.
+/// Smallest component of a direction that needs a deflection beyond the deadband.
 const MIN_COMPONENT: f64 = 1e-6;
 
-/// Command of the hand.
+/// Mode of the hand's command.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Commanded {
-    /// Poses.
+pub enum CommandMode {
+    /// Pose mode: the displacement commands a displacement.
     #[display("pose")]
     Pose,
-    /// Rates.
+    /// Rate mode: the displacement commands a velocity.
     #[display("rate")]
     Rate,
 }
 
-impl From<Commanded> for Mode {
-    fn from(commanded: Commanded) -> Self {
+impl From<CommandMode> for Mode {
+    fn from(commanded: CommandMode) -> Self {
         match commanded {
-            Commanded::Pose => Self::Pose,
-            Commanded::Rate => Self::Rate,
+            CommandMode::Pose => Self::Pose,
+            CommandMode::Rate => Self::Rate,
         }
     }
 }
 
 /// Returns the script for the wall and gains of `config`; `None` without a wall, or where a rate would rest at no force.
-pub fn script(config: &Config, commanded: Commanded) -> Option<Scenario> {
+pub fn script(config: &Config, commanded: CommandMode) -> Option<Scenario> {
     let operator = OperatorSettings::STEADY.without_tremor();
     let (dx, seconds) = match commanded {
-        Commanded::Pose => (into_the_wall(config, &operator)?, 2.0),
-        Commanded::Rate => (beyond_the_deadband(config, &operator)?, 0.5),
+        CommandMode::Pose => (into_the_wall(config, &operator)?, 2.0),
+        CommandMode::Rate => (beyond_the_deadband(config, &operator)?, 0.5),
     };
     let to = displacement::in_base(config, &dx);
     let moves = [
@@ -74,8 +74,8 @@ pub fn script(config: &Config, commanded: Commanded) -> Option<Scenario> {
         Entry::Switch(Switch::deadman(12.2, false)),
     ];
     let mode = match commanded {
-        Commanded::Pose => ConsoleRequest::Pose,
-        Commanded::Rate => ConsoleRequest::Rate,
+        CommandMode::Pose => ConsoleRequest::Pose,
+        CommandMode::Rate => ConsoleRequest::Rate,
     };
     let entries = opening::referenced(mode).chain(moves);
     let scenario = Scenario::new(SECONDS, entries).ok()?;

@@ -1,4 +1,4 @@
-//! One run over a link: unrest of the hand at the wall, what the layer took, and what was felt.
+//! One run over a link: unrest of the hand at the wall, energy taken by the passivity layer, and reflected force.
 
 use std::fmt;
 
@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use crate::comparison;
 use crate::delay::link::{self, Link};
-use crate::delay::measured::{Measured, Outcome};
-use crate::delay::script::{self, Commanded};
+use crate::delay::measurement::{Measurement, Outcome};
+use crate::delay::script::{self, CommandMode};
 use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
@@ -18,17 +18,17 @@ use testbench::side::Side;
 
 /// Object or arm that the hand leads.
 #[derive(Clone, Copy, Debug)]
-pub enum Led<'a> {
+pub enum Follower<'a> {
     /// The free object.
     Object,
-    /// A simulated arm.
+    /// An arm of a robot file, simulated with masses, servos and wrist sensor.
     Arm(&'a RobotArm),
 }
 
-impl Led<'_> {
+impl Follower<'_> {
     /// Returns the configuration with this object or arm.
     #[must_use]
-    pub fn of(&self, config: &Config) -> Config {
+    pub fn configure(&self, config: &Config) -> Config {
         match self {
             Self::Object => config.clone(),
             Self::Arm(arm) => config.clone().with_robot((*arm).clone()),
@@ -36,7 +36,7 @@ impl Led<'_> {
     }
 }
 
-impl fmt::Display for Led<'_> {
+impl fmt::Display for Follower<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Object => f.write_str("free object"),
@@ -45,15 +45,15 @@ impl fmt::Display for Led<'_> {
     }
 }
 
-/// One run.
+/// Settings of one run over a link.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial<'a> {
     /// Object or arm that the hand leads.
-    pub led: Led<'a>,
-    /// The link.
+    pub led: Follower<'a>,
+    /// Link between node and object.
     pub link: Link,
-    /// The command.
-    pub commanded: Commanded,
+    /// Mode of the command.
+    pub commanded: CommandMode,
     /// K_T along x; the others in proportion.
     pub k_t: f64,
     /// The passivity layer is on.
@@ -67,26 +67,26 @@ pub struct Trial<'a> {
 pub struct Row {
     /// Object or arm that the hand led.
     pub led: String,
-    /// The link.
+    /// Link between node and object.
     #[serde(flatten)]
     pub link: Link,
-    /// The command.
-    pub commanded: Commanded,
+    /// Mode of the command.
+    pub commanded: CommandMode,
     /// K_T along x.
     pub k_t: f64,
     /// K_T k_e, in N/m.
     pub felt_stiffness_n_per_m: f64,
     /// The passivity layer was on.
     pub has_layer: bool,
-    /// A sample can be young enough over the link.
+    /// A sample can arrive within the maximum age.
     pub is_usable: bool,
     /// The gain check accepts gains and link.
     pub is_accepted: bool,
-    /// Outcome.
+    /// Outcome: rest, swing, stop or loss of the link.
     pub outcome: Outcome,
     /// RMS speed of the grip in the last second at the wall, in m/s.
     pub unrest_m_per_s: f64,
-    /// Mean reflected force in that second, in N.
+    /// Mean reflected force in the last second at the wall, in N.
     pub reflected_n: f64,
     /// Energy with which contact drove the hand, in J.
     pub driven_j: f64,
@@ -94,9 +94,9 @@ pub struct Row {
     pub taken_j: f64,
     /// Largest torque beyond gravity compensation that was commanded, in N·m.
     pub largest_nm: f64,
-    /// Time from the start of an outage until the last such torque, in s.
+    /// Time from the start of an outage until the last torque beyond gravity compensation, in s.
     pub reflected_for_s: Option<f64>,
-    /// Cause of a stop.
+    /// Cause of a stop by the node.
     pub stopped_by: Option<String>,
     /// Shaking of the arm in free motion.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -113,12 +113,12 @@ pub fn ensure_playable(config: &Config) -> Result<(), NoTrial> {
     if k_t <= 0.0 {
         return Err(NoTrial::NoReflection);
     }
-    let mut commands = [Commanded::Pose, Commanded::Rate].into_iter();
+    let mut commands = [CommandMode::Pose, CommandMode::Rate].into_iter();
     let found = commands.find(|commanded| script::script(config, *commanded).is_none());
     found.map_or(Ok(()), |commanded| Err(restless(commanded)))
 }
 
-fn restless(commanded: Commanded) -> NoTrial {
+fn restless(commanded: CommandMode) -> NoTrial {
     NoTrial::NoRest { commanded: commanded.to_string() }
 }
 
@@ -134,7 +134,7 @@ impl Trial<'_> {
         let scenario = script::script(config, commanded).ok_or_else(|| restless(commanded))?;
         let mut bench = Bench::with_side(config, self.side(config)?, scenario, self.seed, ());
         bench.bring_up()?;
-        let mut measured = Measured::new(config, self.link.outage_s.map(|[start, _]| start));
+        let mut measured = Measurement::new(config, self.link.outage_s.map(|[start, _]| start));
         for _ in 0..config.controller.period.cycles(script::SECONDS) {
             let record = bench.cycle();
             measured.add(&bench, &record);
@@ -165,14 +165,15 @@ impl Trial<'_> {
         let config =
             link::with_wrench_gain(config, self.k_t).with_link(self.link.settings(self.seed));
         let config = if self.has_layer { config } else { comparison::without_passivity(&config) };
-        self.led.of(&config)
+        self.led.configure(&config)
     }
 
     fn side(&self, config: &Config) -> Result<Side, NoRobot> {
         match self.led {
-            Led::Object => Ok(Side::of(config)),
-            Led::Arm(_) => {
-                Ok(RobotSite::new(config, &Equipment::of(&config.remote), self.seed)?.into())
+            Follower::Object => Ok(Side::from_config(config)),
+            Follower::Arm(_) => {
+                Ok(RobotSite::new(config, &Equipment::from_remote(&config.remote), self.seed)?
+                    .into())
             }
         }
     }
@@ -184,8 +185,8 @@ mod tests {
 
     use super::*;
 
-    const RATE: Commanded = Commanded::Rate;
-    const POSE: Commanded = Commanded::Pose;
+    const RATE: CommandMode = CommandMode::Rate;
+    const POSE: CommandMode = CommandMode::Pose;
 
     fn config() -> Config {
         Config::load(Path::new("config/kraft_like.toml")).unwrap()
@@ -196,10 +197,10 @@ mod tests {
         max_age_ms: f64,
         k_t: f64,
         has_layer: bool,
-        commanded: Commanded,
+        commanded: CommandMode,
     ) -> Row {
         let link = Link { delay_ms, max_age_ms, ..Link::default() };
-        let trial = Trial { led: Led::Object, link, commanded, k_t, has_layer, seed: 1 };
+        let trial = Trial { led: Follower::Object, link, commanded, k_t, has_layer, seed: 1 };
         trial.play(&config()).unwrap()
     }
 
@@ -208,9 +209,9 @@ mod tests {
         let arm = RobotArm::load(Path::new("config/robots/puma560.toml")).unwrap();
         for (delay_ms, max_age_ms) in [(8.0, 20.0), (40.0, 100.0)] {
             let link = Link { delay_ms, max_age_ms, ..Link::default() };
-            let led = Led::Arm(&arm);
-            let k_t =
-                0.999 * link::largest_accepted(&led.of(&config().with_link(link.settings(1))));
+            let led = Follower::Arm(&arm);
+            let k_t = 0.999
+                * link::largest_accepted(&led.configure(&config().with_link(link.settings(1))));
             for commanded in [POSE, RATE] {
                 let trial = Trial { led, link, commanded, k_t, has_layer: true, seed: 1 };
                 let row = trial.play(&config()).unwrap();
@@ -242,7 +243,7 @@ mod tests {
     fn outage_ends_reflection_within_age_and_ramp() {
         let outage_s = Some([8.0, 8.5]);
         let link = Link { delay_ms: 5.0, max_age_ms: 20.0, outage_s, ..Link::default() };
-        let led = Led::Object;
+        let led = Follower::Object;
         let trial = Trial { led, link, commanded: POSE, k_t: 0.3, has_layer: true, seed: 1 };
         let row = trial.play(&config()).unwrap();
         let reflected = row.reflected_for_s.unwrap();

@@ -1,7 +1,7 @@
 //! Hand controller, robot, pegs and plate of one trial.
 //!
-//! The plate stands in front of the pegs, misaligned; the robot always starts with the same joints. The operator sees the
-//! pegs and decides on a twist; the hand aims at the displacement that commands it, `ΔX = v / K_V + DB`.
+//! The robot always starts at the same joint positions, and the plate is placed in front of the pegs with a misalignment.
+//! The operator model decides on a twist from the pegs' pose; the hand aims at `ΔX = v / K_V + DB`, which commands it.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -22,27 +22,27 @@ use units::spatial::Twist;
 /// Time from the start of the scenario until the operator begins, in s.
 const BEGIN_S: f64 = 2.2;
 
-/// Speed below which the hand stays where nothing is commanded, in m/s or rad/s.
+/// Speed of an axis below which the hand aims at its reference, in m/s or rad/s.
 const STILL: f64 = 3e-4;
 
-/// Time constant of the hand's way to a new aim, in s.
+/// Time constant of the hand's motion to a new aim, in s.
 const AIM_LAG: f64 = 0.08;
 
-/// Start and sight of one trial.
+/// Initial pose and visual error of one trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Situation {
-    /// Pose of the pegs' ends in the plate.
+    /// Pose of the pegs' ends {E} in the frame of the plate {P}.
     x_p_e: Isometry3<f64>,
-    /// Error of sight, in m.
+    /// Visual error of the position, in m.
     visual_error: f64,
-    /// The same of orientation, in rad.
+    /// Visual error of the orientation, in rad.
     visual_turn_error: f64,
-    /// Seed of sight, search, tremor and sensor.
+    /// Seed of visual error, search, tremor and sensor.
     seed: u64,
 }
 
 impl Situation {
-    /// Draws the start of a trial from `seed`: misalignments in m and rad between two bounds each.
+    /// Draws the initial pose from `seed`: offset in m and turn in rad, each between two bounds.
     pub fn drawn(
         settings: &DualPeg,
         seed: u64,
@@ -78,8 +78,8 @@ pub struct PegBench {
     x_b_p: Isometry3<f64>,
     x_m_e: Isometry3<f64>,
     k_v: [f64; 6],
-    /// Displacement of the aim at which a command begins, in m and rad: the deadband, and the way by which the hand
-    /// leads against the return to centre, which the operator knows.
+    /// Displacement of the aim at which a command begins, in m and rad: the deadband, plus the hand's deflection under
+    /// the return to centre, which the operator compensates.
     threshold: [f64; 6],
     /// Displacement of the hand from its reference, in m and rad.
     aim: [f64; 6],
@@ -90,7 +90,7 @@ impl PegBench {
     /// Creates a trial of an operator in a condition, and boots the drives.
     ///
     /// # Errors
-    /// A robot, pegs or plate that cannot be simulated, or drives that do not boot.
+    /// The robot, pegs or plate cannot be simulated, or the drives do not boot.
     pub fn new(
         settings: &DualPeg,
         condition: Condition,
@@ -132,7 +132,7 @@ impl PegBench {
         self.period
     }
 
-    /// Returns the robot.
+    /// Returns the simulated robot; `None` with a virtual object.
     pub fn robot(&self) -> Option<&RobotSite> {
         self.bench.side().robot()
     }
@@ -142,12 +142,12 @@ impl PegBench {
         self.bench.elapsed().as_secs_f64() - BEGIN_S
     }
 
-    /// Returns how often the operator has begun.
+    /// Returns the number of attempts of the operator, the running one included.
     pub const fn attempts(&self) -> u32 {
         self.operator.attempts()
     }
 
-    /// Runs one cycle; the operator acts from two seconds on.
+    /// Runs one cycle; the operator acts from `BEGIN_S` on.
     pub fn cycle(&mut self) -> Record {
         if self.bench.elapsed().as_secs_f64() >= BEGIN_S {
             self.operate();
@@ -155,7 +155,7 @@ impl PegBench {
         self.bench.cycle()
     }
 
-    /// Has the operator look, and aim the hand.
+    /// Steps the operator model with the pegs' misalignment, and moves the aim of the hand.
     fn operate(&mut self) {
         let Some(robot) = self.bench.side().robot() else { return };
         let x_b_m = *robot.pose();
@@ -180,7 +180,7 @@ impl PegBench {
     }
 }
 
-/// Returns the displacement at which a command of each axis begins.
+/// Returns the displacement at which a command of each axis begins, in m and rad.
 fn threshold(config: &Config, operator: &OperatorSettings) -> [f64; 6] {
     let [x, y, z, about_x, about_y, about_z] = config.controller.channels.plateaus();
     let lean = [x, y, z].map(|force| operator.deflection(force));
@@ -191,13 +191,13 @@ fn threshold(config: &Config, operator: &OperatorSettings) -> [f64; 6] {
     threshold
 }
 
-/// Rate mode, armed; deadman and reflection switch on before the operator begins.
+/// Returns a script in rate mode, armed, with deadman and reflection on before [`BEGIN_S`].
 fn scenario(seconds: f64) -> Result<Scenario, NoRobot> {
     let entries = opening::engaged(ConsoleRequest::Rate, [1.6, 1.7, 1.8]);
     Ok(Scenario::new(BEGIN_S + seconds + 1.0, entries)?)
 }
 
-/// Returns the operator of a preset's name.
+/// Returns the preset of this name; `None` for an unknown name.
 pub fn operator(name: &str) -> Option<OperatorSettings> {
     match name {
         "steady" => Some(OperatorSettings::STEADY),

@@ -1,4 +1,4 @@
-//! The four conditions: reflection on or off, accommodation on or off. Nothing else differs between them.
+//! The four conditions: reflection on or off, accommodation on or off. All other settings are equal.
 
 use std::fmt;
 
@@ -8,23 +8,23 @@ use config::Config;
 use controller::gains::Gains;
 use robot::accommodation::Accommodation;
 
-/// Positions of the two switches.
+/// Positions of the switches of reflection and accommodation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Condition {
-    /// The hand feels the wrench: K_T is not zero.
+    /// The wrench is reflected: K_T is not zero.
     pub reflection: bool,
     /// The arm yields to the wrench: K_FA is not zero.
     pub accommodation: bool,
 }
 
 impl Condition {
-    /// "No force info" of the paper: neither.
+    /// "No force info" of the paper: both off.
     pub const NEITHER: Self = Self { reflection: false, accommodation: false };
 
-    /// "FRHC/NTRFC" of the paper: both.
+    /// "FRHC/NTRFC" of the paper: both on.
     pub const BOTH: Self = Self { reflection: true, accommodation: true };
 
-    /// All four, the paper's two first and last.
+    /// All four conditions; the paper's two are the first and the last.
     pub const ALL: [Self; 4] = [
         Self::NEITHER,
         Self { reflection: true, accommodation: false },
@@ -78,7 +78,7 @@ mod tests {
             );
             assert!(if condition.reflection { is_on(k_t) } else { is_off(k_t) }, "{k_t:?}");
             assert!(if condition.accommodation { is_on(k_fa) } else { is_off(k_fa) }, "{k_fa:?}");
-            // With the switches put back, everything else is as it was.
+            // With both switches on again, the configuration is the original.
             let again = applied.with_switches_at(
                 *config.controller.reflection.gain(),
                 config.remote.interaction.accommodation,

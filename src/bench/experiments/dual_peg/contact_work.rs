@@ -1,16 +1,16 @@
 //! Work of the contact wrench over a task (Eq. 11), per component of {MRF}.
 //!
 //! ```text
-//!  literal    W = Σ_i | ∫ F_i dξ_i |        as printed: an elastic contact that is pressed and let go counts nothing
-//!  absolute   W = Σ_i   ∫ | F_i dξ_i |      every press counts
+//!  literal    W = Σ_i | ∫ F_i dξ_i |        as printed: loading and unloading of an elastic contact cancel
+//!  absolute   W = Σ_i   ∫ | F_i dξ_i |      they add up
 //! ```
 //!
-//! `ξ` is the way of {MRF}, written in {MRF}: a body twist times the time, so rotations need no angles. The integral is
-//! the trapezoidal rule.
+//! `dξ` is the displacement of {MRF}, written in {MRF}: a body twist times its duration, so rotations need no angles. The
+//! integral is evaluated by the trapezoidal rule.
 
 use units::spatial::{Twist, Wrench};
 
-/// Work so far, in J.
+/// Integrals of both forms, in J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactWork {
     before: Option<[f64; 6]>,
@@ -19,7 +19,8 @@ pub struct ContactWork {
 }
 
 impl ContactWork {
-    /// Adds the wrench `f_m` at the end of a way `dx_m`, a twist times its duration. The first call has no way.
+    /// Adds the wrench `f_m` at the end of a displacement `dx_m`, a twist times its duration. The first call only stores
+    /// the wrench.
     pub fn add(&mut self, f_m: &Wrench, dx_m: &Twist) {
         let now = f_m.components();
         let before = self.before.replace(now);

@@ -1,6 +1,5 @@
-//! `config/experiments/dual_peg.toml`: the settings of the dual-peg experiment.
-//!
-//! Every condition of the experiment has the same values; its two switches are not among them.
+//! Settings of the dual-peg experiment, from `config/experiments/dual_peg.toml`. They apply to every condition; the two
+//! switches are not among them.
 
 use std::path::{Path, PathBuf};
 
@@ -25,22 +24,22 @@ use sim::peg_operator::PegOperatorSettings;
 use sim::wrist_sensor::WristSensorSettings;
 use toml_input::List;
 
-/// Name of the settings that the program contains.
+/// Path of the settings that are compiled in.
 const SHIPPED: &str = "config/experiments/dual_peg.toml";
 
-/// Those settings.
+/// Text of the compiled-in settings.
 const TEXT: &str = include_str!("../../../../config/experiments/dual_peg.toml");
 
 /// Number of pegs, and of holes.
 const COUNT: u8 = 2;
 
-/// Depth from which the damping of the plate is complete, in m.
+/// Depth at which the damping of the plate reaches its full value, in m.
 const DAMPING_DEPTH: f64 = 1e-4;
 
-/// The experiment.
+/// Checked settings of the experiment.
 #[derive(Clone, Debug)]
 pub struct DualPeg {
-    /// Its file.
+    /// Path of the settings file.
     pub file: PathBuf,
     /// The hand controller with the robot, accommodation and reflection of the experiment, both switches on.
     pub config: Config,
@@ -54,19 +53,19 @@ pub struct DualPeg {
     pub pegs: Pegs,
     /// Plate with holes, at the origin.
     pub plate: Plate,
-    /// Force and moment that stop the arm.
+    /// Contact force and moment that stop the arm, in N and N·m.
     pub stop: WrenchLimit,
-    /// Wrist sensor.
+    /// Wrist sensor, ideal except for its noise.
     pub sensor: WristSensorSettings,
-    /// Sight and task of the operator.
+    /// Task and visual error of the operator.
     pub task: PegOperatorSettings,
     /// Height of the start above the plate, in m.
     pub start_height: f64,
-    /// Range of the misalignment at the start, in m.
+    /// Range of the initial position error, in m.
     pub misalignment: [f64; 2],
-    /// The same of orientation, in rad.
+    /// Range of the initial orientation error, in rad.
     pub turn: [f64; 2],
-    /// Visual errors and misalignments of the sweeps in m, and their trials.
+    /// Values of the sweeps over visual error and misalignment.
     pub sweep: Sweep,
 }
 
@@ -75,17 +74,17 @@ pub struct DualPeg {
 pub struct Sweep {
     /// Visual errors, in m.
     pub visual_errors: Vec<f64>,
-    /// Misalignments at the start, in m.
+    /// Initial position errors, in m.
     pub misalignments: Vec<f64>,
-    /// Trials of each operator.
+    /// Number of trials of each operator at each value.
     pub trials: u32,
 }
 
 impl DualPeg {
-    /// Reads and checks a file; `config/experiments/dual_peg.toml` is known without it.
+    /// Reads and checks a file. If `config/experiments/dual_peg.toml` does not exist, the compiled-in copy is used.
     ///
     /// # Errors
-    /// Everything that is wrong with it, and with the files that it names.
+    /// Returns every problem found, in the file and in the files that it names.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         let shipped = (file == Path::new(SHIPPED) && !file.exists()).then_some(TEXT);
         match shipped {
@@ -94,10 +93,10 @@ impl DualPeg {
         }
     }
 
-    /// Checks `text`, which stands in `file`; names of other files are seen from there.
+    /// Checks `text`, the content of `file`; paths in it are relative to the folder of `file`.
     ///
     /// # Errors
-    /// Everything that is wrong with it, and with the files that it names.
+    /// Returns every problem found, in the text and in the files that it names.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
@@ -111,7 +110,7 @@ impl DualPeg {
     }
 }
 
-/// `None` where a problem has been noted.
+/// Returns the settings, or `None` with at least one problem added.
 fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<DualPeg> {
     let config = config(file, raw, problems);
     let trials = problems.within(&raw.trials, 1..=10_000);
@@ -154,12 +153,12 @@ fn read(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Opt
     })
 }
 
-/// One value for the three linear axes, and one for the three angular ones.
+/// Returns six values: one for the three linear axes, and one for the three angular ones.
 const fn per_axis(linear: f64, angular: f64) -> [f64; 6] {
     [linear, linear, linear, angular, angular, angular]
 }
 
-/// The hand controller with robot, accommodation and reflection.
+/// Returns the hand controller with the robot, accommodation and reflection of the experiment.
 fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> Option<Config> {
     let named = |name: &String| files::beside(file, name);
     let hand = Config::load(&named(raw.hand_controller.as_ref()?));
@@ -179,7 +178,7 @@ fn config(file: &Path, raw: &raw::DualPegFile, problems: &mut Problems<'_>) -> O
     Some(config.with_remote(remote).with_switches_at(gain?, law?))
 }
 
-/// Notes an accommodation that overtakes the arm's servos (`controller::stability`), at the stiffness of both pegs.
+/// Adds a problem where K_FA exceeds the servo's bound (`controller::stability`) at the stiffness of both pegs.
 fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut Problems<'_>) {
     let Some(stiffness) = raw.contact.stiffness_n_per_m.get() else { return };
     let (lag, both) = (config.remote.servo.time_constant(), 2.0 * stiffness);
@@ -197,7 +196,7 @@ fn check_accommodation(config: &Config, raw: &raw::DualPegFile, problems: &mut P
     }
 }
 
-/// Notes a start at which turned pegs reach into the plate.
+/// Adds a problem where pegs that are turned as far as allowed would start inside the plate.
 fn check_start(
     height: Option<f64>,
     pegs: Option<Pegs>,
@@ -312,7 +311,7 @@ fn task(
     })
 }
 
-/// A range from zero to at most `most`.
+/// Returns a rising range within 0 and `most`.
 fn range(value: &Value<List<f64, 2>>, most: f64, problems: &mut Problems<'_>) -> Option<[f64; 2]> {
     let List([low, high]) = value.get()?;
     if !(0.0 <= low && low <= high && high <= most) {

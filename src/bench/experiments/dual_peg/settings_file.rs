@@ -1,11 +1,11 @@
-//! The file of the dual-peg experiment as it is written: sections and keys, nothing checked but their types.
+//! Sections and keys of the dual-peg experiment's file; only their types are checked.
 
 use config::section::sections;
 use config::value::Value;
 use toml_input::List;
 
 sections! {
-    /// A whole file.
+    /// Root table of the file.
     DualPegFile {
         hand_controller: Value<String>,
         robot: Value<String>,

@@ -1,4 +1,4 @@
-//! One trial of the dual peg, in figures.
+//! One trial of the dual peg and its figures.
 
 use serde::Serialize;
 
@@ -14,32 +14,32 @@ use units::spatial::Twist;
 /// Force at which the contact phase begins, in N.
 const CONTACT: f64 = 0.5;
 
-/// End of a trial.
+/// Outcome of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Both pegs are as deep as wanted.
+    /// Both pegs have reached the insertion depth.
     Inserted,
-    /// A wrench above the limit stopped the arm.
+    /// The arm's wrench limit stopped it.
     ArmStopped,
     /// The node stopped the hand controller.
     NodeStopped,
-    /// Time has run out.
+    /// The time limit expired.
     TimedOut,
 }
 
-/// One trial.
+/// Figures of one trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
-    /// The operator's preset.
+    /// Name of the operator's preset.
     pub operator: String,
     /// Positions of the switches.
     pub condition: Condition,
-    /// Number of the trial.
+    /// Number of the trial, which selects its initial pose.
     pub number: u32,
-    /// End.
+    /// Success, stop or time limit.
     pub outcome: Outcome,
-    /// Time from the operator's begin to the end, in s.
+    /// Time from the operator's start to the end, in s.
     pub seconds: f64,
     /// Time since the first contact, in s.
     pub contact_seconds: f64,
@@ -55,7 +55,7 @@ pub struct Trial {
     pub peak_nm: f64,
     /// Mean contact force over the contact phase, in N.
     pub mean_n: f64,
-    /// Mean contact moment, in N·m.
+    /// Mean contact moment over the contact phase, in N·m.
     pub mean_nm: f64,
     /// Shaking of the arm in free motion.
     #[serde(skip)]

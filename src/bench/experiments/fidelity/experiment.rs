@@ -1,4 +1,4 @@
-//! All runs of the experiment: every configuration, place, force, arm, hand and seed.
+//! Conditions and runs of the fidelity experiment: every configuration, place, force, arm, hand and seed.
 
 use serde::Serialize;
 
@@ -13,10 +13,10 @@ use telemetry::fidelity::{Fidelity, Figures, Judged, Sample, Situation};
 use testbench::bench::Bench;
 use testbench::truth::Truth;
 
-/// Forces felt while the hand holds, in N.
+/// Reflected forces during a hold, in N.
 pub const FORCES: [f64; 3] = [2.0, 5.0, 9.0];
 
-/// Stiffnesses of the walls of the releases, in N/m.
+/// Wall stiffnesses of the releases, in N/m.
 pub const RELEASE_WALLS: [f64; 3] = [2_000.0, 10_000.0, 50_000.0];
 
 /// Force held before a release in rate mode, in N: 9 N would deflect the grip by 16 cm.
@@ -25,18 +25,18 @@ const RATE_FORCE: f64 = 2.0;
 /// Force held before a release in pose mode, in N.
 const POSE_FORCE: f64 = 9.0;
 
-/// Conditions of a run beside its hand and seed.
+/// Conditions of a run, except its hand and seed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Condition {
-    /// Course.
+    /// Motion of the hand.
     pub course: Course,
-    /// The arm that the hand really holds.
+    /// Simulated arm, which may differ from the configured one.
     pub arm: Arm,
-    /// Way of the hand to the wall, in m.
+    /// Distance of the hand from the start to the wall, in m.
     pub way_m: f64,
-    /// Stiffness of the wall, in N/m, if not the configured one.
+    /// Stiffness of the wall, in N/m; `None` for the configured one.
     pub stiffness_n_per_m: Option<f64>,
-    /// Force felt while the hand holds, in N.
+    /// Reflected force during a hold, in N.
     pub felt_n: f64,
 }
 
@@ -82,31 +82,31 @@ impl Condition {
     }
 }
 
-/// One run, in figures.
+/// Figures of one run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// Conditions.
+    /// Conditions of the run.
     #[serde(flatten)]
     pub condition: Condition,
     /// Posture of the arm at the wall; `None` out of its reach.
     pub place: Option<Place>,
-    /// The hand.
+    /// Name of the operator's preset.
     pub hand: &'static str,
-    /// The seed.
+    /// Seed of the simulation.
     pub seed: u64,
     /// Still contact after each motion.
     pub holds: Vec<(Hold, Option<Figures>)>,
-    /// Contact at rest, over the whole script.
+    /// Still contact over all of the script.
     pub still_contact: Option<Figures>,
-    /// Contact in motion.
+    /// Contact while the grip moves.
     pub moving_contact: Option<Figures>,
-    /// Motion without contact.
+    /// Motion without contact, for the drag.
     pub free_motion: Option<Figures>,
     /// Rest without contact.
     pub free_rest: Option<Figures>,
-    /// The release.
+    /// Force on the hand while it withdraws.
     pub release: Release,
     /// Cycles in which a joint was at its capacity.
     pub saturated_cycles: u64,
@@ -115,10 +115,10 @@ pub struct Row {
 }
 
 impl Row {
-    /// Plays one run of `config`; `each` sees every cycle's time of the script in s, with its sample.
+    /// Plays one run of `config`; `each` is called in every cycle, with the time of the script in s and the sample.
     ///
     /// # Errors
-    /// Without a wall, or where the drives cannot be enabled.
+    /// `config` has no wall, or the drives cannot be enabled.
     pub fn play(
         name: &str,
         config: &Config,
@@ -168,7 +168,7 @@ impl Row {
         })
     }
 
-    /// Its figures with the names of their situations.
+    /// Returns the figures with the names of their situations.
     pub fn situations(&self) -> Vec<(String, Option<&Figures>)> {
         let holds = self.holds.iter();
         let holds =

@@ -1,4 +1,4 @@
-//! Holds of a run: still contact after each kind of motion, judged apart.
+//! Holds of a run: still contact after each kind of motion, measured separately.
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ impl Hold {
     /// All holds, in their order.
     pub const ALL: [Self; 4] = [Self::Approach, Self::Slide, Self::Press, Self::HalfRelease];
 
-    /// Returns its name in tables.
+    /// Returns the name of the hold in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Approach => "approach",
@@ -34,7 +34,7 @@ impl Hold {
         }
     }
 
-    /// Returns its time in the full course, in s.
+    /// Returns the interval of the hold in the full course, in s.
     const fn interval(self) -> Range<f64> {
         match self {
             Self::Approach => 8.5..11.0,

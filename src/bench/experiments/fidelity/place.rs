@@ -1,4 +1,4 @@
-//! Places of the wall: the postures in which the hand meets it, and their quality.
+//! Places of the wall: the arm's posture where the hand meets it, its smallest singular value and its dry friction.
 
 use derive_more::Display;
 use nalgebra::Vector3;
@@ -10,7 +10,7 @@ use controller::arm::JointKind;
 use controller::contact_posture::{ContactPosture, OutOfReach};
 use remote::scene::HALF_CUBE;
 
-/// Ways of the hand from the start to the wall, in m.
+/// Distances of the hand from the start to the wall, in m.
 pub const WAYS: [f64; 3] = [0.05, 0.09, 0.13];
 
 /// Joint whose position names the posture: the elbow of an articulated arm, the slide of another.
@@ -20,9 +20,9 @@ const NAMING_JOINT: usize = 2;
 #[derive(Clone, Debug, Display, PartialEq, Serialize)]
 #[display("{:.0} cm: {joint}, σ {sigma_min:.2}, {friction_n:.1} N", way_m * 100.0)]
 pub struct Place {
-    /// Way of the hand to the wall, in m.
+    /// Distance of the hand from the start to the wall, in m.
     pub way_m: f64,
-    /// Third joint and its position there.
+    /// Name of the third joint, and its position in degrees or m.
     pub joint: String,
     /// Smallest singular value of the Jacobian at {G} (m, rad).
     pub sigma_min: f64,
@@ -31,10 +31,10 @@ pub struct Place {
 }
 
 impl Place {
-    /// Returns the place `way_m` in front of the start posture of `config`.
+    /// Returns the place at this distance, along x of {0}, from the start posture of `config`.
     ///
     /// # Errors
-    /// A place that the arm does not reach.
+    /// The arm does not reach the place.
     pub fn new(config: &Config, way_m: f64) -> Result<Self, OutOfReach> {
         let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
         let friction = config.joints.each_ref().map(|joint| joint.plant.friction.coulomb);
@@ -58,7 +58,7 @@ impl Place {
     }
 }
 
-/// Returns `config` with its wall `way_m` in front of the hand, and with this stiffness in N/m if one is given.
+/// Returns `config` with its wall at this distance from the hand, and with `stiffness` in N/m, if given.
 #[must_use]
 pub fn moved_wall(config: &Config, way_m: f64, stiffness: Option<f64>) -> Config {
     let mut remote = config.remote.clone();

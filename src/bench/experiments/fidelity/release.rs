@@ -1,12 +1,12 @@
-//! Release: what acts on a hand that withdraws, from its start until half a second after the contact.
+//! Force on a hand that withdraws, from the start of the release until half a second after the contact.
 //!
-//! Judged are the motors at the hand, in the simulation's own truth: the force between grip and hand along the task,
-//! without inertia and friction of the arm, and without the parts that are no answer to the contact (return to centre,
-//! friction compensation, soft stops). Task, passivity damper and damping K_D remain. It must lie within
+//! The simulated force between grip and hand along the task force is judged, without the arm's inertia and friction, and
+//! without return to centre, friction compensation and soft stops, which do not depend on the contact. Task, passivity
+//! damper and damping K_D remain. Their sum must be within
 //!
 //! ```text
-//!  0  ≤  force  ≤  task + K_D |v|      in contact: nothing pulls the hand into the surface
-//!  -K_D |v|  ≤  force                  after it
+//!  0  ≤  force  ≤  task + K_D |v|      in contact: no force pulls the hand into the surface
+//!  -K_D |v|  ≤  force                  after the contact
 //! ```
 
 use nalgebra::Vector3;
@@ -15,30 +15,30 @@ use serde::Serialize;
 use telemetry::fidelity::Sample;
 use units::spatial::Wrench;
 
-/// Task force at the grip from which its direction is known and there is contact, in N.
+/// Task force at the grip that counts as contact and defines its direction, in N.
 const CONTACT: f64 = 0.06;
 
-/// Time after the contact that still belongs to the release, in s.
+/// Time after the contact that is judged, in s.
 const AFTER: f64 = 0.5;
 
-/// Figures of a release.
+/// Figures of a release; zero without contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Release {
-    /// Largest force into the surface beyond what may be, in N.
+    /// Largest force into the surface beyond the lower bound, in N.
     pub pull_n: f64,
-    /// Largest force out of the surface beyond task and damping, in N.
+    /// Largest force out of the surface beyond the upper bound, in N.
     pub excess_n: f64,
-    /// Time for which more than 0.3 N pulled or pushed too much, in s.
+    /// Time during which the force was more than 0.3 N outside the bounds, in s.
     pub outside_s: f64,
-    /// Largest change of the passivity damper's force in a cycle, in N.
+    /// Largest change of the passivity damper's force in one cycle, in N.
     pub step_n: f64,
     /// Energy that the passivity damper took from the hand, in J.
     pub taken_j: f64,
-    /// Time of the release that was judged, in s.
+    /// Duration of the judged part, in s.
     pub seconds: f64,
 }
 
-/// Judge of a release.
+/// Evaluation of a release, sample by sample.
 #[derive(Clone, Copy, Debug)]
 pub struct ReleaseJudge {
     start: f64,
@@ -59,7 +59,7 @@ struct Before {
 }
 
 impl ReleaseJudge {
-    /// Creates a judge of a release that starts at `start` s, with the damping K_D in N·s/m.
+    /// Creates an evaluation from the time of the release in s, and the damping K_D in N·s/m.
     pub fn new(start: f64, damping: f64) -> Self {
         let figures = Release::default();
         Self { start, damping, figures, before: None, outwards: None, free_since: None }
@@ -70,7 +70,7 @@ impl ReleaseJudge {
         self.figures
     }
 
-    /// Adds the sample of a cycle at `t` s.
+    /// Adds the sample of a cycle at `t` s; `None` interrupts the evaluation.
     pub fn add(&mut self, t: f64, sample: Option<&Sample>) {
         let Some(sample) = sample else {
             self.before = None;
@@ -119,7 +119,7 @@ impl ReleaseJudge {
     }
 }
 
-/// Returns what the motors answer to the contact with, at the hand: task, passivity damper and damping.
+/// Returns the motors' reaction to the contact, at the hand: task, passivity damper and damping.
 fn answer(sample: &Sample) -> Wrench {
     let parts = &sample.parts;
     let beside =
@@ -137,7 +137,8 @@ mod tests {
         Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO }
     }
 
-    /// A task of `task` N against the wall's direction, of which the hand feels `felt` N; it withdraws at 0.1 m/s.
+    /// Returns the figures of a hand that withdraws at 0.1 m/s. A sample is the task force towards the hand, the force on
+    /// the hand and that of the damper, in N.
     fn judged(samples: impl IntoIterator<Item = (f64, f64, f64)>) -> Release {
         let mut judge = ReleaseJudge::new(0.0, 8.0);
         for (cycle, (task, felt, damper)) in samples.into_iter().enumerate() {

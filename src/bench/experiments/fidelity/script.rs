@@ -1,4 +1,4 @@
-//! Scripts of the experiment: an operator moves freely, meets a wall, holds, slides along it, presses and lets go.
+//! Scripts of the fidelity experiment: an operator moves freely, meets a wall, holds, slides along it, presses, releases.
 //!
 //! ```text
 //!  pose mode                                                          contact alone
@@ -10,9 +10,9 @@
 //!  18.5 s        lets the force go within 0.3 s, and withdraws        6 s
 //! ```
 //!
-//! In rate mode the hand deflects until the object presses with the same force, and the release is the same.
+//! In rate mode the hand deflects until the object presses with the same force; the release is the same.
 //!
-//! The way into the wall depends on the hand: at rest its spring and the wall's, in series, carry the same force.
+//! The depth in the wall depends on the hand: at rest its spring and the wall's, in series, carry the same force.
 
 use derive_more::Display;
 use serde::Serialize;
@@ -24,13 +24,13 @@ use sim::operator_settings::OperatorSettings;
 use sim::scenario::operator::{Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Scenario};
 
-/// Further force of the press, in N.
+/// Additional force of the press, in N.
 const PRESS: f64 = 2.0;
 
-/// Time in which the hand lets go, in s.
+/// Duration of the release, in s.
 const LET_GO_S: f64 = 0.3;
 
-/// The four hands.
+/// Presets of the operator model, with their names in tables.
 pub const HANDS: [Hand; 4] = [
     Hand("steady", OperatorSettings::STEADY),
     Hand("relaxed", OperatorSettings::RELAXED),
@@ -43,7 +43,7 @@ pub const HANDS: [Hand; 4] = [
 #[display("{}", self.0)]
 pub struct Hand(pub &'static str, pub OperatorSettings);
 
-/// Course of a run.
+/// Motion of the hand in a run.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Course {
@@ -68,7 +68,7 @@ pub struct Times {
 }
 
 impl Course {
-    /// Returns its times.
+    /// Returns the start of the release and the end, in s.
     pub const fn times(self) -> Times {
         match self {
             Self::Full => Times { release: 18.5, end: 21.0 },
@@ -77,7 +77,7 @@ impl Course {
         }
     }
 
-    /// Returns the script of one hand that holds `felt` N at the wall of `config`; `None` without a wall.
+    /// Returns the script of one hand that holds a reflected force, in N, at the wall of `config`; `None` without a wall.
     pub fn script(self, config: &Config, hand: &Hand, felt: f64) -> Option<Scenario> {
         let Hand(_, operator) = hand;
         let wall = FeltWall::new(config)?;
@@ -122,16 +122,16 @@ impl Course {
     }
 }
 
-/// The wall as the hand meets it, along x of {0}, if the object moves as the grip.
+/// Wall as seen from the grip, along x of {0}, for an object that moves in the direction of the grip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FeltWall {
-    /// Way of the hand to it in pose mode, in m.
+    /// Distance of the hand to it in pose mode, in m.
     way: f64,
-    /// Stiffness that the hand feels in pose mode, in N/m.
+    /// Stiffness at the grip in pose mode, `K_T K_P k_e`, in N/m.
     stiffness: f64,
-    /// Deadband, in m.
+    /// Half-width of the deadband, in m.
     deadband: f64,
-    /// Deflection beyond the deadband per force felt in rate mode, in m/N: `K_FA/(K_V K_T)`.
+    /// Deflection beyond the deadband per reflected force in rate mode, in m/N: `K_FA/(K_V K_T)`.
     compliance: f64,
     /// Plateau of the return to centre, in N.
     plateau: f64,
@@ -157,7 +157,7 @@ impl FeltWall {
         })
     }
 
-    /// Returns the grip's deflection in m at which the object in rate mode presses until `force` N are felt.
+    /// Returns the deflection of the grip, in m, that makes the reflected force at rest `force` N in rate mode.
     fn deflection(&self, force: f64) -> f64 {
         self.deadband + force * self.compliance
     }

@@ -1,4 +1,4 @@
-//! The arm of a run: as configured, or another one.
+//! Simulated arm of a run: as configured, or with other friction.
 
 use derive_more::Display;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use config::Config;
 use controller::{Extensions, Settings};
 
-/// The arm that the hand really holds.
+/// Simulated arm, by its friction.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arm {
@@ -29,7 +29,7 @@ impl Arm {
     pub const ALL: [Self; 4] =
         [Self::Identified, Self::LessFriction, Self::MoreFriction, Self::Frictionless];
 
-    /// Its friction, as a share of the configured one.
+    /// Returns the friction as a share of the configured one.
     pub const fn friction(self) -> f64 {
         match self {
             Self::Identified => 1.0,
@@ -39,7 +39,7 @@ impl Arm {
         }
     }
 
-    /// Returns the configuration of its controller.
+    /// Returns the configuration of the controller: without friction compensation on an arm without friction.
     pub(crate) fn controlled(self, config: &Config) -> Config {
         let Settings { extensions, .. } = config.controller;
         let friction = extensions.friction.filter(|_| self.friction() > 0.0);

@@ -1,4 +1,4 @@
-//! Samples over the displacement: averages on the way out and on the way back, in bins of equal width.
+//! Mean forces over the displacement, outwards and back, in bins of equal width.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -6,50 +6,50 @@ use serde::Serialize;
 /// Number of bins from end to end.
 const BINS: u16 = 96;
 
-/// Speed below which a sample belongs to neither way, as a share of the reach per second.
+/// Minimum speed of a sample, as a share of the reach per second; slower ones have no direction.
 const MIN_SPEED: f64 = 0.01;
 
-/// Felt and commanded forces at one displacement, along the axis: negative where it acts towards negative values.
+/// Forces on the hand at one displacement, along the axis, in N or N·m; negative towards negative displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Felt {
-    /// Force or moment on the hand.
+pub struct ForceSample {
+    /// Sum of all forces.
     pub total: f64,
-    /// Return to centre that the controller commanded.
+    /// Return to centre commanded by the controller.
     pub centring: f64,
-    /// Damping that it commanded.
+    /// Damping commanded by the controller.
     pub damping: f64,
 }
 
-/// One displacement.
+/// Point of the curve; forces in N, moments in N·m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Point {
     /// Displacement, in m or rad.
     pub x: f64,
-    /// The law's return to centre.
+    /// Return to centre of the law (Eq. 8).
     pub law: f64,
-    /// Return to centre that the controller commanded, mean of both ways.
+    /// Return to centre commanded by the controller, mean of both directions.
     pub commanded: f64,
-    /// Force or moment on the hand on the way out, in N or N·m.
+    /// Force or moment on the hand while it moves outwards.
     pub felt_out: f64,
-    /// The same on the way back.
+    /// Force or moment on the hand while it moves back.
     pub felt_back: f64,
-    /// Commanded damping: half the difference of both ways.
+    /// Commanded damping: half the difference of both directions.
     pub damping: f64,
 }
 
 impl Point {
-    /// Returns the mean of both ways: friction and damping cancel.
+    /// Returns the mean of both directions: friction and damping cancel.
     pub const fn felt(&self) -> f64 {
         f64::midpoint(self.felt_out, self.felt_back)
     }
 
-    /// Returns the width of the hysteresis: resistance on the way out less that on the way back.
+    /// Returns the width of the hysteresis: resistance outwards minus resistance back.
     pub fn hysteresis(&self) -> f64 {
         (self.felt_back - self.felt_out) * self.x.signum()
     }
 }
 
-/// Sums of one way through one bin.
+/// Sums of the samples of one bin in one direction.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     count: f64,
@@ -57,33 +57,33 @@ struct Sum {
 }
 
 impl Sum {
-    fn add(&mut self, felt: &Felt) {
+    fn add(&mut self, felt: &ForceSample) {
         self.count += 1.0;
         self.felt += Vector3::new(felt.total, felt.centring, felt.damping);
     }
 
-    fn mean(&self) -> Option<Felt> {
+    fn mean(&self) -> Option<ForceSample> {
         let [total, centring, damping] = (self.felt / self.count).into();
-        (self.count > 0.0).then_some(Felt { total, centring, damping })
+        (self.count > 0.0).then_some(ForceSample { total, centring, damping })
     }
 }
 
-/// Samples in bins.
+/// Samples binned by displacement and direction.
 #[derive(Clone, Debug)]
 pub struct Bins {
     reach: f64,
-    /// Way out and way back of each bin.
+    /// Sums of each bin, outwards and back.
     sums: Vec<[Sum; 2]>,
 }
 
 impl Bins {
-    /// Creates empty bins over displacements of at most `reach` to both sides.
+    /// Creates empty bins over the displacements from -`reach` to `reach`, in m or rad.
     pub fn new(reach: f64) -> Self {
         Self { reach, sums: vec![[Sum::default(); 2]; BINS.into()] }
     }
 
-    /// Adds a sample at displacement `x`, which changes by `speed` per s.
-    pub fn add(&mut self, x: f64, speed: f64, felt: &Felt) {
+    /// Adds a sample at displacement `x` and rate `speed`, in m and m/s or rad and rad/s.
+    pub fn add(&mut self, x: f64, speed: f64, felt: &ForceSample) {
         let place = (x / self.reach + 1.0) / 2.0 * f64::from(BINS);
         if speed.abs() < MIN_SPEED * self.reach || !(0.0..f64::from(BINS)).contains(&place) {
             return;
@@ -94,7 +94,7 @@ impl Bins {
         way.add(felt);
     }
 
-    /// Returns the points that were crossed both ways; `law` is the curve to compare with.
+    /// Returns the points of the bins with samples in both directions; `law` is the curve to compare with.
     pub fn points(&self, law: impl Fn(f64) -> f64) -> Vec<Point> {
         let width = 2.0 * self.reach / f64::from(BINS);
         let bins = (0..BINS).zip(&self.sums).filter_map(|(bin, [out, back])| {
@@ -125,7 +125,7 @@ mod tests {
                 let x = f64::from(step) / 100.0;
                 // A return of 2 to the centre, and friction of 0.3 against the motion.
                 let total = -2.0 * x.signum() - 0.3 * speed.signum();
-                bins.add(x, speed, &Felt { total, ..Felt::default() });
+                bins.add(x, speed, &ForceSample { total, ..ForceSample::default() });
             }
         }
         let points = bins.points(|x| -2.0 * x.signum());
@@ -139,9 +139,9 @@ mod tests {
     #[test]
     fn samples_at_rest_or_beyond_the_reach_are_left_out() {
         let mut bins = Bins::new(1.0);
-        bins.add(0.5, 0.0, &Felt::default());
-        bins.add(-1.2, 1.0, &Felt::default());
-        bins.add(1.2, 1.0, &Felt::default());
+        bins.add(0.5, 0.0, &ForceSample::default());
+        bins.add(-1.2, 1.0, &ForceSample::default());
+        bins.add(1.2, 1.0, &ForceSample::default());
         assert!(bins.points(|_| 0.0).is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! Figures of one axis: plateau, edge of the deadband, hysteresis and wall, from the curve that was felt.
+//! Figures of one axis from its measured curve: plateau, edge of the deadband, hysteresis and wall.
 
 use serde::Serialize;
 
@@ -8,43 +8,43 @@ use crate::return_to_centre::curve::Point;
 const PLATEAU_FROM: f64 = 1.25;
 const PLATEAU_TO: f64 = 0.92;
 
-/// Steps in which the edge of the deadband is sought.
+/// Steps of the search for the edge of the deadband.
 const STEPS: u16 = 2_000;
 
-/// Fewest points that determine a spring.
+/// Minimum number of points for the slope of the wall.
 const MIN_POINTS: usize = 3;
 
-/// Configured law of an axis.
+/// Configured return to centre of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Law {
     /// Half-width of the deadband, in m or rad.
     pub deadband: f64,
     /// Plateau, in N or N·m.
     pub plateau: f64,
-    /// Displacement of the wall, if there is one.
+    /// Displacement of the wall, in m or rad; `None` without one.
     pub wall: Option<f64>,
 }
 
 /// Figures of the curve, both sides together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
-    /// Plateau that the controller commanded, in N or N·m.
+    /// Plateau commanded by the controller, in N or N·m.
     pub commanded: f64,
-    /// Plateau at the hand, mean of the way out and the way back.
+    /// Plateau at the hand, mean of both directions, in N or N·m.
     pub felt: f64,
-    /// Edge of the deadband that fits best to what is felt, in m or rad; absent without a plateau.
+    /// Edge of the deadband that fits the forces on the hand best, in m or rad; absent without a plateau.
     pub edge: Option<f64>,
     /// Width of the hysteresis on the plateau, in N or N·m.
     pub hysteresis: f64,
-    /// Share of the damping K_D in it; the rest is friction.
+    /// Part of the hysteresis that is damping K_D, in N or N·m; the rest is friction.
     pub damping: f64,
     /// Stiffness of the wall at the hand, in N/m or N·m/rad.
     pub wall_stiffness: Option<f64>,
 }
 
 impl Figures {
-    /// Figures of `points` within `reach`; `None` where no plateau was crossed.
-    pub fn of(points: &[Point], law: &Law, reach: f64) -> Option<Self> {
+    /// Evaluates `points` within `reach`, in m or rad; `None` without a point on the plateau.
+    pub fn from_curve(points: &[Point], law: &Law, reach: f64) -> Option<Self> {
         let end = law.wall.unwrap_or(f64::INFINITY).min(PLATEAU_TO * reach);
         let is_plateau = |point: &&Point| {
             (PLATEAU_FROM * law.deadband..end).contains(&point.x.abs()) && point.x.abs() > 0.0
@@ -71,15 +71,15 @@ impl Figures {
     }
 }
 
-/// Returns the edge of the parabola and plateau `F0 min(1, x/e)²` that fits the forces best; `None` where it is not within 2 and 98 % of
-/// `end`, as of a spring.
+/// Returns the edge `e` of `F0 min(1, x/e)²` that fits the forces best. `None` where it is not within 2 and 98 % of `end`,
+/// as for a spring.
 fn edge(forces: &[[f64; 2]], end: f64) -> Option<f64> {
     let places = (1..STEPS).map(|step| end * f64::from(step) / f64::from(STEPS));
     let best = places.min_by(|a, b| misfit(forces, *a).total_cmp(&misfit(forces, *b)))?;
     (0.02 * end..0.98 * end).contains(&best).then_some(best)
 }
 
-/// Returns the sum of squares that the best plateau leaves with its edge at `edge`.
+/// Returns the sum of squared residuals of the best plateau with its edge at `edge`.
 fn misfit(forces: &[[f64; 2]], edge: f64) -> f64 {
     let share = |x: f64| (x / edge).min(1.0).powi(2);
     let (product, square) = forces.iter().fold((0.0, 0.0), |(product, square), [x, force]| {
@@ -89,7 +89,7 @@ fn misfit(forces: &[[f64; 2]], edge: f64) -> f64 {
     forces.iter().map(|[x, force]| (force - plateau * share(*x)).powi(2)).sum()
 }
 
-/// Returns the slope of the felt force beyond `wall`.
+/// Returns the slope of the force on the hand beyond `wall`, in N/m or N·m/rad; `None` with too few points.
 fn wall_stiffness(points: &[Point], wall: f64, reach: f64) -> Option<f64> {
     let is_beyond = |point: &&Point| (wall..reach).contains(&point.x.abs());
     let beyond: Vec<[f64; 2]> = points
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn figures_of_the_law_are_those_of_its_settings() {
-        let figures = Figures::of(&points(0.01), &LAW, REACH).unwrap();
+        let figures = Figures::from_curve(&points(0.01), &LAW, REACH).unwrap();
         assert!((figures.commanded - 2.0).abs() < 1e-12 && (figures.felt - 2.0).abs() < 1e-12);
         assert!((figures.hysteresis - 0.5).abs() < 1e-12);
         assert!((figures.edge.unwrap() - 0.01).abs() < 1e-4, "{figures:?}");
@@ -138,18 +138,18 @@ mod tests {
 
     #[test]
     fn edge_is_found_where_the_hand_feels_it() {
-        let figures = Figures::of(&points(0.014), &LAW, REACH).unwrap();
+        let figures = Figures::from_curve(&points(0.014), &LAW, REACH).unwrap();
         assert!((figures.edge.unwrap() - 0.014).abs() < 2e-4, "{figures:?}");
     }
 
     #[test]
     fn spring_has_no_edge() {
         let law = Law { wall: None, ..LAW };
-        assert_eq!(Figures::of(&points(1.0), &law, REACH).unwrap().edge, None);
+        assert_eq!(Figures::from_curve(&points(1.0), &law, REACH).unwrap().edge, None);
     }
 
     #[test]
     fn axis_that_was_not_crossed_has_no_figures() {
-        assert_eq!(Figures::of(&[], &LAW, REACH), None);
+        assert_eq!(Figures::from_curve(&[], &LAW, REACH), None);
     }
 }

@@ -1,10 +1,10 @@
-//! Return to centre at the hand (Fig. 4, Eq. 8), in the simulation's own truth: force against displacement of one axis.
+//! Return to centre at the simulated hand (Fig. 4, Eq. 8): force over displacement of one axis.
 //!
 //! | file        | part                                                                |
 //! |-------------|---------------------------------------------------------------------|
-//! | [`script`]  | slowly to both sides along one axis in rate mode, then lets go      |
-//! | [`trial`]   | one run: samples on the way, and the way back when let go           |
-//! | [`curve`]   | the samples over the displacement, on the way out and back          |
+//! | [`script`]  | slow motion to both sides along one axis in rate mode, then release |
+//! | [`trial`]   | one run: samples of the motion, and the return after the release    |
+//! | [`curve`]   | the samples over the displacement, outwards and back                |
 //! | [`figures`] | plateau, edge of the deadband, hysteresis, wall                     |
 
 pub mod curve;

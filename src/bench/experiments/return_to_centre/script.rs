@@ -1,4 +1,4 @@
-//! The operator moves the grip slowly along one axis of ΔX, to both sides of the reference, and lets go.
+//! Script of one axis: the operator moves the grip slowly along it to both sides of the reference, and lets go.
 //!
 //! ```text
 //!  0 … 3.5 s      rate mode; deadman, reflection and reference are pressed, the hand rests
@@ -19,7 +19,7 @@ use sim::scenario::{ConsoleRequest, Entry, Scenario};
 /// Start of the motion, in s: every ramp of the reflection is over.
 const START_S: f64 = 3.5;
 
-/// Displacement in half-widths of the deadband, at least.
+/// Displacement along an axis with a deadband, in half-widths of it.
 const REACH_DEADBANDS: f64 = 4.0;
 
 /// Displacement into a configured wall, in half-widths of the deadband.
@@ -28,11 +28,11 @@ const INTO_WALL_DEADBANDS: f64 = 1.0;
 /// Displacement along an axis without a deadband, in m and rad.
 const REACH_WITHOUT: [f64; 2] = [0.03, 0.2];
 
-/// Rest at an end, and time after the release, in s.
+/// Rest at each end, and time after the release, in s.
 const REST_S: f64 = 0.5;
 const RETURN_S: f64 = 3.0;
 
-/// Names of the six numbers of ΔX.
+/// Names of the components of ΔX.
 pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
 /// A motion along one axis.
@@ -47,8 +47,8 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The motion along `axis` of `config`: through the deadband into the working range, and into a wall if there is one.
-    pub fn of(config: &Config, axis: usize, leg_s: f64) -> Self {
+    /// Creates the motion along `axis` of `config`: through the deadband into the working range, and into a configured wall.
+    pub fn new(config: &Config, axis: usize, leg_s: f64) -> Self {
         let channels = &config.controller.channels;
         let deadband = channels.deadbands().get(axis).copied().unwrap_or(0.0);
         let free = if deadband > 0.0 {
@@ -68,22 +68,22 @@ impl Sweep {
         AXES.get(self.axis).copied().unwrap_or_default()
     }
 
-    /// Time at which the first crossing starts, in s: both sides are measured from there on.
+    /// Returns the start of the first crossing, in s: both sides are measured from then on.
     pub const fn crossing_s(&self) -> f64 {
         START_S + self.leg_s + REST_S
     }
 
-    /// Time of the release, in s.
+    /// Returns the time of the release, in s.
     pub const fn release_s(&self) -> f64 {
         self.crossing_s() + 2.0 * (2.0 * self.leg_s + REST_S)
     }
 
-    /// Length of the script, in s.
+    /// Returns the length of the script, in s.
     pub const fn seconds(&self) -> f64 {
         self.release_s() + RETURN_S
     }
 
-    /// Returns the script; `None` where the hand cannot reach so far.
+    /// Returns the script; `None` where the hand cannot reach the ends.
     pub fn script(&self, config: &Config) -> Option<Scenario> {
         let Self { reach, leg_s, .. } = *self;
         let crossing = self.crossing_s();
@@ -97,7 +97,7 @@ impl Sweep {
         Some(scenario.with_operator(OperatorSettings::STEADY))
     }
 
-    /// Returns the motion to a displacement along the axis, as the law writes it.
+    /// Returns the motion to `displacement`, in m or rad, along the axis of ΔX.
     fn to(&self, config: &Config, at_s: f64, seconds: f64, displacement: f64) -> Entry {
         let along = unit(self.axis % 3) * displacement;
         if self.axis >= 3 {

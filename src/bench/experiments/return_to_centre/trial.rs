@@ -1,9 +1,9 @@
-//! One run: the hand moves along one axis and lets go.
+//! One run of the return to centre: the hand moves along one axis and lets go.
 
 use serde::Serialize;
 
 use crate::no_trial::NoTrial;
-use crate::return_to_centre::curve::{Bins, Felt, Point};
+use crate::return_to_centre::curve::{Bins, ForceSample, Point};
 use crate::return_to_centre::figures::{Figures, Law};
 use crate::return_to_centre::script::Sweep;
 use config::Config;
@@ -16,20 +16,20 @@ use testbench::bench::Bench;
 use testbench::truth::Truth;
 use units::spatial::Wrench;
 
-/// The way of the grip after the hand has let go.
+/// Motion of the grip after the hand has let go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Returned {
+pub struct GripReturn {
     /// Displacement at the release, in m or rad.
     pub from: f64,
-    /// Displacement at the end.
+    /// Displacement at the end of the run, in m or rad.
     pub rests_at: f64,
-    /// Largest displacement to the other side on the way.
+    /// Largest displacement beyond the reference, in m or rad.
     pub overshoot: f64,
     /// Time from the release until the deadband was entered for good, in s; absent where the grip rests outside.
     pub after_s: Option<f64>,
 }
 
-impl Returned {
+impl GripReturn {
     fn add(&mut self, since_s: f64, x: f64, deadband: f64) {
         if self.from.abs() <= 0.0 {
             self.from = x;
@@ -44,25 +44,25 @@ impl Returned {
 /// One axis of one configuration.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// The axis of ΔX.
+    /// Name of the axis of ΔX.
     pub axis: &'static str,
-    /// In rad and N·m.
+    /// Units are rad and N·m instead of m and N.
     pub is_rotation: bool,
-    /// The law as configured.
+    /// Configured return to centre.
     pub law: Law,
-    /// Figures of the felt curve; absent where the reflection did not last.
+    /// Figures of the curve; absent where the reflection ended early.
     pub figures: Option<Figures>,
-    /// Displacement of the first command, in m or rad.
+    /// Smallest displacement with a command, in m or rad.
     pub command_from: Option<f64>,
-    /// The way back when the hand let go.
-    pub returned: Returned,
+    /// Motion after the release.
+    pub returned: GripReturn,
     /// Cycles in which a joint was at its capacity or at a soft stop.
     pub limited_cycles: u64,
     /// Cause of a stop.
     pub stopped_by: Option<String>,
-    /// The curve.
+    /// Points of the curve.
     #[serde(skip)]
     pub points: Vec<Point>,
 }
@@ -71,23 +71,23 @@ impl Row {
     /// Plays the sweep of one axis; the object touches nothing.
     ///
     /// # Errors
-    /// Where the hand cannot reach, or the drives cannot be enabled.
+    /// The hand cannot reach the ends of the sweep, or the drives cannot be enabled.
     pub fn play(name: &str, config: &Config, sweep: &Sweep, seed: u64) -> Result<Self, NoTrial> {
         let (axis, reach) = (sweep.name(), sweep.reach);
         let scenario = sweep.script(config).ok_or(NoTrial::OutOfReach { axis, reach })?;
         let config = &in_free_space(config);
         let mut bench = Bench::new(config, scenario, seed, ());
         bench.bring_up()?;
-        let mut measured = Measured::new(name, config, sweep);
+        let mut measured = Measurement::new(name, config, sweep);
         for _ in 0..config.controller.period.cycles(sweep.seconds()) {
             let record = bench.cycle();
             let t = record.at.since(bench.begun()).as_secs_f64();
             let sample = measured.truth.sample(&bench, &record);
             measured.add(t, &record, sample.as_ref());
         }
-        let Measured { bins, row, .. } = measured;
+        let Measurement { bins, row, .. } = measured;
         let points = bins.points(|x| along(&config.controller.channels, sweep.axis, x));
-        Ok(Self { figures: Figures::of(&points, &row.law, reach), points, ..row })
+        Ok(Self { figures: Figures::from_curve(&points, &row.law, reach), points, ..row })
     }
 }
 
@@ -108,19 +108,19 @@ fn component(components: &[f64; 6], axis: usize) -> f64 {
     components.get(axis).copied().unwrap_or(0.0)
 }
 
-/// Measurement under way.
-struct Measured {
+/// Measurement of a running sweep.
+struct Measurement {
     sweep: Sweep,
     truth: Truth,
     bins: Bins,
     row: Row,
-    /// Displacement of the last cycle, and the period in s.
+    /// Displacement in the last cycle, in m or rad.
     before: Option<f64>,
     dt: f64,
     config: Config,
 }
 
-impl Measured {
+impl Measurement {
     fn new(name: &str, config: &Config, sweep: &Sweep) -> Self {
         let channels = &config.controller.channels;
         let law = Law {
@@ -139,7 +139,7 @@ impl Measured {
                 law,
                 figures: None,
                 command_from: None,
-                returned: Returned::default(),
+                returned: GripReturn::default(),
                 limited_cycles: 0,
                 stopped_by: None,
                 points: Vec::new(),
@@ -150,7 +150,7 @@ impl Measured {
         }
     }
 
-    /// Adds a cycle at `t` s of the script.
+    /// Adds a cycle at `t` s after the start of the script.
     fn add(&mut self, t: f64, record: &Record, sample: Option<&Sample>) {
         let axis = self.sweep.axis;
         let x = component(&record.output.dx.components(), axis);
@@ -168,7 +168,7 @@ impl Measured {
         let is_pushed = record.output.ledger.soft_stops.amax() > 0.0;
         row.limited_cycles += u64::from(record.output.is_saturated() || is_pushed);
         let of = |wrench: &Wrench| self.along_axis(record, wrench);
-        let felt = Felt {
+        let felt = ForceSample {
             total: of(&sample.felt),
             centring: of(&sample.parts.centring),
             damping: of(&sample.parts.damping),
@@ -176,7 +176,7 @@ impl Measured {
         self.bins.add(x, speed, &felt);
     }
 
-    /// Returns the component of a wrench at {G} along the axis as the law writes it.
+    /// Returns the component along the axis of ΔX of a wrench at {G}.
     fn along_axis(&self, record: &Record, wrench: &Wrench) -> f64 {
         let displaced = self.config.controller.interpretation.displacement;
         let x_0_g = &record.output.x_0_g;

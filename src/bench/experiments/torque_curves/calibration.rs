@@ -1,10 +1,10 @@
-//! One joint on the calibration rig: its readings, the curves to choose from, and the error of the torques they ask for.
+//! One joint on the calibration rig: its readings, the maker's and the fitted curve, and the torque error of both.
 
 use serde::Serialize;
 use thiserror::Error;
 
 use crate::pool;
-use calibration::fit::{Calibrated, Direction, NotCalibrated, Sample};
+use calibration::fit::{CurveFit, Direction, NoTorqueCurve, Sample};
 use config::{Actuator, Config, JointParameters};
 use controller::arm::JointKind;
 use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
@@ -14,12 +14,12 @@ use testbench::world;
 /// Torques over the range at which errors are taken.
 const STEPS: i32 = 100;
 
-/// Seeds between two joints of the same arm.
+/// Distance of the seeds of neighbouring joints of an arm.
 const SEED_STEP: u64 = 1_000;
 
-/// The curves of one joint: that of the simulated motor, and those that a controller may take for it.
+/// Curves of one joint: that of the simulated motor, and the two that a controller may use.
 #[derive(Clone, Debug)]
-pub struct Bench {
+pub struct JointCurves {
     /// Readings of the load cell.
     pub samples: Vec<Sample>,
     /// True curve of the motor.
@@ -28,16 +28,16 @@ pub struct Bench {
     pub line: TorqueCurve,
     /// Polynomial fitted to the readings.
     pub fitted: TorqueCurve,
-    /// Dry friction that was fitted with it, in N·m or N.
+    /// Dry friction from the same fit, in N·m or N.
     pub friction: f64,
-    /// Motor turns against the joint.
+    /// The motor turns against the joint.
     pub is_reversed: bool,
 }
 
 /// Reason why a joint has no calibration.
 #[derive(Debug, Error)]
 #[error("joint {joint}: {reason}")]
-pub struct NoBench {
+pub struct NoJointCurves {
     joint: String,
     reason: Reason,
 }
@@ -49,52 +49,52 @@ enum Reason {
     #[error("the motor's curve: {0}")]
     Truth(InvalidTorqueCurve),
     #[error("{0}")]
-    Fit(#[from] NotCalibrated),
+    Fit(#[from] NoTorqueCurve),
     #[error("the fitted curve: {0}")]
     Fitted(InvalidTorqueCurve),
 }
 
-/// Error of the torques that a curve asks for, in percent of the end of the range.
+/// Error of the torques that a curve commands, in percent of the end of the range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TorqueError {
     /// RMS over the range.
     pub rms: f64,
     /// Maximum over the range.
     pub max: f64,
-    /// RMS of the load cell's readings while the torque rose: with friction.
+    /// RMS error of the load cell's readings while the torque rose: with friction.
     pub rising: f64,
-    /// The same while it fell.
+    /// RMS error of the load cell's readings while the torque fell.
     pub falling: f64,
 }
 
 /// One joint with both curves.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// The joint.
+    /// Name of the joint.
     pub joint: String,
     /// Seed of the motors.
     pub seed: u64,
-    /// In N rather than N·m.
+    /// Units are N instead of N·m: a prismatic joint.
     pub is_force: bool,
     /// End of the range, in N·m or N.
     pub range: f64,
-    /// Dry friction that the fit found, in N·m or N.
+    /// Fitted dry friction, in N·m or N.
     pub friction: f64,
-    /// The maker's line.
+    /// Error of the maker's line.
     pub line: TorqueError,
-    /// The polynomial.
+    /// Error of the fitted polynomial.
     pub polynomial: TorqueError,
 }
 
-impl Bench {
+impl JointCurves {
     /// Measures a joint on the rig and fits its curve.
     ///
     /// # Errors
-    /// When one of the curves does not rise, or is not determined.
-    pub fn measure(joint: &JointParameters, seed: u64) -> Result<Self, NoBench> {
-        let no_bench = |reason| NoBench { joint: joint.name.clone(), reason };
+    /// One of the curves does not rise, or the readings do not determine it.
+    pub fn measure(joint: &JointParameters, seed: u64) -> Result<Self, NoJointCurves> {
+        let no_curves = |reason| NoJointCurves { joint: joint.name.clone(), reason };
         let Actuator { rated_torque, gear_ratio, max_torque, .. } = joint.plant.actuator;
         let coulomb = joint.plant.friction.coulomb;
         let rig = Rig::new(world::actuator(&joint.plant.actuator), coulomb, seed);
@@ -102,15 +102,15 @@ impl Bench {
         // Nominal data of motor and gear: 1000 ‰ at their product.
         let line = [1e3 / (rated_torque * gear_ratio.abs()), 0.0, 0.0];
         let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
-        let fit = Calibrated::fit(&samples).map_err(|error| no_bench(error.into()))?;
+        let fit = CurveFit::fit(&samples).map_err(|error| no_curves(error.into()))?;
         let range = fit.curve.max_torque().min(max_torque);
         let fitted = TorqueCurve::new(fit.curve.coefficients(), range);
         Ok(Self {
             samples,
-            truth: truth.map_err(|error| no_bench(Reason::Truth(error)))?,
+            truth: truth.map_err(|error| no_curves(Reason::Truth(error)))?,
             line: TorqueCurve::new(line, max_torque)
-                .map_err(|error| no_bench(Reason::Line(error)))?,
-            fitted: fitted.map_err(|error| no_bench(Reason::Fitted(error)))?,
+                .map_err(|error| no_curves(Reason::Line(error)))?,
+            fitted: fitted.map_err(|error| no_curves(Reason::Fitted(error)))?,
             friction: fit.friction.torque,
             is_reversed: fit.is_reversed,
         })
@@ -119,8 +119,8 @@ impl Bench {
     /// Measures all joints of a configuration.
     ///
     /// # Errors
-    /// As [`measure`](Self::measure), for the first joint.
-    pub fn measure_all(config: &Config, seed: u64) -> Result<Vec<Self>, NoBench> {
+    /// That of [`measure`](Self::measure) for the first joint that fails.
+    pub fn measure_all(config: &Config, seed: u64) -> Result<Vec<Self>, NoJointCurves> {
         let seeds = (0..).map(|place: u64| seed.wrapping_add(SEED_STEP.wrapping_mul(place)));
         config.joints.iter().zip(seeds).map(|(joint, seed)| Self::measure(joint, seed)).collect()
     }
@@ -139,12 +139,12 @@ impl Bench {
         }
     }
 
-    /// Returns the target of a sample with the sign of its torque.
+    /// Returns the target of a sample in ‰ of rated torque, with the sign of its torque.
     pub fn target(&self, sample: &Sample) -> f64 {
         if self.is_reversed { -sample.per_mille } else { sample.per_mille }
     }
 
-    /// Returns the error of the torques that `curve` asks for.
+    /// Returns the error of the torques that `curve` commands.
     fn error(&self, curve: &TorqueCurve) -> TorqueError {
         let end = self.truth.max_torque();
         let errors: Vec<f64> = (1..=STEPS)
@@ -182,9 +182,9 @@ mod tests {
     fn polynomial_is_right_where_the_line_is_not() {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         for seed in 1..=3 {
-            let benches = Bench::measure_all(&config, seed).unwrap();
-            for (bench, joint) in benches.iter().zip(&config.joints) {
-                let Row { line, polynomial, range, friction, .. } = bench.row("", joint, seed);
+            let measured = JointCurves::measure_all(&config, seed).unwrap();
+            for (curves, joint) in measured.iter().zip(&config.joints) {
+                let Row { line, polynomial, range, friction, .. } = curves.row("", joint, seed);
                 assert!(line.rms > 10.0 * polynomial.rms, "{}, seed {seed}: {line:?}", joint.name);
                 assert!(polynomial.max < 1.0, "{}, seed {seed}: {polynomial:?}", joint.name);
                 let known = joint.plant.friction.coulomb;

@@ -1,12 +1,12 @@
-//! Torque curves (4.2, Fig. 6): the maker's straight line against a calibrated polynomial, and what both feel like.
+//! Torque curves (4.2, Fig. 6): the maker's straight line against a calibrated polynomial, at the joint and at the hand.
 //!
-//! Every joint's motor has a curve of its own, chosen by a seed. It is measured on the simulated rig with a load cell,
-//! in both driving directions, as for `frhc calib fit`.
+//! A seed selects the curve of each joint's motor. It is measured on the simulated rig with a load cell, in both driving
+//! directions, as for `frhc calib fit`.
 //!
 //! | file             | part                                                              |
 //! |------------------|-------------------------------------------------------------------|
 //! | [`calibration`]  | readings of a joint, both curves, and the error of their torques   |
-//! | [`test_force`]   | test forces along one axis each, felt at the hand with either curve |
+//! | [`test_force`]   | test forces along one axis each, at the hand, with either curve   |
 
 pub mod calibration;
 pub mod test_force;

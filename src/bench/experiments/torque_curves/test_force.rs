@@ -1,7 +1,7 @@
-//! Test forces along one axis at a time (4.2): what a hand that holds still feels of them with either torque curve.
+//! Test forces along one axis at a time (4.2): the wrench on a hand that holds still, with either torque curve.
 //!
 //! The motors have the rig's curves, the controller has the maker's lines or the fitted polynomials. Gravity compensation
-//! passes through the same curves, so its error is felt, too, and is reported as what the hand carries without a test force.
+//! uses the same curves, so its error acts on the hand, too, and is reported as the force without a test force.
 
 use derive_more::Display;
 use nalgebra::Vector3;
@@ -10,12 +10,12 @@ use serde::Serialize;
 use crate::fidelity::trial::Arm;
 use crate::no_trial::NoTrial;
 use crate::opening;
-use crate::torque_curves::calibration::Bench;
+use crate::torque_curves::calibration::JointCurves;
 use config::Config;
 use controller::calibration::TorqueCurve;
 use sim::operator_settings::OperatorSettings;
 use sim::scenario::{ConsoleRequest, Problem, Scenario};
-use testbench::bench::Bench as Loop;
+use testbench::bench::Bench;
 use testbench::truth::Truth;
 use units::spatial::Wrench;
 
@@ -26,7 +26,7 @@ pub const TEST_MOMENT: f64 = 0.15;
 /// Start of the first segment, in s: every ramp of the reflection is over.
 const START_S: f64 = 4.0;
 
-/// Length of a segment, of the rise of its force, and of the part at its end that is averaged, in s.
+/// Duration of a segment, of the rise of its force, and of the average at its end, in s.
 const SEGMENT_S: f64 = 1.5;
 const RISE_S: f64 = 0.4;
 const AVERAGED_S: f64 = 0.5;
@@ -34,7 +34,7 @@ const AVERAGED_S: f64 = 0.5;
 /// Segments: rest before, between and after the six test forces.
 const SEGMENTS: u8 = 13;
 
-/// Curve that the controller takes for the motors'.
+/// Torque curve of the controller.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Curve {
@@ -50,64 +50,65 @@ impl Curve {
     /// Both curves.
     pub const ALL: [Self; 2] = [Self::MakersLine, Self::Polynomial];
 
-    const fn of(self, bench: &Bench) -> TorqueCurve {
+    const fn torque_curve(self, joint: &JointCurves) -> TorqueCurve {
         match self {
-            Self::MakersLine => bench.line,
-            Self::Polynomial => bench.fitted,
+            Self::MakersLine => joint.line,
+            Self::Polynomial => joint.fitted,
         }
     }
 }
 
-/// One test force or moment.
+/// Errors of one test force or moment at the hand.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Feeling {
-    /// Size that is felt along the axis less the wanted one, in percent of it.
+pub struct ForceError {
+    /// Error of the component along the wanted force, in percent of its magnitude.
     pub size_percent: f64,
-    /// Angle between felt and wanted, in degrees.
+    /// Angle between the measured and the wanted force, in degrees.
     pub turned_deg: f64,
-    /// Size of the difference of felt and wanted, in percent of the wanted one.
+    /// Magnitude of the vector error, in percent of the wanted magnitude.
     pub error_percent: f64,
 }
 
-/// One run.
+/// Figures of one run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// The arm.
+    /// Simulated arm.
     pub arm: Arm,
-    /// The controller's curve.
+    /// Torque curve of the controller.
     pub curve: Curve,
     /// Seed of the motors.
     pub seed: u64,
-    /// Force on the hand without a test force, in N, after the start; absent where the reflection did not last.
+    /// Force on the hand before the first test force, in N; absent where the reflection ended early.
     pub weight_n: Option<f64>,
-    /// Forces along x, y, z and moments about them; absent where K_T is zero or the reflection did not last.
-    pub felt: [Option<Feeling>; 6],
+    /// Errors of forces along x, y, z and moments about them; absent where K_T is zero or the reflection ended early.
+    pub felt: [Option<ForceError>; 6],
     /// Cause of a stop.
     pub stopped_by: Option<String>,
 }
 
 impl Row {
-    /// Plays one run: the motors have the curves of `benches`, the controller has `curve`.
+    /// Plays one run: the motors have the curves of `joint_curves`, the controller has `curve`.
     ///
     /// # Errors
-    /// Where the drives cannot be enabled.
+    /// The number of curves is not six, or the drives cannot be enabled.
     pub fn play(
         name: &str,
         config: &Config,
-        benches: &[Bench],
+        joint_curves: &[JointCurves],
         (arm, curve, seed): (Arm, Curve, u64),
     ) -> Result<Self, NoTrial> {
-        let curves = |of: fn(Curve, &Bench) -> TorqueCurve| {
-            let curves: Vec<TorqueCurve> = benches.iter().map(|bench| of(curve, bench)).collect();
+        let curves = |of: fn(Curve, &JointCurves) -> TorqueCurve| {
+            let curves: Vec<TorqueCurve> =
+                joint_curves.iter().map(|joint| of(curve, joint)).collect();
             <[TorqueCurve; 6]>::try_from(curves)
                 .map_err(|curves| NoTrial::Joints { found: curves.len() })
         };
         let world = config.clone().with_friction(arm.friction());
-        let world = world.with_torque_curves(curves(|_, bench| bench.truth)?);
-        let node = arm.controlled(config).with_torque_curves(curves(Curve::of)?);
-        let mut bench = Loop::in_world_of(&world, &node, script()?, seed, ());
+        let world = world.with_torque_curves(curves(|_, joint| joint.truth)?);
+        let node = arm.controlled(config).with_torque_curves(curves(Curve::torque_curve)?);
+        let mut bench = Bench::in_world_of(&world, &node, script()?, seed, ());
         bench.bring_up()?;
         let mut truth = Truth::new(&node);
         let mut segments = vec![Segment::default(); SEGMENTS.into()];
@@ -135,7 +136,7 @@ impl Row {
     }
 }
 
-/// Sums over the end of a segment.
+/// Sums over the averaged part of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 struct Segment {
     count: f64,
@@ -167,8 +168,8 @@ impl Segment {
     }
 }
 
-/// Returns what is felt of the six test forces: the mean of a segment less that of its neighbours.
-fn feelings(segments: &[Segment]) -> [Option<Feeling>; 6] {
+/// Returns the errors of the six test forces, each the mean of a segment minus that of its neighbours.
+fn feelings(segments: &[Segment]) -> [Option<ForceError>; 6] {
     [0, 1, 2, 3, 4, 5].map(|place: usize| {
         let [before, pressed, after] = segments.get(2 * place..2 * place + 3)? else { return None };
         if [before, pressed, after].iter().any(|segment| segment.count <= 0.0) {
@@ -183,16 +184,16 @@ fn feelings(segments: &[Segment]) -> [Option<Feeling>; 6] {
     })
 }
 
-fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<Feeling> {
+fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<ForceError> {
     let size = wanted.norm();
-    (size > f64::EPSILON).then(|| Feeling {
+    (size > f64::EPSILON).then(|| ForceError {
         size_percent: 100.0 * (felt.dot(wanted) / (size * size) - 1.0),
         turned_deg: wanted.angle(felt).to_degrees(),
         error_percent: 100.0 * (felt - wanted).norm() / size,
     })
 }
 
-/// Pose mode, armed; deadman, and reflection for the rest of the run.
+/// Returns a script in pose mode, armed, with deadman and reflection on until the end.
 fn script() -> Result<Scenario, Problem> {
     let entries = opening::engaged(ConsoleRequest::Pose, opening::SWITCHES_S);
     Ok(Scenario::new(seconds(), entries)?.with_operator(OperatorSettings::STEADY))
@@ -202,7 +203,7 @@ fn seconds() -> f64 {
     START_S + SEGMENT_S * f64::from(SEGMENTS)
 }
 
-/// Returns the wrench that the sensor reports at `t` s after the start: that of the test force at the grip, by K_T.
+/// Returns the sensed wrench at `t` s after the start: the test force at the grip, divided by K_T.
 fn sensed(config: &Config, t: f64) -> Wrench {
     let mut components = [0.0; 6];
     let gains = config.controller.reflection.gain().values();
@@ -210,7 +211,7 @@ fn sensed(config: &Config, t: f64) -> Wrench {
     let axes = components.iter_mut().zip(gains.iter().zip(sizes));
     for (place, (component, (gain, size))) in (0..6_u8).zip(axes) {
         let since = t - SEGMENT_S * f64::from(2 * place + 1);
-        // It falls as slowly as it rises, in the segment of rest that follows.
+        // The force falls at the same rate in the segment of rest that follows.
         let share = (since / RISE_S).min(1.0 + (SEGMENT_S - since) / RISE_S).clamp(0.0, 1.0);
         if *gain > 0.0 {
             *component = size / gain * share;
@@ -219,7 +220,7 @@ fn sensed(config: &Config, t: f64) -> Wrench {
     Wrench::from_components(components)
 }
 
-/// Returns the segment whose end is averaged at `t` s after the start.
+/// Returns the segment that is averaged at `t` s after the start; `None` at other times.
 fn averaged(t: f64) -> Option<usize> {
     (0..usize::from(SEGMENTS)).zip(0..SEGMENTS).find_map(|(place, segment)| {
         let end = SEGMENT_S * (f64::from(segment) + 1.0);

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 
 const MS: Duration = Duration::from_millis(1);
-/// Time between two reads that is no pause.
+/// Maximum time between two reads without a pause.
 const MAX_WAIT: Duration = Duration::from_millis(3);
 const STREAM: [Request; 1] = [Request::Stream];
 
@@ -146,7 +146,7 @@ fn datagrams_of_others_are_dropped_and_counted() {
     assert_eq!(cycles.read(&[3]).number, 2, "the sequence is as before");
 }
 
-/// A process that was stopped finds what came first while it stood still: the socket drops what has no room.
+/// A stopped process later reads the oldest records of its pause: a full socket drops the newer ones.
 #[test]
 fn records_that_waited_for_a_stopped_process_are_no_reading() {
     let mut cycles = Cycles::new();
@@ -235,7 +235,7 @@ fn bias_is_sent_on_command_alone_once_and_to_a_valid_sensor() {
     }
 }
 
-/// Datagram of a sensor that misbehaves: any bytes, or a record with any numbers.
+/// Generates datagrams of a defective sensor: any bytes, or a record with any numbers.
 fn datagram() -> impl Strategy<Value = Vec<u8>> {
     let numbers = (0..40_u32, 0..40_u32, 0..3_u32, any::<[i32; 6]>());
     let record = numbers.prop_map(|(rdt_sequence, ft_sequence, status, counts)| {

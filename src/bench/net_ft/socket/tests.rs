@@ -1,4 +1,4 @@
-//! The socket with a sensor of the test on the loopback interface.
+//! Tests of the socket with a fake sensor on the loopback interface.
 
 use socket2::SockRef;
 
@@ -9,7 +9,7 @@ use units::spatial::Wrench;
 
 const MAX_WAIT: Duration = Duration::from_millis(3);
 
-/// A sensor that sends when the test says so.
+/// Fake sensor, controlled by the test.
 struct Sensor {
     socket: UdpSocket,
     reader: SocketAddr,
@@ -68,7 +68,7 @@ fn read_empties_the_socket_and_returns_the_newest() {
 #[test]
 fn read_takes_256_datagrams_and_the_next_one_the_rest() {
     let (mut sensor, mut net_ft) = Sensor::and_reader();
-    // Room for some 500, twice as much as a socket has by itself.
+    // Space for about 500 datagrams, twice the default.
     SockRef::from(&net_ft.socket).set_recv_buffer_size(212_992).unwrap();
     sensor.send(260);
     net_ft.read(at(1));

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::frames::{Described, Reader};
+use crate::frames::{FrameText, Reader};
 use crate::html::{Cell, Html};
 use crate::view::View;
 use crate::words::{count, counted, moment};
@@ -58,7 +58,7 @@ pub(crate) fn write(html: &mut Html, view: &View<'_>) {
 }
 
 /// Returns a frame as the row of a table.
-pub(crate) fn row(event: &Described) -> Vec<Cell> {
+pub(crate) fn row(event: &FrameText) -> Vec<Cell> {
     vec![
         Cell::Number(format!("{:.6}", event.at.as_secs_f64())),
         Cell::Code(event.interface.clone()),

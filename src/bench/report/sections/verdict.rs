@@ -2,7 +2,7 @@
 
 use crate::html::{Cell, Html};
 use crate::modes::{self, AFTER, BEFORE, Moment};
-use crate::stops::{self, Described};
+use crate::stops::{self, StopReport};
 use crate::view::View;
 use crate::words::{count, counted, moment};
 use node::record::Mode;
@@ -23,7 +23,7 @@ pub(crate) fn write(html: &mut Html, view: &View<'_>) {
     html.close("div");
 }
 
-fn stopped(html: &mut Html, view: &View<'_>, stop: &Described) {
+fn stopped(html: &mut Html, view: &View<'_>, stop: &StopReport) {
     html.element("p", "cause", &stop.cause);
     let [from, to, last] = &stop.modes;
     let mode = if to == last { to.clone() } else { format!("{to}, then {last}") };
@@ -88,7 +88,7 @@ pub(crate) fn stops(html: &mut Html, view: &View<'_>) {
     html.end_section();
 }
 
-fn row(number: usize, stop: &Described) -> Vec<Cell> {
+fn row(number: usize, stop: &StopReport) -> Vec<Cell> {
     let [from, to, last] = &stop.modes;
     let heading = if stop.moments.len() > 1 {
         Cell::Link(format!("stop-{number}"), format!("Stop {number}"))
@@ -108,7 +108,7 @@ fn row(number: usize, stop: &Described) -> Vec<Cell> {
 }
 
 /// Returns the seconds around a stop, with the positions and torques of its joint, or of all.
-fn close_up(view: &View<'_>, stop: &Described, number: usize) -> Strip {
+fn close_up(view: &View<'_>, stop: &StopReport, number: usize) -> Strip {
     let zero = stop.at;
     let mut strip =
         Strip::new(format!("Seconds around stop {number}: {}", stop.cause), -BEFORE..AFTER);
@@ -160,7 +160,7 @@ fn close_up(view: &View<'_>, stop: &Described, number: usize) -> Strip {
 }
 
 /// Returns a curve of the moments: each value until the next one.
-fn curve(stop: &Described, zero: f64, name: &str, of: impl Fn(&Moment) -> Option<f64>) -> Curve {
+fn curve(stop: &StopReport, zero: f64, name: &str, of: impl Fn(&Moment) -> Option<f64>) -> Curve {
     let next = stop.moments.iter().skip(1).map(Some).chain([None]);
     let extents = stop.moments.iter().zip(next).map(|(one, next)| {
         let value = of(one).unwrap_or(f64::NAN);

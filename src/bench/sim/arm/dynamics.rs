@@ -1,4 +1,4 @@
-//! The arm's dynamics: mass matrix, bias, accelerations, energy.
+//! Dynamics of the arm: mass matrix, bias, accelerations, energy.
 //!
 //! Bodies, motions and forces are expressed at the origin of {0} in its axes (Featherstone 2008, spatial vectors), so
 //! they add up. The mass matrix uses composite bodies (6.2), the bias the recursive Newton-Euler algorithm (5.3):
@@ -122,11 +122,11 @@ impl<const N: usize> Arm<N> {
     }
 }
 
-/// A link at a posture, at the origin of {0} in its axes.
+/// Motion and force of a link at a posture, at the origin of {0} in its axes.
 #[derive(Clone, Copy, Debug)]
 struct Moving {
     body: Body,
-    /// Motion of its joint at unit rate.
+    /// Motion of the link at unit rate of its joint.
     axis: Motion,
     /// Force that moves it.
     effort: Effort,

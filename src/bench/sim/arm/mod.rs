@@ -1,7 +1,7 @@
 //! Rigid-body kinematics and dynamics of a serial chain in Craig's modified DH parameters.
 //!
-//! Shares nothing with the controller, which computes the same arm by another method: the dynamics are those of
-//! `dynamics`, the Jacobian is accumulated from the grip inward.
+//! Shares no code with the controller, which computes the same arm by another method. Here the dynamics are recursive
+//! (`dynamics`), and the Jacobian is accumulated from the grip inward.
 //!
 //! The number of joints is a parameter of the types, six unless named. A chain of fewer joints is padded at its end by
 //! fixed links: no motion, no mass, and a rotor inertia of 1 that keeps the mass matrix regular.
@@ -47,7 +47,7 @@ pub struct LinkSettings {
     pub rotor_inertia: f64,
 }
 
-/// A matrix over pairs of joints.
+/// Matrix over pairs of joints.
 pub type JointMatrix<const N: usize = 6> = SMatrix<f64, N, N>;
 
 /// Parameters of an arm.
@@ -61,7 +61,7 @@ pub struct ArmSettings<const N: usize = 6> {
     pub gravity: Vector3<f64>,
 }
 
-/// More links than an arm has joints.
+/// Number of links outside of the range of an arm.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("an arm must have 1 to {max} joints, got {got}")]
 pub struct InvalidJointCount {
@@ -71,7 +71,7 @@ pub struct InvalidJointCount {
     pub max: usize,
 }
 
-/// A rigid body fixed to a link.
+/// Rigid body fixed to a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Mass, in kg.
@@ -82,7 +82,7 @@ pub struct Load {
     pub inertia: Matrix3<f64>,
 }
 
-/// A serial chain of up to `N` joints with a grip.
+/// Serial chain of up to `N` joints with a grip.
 #[derive(Clone, Copy, Debug)]
 pub struct Arm<const N: usize = 6> {
     links: [Link; N],
@@ -97,9 +97,9 @@ pub struct Arm<const N: usize = 6> {
 /// Poses of all links.
 #[derive(Clone, Copy, Debug)]
 pub struct Posture<const N: usize = 6> {
-    /// Each link in the one before.
+    /// Pose of each link in the previous one.
     steps: [IsometryMatrix3<f64>; N],
-    /// Each link in {0}.
+    /// Pose of each link in {0}.
     x_0_links: [IsometryMatrix3<f64>; N],
 }
 
@@ -121,7 +121,7 @@ impl<const N: usize> Arm<N> {
     ///
     /// # Errors
     ///
-    /// If there are no links, or more than `N`.
+    /// The number of links is zero, or above `N`.
     pub fn padded(
         links: &[LinkSettings],
         x_n_g: Isometry3<f64>,
@@ -250,7 +250,7 @@ impl Link {
         }
     }
 
-    /// Returns the pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
+    /// Returns the pose of this link in the previous one: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
     fn step(&self, q: f64) -> IsometryMatrix3<f64> {
         let (d, theta) = match self.kind {
             JointKind::Revolute => (self.d, self.theta + q),
@@ -364,7 +364,7 @@ pub(crate) mod tests {
                 let qdd = joints(&config["qdd_forward_dynamics"]);
                 let error = arm.acceleration(&posture, &qd, &tau, &f_g) - qdd;
                 assert!(error.norm() < 1e-9 * (1.0 + qdd.norm()), "{error}");
-                // And the inverse: these accelerations need the given torques.
+                // The inverse dynamics return the torques for these accelerations.
                 let needed = arm.mass_matrix(&posture) * qdd + arm.bias(&posture, &qd);
                 let given = tau + j_g.torques(&f_g);
                 assert!((needed - given).norm() < 1e-9 * (1.0 + given.norm()), "{needed}");

@@ -1,4 +1,4 @@
-//! Spatial motions, forces and inertias at the origin of one frame (Featherstone 2008), which can be added as they are.
+//! Spatial motions, forces and inertias at the origin of one frame (Featherstone 2008), which can be added directly.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Vector3};
 
@@ -111,7 +111,7 @@ impl Body {
         Effort { moment: first_moment.cross(up), force: up * self.mass }
     }
 
-    /// Returns its momentum at a velocity, or the force of an acceleration.
+    /// Returns the momentum at a velocity, or the force for an acceleration.
     pub(super) fn times(&self, motion: &Motion) -> Effort {
         Effort {
             moment: self.inertia * motion.angular + self.first_moment.cross(&motion.linear),

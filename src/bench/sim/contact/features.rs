@@ -7,19 +7,19 @@ use crate::contact::surface::Feature;
 /// Numbers of points in contact.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq, Serialize)]
 pub struct Features {
-    /// With the face of the plate.
+    /// Points on the face of the plate.
     pub face: u16,
-    /// With a chamfer of a hole.
+    /// Points on a chamfer of a hole.
     pub cone: u16,
-    /// With a bore.
+    /// Points on a bore.
     pub bore: u16,
-    /// Edge of a hole, on the end of a peg.
+    /// Points of the edge of a hole on the end of a peg.
     pub peg_end: u16,
-    /// Edge of a hole, on the chamfer of a peg.
+    /// Points of the edge of a hole on the chamfer of a peg.
     pub peg_chamfer: u16,
-    /// Edge of a hole, on the side of a peg.
+    /// Points of the edge of a hole on the side of a peg.
     pub peg_side: u16,
-    /// With wall, box or sphere, or with sides and lower face of the plate.
+    /// Points on wall, box or sphere, or on sides and lower face of the plate.
     #[serde(rename = "other")]
     pub solid: u16,
 }
@@ -36,7 +36,7 @@ impl Features {
         solid + face + cone + bore + peg_end + peg_chamfer + peg_side
     }
 
-    /// Returns whether a peg touches the bore and the edge of a hole at once: the contact that can jam.
+    /// Returns whether a peg touches the bore and the edge of a hole simultaneously: two-point contact, which can jam.
     pub const fn is_two_point(&self) -> bool {
         self.bore > 0 && self.peg_side > 0
     }

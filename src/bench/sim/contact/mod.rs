@@ -5,9 +5,9 @@
 //! cube and the rims of the pegs out of all solids, and the edges of the holes out of the pegs. A tilted peg in a hole
 //! needs both: its rim touches the bore on one side, and the edge of the hole its side on the other.
 //!
-//! Depth and normal are exact at each point; a circle has 36 points, so the deepest place is found within 5°, and its
-//! depth within 0.4 % of the eccentricity. Edges of box, wall or sphere against the side of a peg are not modelled,
-//! nor is the base of a peg: deeper than its length it is not there.
+//! Depth and normal are exact at each point. A circle has 36 points, so the deepest point is found within 5°, and its
+//! depth within 0.4 % of the eccentricity. Two contacts are not modelled: edges of box, wall or sphere against the side of a
+//! peg, and the base of a peg beyond its length.
 
 mod features;
 mod insertion;
@@ -29,16 +29,16 @@ pub use surface::Surface;
 
 use nalgebra::{Isometry3, IsometryMatrix3};
 
-use crate::contact::patch::{Patch, Points, Seen};
+use crate::contact::patch::{ContactTally, Patch, Points};
 use crate::contact::peg::Peg;
-use crate::contact::plate::Drilled;
+use crate::contact::plate::PlateSolid;
 use crate::contact::solid::Solid;
 use units::spatial::{Twist, Wrench};
 
-/// Kinds of edges of a hole: whether each is at the mouth.
+/// Kinds of edges of a hole: true at the mouth, false inside.
 const EDGES: [bool; 2] = [true, false];
 
-/// One solid, and a patch for each set of points of the tool.
+/// Solid with a patch for each set of points of the tool.
 #[derive(Clone, Debug)]
 struct Opposite<S> {
     solid: S,
@@ -56,7 +56,7 @@ impl<S: Solid> Opposite<S> {
         sets: &[Points],
         x: &IsometryMatrix3<f64>,
         v: &Twist,
-        seen: &mut Seen,
+        seen: &mut ContactTally,
     ) -> Wrench {
         let patches = self.patches.iter_mut().zip(sets);
         patches.fold(Wrench::ZERO, |sum, (patch, set)| {
@@ -77,10 +77,10 @@ pub struct Contact {
     wall: Option<Opposite<Wall>>,
     block: Option<Opposite<Block>>,
     sphere: Option<Opposite<Sphere>>,
-    plate: Option<Opposite<Drilled>>,
-    /// Pegs as each kind of edge touches them.
+    plate: Option<Opposite<PlateSolid>>,
+    /// Pegs, as touched by each kind of edge.
     pegs: [Vec<Opposite<Peg>>; 2],
-    seen: Seen,
+    seen: ContactTally,
 }
 
 impl Contact {
@@ -88,7 +88,7 @@ impl Contact {
     ///
     /// # Errors
     ///
-    /// If a size is not positive, a peg does not fit its hole, or holes overlap.
+    /// A size is not positive, a peg does not fit its hole, or holes overlap.
     pub fn new(shape: Shape, scene: Scene) -> Result<Self, InvalidContact> {
         scene::check(&shape, &scene)?;
         let tool_points = tool_points(&shape);
@@ -113,20 +113,20 @@ impl Contact {
             sphere: scene.sphere.map(|sphere| Opposite::new(sphere, &sphere.surface, &tool_points)),
             plate: scene
                 .plate
-                .map(|plate| Opposite::new(Drilled::new(plate), &plate.surface, &tool_points)),
+                .map(|plate| Opposite::new(PlateSolid::new(plate), &plate.surface, &tool_points)),
             pegs,
             shape,
             scene,
             tool_points,
             edges,
-            seen: Seen::default(),
+            seen: ContactTally::default(),
         })
     }
 
     /// Returns the wrench of the scene on the tool, at {M} in {M}, for pose `x_b_m` and twist `v_m`, and moves the
     /// anchors of friction. Each call is one step along the path of the tool.
     pub fn wrench(&mut self, x_b_m: &Isometry3<f64>, v_m: &Twist) -> Wrench {
-        let mut seen = Seen::default();
+        let mut seen = ContactTally::default();
         let (sets, x) = (&self.tool_points, nalgebra::convert(*x_b_m));
         let v_b = v_m.at(x_b_m);
         let mut f_b = Wrench::ZERO;
@@ -152,7 +152,12 @@ impl Contact {
     }
 
     /// Returns the wrench of the edges of the holes on the pegs, at {M} in {M}: the reaction of that on the edges.
-    fn edges_on_pegs(&mut self, x_p_m: &Isometry3<f64>, v_m: &Twist, seen: &mut Seen) -> Wrench {
+    fn edges_on_pegs(
+        &mut self,
+        x_p_m: &Isometry3<f64>,
+        v_m: &Twist,
+        seen: &mut ContactTally,
+    ) -> Wrench {
         let Shape::Pegs(pegs) = &self.shape else { return Wrench::ZERO };
         let x_m_e = pegs.x_m_e();
         let x_e_p = nalgebra::convert((x_p_m * x_m_e).inverse());

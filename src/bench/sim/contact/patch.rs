@@ -53,7 +53,7 @@ impl Points {
 
 /// All points in contact of one evaluation.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct ContactTally {
     pub(super) features: Features,
     /// Sum of their normal forces, in N.
     pub(super) pressure: f64,
@@ -82,7 +82,7 @@ impl Patch {
         x: &IsometryMatrix3<f64>,
         v: &Twist,
         solid: &impl Solid,
-        seen: &mut Seen,
+        seen: &mut ContactTally,
     ) -> Wrench {
         let bounds = Bounds {
             centre: (x * Point3::from(points.bounds.centre)).coords,

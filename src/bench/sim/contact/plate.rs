@@ -49,7 +49,7 @@ pub struct Plate {
 
 /// A plate with what its points need.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Drilled {
+pub(super) struct PlateSolid {
     plate: Plate,
     /// Inward and upward part of the normal of a chamfer.
     slope: Option<[f64; 2]>,
@@ -99,7 +99,7 @@ impl Plate {
     }
 }
 
-impl Drilled {
+impl PlateSolid {
     /// Creates the solid of a plate.
     pub(super) fn new(plate: Plate) -> Self {
         Self { plate, slope: plate.holes.slope() }
@@ -154,7 +154,7 @@ impl Drilled {
     }
 }
 
-impl Solid for Drilled {
+impl Solid for PlateSolid {
     fn touch(&self, p: &Vector3<f64>) -> Option<Touch> {
         let (mut depth, mut feature, mut around) = (-p.z, Feature::Face, [0.0; 3]);
         if depth <= 0.0 {

@@ -1,4 +1,4 @@
-//! Tool and scene of a contact, and what makes them impossible.
+//! Tool and scene of a contact, and the checks of their dimensions.
 
 use crate::contact::peg::Pegs;
 use crate::contact::plate::Plate;
@@ -8,7 +8,7 @@ use crate::contact::surface::Surface;
 /// Half the edge of the cube of the commanded object, in m.
 pub const HALF_CUBE: f64 = 0.02;
 
-/// Shape that touches, fixed to {M}.
+/// Shape of the tool, fixed to {M}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// Corners of a cube around the origin of {M}.

@@ -1,10 +1,10 @@
-//! Wall, box and sphere: depth of a point, and the shortest way out.
+//! Wall, box and sphere: depth of a point, and the normal of the nearest surface.
 
 use nalgebra::{Unit, Vector3};
 
 use crate::contact::surface::{Feature, Surface, Touch};
 
-/// A plane that is solid behind its normal.
+/// Half-space behind a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
     /// A point of the plane, in {b}.
@@ -15,7 +15,7 @@ pub struct Wall {
     pub surface: Surface,
 }
 
-/// A solid box along the axes of {b}.
+/// Solid box along the axes of {b}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
     /// Centre, in {b}.
@@ -26,7 +26,7 @@ pub struct Block {
     pub surface: Surface,
 }
 
-/// A solid sphere.
+/// Solid sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Centre, in {b}.
@@ -46,20 +46,20 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Returns how far points may be from the centre along an axis of the frame, whose component of `axis` is given
-    /// by `of`.
+    /// Returns the maximum distance of points from the centre along an axis of the frame, whose component of `axis` is
+    /// returned by `of`.
     pub(super) fn reach(&self, of: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let share = self.axis.map_or(1.0, |axis| (1.0 - of(&axis).powi(2)).max(0.0).sqrt());
         self.radius * share
     }
 }
 
-/// A body that contact points can be inside of, in the frame in which it rests.
+/// Body that contact points can penetrate, in the frame in which it rests.
 pub(super) trait Solid {
     /// Returns the contact of a point that is inside.
     fn touch(&self, p: &Vector3<f64>) -> Option<Touch>;
 
-    /// Returns whether all points within `bounds` are outside; a cheap test, which may be wrong the safe way.
+    /// Returns whether all points within `bounds` are certainly outside; false where this cheap test does not decide.
     fn is_clear_of(&self, bounds: &Bounds) -> bool;
 }
 
@@ -97,7 +97,7 @@ impl Solid for Block {
 }
 
 impl Solid for Sphere {
-    /// At the centre, where the direction is undefined, the way out is up.
+    /// Returns the contact of a point; the normal at the centre, where it is undefined, is up.
     fn touch(&self, p: &Vector3<f64>) -> Option<Touch> {
         let from_centre = p - self.centre;
         let depth = self.radius - from_centre.norm();

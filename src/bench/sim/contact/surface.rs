@@ -22,7 +22,7 @@ pub struct Surface {
     pub stiffness: f64,
     /// Damping with all these points at `damping_depth` or below, in N·s/m.
     pub damping: f64,
-    /// Depth from which damping is complete, in m.
+    /// Depth at which damping reaches its full value, in m.
     pub damping_depth: f64,
     /// Friction coefficient µ, 0 or above.
     pub friction: f64,
@@ -33,7 +33,7 @@ pub struct Surface {
 pub(super) struct Touch {
     /// Depth, in m.
     pub(super) depth: f64,
-    /// Direction of the shortest way out, of length 1.
+    /// Outward unit normal of the nearest surface.
     pub(super) normal: Vector3<f64>,
     /// Part of the solid that is nearest.
     pub(super) feature: Feature,

@@ -1,4 +1,4 @@
-//! Laws of contact: no pull, continuity, energy, direction and depth on every feature.
+//! Laws of contact on every feature: no pull, continuity, energy, direction and depth.
 
 use std::f64::consts::TAU;
 
@@ -351,7 +351,7 @@ proptest! {
 fn clear_of_test_never_hides_a_contact() {
     let mut random = crate::random::SplitMix::new(5);
     let solid = plate(SMOOTH);
-    let drilled = Drilled::new(solid);
+    let drilled = PlateSolid::new(solid);
     let mut touching = 0;
     for _ in 0..20_000 {
         let mut number = |size: f64| size * (2.0 * random.unit() - 1.0);

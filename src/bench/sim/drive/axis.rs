@@ -14,7 +14,7 @@ use crate::drive::power::Power;
 use crate::drive::servo::Servo;
 use crate::drive::status::{self, Status};
 use crate::drive::task::{self, Task};
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
 use crate::motion::{Feedback, Motion, Ramp, SERVO_PERIOD, TorqueDemand, Tuning};
 use crate::quirks::AxisQuirks;
 use canopen::abort::AbortCode;
@@ -36,7 +36,7 @@ pub(super) struct Axis {
     /// Active mode of operation (6061h).
     mode: i8,
     task: Task,
-    /// In operation enabled and not stopping.
+    /// Set in operation enabled, unless stopping.
     is_enabled: bool,
     tuning: Tuning,
     motion: Motion,
@@ -49,7 +49,7 @@ pub(super) struct Axis {
     demand: TorqueDemand,
     /// Error code (603Fh).
     error: u16,
-    /// Set if it has cyclic synchronous torque although 6502h does not list it.
+    /// Set if the drive has cyclic synchronous torque although 6502h does not list it.
     has_unlisted_torque_mode: bool,
     /// Controlwords have no effect.
     ignores_controlword: bool,
@@ -180,7 +180,7 @@ impl Axis {
         }
     }
 
-    /// Adds cyclic synchronous torque, whatever 6502h lists.
+    /// Adds cyclic synchronous torque independently of 6502h.
     #[must_use]
     pub(super) const fn with_unlisted_torque_mode(self, has_unlisted_torque_mode: bool) -> Self {
         Self { has_unlisted_torque_mode, ..self }
@@ -235,7 +235,7 @@ impl Axis {
     }
 
     /// Updates the motor and encoder values.
-    pub(super) fn sense(&mut self, sensed: &Sensed, dictionary: &mut Dictionary) {
+    pub(super) fn sense(&mut self, sensed: &MotorReading, dictionary: &mut Dictionary) {
         self.feedback = Feedback {
             position: self.encoder.counts(sensed.position),
             velocity: f64::from(self.encoder.rate(sensed.velocity)),
@@ -279,7 +279,7 @@ impl Axis {
         self.power.fail(ramp);
     }
 
-    /// Enters Fault once for a monitored cause. Overspeed is no fault of a motor without torque.
+    /// Enters Fault once for a monitored cause. Without torque, overspeed is not a fault.
     fn check_monitor(&mut self) {
         let Some(cause) = self.monitor.cause() else { return };
         let is_handled = match self.power.state() {
@@ -297,11 +297,11 @@ impl Axis {
     }
 
     fn read_parameters(&mut self, dictionary: &Dictionary) {
-        self.options = Options::of(dictionary);
-        self.limits = Limits::of(dictionary, self.increments);
+        self.options = Options::from_dictionary(dictionary);
+        self.limits = Limits::from_dictionary(dictionary, self.increments);
     }
 
-    /// Sets whether controlwords have no effect. The newest one acts when they have one again.
+    /// Sets whether controlwords are ignored. Afterwards the newest one takes effect.
     pub(super) fn set_ignores_controlword(&mut self, ignores: bool, dictionary: &mut Dictionary) {
         self.ignores_controlword = ignores;
         self.on_controlword(dictionary);

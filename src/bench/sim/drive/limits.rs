@@ -19,7 +19,7 @@ pub(super) struct Limits {
 
 impl Limits {
     /// Reads the limits from `dictionary`. An absent object is no limit. The encoder has `increments` per revolution.
-    pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
+    pub(super) fn from_dictionary(dictionary: &Dictionary, increments: f64) -> Self {
         let limit = |object| dictionary.optional(object).map_or(f64::INFINITY, f64::from);
         // Torque is proportional to current: both limits have the same unit.
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
@@ -66,7 +66,7 @@ mod tests {
     fn overspeed_trips_ten_percent_above_6080h() {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &3_000_u32.to_le_bytes());
-        let limits = Limits::of(&dictionary, INCREMENTS);
+        let limits = Limits::from_dictionary(&dictionary, INCREMENTS);
         let nominal = 50.0 * INCREMENTS;
         for (share, is_too_fast) in [(1.0, false), (1.09, false), (1.11, true)] {
             assert_eq!(limits.is_too_fast(share * nominal), is_too_fast, "{share}");
@@ -79,7 +79,7 @@ mod tests {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &1_u32.to_le_bytes());
         dictionary.set(Object::VELOCITY_UNIT, &0x00B4_0300_u32.to_le_bytes());
-        let limits = Limits::of(&dictionary, 1_000.0);
+        let limits = Limits::from_dictionary(&dictionary, 1_000.0);
         assert!(limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0), "one turn per second");
     }
 
@@ -95,7 +95,7 @@ mod tests {
         ] {
             dictionary.remove(object);
         }
-        let limits = Limits::of(&dictionary, INCREMENTS);
+        let limits = Limits::from_dictionary(&dictionary, INCREMENTS);
         assert!((limits.clamp(-9_999.0) + 9_999.0).abs() <= 0.0);
         assert!(!limits.is_too_fast(1e12));
     }
@@ -105,7 +105,7 @@ mod tests {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &60_u32.to_le_bytes());
         let is_right = |dictionary: &Dictionary| {
-            let limits = Limits::of(dictionary, 1_000.0);
+            let limits = Limits::from_dictionary(dictionary, 1_000.0);
             limits.is_too_fast(1_101.0) && !limits.is_too_fast(1_099.0)
         };
         dictionary.set(Object::ENCODER_INCREMENTS, &1_u32.to_le_bytes());
@@ -129,7 +129,7 @@ mod tests {
             for (object, limit) in objects.into_iter().zip(limits) {
                 prop_assert!(dictionary.set(object, &limit.to_le_bytes()));
             }
-            let given = Limits::of(&dictionary, INCREMENTS).clamp(asked);
+            let given = Limits::from_dictionary(&dictionary, INCREMENTS).clamp(asked);
             let [torque, current, positive, negative] = limits.map(f64::from);
             prop_assert!(given.abs() <= torque.min(current));
             prop_assert!(-negative <= given && given <= positive);
@@ -139,6 +139,6 @@ mod tests {
 
     #[test]
     fn nan_demand_gives_zero_torque() {
-        assert!(Limits::of(&dictionary(), INCREMENTS).clamp(f64::NAN).abs() <= 0.0);
+        assert!(Limits::from_dictionary(&dictionary(), INCREMENTS).clamp(f64::NAN).abs() <= 0.0);
     }
 }

@@ -36,7 +36,7 @@ use std::time::Duration;
 use crate::actuator::ActuatorSettings;
 use crate::drive::axis::Axis;
 use crate::drive::monitor::Monitor;
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
 use crate::motion::{Feedback, Tuning, encoder_counts};
 use crate::quirks::{QuirkEffects, Quirks, TorqueFilter, TransmitPath, start_running};
 use canopen::drive::State;
@@ -66,12 +66,12 @@ pub struct DriveSettings {
     pub tuning: Tuning,
 }
 
-/// State in which a drive comes to its bus, where it differs from the defaults of its data sheet and its motor.
+/// Deviations of a delivered drive from the defaults of its data sheet and motor.
 #[derive(Clone, Debug, Default)]
 pub struct Delivery {
     /// Values that the maker's tool has stored.
     pub stored: Vec<(Object, u32)>,
-    /// Set if it has cyclic synchronous torque although 6502h does not list it.
+    /// Set if the drive has cyclic synchronous torque although 6502h does not list it.
     pub has_unlisted_torque_mode: bool,
 }
 
@@ -83,11 +83,11 @@ pub struct Drive {
     is_plugged: bool,
     device: Device<Axis>,
     transmit_path: TransmitPath,
-    /// Filter of torque actual (6077h), if it has one.
+    /// Filter of the torque actual value (6077h); `None` without one.
     torque_filter: Option<TorqueFilter>,
-    /// Frames from the device; a buffer, so that a cycle does not allocate.
+    /// Buffer of frames from the device, so that a cycle does not allocate.
     frames: Vec<Frame>,
-    /// Frames out of the transmit path; a buffer, too.
+    /// Buffer of frames from the transmit path.
     sent: Vec<Frame>,
 }
 
@@ -102,7 +102,7 @@ impl Drive {
         Self::delivered(settings, &Delivery::default(), quirks)
     }
 
-    /// Creates a drive as its maker and its laboratory have delivered it, with `quirks` at power-up.
+    /// Creates a drive with the settings of its `delivery`, and with `quirks` at power-up.
     pub fn delivered(settings: DriveSettings, delivery: &Delivery, quirks: &Quirks) -> Self {
         let DriveSettings { channel, node, mut dictionary, mut actuator, latency, tuning } =
             settings;
@@ -114,7 +114,7 @@ impl Drive {
         let ActuatorSettings { counts_per_rev, zero_counts, .. } = actuator;
         actuator.zero_counts = encoder_counts(&dictionary, counts_per_rev, zero_counts);
         let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start, torque_filter, axis } =
-            QuirkEffects::of(quirks, dictionary, node);
+            QuirkEffects::new(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning)
             .with_quirks(axis)
             .with_unlisted_torque_mode(delivery.has_unlisted_torque_mode);
@@ -165,7 +165,7 @@ impl Drive {
         self.device.application().demand()
     }
 
-    /// Returns the rated torque of the motor, in N·m, whatever 6076h says.
+    /// Returns the true rated torque of the motor, in N·m, which 6076h may misstate.
     pub const fn rated_torque(&self) -> f64 {
         self.device.application().rated_torque()
     }
@@ -194,15 +194,15 @@ impl Drive {
 /// Inputs from plant and faults.
 impl Drive {
     /// Updates the motor and encoder values, with the torque as this drive reports it at `now`.
-    pub fn sense_at(&mut self, now: Instant, sensed: &Sensed) {
+    pub fn sense_at(&mut self, now: Instant, sensed: &MotorReading) {
         let filter = self.torque_filter.as_mut();
         let per_mille =
             filter.map_or(sensed.per_mille, |filter| filter.step(now, sensed.per_mille));
-        self.sense(&Sensed { per_mille, ..*sensed });
+        self.sense(&MotorReading { per_mille, ..*sensed });
     }
 
     /// Updates the motor and encoder values.
-    pub fn sense(&mut self, sensed: &Sensed) {
+    pub fn sense(&mut self, sensed: &MotorReading) {
         self.device.touch(|axis, dictionary| axis.sense(sensed, dictionary));
     }
 
@@ -216,7 +216,7 @@ impl Drive {
         self.device.touch(|axis, dictionary| axis.fail(code, dictionary));
     }
 
-    /// Sends an EMCY for a condition that passes by itself; no other reaction. `register` holds its bits of 1001h.
+    /// Sends an EMCY for a transient condition, without another reaction. `register` has its bits of 1001h.
     pub fn report_transient_error(&mut self, code: u16, register: u8) {
         self.device.report_transient_error(code, register);
     }
@@ -227,18 +227,18 @@ impl Drive {
         self.observe(|monitor| monitor.inputs.levels = levels);
     }
 
-    /// Requests or releases safe torque off: removes the torque at once and latches a fault until a fault reset.
+    /// Requests or releases safe torque off, which removes the torque immediately and latches a fault until a fault reset.
     pub fn set_safe_torque_off(&mut self, is_torque_off: bool) {
         self.observe(|monitor| monitor.inputs.is_torque_off = is_torque_off);
     }
 
-    /// Sets whether controlwords are accepted without an effect.
+    /// Sets whether controlwords are accepted but ignored.
     pub fn set_ignores_controlword(&mut self, ignores: bool) {
         self.device.touch(|axis, dictionary| axis.set_ignores_controlword(ignores, dictionary));
     }
 
-    /// Writes the torque offset (60B2h) at the drive's service port, in ‰ of rated torque. Without the object nothing
-    /// happens.
+    /// Writes the torque offset (60B2h) at the drive's service port, in ‰ of rated torque. Has no effect without the
+    /// object.
     pub fn set_torque_offset(&mut self, per_mille: i16) {
         self.device.touch(|axis, dictionary| axis.set_torque_offset(per_mille, dictionary));
     }

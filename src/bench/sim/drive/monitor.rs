@@ -50,7 +50,7 @@ impl Cause {
         }
     }
 
-    /// Returns whether the drive has no torque left to stop the motor with, whatever 605Eh says.
+    /// Returns whether the drive cannot brake the motor, so that 605Eh does not apply.
     pub(super) const fn is_torque_gone(self) -> bool {
         match self {
             Self::SafeTorqueOff | Self::UnderVoltage => true,

@@ -1,4 +1,4 @@
-//! Values stored in a drive at delivery: nameplate of motor and encoder, factor group, and what a data sheet leaves blank.
+//! Values stored in a drive at delivery: nameplate of motor and encoder, factor group, and objects without a default.
 //!
 //! A maker's tool stores them in a real drive. They survive resets; 1011h restores the defaults of the data sheet.
 
@@ -43,7 +43,7 @@ pub(super) fn store(actuator: &ActuatorSettings, dictionary: &mut Dictionary) {
     accept_heartbeat_consumers(dictionary);
 }
 
-/// Removes limits of 1016h that exclude every entry with a node-id: a slip of data sheets, not of drives.
+/// Removes limits of 1016h that exclude every entry with a node-id: an error of data sheets, not of drives.
 fn accept_heartbeat_consumers(dictionary: &mut Dictionary) {
     for sub in 1..=u8::MAX {
         let object = Object { sub, ..Object::CONSUMER_HEARTBEAT };
@@ -57,7 +57,7 @@ fn accept_heartbeat_consumers(dictionary: &mut Dictionary) {
 /// Smallest entry of 1016h that is used: node-id 1, 1 ms.
 const LEAST_CONSUMER: i128 = 0x0001_0001;
 
-/// Limits of which zero stands for not configured.
+/// Limits for which zero means not configured.
 const LIMITS: [Object; 6] = [
     Object::MAX_TORQUE,
     Object::MAX_CURRENT,

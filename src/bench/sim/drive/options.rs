@@ -39,7 +39,7 @@ pub(super) enum Abort {
 impl Options {
     /// Reads the option codes from `dictionary`. An absent object counts as 0: immediate; without 6007h a connection
     /// loss is a fault.
-    pub(super) fn of(dictionary: &Dictionary) -> Self {
+    pub(super) fn from_dictionary(dictionary: &Dictionary) -> Self {
         let has_abort = dictionary.entry(Object::ABORT_CONNECTION).is_some();
         Self {
             abort_connection: if has_abort { dictionary.i16(Object::ABORT_CONNECTION) } else { 1 },
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn drive_without_option_codes_faults_and_disables_at_once() {
         let eds = Eds::parse(include_bytes!("../../../../eds/drives/schunk-lwa4p.eds")).unwrap();
-        let options = Options::of(&Dictionary::new(&eds, NodeId::new(1).unwrap()));
+        let options = Options::from_dictionary(&Dictionary::new(&eds, NodeId::new(1).unwrap()));
         assert_eq!(options.on_connection_loss(), Abort::Fault);
         assert_eq!((options.fault_ramp(), options.shutdown_ramp()), (None, None));
     }

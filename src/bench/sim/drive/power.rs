@@ -50,7 +50,7 @@ enum Command {
 
 impl Command {
     /// Decodes the command; `None` for a fault reset (bit 7).
-    const fn of(word: Controlword) -> Option<Self> {
+    const fn decode(word: Controlword) -> Option<Self> {
         match word.0 & 0x8F {
             command if command & 0x82 == 0x00 => Some(Self::DisableVoltage),
             command if command & 0x86 == 0x02 => Some(Self::QuickStop),
@@ -104,7 +104,7 @@ impl Power {
             if is_rising_edge && may_reset {
                 self.enter(State::SwitchOnDisabled);
             }
-        } else if let Some(command) = Command::of(word) {
+        } else if let Some(command) = Command::decode(word) {
             self.execute(command, options);
         }
     }
@@ -198,7 +198,7 @@ impl Power {
         }
     }
 
-    /// Ends the stop: the motor is at standstill, or the stop has timed out.
+    /// Completes a stop, at standstill of the motor or after the timeout.
     pub(super) fn on_stopped(&mut self) {
         if let Some(stop) = self.stop {
             self.enter(stop.end);

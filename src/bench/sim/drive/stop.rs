@@ -3,7 +3,7 @@
 use crate::motion::{Feedback, Motion, Ramp, TorqueDemand};
 use canopen_device::dictionary::Dictionary;
 
-/// Time after which a motor that still turns is released, in s.
+/// Maximum duration of a stop, in s; afterwards the motor is released.
 pub(super) const MAX_STOP_TIME: f64 = 4.0;
 
 /// A stop in progress.

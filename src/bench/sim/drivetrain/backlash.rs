@@ -75,7 +75,7 @@ mod tests {
     const ROTOR: f64 = 0.008;
 
     /// A joint of `INERTIA`, including the rotor, with backlash.
-    struct Geared {
+    struct GearedJoint {
         backlash: Backlash,
         q: f64,
         qd: f64,
@@ -83,7 +83,7 @@ mod tests {
 
     const INERTIA: f64 = 0.05;
 
-    impl Geared {
+    impl GearedJoint {
         fn new(width: f64) -> Self {
             let mut backlash = Backlash::new(width, ROTOR);
             backlash.set_joint_motion(0.0, 0.0);
@@ -102,7 +102,7 @@ mod tests {
     proptest! {
         #[test]
         fn motor_stays_within_the_gap(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
-            let mut geared = Geared::new(WIDTH);
+            let mut geared = GearedJoint::new(WIDTH);
             for tau in tau {
                 geared.step(tau);
                 prop_assert!((geared.backlash.position - geared.q).abs() <= WIDTH / 2.0 + 1e-12);
@@ -111,7 +111,7 @@ mod tests {
 
         #[test]
         fn backlash_adds_no_energy(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
-            let mut geared = Geared::new(WIDTH);
+            let mut geared = GearedJoint::new(WIDTH);
             let (mut work, mut slack) = (0.0, 0.0);
             for tau in tau {
                 let before = (geared.backlash.position, geared.q);
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn torque_reversal_crosses_the_gap_first() {
-        let mut geared = Geared::new(WIDTH);
+        let mut geared = GearedJoint::new(WIDTH);
         // From the middle to a flank; then the joint is stopped.
         while geared.step(1.0) == 0.0 {}
         (geared.qd, geared.backlash.velocity) = (0.0, 0.0);

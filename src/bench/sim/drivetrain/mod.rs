@@ -16,7 +16,7 @@ use crate::drivetrain::winding::Winding;
 
 /// Values that a drive measures of its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sensed {
+pub struct MotorReading {
     /// Motor position in joint coordinates, in rad (m).
     pub position: f64,
     /// Motor velocity in joint coordinates, in rad/s (m/s).
@@ -127,8 +127,8 @@ impl Drivetrain {
     }
 
     /// Returns the values that the drive measures.
-    pub const fn sensed(&self) -> Sensed {
-        Sensed {
+    pub const fn sensed(&self) -> MotorReading {
+        MotorReading {
             position: self.backlash.position(),
             velocity: self.backlash.velocity(),
             per_mille: self.current.per_mille(),

@@ -1,4 +1,4 @@
-//! Devices as faults see them: their connection, their COB-IDs, their errors.
+//! Interface of devices to faults: connection, COB-IDs, errors.
 
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
@@ -15,18 +15,18 @@ use canopen_device::station::Station;
 use faults::Service;
 use units::time::Instant;
 
-/// A device to which faults can be applied.
+/// Device to which faults can be applied.
 pub trait Breakable: Station {
-    /// Its bus.
+    /// Returns the bus of the device.
     fn channel(&self) -> Channel;
 
     /// Returns the COB-ID of a service in this direction; `None` where the device does not use it.
     fn cob_id(&self, direction: Direction, service: Service) -> Option<u16>;
 
-    /// Disconnects it from bus and supply.
+    /// Disconnects the device from bus and supply.
     fn switch_off(&mut self);
 
-    /// Connects it to bus and supply: it boots.
+    /// Connects the device to bus and supply: it boots.
     fn switch_on(&mut self, now: Instant);
 
     /// Sends an emergency message with this error register (1001h), without a change of state.

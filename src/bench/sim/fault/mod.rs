@@ -1,13 +1,13 @@
-//! The faults of a scenario, applied between devices and buses, motors and drives, fingers and switches.
+//! Faults of a scenario, applied between devices and buses, motors and drives, fingers and switches.
 //!
-//! A fault starts at its time after the first SYNC and ends after its duration; then all is as before. Each has a
-//! random sequence of its own. While none runs, every frame passes unchanged and nothing is allocated.
+//! A fault starts at its time after the first SYNC and ends after its duration, which restores the former state. Each has
+//! its own random sequence. Without a running fault, frames pass unchanged and nothing is allocated.
 //!
-//! The commanded side is not here: it reads its state with [`Faults::link`].
+//! The commanded side reads the state of its link with [`Faults::link`].
 
 mod breakable;
+mod delay_queue;
 pub mod devices;
-mod held;
 mod running;
 #[cfg(test)]
 mod tests;
@@ -19,9 +19,9 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
+use crate::fault::delay_queue::DelayQueue;
 use crate::fault::devices::{Devices, present};
-use crate::fault::held::Held;
 use crate::fault::running::{OfDevices, Running};
 use canopen::error_codes;
 use canopen::frame::Telegram;
@@ -58,15 +58,15 @@ pub struct Faults {
     /// The first SYNC.
     zero: Option<Instant>,
     running: Vec<Running>,
-    held: Held,
+    held: DelayQueue,
     notices: VecDeque<Notice>,
-    /// Frames on their way, kept for their capacity.
+    /// Buffer of frames, kept for its capacity.
     sent: Vec<Telegram>,
     passed: Vec<Telegram>,
 }
 
 impl Faults {
-    /// Takes the faults of a script, in order of their start; those of the host are left to its bus.
+    /// Creates the faults of a script, in order of their start, except those of the host, which its bus applies.
     pub fn new(script: &[Fault], seed: u64) -> Self {
         let script: Vec<Fault> =
             script.iter().filter(|fault| !fault.is_of_host()).copied().collect();
@@ -77,7 +77,7 @@ impl Faults {
             seed,
             zero: None,
             running: Vec::with_capacity(count),
-            held: Held::default(),
+            held: DelayQueue::default(),
             notices: VecDeque::with_capacity(2 * count),
             sent: Vec::new(),
             passed: Vec::new(),
@@ -103,14 +103,14 @@ impl Faults {
         ends.chain(foreign).chain(next).chain(self.held.deadline()).min()
     }
 
-    /// Ends and starts the faults that are due at `now`, and delivers delayed frames.
+    /// Ends and starts faults whose time has come at `now`, and delivers delayed frames.
     pub fn on_time(&mut self, now: Instant, devices: &mut Devices<'_>, out: &mut Vec<Telegram>) {
         let is_over = |running: &Running| running.until.is_some_and(|until| until <= now);
         while let Some(place) = self.running.iter().position(is_over) {
             let over = self.running.remove(place);
             self.end(now, &over, devices);
         }
-        // Without an end of its own, a fault that applies no more would be matched against every later frame.
+        // A fault without an end is removed once its count is used, so that later frames need not be compared with it.
         self.running.retain(|running| running.until.is_some() || !running.is_spent());
         while let Some(fault) = self.next(now) {
             self.start(now, fault, devices, out);
@@ -130,12 +130,12 @@ impl Faults {
         }
     }
 
-    /// Returns what the drive of `joint` measures of its motor, whose true state is `sensed`.
-    pub fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
+    /// Returns the measured values of the drive of `joint`; `sensed` are the true ones.
+    pub fn sensed(&mut self, joint: Joint, sensed: MotorReading) -> MotorReading {
         self.running.iter_mut().fold(sensed, |sensed, running| running.sensed(joint, sensed))
     }
 
-    /// Returns the levels at the switch box's terminals, whose switches give `inputs`.
+    /// Returns the levels at the terminals of the switch box; `inputs` are those of the switches.
     pub fn inputs(&mut self, inputs: u8) -> u8 {
         self.running.iter_mut().fold(inputs, |inputs, running| running.inputs(inputs))
     }

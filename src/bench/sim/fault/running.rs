@@ -1,6 +1,6 @@
-//! A fault while it lasts: the frames it applies to, and what it keeps from its start.
+//! Running fault: the frames it applies to, and the state kept since its start.
 
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
 use crate::fault::breakable::{Breakable, Direction};
 use crate::fault::devices::{Devices, present};
 use crate::random::SplitMix;
@@ -22,12 +22,12 @@ pub(super) struct Running {
     /// Places that it disconnects from their bus.
     disconnected: [bool; 7],
     imitation: Option<Imitation>,
-    /// A sequence of its own, so that no fault changes another's.
+    /// Random sequence of this fault alone, so that no fault changes another's.
     random: SplitMix,
     /// Number of frames that it was matched with.
     matched: u32,
     frames: Vec<(NodeIndex, Direction, Frame)>,
-    senses: [Option<Sensed>; 6],
+    senses: [Option<MotorReading>; 6],
 }
 
 /// One device's data, sent again under another one's COB-ID.
@@ -71,7 +71,7 @@ impl OfDevices for Target {
 }
 
 impl Running {
-    /// A fault that starts at `now`, with the random sequence of `seed`.
+    /// Creates a fault that starts at `now`, with the random sequence of `seed`.
     pub(super) fn new(fault: Fault, now: Instant, seed: u64) -> Self {
         Self {
             fault,
@@ -112,7 +112,7 @@ impl Running {
         self.disconnected.get(place.0).is_some_and(|is_disconnected| *is_disconnected)
     }
 
-    /// Sends what joint `by` sends with `service` a second time, as if from the target.
+    /// Starts to repeat the frames of `service` from joint `by` as if sent by the target.
     pub(super) fn imitate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
         let service_of = |place: NodeIndex| {
             let device = devices.get(place.0)?.as_ref()?;
@@ -136,7 +136,7 @@ impl Running {
         Some(Telegram { channel, frame })
     }
 
-    /// Sends a foreign frame that is due.
+    /// Sends a foreign frame if its time has come.
     pub(super) fn send_foreign(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         let Kind::ForeignFrame { frame, period: Some(period) } = self.fault.kind else { return };
         if self.sends.is_some_and(|sends| sends <= now) {
@@ -176,7 +176,7 @@ impl Running {
         is_affected.then_some(effect)
     }
 
-    /// Returns whether frames from or to the device at a place may not pass as they are, or not alone.
+    /// Returns whether frames from or to the device at a place may be changed or imitated.
     pub(super) fn changes(&self, place: NodeIndex) -> bool {
         let is_of_frames = matches!(self.fault.kind, Kind::Frames(_)) && !self.is_spent();
         let is_imitated = self.imitation.is_some_and(|imitation| imitation.of == place);
@@ -203,20 +203,22 @@ impl Running {
         frame
     }
 
-    /// Returns what a drive measures of its motor.
-    pub(super) fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
+    /// Returns the values that a drive measures.
+    pub(super) fn sensed(&mut self, joint: Joint, sensed: MotorReading) -> MotorReading {
         let Kind::Sensor(fault) = self.fault.kind else { return sensed };
         if !self.fault.target.has(joint.into()) {
             return sensed;
         }
         match fault {
-            SensorFault::PositionOffset(by) => Sensed { position: sensed.position + by, ..sensed },
+            SensorFault::PositionOffset(by) => {
+                MotorReading { position: sensed.position + by, ..sensed }
+            }
             SensorFault::PositionFrozen => {
                 let kept = joint.entry_mut(&mut self.senses).get_or_insert(sensed);
-                Sensed { position: kept.position, velocity: 0.0, ..sensed }
+                MotorReading { position: kept.position, velocity: 0.0, ..sensed }
             }
             SensorFault::TorqueScaled(factor) => {
-                Sensed { per_mille: sensed.per_mille * factor, ..sensed }
+                MotorReading { per_mille: sensed.per_mille * factor, ..sensed }
             }
         }
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
 use crate::fault::{Breakable, Devices, Direction, Faults};
 use crate::scenario::Scenario;
 use canopen::error_codes;
@@ -20,7 +20,7 @@ const ELBOW: Joint = Joint::of::<3>();
 /// The first SYNC.
 const ZERO: Instant = Instant::from_micros(5_000);
 
-/// Sends what it is given, and keeps what it receives.
+/// Device that sends given frames and records received ones.
 #[derive(Debug)]
 struct FakeDevice {
     channel: Channel,
@@ -88,7 +88,7 @@ struct Network {
 }
 
 impl Network {
-    /// Even places on bus 0, odd ones on bus 1; the script has begun.
+    /// Creates devices at even places on bus 0 and at odd ones on bus 1, with a started script.
     fn with(faults: &str, seed: u64) -> Self {
         let script = Scenario::parse(&format!("seconds = 10\n{faults}")).unwrap();
         let device = |place: usize| FakeDevice {
@@ -234,7 +234,7 @@ proptest! {
 #[test]
 fn ended_fault_leaves_no_trace() {
     let frame = Frame::new(0x183, [1, 2, 3, 4]);
-    let sensed = Sensed { position: 0.3, velocity: 0.2, per_mille: 100.0, temperature: 25.0 };
+    let sensed = MotorReading { position: 0.3, velocity: 0.2, per_mille: 100.0, temperature: 25.0 };
     for keys in [
         "kind = \"unplug\", joint = 3",
         "kind = \"wire_cut\", joint = 3",
@@ -255,7 +255,7 @@ fn ended_fault_leaves_no_trace() {
     ] {
         let mut network = Network::with(&fault(&format!("{keys}, for_s = 1")), 1);
         let state = |network: &mut Network| {
-            network.faults.sensed(ELBOW, Sensed { position: -1.0, ..sensed });
+            network.faults.sensed(ELBOW, MotorReading { position: -1.0, ..sensed });
             (
                 (
                     network.sent(2, frame),

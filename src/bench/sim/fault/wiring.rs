@@ -1,17 +1,17 @@
-//! Frames on their way between a device and its bus.
+//! Transmission of frames between a device and its bus, with faults.
 
 use std::mem;
 use std::time::Duration;
 
 use crate::fault::Faults;
 use crate::fault::breakable::{Breakable, Direction};
-use crate::fault::held::Delayed;
+use crate::fault::delay_queue::DelayedFrame;
 use canopen::frame::{Frame, Telegram};
 use faults::Effect;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// A frame as the faults leave it.
+/// Frame after the faults.
 #[derive(Clone, Copy, Debug)]
 struct Passing {
     frame: Frame,
@@ -42,7 +42,7 @@ impl Faults {
         }
     }
 
-    /// Lets the device at `place` do what is due.
+    /// Calls the device at `place` at its deadline, and sends its frames.
     pub fn wake(
         &mut self,
         now: Instant,
@@ -60,7 +60,7 @@ impl Faults {
         }
     }
 
-    /// Returns whether all frames from and to the device at `place` pass as they are.
+    /// Returns whether all frames from and to the device at `place` pass unchanged.
     fn spare(&self, place: NodeIndex) -> bool {
         self.held.is_empty() && !self.running.iter().any(|running| running.changes(place))
     }
@@ -107,7 +107,7 @@ impl Faults {
         }
     }
 
-    /// Applies the faults to a frame, and appends what is left of it unless it is delayed.
+    /// Applies the faults to a frame, and appends the result unless it is delayed or lost.
     pub(super) fn pass(
         &mut self,
         now: Instant,
@@ -129,7 +129,7 @@ impl Faults {
         let due = before.map_or(now + delay, |before| before.max(now + delay));
         for _ in 0..copies {
             if due > now {
-                self.held.keep(Delayed { due, place, direction, telegram, may_be_overtaken });
+                self.held.keep(DelayedFrame { due, place, direction, telegram, may_be_overtaken });
             } else {
                 to.push(telegram);
             }
@@ -187,7 +187,7 @@ fn bytes(frame: &Frame) -> [u8; 8] {
     bytes
 }
 
-/// Returns the frame with other data; a remote frame has none and stays as it is.
+/// Returns the frame with other data; a remote frame, which has none, is unchanged.
 fn with_bytes(frame: Frame, bytes: [u8; 8], length: usize) -> Frame {
     let data = bytes.get(..length).filter(|_| !frame.is_remote());
     data.and_then(|data| Frame::from_slice(frame.cob_id, data)).unwrap_or(frame)

@@ -1,8 +1,8 @@
-//! One joint over one step: its servo, and the friction against it.
+//! Servo and friction of one joint over one step.
 //!
 //! The servo follows a rate that lags the commanded one by its time constant: feed-forward of the torques that this
-//! rate needs, and a proportional-integral law around it, five times as fast. Its torque is limited; the integrator
-//! rests meanwhile.
+//! rate needs, and a proportional-integral law around it, five times as fast. Its torque is limited; at the limit the
+//! integrator is frozen.
 //!
 //! Servo and friction act on the rate at the end of the step, which is stable for any gain, and a joint that dry
 //! friction can hold does not move at all (Stewart and Trinkle 1996):
@@ -46,15 +46,15 @@ pub(super) struct Limits {
 /// Servo of one joint.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Servo {
-    /// Rate to follow.
+    /// Reference rate, in rad/s or m/s.
     rate: f64,
-    /// Integral of the difference to it, in rad.
+    /// Integral of the rate error, in rad or m.
     integral: f64,
 }
 
 impl Servo {
-    /// Moves the rate to follow towards `commanded` over `h` s; returns its acceleration. A command that is not finite is
-    /// zero.
+    /// Moves the reference rate towards `commanded` over `h` s; returns its acceleration. A command that is not finite
+    /// counts as zero.
     pub(super) fn follow(&mut self, h: f64, gains: &Gains, commanded: f64) -> f64 {
         let commanded = if commanded.is_finite() { commanded } else { 0.0 };
         let change = (commanded - self.rate) * -(-h / gains.time_constant).exp_m1();

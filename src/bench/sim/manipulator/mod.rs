@@ -2,12 +2,12 @@
 //!
 //! One step of at most [`MAX_STEP`] advances the rates with the wrench of the scene at its start, and servo and friction
 //! at its end (`joint`), then the positions with the new rates (symplectic Euler): a spring of stiffness k at an
-//! effective mass m is stable up to `h² k / m = 4`, 64 MN/m for 1 kg. Gravity and Coriolis torques are carried by
-//! feed-forward of this model, with the payload; the integrators of the servos carry contact and friction. Joints have
-//! no end stops here: the commands keep the limits.
+//! effective mass m is stable up to `h² k / m = 4`, 64 MN/m for 1 kg. Feed-forward of this model, with the payload,
+//! compensates gravity and Coriolis torques; the integrators of the servos compensate contact and friction. Joints have no
+//! end stops: the commands keep the limits.
 //!
-//! The sensed wrench at {S} is what environment and gravity do to the body beyond the sensor, less what its motion
-//! needs (Newton-Euler), as a mean over the step: `f_s = contact + m (g - a)`.
+//! The sensed wrench at {S} is that of environment and gravity on the body beyond the sensor minus its inertial wrench
+//! (Newton-Euler), as a mean over the step: `f_s = contact + m (g - a)`.
 
 mod joint;
 mod solve;
@@ -58,14 +58,14 @@ pub struct ManipulatorSettings {
     pub servo_time_constant: f64,
     /// Errors of the wrist sensor.
     pub sensor: WristSensorSettings,
-    /// Seed of its noise and drift.
+    /// Seed of the sensor's noise and drift.
     pub seed: u64,
 }
 
 /// The body beyond the wrist sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Tool {
-    /// Surface that touches, fixed to {M}.
+    /// Shape in contact, fixed to {M}.
     pub shape: Shape,
     /// Pose of the sensor {S} in {M}.
     pub x_m_s: Isometry3<f64>,
@@ -73,7 +73,7 @@ pub struct Tool {
     pub load: Load,
 }
 
-/// A manipulator that cannot be simulated.
+/// Reason why a manipulator cannot be simulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidManipulator {
     /// Joints.
@@ -122,7 +122,7 @@ impl Manipulator {
     ///
     /// # Errors
     ///
-    /// If the number of joints, a parameter, the tool or the scene is invalid.
+    /// The number of joints, a parameter, the tool or the scene is invalid.
     pub fn new(
         settings: &ManipulatorSettings,
         tool: Tool,
@@ -205,7 +205,7 @@ impl Manipulator {
         f_m
     }
 
-    /// Returns the laws of all joints over `h` s; feed-forward carries the `bias` and accelerates the whole arm.
+    /// Returns the laws of all joints over `h` s; the feed-forward has the `bias` and the inertial torques of the arm.
     fn laws(
         &mut self,
         h: f64,
@@ -230,7 +230,7 @@ impl Manipulator {
         laws
     }
 
-    /// Returns the wrench at {S} on the load, less what its acceleration needs.
+    /// Returns the wrench at {S} on the load, minus its inertial wrench.
     fn load_wrench(&self, a_m: &Twist) -> Wrench {
         let x_s_m = self.tool.x_m_s.inverse();
         let Load { mass, centre_of_mass, inertia } = self.tool.load;

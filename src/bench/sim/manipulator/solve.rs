@@ -1,4 +1,4 @@
-//! Joint rates at the end of a step, from the laws of all joints at once.
+//! Simultaneous solution of the laws of all joints for the rates at the end of a step.
 
 use crate::arm::{JointMatrix, Joints};
 use crate::manipulator::joint::Law;
@@ -12,7 +12,7 @@ const MAX_ITERATIONS: usize = 60;
 /// Returns the rates with which `mass` times them equals `momentum` and the impulses of the laws; `guess` is near them.
 ///
 /// The problem is the minimum of a strictly convex function. Each iteration solves it with the sticking, sliding and
-/// limited joints of the one before, then improves one joint after another, which finds them anew.
+/// limited joints of the previous one, then improves joint after joint, which determines these sets again.
 pub(super) fn rates<const N: usize>(
     mass: &JointMatrix<N>,
     momentum: &Joints<N>,

@@ -1,6 +1,6 @@
 //! State shared by all modes: shaft position, demand, and the servo loops.
 
-use crate::motion::limits::{Limited, TorqueLimits, top_speed};
+use crate::motion::limits::{LimitedValue, TorqueLimits, top_speed};
 use crate::motion::ramp::Demand;
 use crate::motion::servo::{Reference, Servo};
 use crate::motion::shaft::{Actual, Shaft};
@@ -16,7 +16,7 @@ pub(super) struct Axis {
     pub(super) demand: Demand,
     servo: Servo,
     /// Last torque demand, in ‰.
-    last_torque: Limited,
+    last_torque: LimitedValue,
 }
 
 /// Input of one step: elapsed time in s, motor values, and objects.
@@ -37,7 +37,7 @@ impl Axis {
         self.servo.take_over(actual);
         let Actual { position, velocity, per_mille } = *actual;
         self.demand = Demand { position, velocity, acceleration: 0.0 };
-        self.last_torque = Limited { value: per_mille, is_limited: false };
+        self.last_torque = LimitedValue { value: per_mille, is_limited: false };
     }
 
     /// Returns the last torque demand, in ‰.
@@ -46,38 +46,38 @@ impl Axis {
     }
 
     /// Sets the torque demand, in ‰, within the limits.
-    pub(super) fn set_torque(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
-        self.last_torque = TorqueLimits::of(input.dictionary).clamp(torque);
+    pub(super) fn set_torque(&mut self, torque: f64, input: &StepInput<'_>) -> LimitedValue {
+        self.last_torque = TorqueLimits::from_dictionary(input.dictionary).clamp(torque);
         self.last_torque
     }
 
     /// Runs the position and velocity loops.
-    pub(super) fn follow_position(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+    pub(super) fn follow_position(&mut self, torque: f64, input: &StepInput<'_>) -> LimitedValue {
         self.follow(true, torque, input)
     }
 
     /// Runs the velocity loop alone; the position demand follows the actual position.
-    pub(super) fn follow_velocity(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+    pub(super) fn follow_velocity(&mut self, torque: f64, input: &StepInput<'_>) -> LimitedValue {
         self.demand.position = input.actual.position;
         self.follow(false, torque, input)
     }
 
-    fn follow(&mut self, has_position: bool, torque: f64, input: &StepInput<'_>) -> Limited {
-        let limits = TorqueLimits::of(input.dictionary);
+    fn follow(&mut self, has_position: bool, torque: f64, input: &StepInput<'_>) -> LimitedValue {
+        let limits = TorqueLimits::from_dictionary(input.dictionary);
         let top_speed = top_speed(&self.shaft.units, input.dictionary);
         let reference = Reference { demand: self.demand, has_position, torque, top_speed };
         self.last_torque = if input.dt > 0.0 {
             self.servo.torque(input.dt, &reference, &input.actual, &limits)
         } else {
             let last = limits.clamp(self.last_torque.value);
-            Limited { is_limited: last.is_limited || self.last_torque.is_limited, ..last }
+            LimitedValue { is_limited: last.is_limited || self.last_torque.is_limited, ..last }
         };
         self.last_torque
     }
 
     /// Returns the maximum deceleration at the torque limit, in increments/s².
     pub(super) fn max_deceleration(&self, input: &StepInput<'_>) -> f64 {
-        let limits = TorqueLimits::of(input.dictionary);
+        let limits = TorqueLimits::from_dictionary(input.dictionary);
         let against = if self.demand.velocity > 0.0 { f64::MIN } else { f64::MAX };
         self.servo.acceleration(limits.clamp(against).value.abs())
     }

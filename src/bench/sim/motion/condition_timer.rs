@@ -1,4 +1,4 @@
-//! Time windows of CiA 402: a condition must hold for some time.
+//! Time windows of CiA 402, such as 6068h: a condition must hold for a given time.
 
 /// Time that a condition has held without a break, in s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

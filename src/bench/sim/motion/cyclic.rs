@@ -6,7 +6,7 @@
 
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::following::Following;
-use crate::motion::limits::{self, Limited, within};
+use crate::motion::limits::{self, LimitedValue, within};
 use crate::motion::ramp::Demand;
 use crate::motion::units::{saturated, signed};
 use crate::motion::{TorqueDemand, bits};
@@ -41,13 +41,13 @@ impl Line {
 #[derive(Clone, Copy, Debug)]
 struct SetPoints {
     last: i32,
-    /// Time has passed since the mode began.
+    /// Time has passed since the start of the mode.
     is_under_way: bool,
     is_any: bool,
 }
 
 impl SetPoints {
-    /// Starts with `old`, a set-point from before the mode began.
+    /// Starts with `old`, a set-point from before the start of the mode.
     const fn begin(old: i32) -> Self {
         Self { last: old, is_under_way: false, is_any: false }
     }
@@ -145,7 +145,7 @@ impl CyclicVelocity {
         let start = axis.demand.velocity;
         if let Some(target) = self.set_points.take(velocity(dictionary), input.dt) {
             let wanted = axis.shaft.units.velocity(f64::from(target));
-            let Limited { value, is_limited } =
+            let LimitedValue { value, is_limited } =
                 within(wanted, limits::top_speed(&axis.shaft.units, dictionary));
             self.line =
                 Line { end: value, slope: (value - start) / interpolation_time(dictionary) };

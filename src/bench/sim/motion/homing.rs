@@ -20,7 +20,7 @@ enum Method {
 }
 
 impl Method {
-    const fn of(number: i8) -> Option<Self> {
+    const fn from_number(number: i8) -> Option<Self> {
         match number {
             33 => Some(Self::NegativeIndex),
             34 => Some(Self::PositiveIndex),
@@ -83,7 +83,7 @@ impl Homing {
         self.is_at_rest = false;
         let position = input.actual.position;
         let turn = axis.shaft.units.increments_per_revolution();
-        self.progress = match Method::of(input.dictionary.i8(Object::HOMING_METHOD)) {
+        self.progress = match Method::from_number(input.dictionary.i8(Object::HOMING_METHOD)) {
             Some(Method::Here) => {
                 set_home(axis, position, input);
                 Progress::Found
@@ -244,7 +244,7 @@ mod tests {
             })
             .collect();
         for method in i8::MIN..=i8::MAX {
-            assert_eq!(Method::of(method).is_some(), listed.contains(&method), "{method}");
+            assert_eq!(Method::from_number(method).is_some(), listed.contains(&method), "{method}");
         }
     }
 

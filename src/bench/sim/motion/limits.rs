@@ -15,7 +15,7 @@ pub(super) struct TorqueLimits {
 impl TorqueLimits {
     /// Reads the minimum of 6072h, 6073h and, per direction, 60E0h and 60E1h. Torque is proportional to current. An
     /// absent object is no limit.
-    pub(super) fn of(dictionary: &Dictionary) -> Self {
+    pub(super) fn from_dictionary(dictionary: &Dictionary) -> Self {
         let limit = |object| dictionary.optional(object).map_or(NO_TORQUE_LIMIT, f64::from);
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
         Self {
@@ -25,15 +25,15 @@ impl TorqueLimits {
     }
 
     /// Returns `wanted` within the range, 0 for NaN.
-    pub(super) const fn clamp(&self, wanted: f64) -> Limited {
+    pub(super) const fn clamp(&self, wanted: f64) -> LimitedValue {
         if wanted > self.high {
-            Limited { value: self.high, is_limited: true }
+            LimitedValue { value: self.high, is_limited: true }
         } else if wanted < self.low {
-            Limited { value: self.low, is_limited: true }
+            LimitedValue { value: self.low, is_limited: true }
         } else if wanted.is_nan() {
-            Limited { value: 0.0, is_limited: true }
+            LimitedValue { value: 0.0, is_limited: true }
         } else {
-            Limited { value: wanted, is_limited: false }
+            LimitedValue { value: wanted, is_limited: false }
         }
     }
 }
@@ -43,16 +43,16 @@ const NO_TORQUE_LIMIT: f64 = 65_535.0;
 
 /// A value within a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Limited {
+pub(super) struct LimitedValue {
     pub(super) value: f64,
     /// The limit has changed the value.
     pub(super) is_limited: bool,
 }
 
 /// Returns `wanted` within `-bound..=bound`, 0 for NaN.
-pub(super) const fn within(wanted: f64, bound: f64) -> Limited {
+pub(super) const fn within(wanted: f64, bound: f64) -> LimitedValue {
     let value = if wanted.is_nan() { 0.0 } else { wanted.min(bound).max(-bound) };
-    Limited { value, is_limited: wanted > bound || wanted < -bound }
+    LimitedValue { value, is_limited: wanted > bound || wanted < -bound }
 }
 
 /// Returns the speed limit of 6080h and 607Fh, in increments/s; infinite without either.
@@ -84,14 +84,14 @@ pub(super) fn deceleration(units: &Units, dictionary: &Dictionary, object: Objec
 
 /// Returns a target in position units, within 607Dh. Limits in the wrong order, and the ends of the
 /// counter, are no limits: a relative target may pass the ends.
-pub(super) fn position(dictionary: &Dictionary, units: f64) -> Limited {
+pub(super) fn position(dictionary: &Dictionary, units: f64) -> LimitedValue {
     let low = signed(dictionary, Object::MIN_POSITION_LIMIT);
     let high = signed(dictionary, Object::MAX_POSITION_LIMIT);
     if low >= high || (low, high) == (i32::MIN, i32::MAX) {
-        return Limited { value: units, is_limited: false };
+        return LimitedValue { value: units, is_limited: false };
     }
     let (low, high) = (f64::from(low), f64::from(high));
-    Limited { value: units.clamp(low, high), is_limited: units < low || units > high }
+    LimitedValue { value: units.clamp(low, high), is_limited: units < low || units > high }
 }
 
 #[cfg(test)]
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn top_speed_is_the_lower_of_motor_and_profile_limit() {
         let mut dictionary = drive();
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!(top_speed(&units, &dictionary), 1_600_000.0, "6000 rpm are 1,638,400");
         put(&mut dictionary, Object::MAX_MOTOR_SPEED, 60);
         assert_eq!(top_speed(&units, &dictionary), 16_384.0);
@@ -134,11 +134,11 @@ mod tests {
     #[test]
     fn absent_limits_are_no_limits() {
         let mut dictionary = drive();
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         for object in [Object::MAX_TORQUE, Object::MAX_CURRENT, Object::POSITIVE_TORQUE_LIMIT] {
             dictionary.remove(object);
         }
-        let limits = TorqueLimits::of(&dictionary);
+        let limits = TorqueLimits::from_dictionary(&dictionary);
         assert_eq!(limits.clamp(9_999.0).value, 9_999.0);
         for object in [Object::MAX_MOTOR_SPEED, Object::MAX_PROFILE_VELOCITY] {
             dictionary.remove(object);
@@ -160,7 +160,7 @@ mod tests {
             ] {
                 put(&mut dictionary, object, u32::from(limit));
             }
-            let limited = TorqueLimits::of(&dictionary).clamp(wanted);
+            let limited = TorqueLimits::from_dictionary(&dictionary).clamp(wanted);
             let high = f64::from(max.min(current).min(positive));
             let low = -f64::from(max.min(current).min(negative));
             prop_assert!((low..=high).contains(&limited.value));

@@ -1,7 +1,7 @@
 //! Modes of operation and stops of an enabled drive (CiA 402-2, 8 to 15).
 //!
-//! Input: set-points and feedback. Output: torque demand, and objects such as 6062h. Not the power state machine,
-//! and not the current loop.
+//! Input: set-points and feedback. Output: torque demand, and objects such as 6062h. Power state machine and current loop
+//! are elsewhere.
 //!
 //! | files                                           | content                                     |
 //! |-------------------------------------------------|---------------------------------------------|
@@ -53,7 +53,7 @@ use units::Units;
 /// Converts a position (6064h) to counts of an encoder with `increments` per revolution, by the factors of
 /// `dictionary`; wraps.
 pub(crate) fn encoder_counts(dictionary: &Dictionary, increments: f64, position: i32) -> i32 {
-    units::wrapped(Units::of(dictionary, increments).increments(f64::from(position)))
+    units::wrapped(Units::from_dictionary(dictionary, increments).increments(f64::from(position)))
 }
 
 /// Period of the position and velocity loops, in s.
@@ -109,7 +109,10 @@ pub struct Motion {
 impl Motion {
     /// Creates the state without a mode. The encoder has `increments` per revolution.
     pub fn new(tuning: Tuning, increments: f64, dictionary: &Dictionary) -> Self {
-        Self { axis: Axis::new(tuning, Units::of(dictionary, increments)), ..Self::default() }
+        Self {
+            axis: Axis::new(tuning, Units::from_dictionary(dictionary, increments)),
+            ..Self::default()
+        }
     }
 
     /// Updates the factor group after a write of `object`. [`begin`](Self::begin) updates it as well.
@@ -255,7 +258,7 @@ impl Motion {
         if self.is_fresh || self.mode.has_position_demand() {
             self.axis.show_position(actual, dictionary);
         }
-        if self.is_fresh || self.mode.stopped() == stop::Stopped::Velocity {
+        if self.is_fresh || self.mode.stopped() == stop::StopQuantity::Velocity {
             self.axis.show_velocity(dictionary);
         }
         self.is_fresh = false;

@@ -5,7 +5,7 @@ use crate::motion::cyclic::{CyclicPosition, CyclicVelocity};
 use crate::motion::homing::Homing;
 use crate::motion::profile_position::ProfilePosition;
 use crate::motion::profile_velocity::ProfileVelocity;
-use crate::motion::stop::Stopped;
+use crate::motion::stop::StopQuantity;
 use crate::motion::torque::{self, ProfileTorque};
 use crate::motion::{TorqueDemand, bits};
 use canopen::drive::Controlword;
@@ -109,15 +109,15 @@ impl Mode {
     }
 
     /// Returns the quantity that a stop brings to zero.
-    pub(super) const fn stopped(&self) -> Stopped {
+    pub(super) const fn stopped(&self) -> StopQuantity {
         match self {
-            Self::None | Self::CyclicTorque => Stopped::CyclicTorque,
-            Self::ProfileTorque(_) => Stopped::Torque,
+            Self::None | Self::CyclicTorque => StopQuantity::CyclicTorque,
+            Self::ProfileTorque(_) => StopQuantity::Torque,
             Self::ProfilePosition(_)
             | Self::ProfileVelocity(_)
             | Self::Homing(_)
             | Self::CyclicPosition(_)
-            | Self::CyclicVelocity(_) => Stopped::Velocity,
+            | Self::CyclicVelocity(_) => StopQuantity::Velocity,
         }
     }
 

@@ -6,7 +6,7 @@
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::following::Following;
 use crate::motion::ramp::{Profile, Trajectory};
-use crate::motion::reached::Reached;
+use crate::motion::reached::TargetWindow;
 use crate::motion::units::signed;
 use crate::motion::{TorqueDemand, bits, limits};
 use canopen::drive::Controlword;
@@ -34,7 +34,7 @@ pub(super) struct ProfilePosition {
     time: f64,
     /// Bit 4 is acknowledged and still set.
     is_acknowledged: bool,
-    reached: Reached,
+    reached: TargetWindow,
     following: Following,
 }
 
@@ -50,7 +50,7 @@ impl ProfilePosition {
             trajectory: Trajectory::to_position(axis.demand, target, &profile),
             time: 0.0,
             is_acknowledged: false,
-            reached: Reached::default(),
+            reached: TargetWindow::default(),
             following: Following::default(),
         }
     }
@@ -129,7 +129,7 @@ impl ProfilePosition {
         self.trajectory =
             Trajectory::to_position(axis.demand, set_point.target, &set_point.profile);
         self.time = 0.0;
-        self.reached = Reached::default();
+        self.reached = TargetWindow::default();
     }
 
     fn is_arrived(&self) -> bool {

@@ -3,7 +3,7 @@
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::limits::{self, within};
 use crate::motion::ramp::Profile;
-use crate::motion::reached::{Reached, Standstill};
+use crate::motion::reached::{Standstill, TargetWindow};
 use crate::motion::units::signed;
 use crate::motion::{TorqueDemand, bits};
 use canopen::object::Object;
@@ -11,7 +11,7 @@ use canopen::object::Object;
 /// State of profile velocity mode.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ProfileVelocity {
-    reached: Reached,
+    reached: TargetWindow,
     standstill: Standstill,
 }
 

@@ -29,7 +29,7 @@ impl Demand {
         }
     }
 
-    /// Returns the demand after `dt` s on the way to `velocity`.
+    /// Returns the demand after `dt` s on a ramp to `velocity`.
     pub(super) fn toward_velocity(self, dt: f64, velocity: f64, profile: &Profile) -> Self {
         Trajectory::to_velocity(self, velocity, profile).at(dt)
     }
@@ -91,7 +91,7 @@ pub(super) struct Trajectory {
 }
 
 impl Trajectory {
-    /// Plans the fastest way to a standstill at `target` within `profile`, with at most one reversal.
+    /// Plans the fastest trajectory to a standstill at `target` within `profile`, with at most one reversal.
     pub(super) fn to_position(start: Demand, target: f64, profile: &Profile) -> Self {
         let Profile { velocity: top, acceleration: up, deceleration: down } = *profile;
         let brake = profile.rest_position(&start) - start.position;
@@ -117,8 +117,7 @@ impl Trajectory {
         Self { start, phases: [stop, change, cruise, halt], end: Demand::at(target) }
     }
 
-    /// Plans the way to `velocity`, within `profile`. Speed rises with the acceleration and falls with the
-    /// deceleration.
+    /// Plans a ramp to `velocity` within `profile`. Speed rises with the acceleration and falls with the deceleration.
     pub(super) fn to_velocity(start: Demand, velocity: f64, profile: &Profile) -> Self {
         let velocity = velocity.clamp(-profile.velocity, profile.velocity);
         let turns_round = start.velocity * velocity < 0.0;

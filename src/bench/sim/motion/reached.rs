@@ -7,9 +7,9 @@ use canopen::object::Object;
 
 /// Target reached detection.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reached(ConditionTimer);
+pub(super) struct TargetWindow(ConditionTimer);
 
-impl Reached {
+impl TargetWindow {
     /// Returns whether the motor has been in the position window (6067h) for its time (6068h). `is_arrived`: the demand
     /// is at the target, which is sufficient without a window.
     pub(super) fn is_position_reached(

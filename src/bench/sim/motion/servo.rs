@@ -6,14 +6,14 @@
 
 use std::f64::consts::TAU;
 
-use crate::motion::limits::{Limited, TorqueLimits, within};
+use crate::motion::limits::{LimitedValue, TorqueLimits, within};
 use crate::motion::ramp::Demand;
 use crate::motion::shaft::Actual;
 use crate::motion::tuning::Tuning;
 
 /// Bandwidth of the velocity loop, in rad/s.
 const VELOCITY_BANDWIDTH: f64 = TAU * 20.0;
-/// Corner frequency of its integrator, in rad/s.
+/// Corner frequency of the velocity loop's integrator, in rad/s.
 const INTEGRATOR_CORNER: f64 = TAU * 2.5;
 /// Bandwidth of the position loop, in rad/s.
 const POSITION_BANDWIDTH: f64 = TAU * 4.0;
@@ -60,7 +60,7 @@ impl Servo {
         reference: &Reference,
         actual: &Actual,
         limits: &TorqueLimits,
-    ) -> Limited {
+    ) -> LimitedValue {
         let demand = &reference.demand;
         let following_error =
             if reference.has_position { demand.position - actual.position } else { 0.0 };
@@ -98,7 +98,7 @@ mod tests {
     }
 
     fn limits() -> TorqueLimits {
-        TorqueLimits::of(&drive())
+        TorqueLimits::from_dictionary(&drive())
     }
 
     /// Returns a rotor whose inertia is `ratio` times the tuned one.
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn default_speed_limit_is_that_of_these_tests() {
-        assert_eq!(top_speed(&Units::of(&drive(), INCREMENTS), &drive()), TOP);
+        assert_eq!(top_speed(&Units::from_dictionary(&drive(), INCREMENTS), &drive()), TOP);
     }
 
     #[test]

@@ -69,7 +69,7 @@ impl Shaft {
         self.zero = position - self.units.increments(units);
     }
 
-    /// Returns the distance of `position` from a whole position unit, in increments.
+    /// Returns the remainder of `position` beyond an integral number of position units, in increments.
     fn rest(&self, position: f64) -> f64 {
         let shown = self.units.position_units(position - self.zero);
         self.units.increments(shown - shown.round())

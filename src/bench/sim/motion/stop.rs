@@ -4,7 +4,7 @@
 //! once in cyclic synchronous torque mode, in which a hand may hold the load.
 
 use crate::motion::axis::{Axis, StepInput};
-use crate::motion::limits::{Limited, deceleration};
+use crate::motion::limits::{LimitedValue, deceleration};
 use crate::motion::ramp::{Demand, Profile};
 use crate::motion::reached::Standstill;
 use crate::motion::{Ramp, torque};
@@ -12,7 +12,7 @@ use canopen::object::Object;
 
 /// Quantity that a stop brings to zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stopped {
+pub(super) enum StopQuantity {
     Velocity,
     /// Torque, on its slope (6087h).
     Torque,
@@ -24,7 +24,7 @@ pub(super) enum Stopped {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stop {
     ramp: Ramp,
-    what: Stopped,
+    what: StopQuantity,
     /// Time since the end of the ramp, in s; since the start without a ramp.
     overtime: f64,
     standstill: Standstill,
@@ -35,7 +35,7 @@ pub(super) struct Stop {
 pub(super) const STANDSTILL_TIMEOUT: f64 = 2.0;
 
 impl Stop {
-    pub(super) fn new(ramp: Ramp, what: Stopped) -> Self {
+    pub(super) fn new(ramp: Ramp, what: StopQuantity) -> Self {
         Self { ramp, what, overtime: 0.0, standstill: Standstill::default(), is_over: false }
     }
 
@@ -50,19 +50,19 @@ impl Stop {
     }
 
     /// Returns the torque demand; after the stop zero in torque modes, else that which holds the position.
-    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> Limited {
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> LimitedValue {
         match (self.is_over, self.what) {
-            (true, Stopped::Velocity) => axis.follow_position(0.0, input),
-            (true, Stopped::Torque) | (_, Stopped::CyclicTorque) => {
+            (true, StopQuantity::Velocity) => axis.follow_position(0.0, input),
+            (true, StopQuantity::Torque) | (_, StopQuantity::CyclicTorque) => {
                 self.is_over = true;
                 axis.set_torque(0.0, input)
             }
-            (false, Stopped::Torque) => self.lower_torque(axis, input),
-            (false, Stopped::Velocity) => self.slow_down(axis, input),
+            (false, StopQuantity::Torque) => self.lower_torque(axis, input),
+            (false, StopQuantity::Velocity) => self.slow_down(axis, input),
         }
     }
 
-    fn lower_torque(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> Limited {
+    fn lower_torque(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> LimitedValue {
         let lower = match self.ramp {
             Ramp::SlowDown | Ramp::QuickStop => torque::approach(axis.torque(), 0.0, input),
             Ramp::CurrentLimit => 0.0,
@@ -72,7 +72,7 @@ impl Stop {
         torque
     }
 
-    fn slow_down(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> Limited {
+    fn slow_down(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> LimitedValue {
         let units = &axis.shaft.units;
         let rate = match self.ramp {
             Ramp::SlowDown => deceleration(units, input.dictionary, Object::PROFILE_DECELERATION),

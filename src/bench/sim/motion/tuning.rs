@@ -16,8 +16,8 @@ pub struct Tuning {
 /// Load of a joint, in SI units at the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
-    /// Inertia of all that the joint moves, with its motor, in kg·m² (kg), in a middle posture: a factor of three
-    /// either way is tolerated.
+    /// Inertia of the moved links and the motor in a middle posture, in kg·m² (kg). The loops tolerate a factor of three up
+    /// or down.
     pub inertia: f64,
     /// Viscous friction, in N·m·s/rad (N·s/m).
     pub viscous: f64,
@@ -50,7 +50,7 @@ impl Tuning {
     ///
     /// # Errors
     /// The first invalid value.
-    pub fn of(load: &Load) -> Result<Self, InvalidLoad> {
+    pub fn from_load(load: &Load) -> Result<Self, InvalidLoad> {
         let Load { inertia, viscous, counts_per_turn, per_mille_per_newton_metre } = *load;
         if !(inertia.is_finite() && inertia > 0.0) {
             return Err(InvalidLoad::Inertia(inertia));
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn tuning_follows_newtons_law() {
-        let tuning = Tuning::of(&LOAD).unwrap();
+        let tuning = Tuning::from_load(&LOAD).unwrap();
         let increments = 655_360.0 / TAU;
         let per_mille = tuning.inertia * 10.0 * increments;
         assert!((per_mille - 0.02 * 10.0 * 133.0).abs() < 1e-9, "10 rad/s²");
@@ -103,7 +103,7 @@ mod tests {
     fn inverted_gear_gives_the_same_tuning() {
         let turned =
             Load { counts_per_turn: -655_360.0, per_mille_per_newton_metre: -133.0, ..LOAD };
-        assert_eq!(Tuning::of(&turned), Tuning::of(&LOAD));
+        assert_eq!(Tuning::from_load(&turned), Tuning::from_load(&LOAD));
     }
 
     #[test]
@@ -117,7 +117,7 @@ mod tests {
                 InvalidLoad::PerMille(f64::INFINITY),
             ),
         ] {
-            assert_eq!(Tuning::of(&load), Err(why));
+            assert_eq!(Tuning::from_load(&load), Err(why));
         }
     }
 }

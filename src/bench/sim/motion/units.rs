@@ -1,11 +1,11 @@
 //! Conversion between encoder increments and the master's units (CiA 402-2, factor group).
 //!
-//! 60A8h names the position unit. In increments, one position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution, motor revolutions per
-//! shaft revolution, feed per shaft revolution. Without 6092h the feed is 608Fh: the unit is an increment before the
-//! gear. Velocities are per s, with 6090h in place of 608Fh; accelerations are per s². 607Eh inverts the signs of
-//! positions and velocities, not of torques. In an angle, one revolution of the shaft behind 6091h has as many units as
-//! the angle says, whatever 608Fh and 6092h hold. 6093h of older dictionaries multiplies the increments of a unit. Positions
-//! wrap within 607Bh, unless it is 0 to 0.
+//! 60A8h names the position unit. One position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution,
+//! motor revolutions per shaft revolution, feed per shaft revolution. Without 6092h the feed is 608Fh: the unit is an
+//! increment before the gear. Velocities are per s, with 6090h instead of 608Fh; accelerations are per s². 607Eh inverts the
+//! signs of positions and velocities, not of torques. With an angle as unit, 608Fh and 6092h do not matter: a shaft
+//! revolution behind 6091h is a full angle. 6093h of older dictionaries multiplies the increments of a unit. Positions wrap
+//! within 607Bh, unless it is 0 to 0.
 //!
 //! The encoder itself does not depend on 608Fh: index pulses and motor speeds are those of the motor.
 
@@ -46,7 +46,7 @@ impl Default for Units {
 
 impl Units {
     /// Reads the factors of a drive, whose encoder has `increments` per revolution.
-    pub(super) fn of(dictionary: &Dictionary, increments: f64) -> Self {
+    pub(super) fn from_dictionary(dictionary: &Dictionary, increments: f64) -> Self {
         let mut units = Self { encoder: increments, ..Self::default() };
         units.read(dictionary);
         units
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn default_unit_is_one_increment() {
-        let units = Units::of(&drive(), INCREMENTS);
+        let units = Units::from_dictionary(&drive(), INCREMENTS);
         assert_eq!((units.increments(12.0), units.position_units(12.0)), (12.0, 12.0));
         assert_eq!((units.velocity(-7.0), units.velocity_units(-7.0)), (-7.0, -7.0));
     }
@@ -217,7 +217,7 @@ mod tests {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         put(&mut dictionary, Object::FEED, 360_000);
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(16_384.0 * 40.0), 360_000.0);
         assert_eq!(units.velocity(360_000.0), 16_384.0 * 40.0);
     }
@@ -228,7 +228,7 @@ mod tests {
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         put(&mut dictionary, Object::FEED, 360_000);
         dictionary.set(Object::POSITION_UNIT, &0xFF41_0000_u32.to_le_bytes());
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(INCREMENTS * 40.0), 3_600.0);
     }
 
@@ -237,16 +237,20 @@ mod tests {
         let infranor = include_bytes!("../../../../eds/drives/infranor-easy-ak.eds");
         let eds = canopen::eds::Eds::parse(infranor).unwrap();
         let mut dictionary = Dictionary::new(&eds, canopen::NodeId::new(1).unwrap());
-        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(900.0), 900.0, "4096:4096");
+        assert_eq!(
+            Units::from_dictionary(&dictionary, INCREMENTS).position_units(900.0),
+            900.0,
+            "4096:4096"
+        );
         put(&mut dictionary, Object::POSITION_FACTOR_DIVISOR, 1_024);
-        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(900.0), 225.0);
+        assert_eq!(Units::from_dictionary(&dictionary, INCREMENTS).position_units(900.0), 225.0);
     }
 
     #[test]
     fn position_wraps_within_607bh() {
         let mut dictionary = drive();
         let shown = |dictionary: &Dictionary, increments| {
-            Units::of(dictionary, INCREMENTS).shown(increments)
+            Units::from_dictionary(dictionary, INCREMENTS).shown(increments)
         };
         assert_eq!(shown(&dictionary, -5.0), -5, "0 to 0 is no range");
         put(&mut dictionary, Object::MIN_POSITION_RANGE, (-100_i32).cast_unsigned());
@@ -260,16 +264,16 @@ mod tests {
     fn gear_of_two_halves_the_position() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 2);
-        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
+        assert_eq!(Units::from_dictionary(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
         dictionary.remove(Object::FEED);
-        assert_eq!(Units::of(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
+        assert_eq!(Units::from_dictionary(&dictionary, INCREMENTS).position_units(1_000.0), 500.0);
     }
 
     #[test]
     fn encoder_resolution_stored_wrong_scales_the_position() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::ENCODER_INCREMENTS, 8_192);
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!(units.position_units(1_000.0), 2_000.0, "6092h has 16,384 units per turn");
     }
 
@@ -280,7 +284,7 @@ mod tests {
         put(&mut dictionary, Object::VELOCITY_INCREMENTS, 1);
         put(&mut dictionary, Object::FEED, 1);
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 2);
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!((units.position_units(1_000.0), units.velocity_units(1_000.0)), (500.0, 500.0));
         assert_eq!(units.increments_per_revolution(), INCREMENTS);
         assert_eq!(units.motor_speed(60.0), INCREMENTS);
@@ -290,7 +294,7 @@ mod tests {
     fn velocity_encoder_resolution_scales_velocities_only() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::VELOCITY_INCREMENTS, 32_768);
-        let units = Units::of(&dictionary, INCREMENTS);
+        let units = Units::from_dictionary(&dictionary, INCREMENTS);
         assert_eq!(
             (units.position_units(1_000.0), units.velocity_units(1_000.0)),
             (1_000.0, 500.0)
@@ -308,7 +312,7 @@ mod tests {
         ] {
             dictionary.remove(object);
         }
-        let units = Units::of(&dictionary, 4_000.0);
+        let units = Units::from_dictionary(&dictionary, 4_000.0);
         assert_eq!((units.position_units(7.0), units.velocity_units(7.0)), (7.0, 7.0));
         assert_eq!(units.motor_speed(60.0), 4_000.0);
     }
@@ -320,7 +324,7 @@ mod tests {
         {
             let mut dictionary = drive();
             put(&mut dictionary, Object::POLARITY, polarity);
-            let units = Units::of(&dictionary, INCREMENTS);
+            let units = Units::from_dictionary(&dictionary, INCREMENTS);
             assert_eq!((units.increments(1.0), units.position_units(1.0)), (position, position));
             assert_eq!((units.velocity(1.0), units.velocity_units(1.0)), (velocity, velocity));
         }
@@ -330,7 +334,7 @@ mod tests {
     fn motor_speed_ignores_the_gear() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
-        assert_eq!(Units::of(&dictionary, INCREMENTS).motor_speed(60.0), 16_384.0);
+        assert_eq!(Units::from_dictionary(&dictionary, INCREMENTS).motor_speed(60.0), 16_384.0);
     }
 
     proptest! {
@@ -343,7 +347,7 @@ mod tests {
             put(&mut dictionary, Object::GEAR_SHAFT_REVOLUTIONS, shaft);
             put(&mut dictionary, Object::FEED, feed);
             put(&mut dictionary, Object::POLARITY, u32::from(polarity));
-            let units = Units::of(&dictionary, INCREMENTS);
+            let units = Units::from_dictionary(&dictionary, INCREMENTS);
             let distance = f64::from(distance);
             let tolerance = 1e-12 * distance.abs();
             prop_assert!((units.position_units(units.increments(distance)) - distance).abs() <= tolerance);

@@ -77,13 +77,13 @@ pub struct Balance {
     pub resisting: Joints,
     /// Torques of the hand on the joints.
     pub hand: Joints,
-    /// Torques that carry the weight.
+    /// Torques that balance gravity.
     pub gravity: Joints,
-    /// Torques that accelerate the arm, with those of Coriolis and centrifugal forces: all that is left.
+    /// Torques of acceleration, Coriolis and centrifugal forces: the remainder.
     pub inertia: Joints,
 }
 
-/// A hand, and its desired pose of the grip.
+/// Hand with its desired pose of the grip.
 pub type Grasp<'h> = (&'h Hand, &'h Isometry3<f64>);
 
 impl Plant {
@@ -117,12 +117,12 @@ impl Plant {
         self.arm.jacobian(&self.posture)
     }
 
-    /// Returns the joint positions, in rad.
+    /// Returns the joint positions, in rad or m.
     pub const fn q(&self) -> &Joints {
         &self.q
     }
 
-    /// Returns the joint velocities, in rad/s.
+    /// Returns the joint velocities, in rad/s or m/s.
     pub const fn qd(&self) -> &Joints {
         &self.qd
     }

@@ -60,7 +60,7 @@ impl QuirkAssignment {
     }
 
     /// Returns the quirks of the drive of `joint`.
-    pub fn of(&self, joint: Joint) -> Quirks {
+    pub fn for_joint(&self, joint: Joint) -> Quirks {
         let entries = self.0.iter().filter(|entry| entry.joint == JointNumber(joint));
         Quirks::new(entries.flat_map(|entry| entry.quirks.iter().copied()))
     }
@@ -90,14 +90,17 @@ mod tests {
              [[drive]]\njoint = 6\nquirks = []\n",
         )
         .unwrap();
-        assert_eq!(cast.of(Joint::of::<3>()), Quirks::new([Quirk::NoBootUp, Quirk::QuietFault]));
+        assert_eq!(
+            cast.for_joint(Joint::of::<3>()),
+            Quirks::new([Quirk::NoBootUp, Quirk::QuietFault])
+        );
         cast.add(Joint::of::<3>(), [Quirk::KeepsTorque]);
-        assert_eq!(cast.of(Joint::of::<3>()).iter().count(), 3);
+        assert_eq!(cast.for_joint(Joint::of::<3>()).iter().count(), 3);
         assert!(
             Joint::ALL
                 .into_iter()
                 .filter(|joint| joint.number() != 3)
-                .all(|joint| cast.of(joint) == Quirks::default())
+                .all(|joint| cast.for_joint(joint) == Quirks::default())
         );
     }
 

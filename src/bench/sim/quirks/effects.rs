@@ -39,7 +39,7 @@ pub(crate) struct QuirkEffects {
 
 impl QuirkEffects {
     /// Applies `quirks` to the drive of `node`; `dictionary` is that of a conforming drive.
-    pub(crate) fn of(quirks: &Quirks, dictionary: Dictionary, node: NodeId) -> Self {
+    pub(crate) fn new(quirks: &Quirks, dictionary: Dictionary, node: NodeId) -> Self {
         let mut effects = Self {
             dictionary,
             misbehaviour: Misbehaviour::default(),

@@ -41,7 +41,7 @@ pub(super) fn number<T: FromStr + PartialOrd + Display>(
     number.ok_or_else(|| format!("within {}..={}{unit}", bounds.start(), bounds.end()))
 }
 
-/// Reads a time in whole ms.
+/// Reads a time in ms, an integer.
 pub(super) fn millis(text: &str, bounds: RangeInclusive<u64>) -> Result<Duration, String> {
     number(text, bounds, " ms").map(Duration::from_millis)
 }

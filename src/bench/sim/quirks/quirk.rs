@@ -106,8 +106,8 @@ quirks! {
     /// restart.
     Forgetful(object: Object) "forgetful",
         default "6072h", read object(), shown object;
-    /// Is already in operation enabled with this torque, in ‰ of rated torque: the master restarted during
-    /// motion, or the drive starts by itself.
+    /// Is already in operation enabled with this torque, in ‰ of rated torque: the master restarted during motion, or the
+    /// drive enables itself at power-up.
     RunningAtStart(torque: i16) "running-at-start",
         default "300", read number(-1_000..=1_000, " ‰ of rated torque"), shown torque;
     /// Boots late: sends no boot-up message and receives nothing for this time. Large drives boot an

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use crate::actuator::ActuatorSettings;
 use crate::drive::{Drive, DriveSettings};
-use crate::drivetrain::Sensed;
+use crate::drivetrain::MotorReading;
 use crate::motion::Tuning;
 use crate::quirks::{Quirk, QuirkEffects, Quirks};
 use canopen::drive::State;
@@ -116,7 +116,7 @@ fn sent_by(names: &[&str]) -> Vec<(Instant, Frame)> {
 
 #[test]
 fn drive_without_quirks_conforms() {
-    assert!(QuirkEffects::of(&Quirks::default(), dictionary(), node()).dictionary == dictionary());
+    assert!(QuirkEffects::new(&Quirks::default(), dictionary(), node()).dictionary == dictionary());
     let silent = drive(&[]);
     assert_eq!((silent.state(), silent.demand()), (State::NotReadyToSwitchOn, 0.0));
 }
@@ -126,7 +126,7 @@ fn dictionary_quirks_change_their_objects_only() {
     let before = dictionary();
     let rpdos = |sub: u8| (1..=4).map(move |number| Object::rpdo_communication(number, sub));
     for name in Quirk::NAMES {
-        let after = QuirkEffects::of(&quirks(&[name]), before.clone(), node()).dictionary;
+        let after = QuirkEffects::new(&quirks(&[name]), before.clone(), node()).dictionary;
         let objects = (0..=u16::MAX).filter(|index| before.has_index(*index));
         let all = objects.flat_map(|index| (0..=u8::MAX).map(move |sub| Object { index, sub }));
         let changed: Vec<Object> = all.filter(|o| before.entry(*o) != after.entry(*o)).collect();

@@ -1,6 +1,6 @@
 //! Delays, repeats or drops the frames that a drive transmits.
 //!
-//! No I/O; the device itself behaves as without it, except that a device with a late boot receives nothing until then.
+//! The device itself is unchanged, except that one with a late boot does not receive until then.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -31,7 +31,7 @@ pub(crate) struct FrameQuirks {
     pub(super) lost_confirmation: Option<u32>,
     /// Time from the first SDO response since power-up until it is sent; later ones wait for it.
     pub(super) first_response_delay: Duration,
-    /// Delay of the boot-up; until then the drive neither sends nor receives.
+    /// Delay of the boot-up; until then the drive does not send or receive.
     pub(super) boot_delay: Duration,
     /// Sends no boot-up message.
     pub(super) hides_boot_up: bool,
@@ -75,7 +75,7 @@ enum Kind {
 }
 
 impl Kind {
-    fn of<A: Application>(frame: &Frame, device: &Device<A>) -> Self {
+    fn classify<A: Application>(frame: &Frame, device: &Device<A>) -> Self {
         let node = device.node();
         let has_heartbeat = device.dictionary().unsigned(Object::PRODUCER_HEARTBEAT) > 0;
         if is_boot_up(frame, node) {
@@ -127,7 +127,7 @@ impl TransmitPath {
         // First: a late boot-up message precedes the first answer.
         self.send_due(now, out);
         for frame in sent {
-            match Kind::of(&frame, device) {
+            match Kind::classify(&frame, device) {
                 Kind::BootUp => self.send_boot_up(now, frame, out),
                 _ if !self.is_receiving(now) => {}
                 Kind::Heartbeat => out.extend(self.take_heartbeat_slot(now).then_some(frame)),

@@ -6,16 +6,19 @@ use serde::{Serialize, Serializer};
 use toml::Spanned;
 
 use crate::scenario::fault_table::{self, seconds};
-use crate::scenario::keys::{Entry, Keys, Written};
-use crate::scenario::problem::{MIN_DURATION, Misplaced, follows};
+use crate::scenario::keys::{Entry, KeyList, Keys};
+use crate::scenario::problem::{LocatedProblem, MIN_DURATION, follows};
 use faults::{Fault, Kind};
 
 /// Reads all of them. They may overlap, but none may start before the one before it.
-pub(super) fn read_all(entries: Vec<Spanned<Entry>>, length: f64) -> Result<Vec<Fault>, Misplaced> {
+pub(super) fn read_all(
+    entries: Vec<Spanned<Entry>>,
+    length: f64,
+) -> Result<Vec<Fault>, LocatedProblem> {
     let mut started_s = 0.0;
     let mut faults = Vec::with_capacity(entries.len());
     for entry in entries {
-        let (kind, mut keys) = Keys::of(entry)?;
+        let (kind, mut keys) = Keys::from_entry(entry)?;
         let at_s = keys.value("at_s", |it| it.number(0.0..=length))?;
         let at_s = keys.needed("at_s", at_s)?;
         follows(at_s, started_s).map_err(|problem| keys.misplaced(problem))?;
@@ -26,7 +29,7 @@ pub(super) fn read_all(entries: Vec<Spanned<Entry>>, length: f64) -> Result<Vec<
     Ok(faults)
 }
 
-fn read(kind: &str, at_s: f64, length: f64, keys: &mut Keys) -> Result<Fault, Misplaced> {
+fn read(kind: &str, at_s: f64, length: f64, keys: &mut Keys) -> Result<Fault, LocatedProblem> {
     let (target, kind) = fault_table::read(kind, keys)?;
     let mut fault = Fault::new(Duration::from_secs_f64(at_s), target, kind);
     if !kind.is_momentary() {
@@ -49,7 +52,7 @@ pub(super) struct FaultEntry<'a>(pub(super) &'a Fault);
 impl Serialize for FaultEntry<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let Self(fault) = self;
-        let mut keys: Written = vec![("at_s", seconds(fault.start).into())];
+        let mut keys: KeyList = vec![("at_s", seconds(fault.start).into())];
         fault_table::write(fault.target, fault.kind, &mut keys);
         keys.extend(fault.duration.map(|duration| ("for_s", seconds(duration).into())));
         serializer.collect_map(keys)

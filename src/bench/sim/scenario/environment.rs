@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use crate::scenario::problem::{Misplaced, Problem, within};
+use crate::scenario::problem::{LocatedProblem, Problem, within};
 
 /// Range of the stiffness of a wall, in N/m.
 const STIFFNESS: [f64; 2] = [1.0, 1e7];
@@ -24,13 +24,13 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Returns whether nothing differs from the configuration.
+    /// Returns whether the environment is that of the configuration.
     pub fn is_as_configured(&self) -> bool {
         *self == Self::default()
     }
 
     /// Checks the values of a file.
-    pub(super) fn check(section: &Spanned<Self>) -> Result<Self, Misplaced> {
+    pub(super) fn check(section: &Spanned<Self>) -> Result<Self, LocatedProblem> {
         let changes = *section.get_ref();
         changes.check_values().map_err(|problem| (section.span(), problem))?;
         Ok(changes)

@@ -5,8 +5,8 @@ use std::time::Duration;
 use canopen_rs::{NmtCommand, NodeId};
 use toml::Value;
 
-use crate::scenario::keys::{Key, KeyValue, Keys, Written};
-use crate::scenario::problem::{Misplaced, Problem};
+use crate::scenario::keys::{Key, KeyList, KeyValue, Keys};
+use crate::scenario::problem::{LocatedProblem, Problem};
 use canopen::frame::{COB_ID_MAX, Channel, Frame};
 use canopen::layout::MAX_PDOS;
 use canopen::nmt::Order;
@@ -29,7 +29,7 @@ macro_rules! fault_table {
             => $short_kind:expr;)+
     ) => {
         /// Reads target and kind of the fault that `word` names.
-        pub(super) fn read(word: &str, keys: &mut Keys) -> Result<(Target, Kind), Misplaced> {
+        pub(super) fn read(word: &str, keys: &mut Keys) -> Result<(Target, Kind), LocatedProblem> {
             Ok(match word {
                 $($word => {
                     $(let $value = $key.read(keys)?;)*
@@ -48,7 +48,7 @@ macro_rules! fault_table {
         }
 
         /// Writes `kind`, the target and the keys.
-        pub(super) fn write(target: Target, kind: Kind, keys: &mut Written) {
+        pub(super) fn write(target: Target, kind: Kind, keys: &mut KeyList) {
             match kind {
                 $($($kind)+ => {
                     keys.push(("kind", $word.into()));
@@ -112,7 +112,7 @@ fault_table! {
     "process_stopped" on Target::Host, stop: STOP => (Kind::Host(stop));
 
     short forms:
-    "heartbeat_stop" by DEVICE => Kind::Frames(FrameFault::of(Service::Heartbeat, Effect::Drop));
+    "heartbeat_stop" by DEVICE => Kind::Frames(FrameFault::on_service(Service::Heartbeat, Effect::Drop));
     "foreign_sync" by BUS, period: PERIOD
         => Kind::ForeignFrame { frame: Frame::new(sync::COB_ID, []), period };
     "foreign_nmt" by BUS, command: COMMAND, node: NODE, period: PERIOD
@@ -290,8 +290,8 @@ const FRAME: FrameKeys = FrameKeys;
 pub(super) struct FrameKeys;
 
 impl FrameKeys {
-    /// Reads both.
-    pub(super) fn read(&self, keys: &mut Keys) -> Result<Frame, Misplaced> {
+    /// Reads `cob_id` and `payload`.
+    pub(super) fn read(&self, keys: &mut Keys) -> Result<Frame, LocatedProblem> {
         let cob_id = keys.value("cob_id", cob_id)?;
         let cob_id = keys.needed("cob_id", cob_id)?;
         let bytes = keys.value("payload", |it| it.bytes())?;
@@ -299,8 +299,8 @@ impl FrameKeys {
         keys.needed("payload", Frame::from_slice(cob_id, &bytes))
     }
 
-    /// Writes both.
-    pub(super) fn write(&self, frame: Frame, to: &mut Written) {
+    /// Writes `cob_id` and `payload`.
+    pub(super) fn write(&self, frame: Frame, to: &mut KeyList) {
         to.push(("cob_id", i64::from(frame.cob_id).into()));
         to.push(("payload", digits(frame.data()).into()));
     }

@@ -1,17 +1,17 @@
-//! Keys of one `[[fault]]`: each described once, to be read and written; none may be left over.
+//! Keys of one `[[fault]]`, each described once for reading and writing; unknown keys are errors.
 
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 
 use toml::{Spanned, Value};
 
-use crate::scenario::problem::{Misplaced, Problem, within};
+use crate::scenario::problem::{LocatedProblem, Problem, within};
 
 /// A table of a file.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;
 
 /// Keys as they are written, in order.
-pub(super) type Written = Vec<(&'static str, Value)>;
+pub(super) type KeyList = Vec<(&'static str, Value)>;
 
 /// A key of a fault, read and written. It is required unless it has a default, or another key in its place.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +69,7 @@ impl<T: Copy + PartialEq> Key<T> {
     }
 
     /// Reads the value.
-    pub(super) fn read(&self, keys: &mut Keys) -> Result<T, Misplaced> {
+    pub(super) fn read(&self, keys: &mut Keys) -> Result<T, LocatedProblem> {
         let value = keys.value(self.name, |it| match self.form {
             Form::Value(decode, _) => decode(it),
             Form::Words(wanted, words) => it.word(wanted, |word| {
@@ -83,7 +83,7 @@ impl<T: Copy + PartialEq> Key<T> {
     }
 
     /// Writes the value.
-    pub(super) fn write(&self, value: T, to: &mut Written) {
+    pub(super) fn write(&self, value: T, to: &mut KeyList) {
         let encoded = match self.form {
             Form::Value(_, encode) => encode(value),
             Form::Words(_, words) => {
@@ -97,7 +97,7 @@ impl<T: Copy + PartialEq> Key<T> {
 
 impl Keys {
     /// Reads `kind`; returns it with the other keys.
-    pub(super) fn of(entry: Spanned<Entry>) -> Result<(String, Self), Misplaced> {
+    pub(super) fn from_entry(entry: Spanned<Entry>) -> Result<(String, Self), LocatedProblem> {
         let span = entry.span();
         let mut keys = Self { kind: "fault".to_owned(), span, left: entry.into_inner() };
         let kind = keys.value("kind", |it| it.word("a word", |word| Some(word.to_owned())))?;
@@ -106,7 +106,7 @@ impl Keys {
     }
 
     /// Returns a problem with the span of the table.
-    pub(super) fn misplaced(&self, problem: Problem) -> Misplaced {
+    pub(super) fn misplaced(&self, problem: Problem) -> LocatedProblem {
         (self.span.clone(), problem)
     }
 
@@ -115,20 +115,24 @@ impl Keys {
         &mut self,
         key: &'static str,
         decode: impl Fn(&KeyValue<'_>) -> Result<T, Problem>,
-    ) -> Result<Option<T>, Misplaced> {
+    ) -> Result<Option<T>, LocatedProblem> {
         let Some(value) = self.left.remove(key) else { return Ok(None) };
         let decoded = decode(&KeyValue { key, value: value.get_ref() });
         decoded.map(Some).map_err(|problem| (value.span(), problem))
     }
 
     /// Checks that a required key is present.
-    pub(super) fn needed<T>(&self, key: &'static str, value: Option<T>) -> Result<T, Misplaced> {
+    pub(super) fn needed<T>(
+        &self,
+        key: &'static str,
+        value: Option<T>,
+    ) -> Result<T, LocatedProblem> {
         let missing = || self.misplaced(Problem::Missing { kind: self.kind.clone(), key });
         value.ok_or_else(missing)
     }
 
     /// Checks that no other key is present.
-    pub(super) fn end(self) -> Result<(), Misplaced> {
+    pub(super) fn end(self) -> Result<(), LocatedProblem> {
         let Self { kind, mut left, .. } = self;
         match left.pop_first() {
             Some((key, value)) => Err((value.span(), Problem::Unrelated { kind, key })),

@@ -31,7 +31,7 @@ use crate::scenario::entry::FaultEntry;
 use crate::scenario::environment::Environment;
 use crate::scenario::keys::Entry as Table;
 use crate::scenario::operator::{Actions, Console, Hold, Move, Switch};
-use crate::scenario::problem::{MIN_DURATION, Misplaced, follows, within};
+use crate::scenario::problem::{LocatedProblem, MIN_DURATION, follows, within};
 use faults::{Fault, Target};
 
 /// Maximum length of a scenario, in s.
@@ -159,7 +159,7 @@ impl Scenario {
         self.seconds
     }
 
-    /// Returns what differs from the configured environment.
+    /// Returns the changes of the configured environment.
     pub const fn environment(&self) -> Environment {
         self.environment
     }
@@ -205,7 +205,7 @@ impl Scenario {
         arms || self.faults().iter().any(|fault| fault.target == Target::SwitchBox)
     }
 
-    fn check(script: Script) -> Result<Self, Misplaced> {
+    fn check(script: Script) -> Result<Self, LocatedProblem> {
         let seconds = *script.seconds.get_ref();
         within("seconds", seconds, MIN_DURATION, MAX_LENGTH)
             .map_err(|problem| (script.seconds.span(), problem))?;

@@ -7,7 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use crate::scenario::problem::{MIN_DURATION, Misplaced, in_order, within};
+use crate::scenario::problem::{LocatedProblem, MIN_DURATION, in_order, within};
 use toml_input::List;
 use units::adjustment::{Adjustment, InvalidAdjustment};
 
@@ -206,7 +206,7 @@ impl Actions {
         console: Vec<Spanned<Console>>,
         holds: Vec<Spanned<Hold>>,
         seconds: f64,
-    ) -> Result<Self, Misplaced> {
+    ) -> Result<Self, LocatedProblem> {
         let moves = in_order(moves, seconds, |step| {
             let Move { at_s, duration_s, to_m, to_rad } = *step;
             within("duration_s", duration_s, MIN_DURATION, seconds - at_s)?;

@@ -76,7 +76,7 @@ pub enum Problem {
 }
 
 /// A problem, and its byte range in the text.
-pub(super) type Misplaced = (Range<usize>, Problem);
+pub(super) type LocatedProblem = (Range<usize>, Problem);
 
 /// Checks a range; NaN is out of range.
 pub(super) fn within(
@@ -94,7 +94,7 @@ pub(super) fn in_order<T>(
     entries: Vec<Spanned<T>>,
     seconds: f64,
     span: impl Fn(&T) -> Result<(f64, f64), Problem>,
-) -> Result<Vec<T>, Misplaced> {
+) -> Result<Vec<T>, LocatedProblem> {
     let mut free_s = 0.0;
     for entry in &entries {
         let follows = |(at_s, end)| {

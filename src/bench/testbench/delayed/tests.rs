@@ -50,8 +50,8 @@ fn number(motion: &Motion) -> Option<f64> {
 const WARM_UP: u32 = 300;
 
 /// Returns a link whose node was armed at [`WARM_UP`].
-fn armed(settings: DelaySettings) -> Delayed<Far> {
-    let mut link = Delayed::new(Far::default(), settings);
+fn armed(settings: DelaySettings) -> DelayedSide<Far> {
+    let mut link = DelayedSide::new(Far::default(), settings);
     for millis in 0..WARM_UP {
         link.exchange(at(millis), &Command::HOLD);
     }
@@ -62,7 +62,7 @@ fn armed(settings: DelaySettings) -> Delayed<Far> {
 
 /// Exchanges every ms; returns the samples with their times.
 fn exchanged(
-    link: &mut Delayed<Far>,
+    link: &mut DelayedSide<Far>,
     millis: std::ops::Range<u32>,
 ) -> Vec<(Instant, RemoteSample)> {
     let each =
@@ -92,7 +92,7 @@ fn settings() -> impl Strategy<Value = DelaySettings> {
 proptest! {
     #[test]
     fn age_is_never_below_the_true_one_nor_the_delay(settings in settings()) {
-        let mut link = Delayed::new(Far::default(), settings);
+        let mut link = DelayedSide::new(Far::default(), settings);
         for sample in exchanged(&mut link, 0..300) {
             let (by_stamp, truly) = ages(&sample);
             prop_assert!(by_stamp + Duration::from_micros(1) >= truly + settings.delay, "{by_stamp:?} {truly:?}");
@@ -122,13 +122,13 @@ proptest! {
 
     #[test]
     fn same_seed_is_the_same_link(settings in settings()) {
-        let run = || exchanged(&mut Delayed::new(Far::default(), settings), 0..100);
+        let run = || exchanged(&mut DelayedSide::new(Far::default(), settings), 0..100);
         prop_assert_eq!(run(), run());
     }
 
     #[test]
     fn every_datagram_is_accounted_for(settings in settings()) {
-        let mut link = Delayed::new(Far::default(), settings);
+        let mut link = DelayedSide::new(Far::default(), settings);
         exchanged(&mut link, 0..300);
         let Some([there, back]) = link.counts() else { panic!("a link has counts") };
         for Counts { sent, lost, overflowed, overtaken } in [there, back] {
@@ -144,7 +144,7 @@ proptest! {
 fn constant_delay_is_the_age_of_every_sample() {
     for delay in [0, 2, 5, 20] {
         let settings = DelaySettings { delay: MS * delay, ..DelaySettings::default() };
-        let mut link = Delayed::new(Far::default(), settings);
+        let mut link = DelayedSide::new(Far::default(), settings);
         let samples = exchanged(&mut link, 0..200);
         assert_eq!(samples.len(), 200 - usize::try_from(2 * delay).unwrap());
         for sample in samples {
@@ -156,7 +156,7 @@ fn constant_delay_is_the_age_of_every_sample() {
 #[test]
 fn reordered_datagrams_are_dropped() {
     let settings = DelaySettings { jitter: MS * 10, reorders: true, ..DelaySettings::default() };
-    let mut link = Delayed::new(Far::default(), settings);
+    let mut link = DelayedSide::new(Far::default(), settings);
     exchanged(&mut link, 0..1_000);
     let [there, back] = link.counts().unwrap();
     assert!(there.overtaken > 100 && back.overtaken > 100, "{there:?} {back:?}");
@@ -165,7 +165,7 @@ fn reordered_datagrams_are_dropped() {
 #[test]
 fn lost_share_is_that_of_the_settings() {
     let settings = DelaySettings { loss: 0.2, ..DelaySettings::default() };
-    let mut link = Delayed::new(Far::default(), settings);
+    let mut link = DelayedSide::new(Far::default(), settings);
     exchanged(&mut link, 0..5_000);
     let [there, back] = link.counts().unwrap();
     for Counts { sent, lost, .. } in [there, back] {
@@ -209,14 +209,14 @@ fn epoch_begins_at_the_far_side_when_its_first_command_arrives() {
         exchanged(&mut link, WARM_UP + millis.start..WARM_UP + millis.end);
         assert_eq!(link.far().epochs - before, begun);
     }
-    let mut direct = Delayed::direct(Far::default());
+    let mut direct = DelayedSide::direct(Far::default());
     direct.begin_epoch();
     assert_eq!(direct.far().epochs, 1);
 }
 
 #[test]
 fn sample_that_the_far_side_repeats_gets_no_newer_stamp() {
-    let mut link = Delayed::new(Far::default(), DelaySettings::default());
+    let mut link = DelayedSide::new(Far::default(), DelaySettings::default());
     exchanged(&mut link, 0..10);
     link.far_mut().is_frozen = true;
     let stamps: Vec<Instant> =
@@ -227,7 +227,7 @@ fn sample_that_the_far_side_repeats_gets_no_newer_stamp() {
 #[test]
 fn datagrams_beyond_the_queue_are_lost_and_counted() {
     let settings = DelaySettings { delay: MS * 4, ..DelaySettings::default() };
-    let mut link = Delayed::new(Far::default(), settings);
+    let mut link = DelayedSide::new(Far::default(), settings);
     for micros in 0..1_000 {
         link.exchange(Instant::from_micros(micros), &Command::HOLD);
     }
@@ -237,7 +237,7 @@ fn datagrams_beyond_the_queue_are_lost_and_counted() {
 
 #[test]
 fn far_side_does_not_catch_up_with_a_long_pause() {
-    let mut link = Delayed::new(Far::default(), DelaySettings::default());
+    let mut link = DelayedSide::new(Far::default(), DelaySettings::default());
     exchanged(&mut link, 0..2);
     exchanged(&mut link, 60_000..60_001);
     assert_eq!(link.far().commands.len(), 3);
@@ -245,7 +245,7 @@ fn far_side_does_not_catch_up_with_a_long_pause() {
 
 #[test]
 fn direct_connection_changes_nothing() {
-    let (mut far, mut link) = (Far::default(), Delayed::direct(Far::default()));
+    let (mut far, mut link) = (Far::default(), DelayedSide::direct(Far::default()));
     for millis in 0..10 {
         let command = numbered(millis).into();
         assert_eq!(link.exchange(at(millis), &command), far.exchange(at(millis), &command));

@@ -1,4 +1,4 @@
-// What the address of the page sets: cameras, markers, theme.
+// Settings in the address of the page: cameras, markers, theme.
 
 const THEMES = ["light", "dark"];
 
@@ -15,7 +15,7 @@ export function settings() {
   return {
     hand: camera("hand"),
     robot: camera("robot"),
-    // An empty set is all of them.
+    // An empty set selects all of them.
     markers: isOff ? null : new Set(markers === "1" ? [] : markers.split(",")),
     theme: THEMES.find((theme) => theme === given.get("theme")) ?? null,
   };

@@ -9,7 +9,7 @@ export function radius(reach, index, count) {
   return reach * (0.036 - (0.02 * index) / Math.max(1, count));
 }
 
-/// Returns a mesh for the base and each link. `floor` is the height of the ground in the base, `tip` what the last link carries.
+/// Returns a mesh for the base and each link. `floor` is the height of the ground in the base, `tip` the load of the last link.
 export function armMeshes(joints, reach, tip, floor, colours, sides) {
   const meshes = [null, ...joints].map(() => new Mesh(sides));
   meshes.forEach((mesh, index) => {

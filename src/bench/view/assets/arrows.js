@@ -1,4 +1,4 @@
-// A wrench as an arrow: from the point where it acts, along its force, as long as its scale says.
+// Wrench as an arrow: from its point of application along its force, with a length by its scale.
 
 import { add, along, length, moved, multiply, numbers, origin, scale, stretch, turned, unit } from "./linear.js";
 import { Mesh } from "./shapes.js";
@@ -6,13 +6,13 @@ import { Mesh } from "./shapes.js";
 const MIN_FORCE = 0.05; // N; below it there is no arrow
 const HEAD_SHARE = 0.45; // of an arrow, at most
 
-/// Returns a wrench of the telemetry as force and moment in its frame; null where a number is missing.
+/// Returns a wrench of the telemetry as force and moment in its frame; null if a number is missing.
 export function wrench(list) {
   const six = numbers(list, 6);
   return six && { force: six.slice(0, 3), moment: six.slice(3) };
 }
 
-/// Returns the ends of the arrow of a wrench, and its force in N; null where there is none to draw.
+/// Returns the ends of the arrow of a wrench, and its force in N; null without an arrow.
 export function arrow(frame, acting, metresPerNewton) {
   if (!frame || !acting) return null;
   const newtons = length(acting.force);
@@ -21,7 +21,7 @@ export function arrow(frame, acting, metresPerNewton) {
   return { tail, tip: add(tail, scale(turned(frame, acting.force), metresPerNewton)), newtons };
 }
 
-/// Shaft and head of an arrow, of which the shaft is stretched.
+/// Shaft and head of an arrow; only the shaft is scaled in length.
 export class ArrowShape {
   constructor(painter, radius, colour) {
     this.radius = radius;

@@ -1,4 +1,4 @@
-// The banner: mode, cause, and how to leave it; or why there is no data. Colour, sign and words say the same.
+// Banner: mode, cause and the steps to leave it, or the reason for missing data. Colour, sign and words are equivalent.
 
 import { make, name, plain, setHidden, setText } from "./text.js";
 
@@ -34,10 +34,10 @@ export class Banner {
     this.shownSteps = "";
   }
 
-  /// Keeps a line of kind `mode`, or the newer mode and cause of a snapshot.
+  /// Stores a line of kind `mode`, or the newer mode and cause of a snapshot.
   update(line) {
     const isSame = this.line?.mode === line.mode && this.line?.stopped_by === line.stopped_by;
-    // A snapshot has joints by number and no way out: those of the mode line stay while the mode does.
+    // A snapshot has joint numbers and no steps: those of the mode line remain until the mode changes.
     if (line.kind === "mode") this.line = line;
     else if (!isSame) this.line = { mode: line.mode, stopped_by: line.stopped_by, not_off: [], way_out: [] };
   }
@@ -46,7 +46,7 @@ export class Banner {
     this.line = null;
   }
 
-  /// Shows the mode, or for how many seconds there has been no data and why.
+  /// Shows the mode, or the time without data in seconds and its reason.
   show(awaySeconds, reason) {
     const isAway = awaySeconds !== null;
     const line = isAway ? null : this.line;
@@ -93,7 +93,7 @@ export class Banner {
   }
 }
 
-/// Returns a step as an item of the list; what stands between backquotes is a command.
+/// Returns a step as a list item; text between backquotes is a command.
 function item(step) {
   const element = make("li");
   element.append(...plain(step).split("`").map((text, place) => (place % 2 ? make("code", "", text) : text)));

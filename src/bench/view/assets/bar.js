@@ -1,10 +1,10 @@
-// A bar: how much of a limit is used, with a mark where something else is.
+// Bar: used share of a limit, with marks for other values.
 
 import { make, part, setText } from "./text.js";
 
 const HIGH = 0.9; // share of the limit from which a bar has another colour
 
-/// A bar alone, for a cell of a table.
+/// Bar without a name, for a table cell.
 export class Bar {
   constructor(className = "") {
     this.element = make("div", `bar ${className}`.trim());
@@ -18,7 +18,7 @@ export class Bar {
     this.element.classList.toggle("high", share >= highFrom);
   }
 
-  /// Puts marks at these shares; those that are not numbers are left out.
+  /// Places marks at these shares; values that are not numbers are skipped.
   mark(...shares) {
     shares.forEach((share, index) => {
       this.marks[index] ??= this.element.appendChild(make("u"));
@@ -28,7 +28,7 @@ export class Bar {
   }
 }
 
-/// A bar with its name and value above.
+/// Bar with its name and value above.
 export class NamedBar {
   constructor(parent, label) {
     const row = parent.appendChild(make("div"));
@@ -45,7 +45,7 @@ export class NamedBar {
   }
 }
 
-/// Bars of a list whose names come with the values: made anew only where the names change.
+/// Bars of a list whose names arrive with the values; recreated only if the names change.
 export class BarList {
   constructor(parent) {
     this.parent = parent;

@@ -1,4 +1,4 @@
-// A pinhole that orbits a point. docs/view.md states its projection; `data-camera` of the canvas has its numbers.
+// Pinhole camera that orbits a point. docs/view.md defines its projection; `data-camera` of the canvas has its parameters.
 
 import { add, cross, dot, length, lookAt, multiply, perspective, scale, subtract, unit } from "./linear.js";
 
@@ -24,7 +24,7 @@ export class Camera {
     this.changed();
   }
 
-  /// Looks from a point to another one, as stated in the address; stays there when an arm is fitted.
+  /// Looks from one point to another, as the address states; does not move when an arm is fitted.
   state(eye, target) {
     const offset = subtract(eye, target);
     const distance = Math.max(1e-3, length(offset));
@@ -33,7 +33,7 @@ export class Camera {
     this.reset();
   }
 
-  /// Sets the distance from which all points are in the picture.
+  /// Sets the distance so that all points are in the picture.
   fit(points) {
     if (this.isStated || points.length === 0) return;
     const [low, high] = [Math.min, Math.max].map((pick) => [0, 1, 2].map((axis) => pick(...points.map((point) => point[axis]))));
@@ -84,7 +84,7 @@ export class Camera {
     return multiply(lens, lookAt(this.eye, this.target, UP));
   }
 
-  /// Returns where a point is in the picture, in CSS px from its left upper corner; null behind the eye.
+  /// Returns the position of a point in the picture, in CSS px from the upper left corner; null behind the camera.
   project(point) {
     const m = this.clip();
     const [x, y, w] = [0, 1, 3].map((row) => m[row] * point[0] + m[4 + row] * point[1] + m[8 + row] * point[2] + m[12 + row]);

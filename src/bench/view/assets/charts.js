@@ -1,4 +1,4 @@
-// Charts over the newest 30 seconds, each on a canvas of its own: curves with their spans, gaps where the feed was away.
+// Charts of the last 30 seconds, each on a separate canvas: curves with their spans, and gaps without a feed.
 
 import { curves as curveColours, DASHES } from "./colours.js";
 import { SECONDS } from "./history.js";
@@ -8,7 +8,7 @@ const INSET = { left: 40, right: 6, top: 8, bottom: 16 };
 const MAX_PIXEL_RATIO = 2;
 const SVG = "http://www.w3.org/2000/svg";
 
-/// Charts of one arm; made anew with each description.
+/// Charts of one arm; recreated for each description.
 export class Charts {
   constructor(parent, definitions, history) {
     parent.replaceChildren();
@@ -17,7 +17,7 @@ export class Charts {
     this.turn = 0;
   }
 
-  /// Draws the next chart: one a picture, so that none takes long.
+  /// Draws the next chart: one per frame, so that no frame takes long.
   drawNext(now, colours) {
     if (this.charts.length === 0) return;
     this.charts[this.turn % this.charts.length].draw(this.history, now, colours);
@@ -74,7 +74,7 @@ class Chart {
     });
   }
 
-  /// Returns the curve with one point for each px: time, value, least and greatest; null where there is a gap.
+  /// Returns the curve with one point per px: time, value, minimum and maximum; null for a gap.
   trace(history, { value, low, high }, now, { left, right }) {
     const { factor } = this.definition;
     const [values, lows, highs] = [value, low, high].map((column) => history.columns[column]);
@@ -178,7 +178,7 @@ function runs(trace) {
   return found.filter((run) => run.length > 0);
 }
 
-/// Returns 1, 2 or 5 times a power of ten: the nearest that is not smaller.
+/// Rounds up to 1, 2 or 5 times a power of ten.
 function niceStep(rough) {
   const power = 10 ** Math.floor(Math.log10(rough));
   return [1, 2, 5, 10].map((digit) => digit * power).find((step) => step >= rough * 0.999) ?? 10 * power;

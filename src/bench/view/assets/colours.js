@@ -1,4 +1,4 @@
-// Colours of both themes, in sRGB; those of curves and arrows are told apart by the colour-blind (Okabe and Ito 2008).
+// Colours of both themes, in sRGB; those of curves and arrows are distinct also with colour blindness (Okabe and Ito 2008).
 
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
 
@@ -15,12 +15,12 @@ const hexes = {
   },
 };
 
-/// Colours of the pictures in three dimensions, as parts of 1.
+/// Colours of the 3D pictures, as fractions of 1.
 export function palette(theme) {
   return Object.fromEntries(Object.entries(hexes[theme] ?? hexes.light).map(([name, hex]) => [name, rgb(hex)]));
 }
 
-/// Axes of a frame: x, y, z; pale, so that none is taken for an arrow.
+/// Axes of a frame: x, y, z; pale, so that they differ from arrows.
 export const AXES = [rgb("#b98f95"), rgb("#8fae95"), rgb("#9095bd")];
 
 /// Curves of the charts, in order: six of one chart differ in colour and dashes.

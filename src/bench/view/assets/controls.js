@@ -1,11 +1,11 @@
-// Orbit and zoom by keys, buttons and pointer; each does the same.
+// Orbit and zoom by keys, buttons and pointer, with equal effects.
 
 import { make } from "./text.js";
 
 const STEP = 0.12; // rad
 const ZOOM = 1.15;
 
-/// Actions of a camera: sign on the button, name, keys, what they do.
+/// Actions of a camera: label of the button, name, keys, function.
 const ACTIONS = [
   ["←", "Orbit left", ["ArrowLeft"], (camera) => camera.orbit(-STEP, 0)],
   ["→", "Orbit right", ["ArrowRight"], (camera) => camera.orbit(STEP, 0)],
@@ -55,7 +55,7 @@ function drag(canvas, camera) {
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { last = null; });
 }
 
-/// Makes a button and a key switch something on and off.
+/// Connects a button and a key to a toggle.
 export function attachSwitch(button, key, toggle) {
   const press = () => button.setAttribute("aria-pressed", String(toggle()));
   button.addEventListener("click", press);

@@ -4,7 +4,7 @@ import { length, numbers } from "./linear.js";
 
 const MAX_JOINTS = 9;
 
-/// Columns by name: value, least and greatest, one beside the other.
+/// Columns by name: value, minimum and maximum, side by side.
 const NAMES = ["s_x", "s_y", "s_z", "t_x", "t_y", "t_z", "v"];
 const PLAIN = ["energy", "tank", "age", ...Array.from({ length: MAX_JOINTS }, (_, joint) => `used_${joint}`)];
 const COLUMN = new Map();
@@ -48,7 +48,7 @@ const band = (name, label) => ({ label, value: COLUMN.get(name), low: COLUMN.get
 const line = (name, label) => ({ label, value: COLUMN.get(name), low: COLUMN.get(name), high: COLUMN.get(name) });
 const axes = (letter) => ["x", "y", "z"].map((axis) => band(`${letter}_${axis}`, axis));
 
-/// Returns the charts: title, unit, factor from SI to it, digits, least height, curves.
+/// Returns the charts: title, unit, factor from SI, digits, minimum height, curves.
 export function charts(joints) {
   const names = joints.slice(0, MAX_JOINTS);
   return [

@@ -1,9 +1,9 @@
-// The feed of the server: events of Server-Sent Events, read by fetch, which says why a stream is refused.
+// Feed of the server: Server-Sent Events, read by fetch, which reports the reason for a refused stream.
 
 const RETRY_AFTER_MS = 1000;
 const MAX_PENDING = 1_000_000; // characters of an event without its end
 
-/// Reads the feed for ever. `onEvent(kind, json)` gets each event, `onLost(reason)` each end of the stream.
+/// Reads the feed permanently. Calls `onEvent(kind, json)` for each event and `onLost(reason)` at each end of the stream.
 export async function read(onEvent, onLost) {
   for (;;) {
     onLost(await readOnce(onEvent));
@@ -11,7 +11,7 @@ export async function read(onEvent, onLost) {
   }
 }
 
-/// Reads one stream; returns why it ended.
+/// Reads one stream; returns the reason for its end.
 async function readOnce(onEvent) {
   const lost = "The server of this page does not answer: frhc view has ended, or the network is down.";
   try {

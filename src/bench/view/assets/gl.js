@@ -1,4 +1,4 @@
-// WebGL: meshes with Lambert's light, flat colours, discs. One draw call for each mesh.
+// WebGL: meshes with Lambertian shading, flat colours, discs. One draw call per mesh.
 
 import { FLOATS } from "./shapes.js";
 
@@ -28,7 +28,7 @@ void main() {
 
 let isFastKnown = null;
 
-/// Returns whether a graphics processor draws: without one, smooth edges take most of the time.
+/// Returns whether a graphics processor renders: without one, antialiasing takes most of the time.
 function isFast() {
   isFastKnown ??= findFast();
   return isFastKnown;
@@ -45,7 +45,7 @@ function findFast() {
 
 const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 
-/// What a canvas draws with; `create` returns null where the browser has no WebGL.
+/// Renderer of a canvas; `create` returns null if the browser has no WebGL.
 export class Painter {
   static create(canvas) {
     const gl = canvas.getContext("webgl", { alpha: false, antialias: isFast(), powerPreference: "low-power" });
@@ -57,7 +57,7 @@ export class Painter {
     this.restore();
   }
 
-  /// Sets up the context, at the start and after it was lost.
+  /// Initialises the context, at the start and after its loss.
   restore() {
     const { gl } = this;
     const program = gl.createProgram();
@@ -77,7 +77,7 @@ export class Painter {
     this.current = null;
   }
 
-  /// Copies a mesh to the context; returns what `draw` takes.
+  /// Copies a mesh to the context; returns the argument of `draw`.
   upload(mesh) {
     const { gl } = this;
     const buffer = gl.createBuffer();
@@ -92,7 +92,7 @@ export class Painter {
     this.current = null;
   }
 
-  /// Begins a picture: `clip` is projection times view, `key` and `eye` are directions to the light and the eye.
+  /// Starts a picture: `clip` is projection times view; `key` and `eye` are the directions to light and camera.
   begin(width, height, ground, clip, key, eye) {
     const { gl, at } = this;
     gl.viewport(0, 0, width, height);
@@ -107,7 +107,7 @@ export class Painter {
     gl.uniform1f(at.is_disc, 0);
   }
 
-  /// Draws a mesh. `flat` is a colour without light; `opacity` below 1 lets through what is behind; `above` ignores depth.
+  /// Draws a mesh. `flat` is a colour without shading; `opacity` below 1 is transparent; `above` ignores depth.
   draw(part, matrix, { flat = null, opacity = 1, above = false, asLines = false, hasDepth = true } = {}) {
     const { gl, at } = this;
     if (this.current !== part.buffer) {
@@ -132,7 +132,7 @@ export class Painter {
     if (isClear) gl.disable(gl.BLEND);
   }
 
-  /// Draws a disc of this diameter in px of the picture, over everything.
+  /// Draws a disc of this diameter in px of the picture, above everything else.
   drawDisc(point, colour, diameter) {
     const { gl, at } = this;
     gl.uniform1f(at.is_disc, 1);

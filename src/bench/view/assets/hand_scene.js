@@ -1,4 +1,4 @@
-// The hand controller, in {0}: its links, the handle at the grip, the floor, and the wrench felt.
+// Hand controller, in {0}: its links, the handle at the grip, the floor, and the reflected wrench.
 
 import { armMeshes, radius, rodMesh } from "./arm.js";
 import { arrow, wrench } from "./arrows.js";
@@ -90,7 +90,7 @@ export class HandScene {
     return [...this.joints.map((_, index) => [`joint-${index + 1}`, origin(this.poses[index + 1])]), ["grip", origin(this.x_0_g)]];
   }
 
-  /// Returns points that the picture must have: the arm where it is, and its base.
+  /// Returns the points that the picture must contain: the present posture of the arm, and its base.
   points() {
     if (this.joints.length === 0) return [];
     const base = this.reach * 0.16;

@@ -1,4 +1,4 @@
-// The newest 30 seconds of what is drawn over time, in columns.
+// Values of the charts over the last 30 seconds, in columns.
 
 export const SECONDS = 30;
 
@@ -16,7 +16,7 @@ export class History {
     this.interval = 0.02;
   }
 
-  /// Appends a row at a time in s; `isNew` says that it does not continue the one before.
+  /// Appends a row at a time in s; with `isNew`, a gap precedes it.
   push(time, row, isNew) {
     if (this.size === CAPACITY) this.drop();
     const before = this.size > 0 ? this.times[(this.start + this.size - 1) % CAPACITY] : time;

@@ -9,7 +9,7 @@ const PARTS = [
   ["soft_stops", "Soft stops"], ["friction", "Friction"],
 ];
 
-/// Returns a head of a table, its first column for the joints.
+/// Returns a table header; the first column is for the joints.
 function head(table, titles) {
   const row = table.createTHead().insertRow();
   titles.forEach(([title, className]) => {

@@ -12,7 +12,7 @@ export function sound(joints) {
   return end < 0 ? list : list.slice(0, end);
 }
 
-/// Returns where a joint's own axis begins, in the link before: all of the link but the joint's rotation.
+/// Returns the frame of a joint's axis in the previous link: the transform of the link without the joint's rotation.
 export function fixedPart(joint) {
   return multiply(rotationX(joint.alpha), translation([joint.a, 0, isPrismatic(joint) ? 0 : joint.d]));
 }
@@ -30,7 +30,7 @@ export function links(joints, q, base = IDENTITY) {
   return poses;
 }
 
-/// Returns positions in the middle of the ranges, for an arm whose own are not known.
+/// Returns positions in the middle of the ranges, for an arm of unknown positions.
 export function middle(joints) {
   return joints.map((joint) => {
     const range = numbers(joint.range, 2);

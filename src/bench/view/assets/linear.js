@@ -1,4 +1,4 @@
-// Vectors as [x, y, z]; rigid transforms and projections as 16 numbers, column by column, as WebGL takes them.
+// Vectors as [x, y, z]; rigid transforms and projections as 16 numbers in column-major order, as in WebGL.
 
 export const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
@@ -9,7 +9,7 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const length = (a) => Math.hypot(a[0], a[1], a[2]);
 
-/// Returns the direction of a vector; z for a vector without one.
+/// Returns the direction of a vector; z for a zero vector.
 export function unit(a) {
   const size = length(a);
   return size > 0 ? scale(a, 1 / size) : [0, 0, 1];
@@ -55,10 +55,10 @@ export function along(z, origin) {
 
 const areNumbers = (list, count) => Array.isArray(list) && list.length >= count && list.slice(0, count).every(Number.isFinite);
 
-/// Returns a list of `count` numbers as it is; null where one is missing.
+/// Returns a list of `count` numbers unchanged; null if one is missing.
 export const numbers = (list, count) => (areNumbers(list, count) ? list.slice(0, count) : null);
 
-/// Returns the transform of a pose of the telemetry; null where a number is missing.
+/// Returns the transform of a pose of the telemetry; null if a number is missing.
 export function fromPose(pose) {
   const position = numbers(pose?.position, 3);
   const turn = numbers(pose?.quaternion, 4);
@@ -75,10 +75,10 @@ export function fromPose(pose) {
 
 export const origin = (m) => [m[12], m[13], m[14]];
 
-/// Returns a direction, turned.
+/// Rotates a direction.
 export const turned = (m, v) => [0, 1, 2].map((row) => m[row] * v[0] + m[4 + row] * v[1] + m[8 + row] * v[2]);
 
-/// Returns a point, moved.
+/// Transforms a point.
 export const moved = (m, p) => add(turned(m, p), origin(m));
 
 export function lookAt(eye, target, up) {

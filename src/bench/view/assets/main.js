@@ -1,4 +1,4 @@
-// The page: what the feed brings goes to the views, the charts and the panels, each as often as it needs.
+// The page: passes the data of the feed to views, charts and panels, each at its own rate.
 
 import { settings } from "./address.js";
 import { Banner } from "./banner.js";
@@ -82,7 +82,7 @@ function seconds() {
   return performance.now() / 1000;
 }
 
-/// What keeps the page from showing a line is said in the page, not only in the console.
+/// Shows errors of a line in the page, not only in the console.
 function guarded(work) {
   try {
     work();
@@ -116,7 +116,7 @@ function onLost(reason) {
   shown.isCut = true;
 }
 
-/// Returns what of a description makes the picture: with the same arm the camera stays.
+/// Returns the part of a description that defines the picture: the camera does not move while it is unchanged.
 const geometry = ({ hand: arm, robot: slave, tool, scene, x_m_s }) => JSON.stringify([arm, slave, tool, scene, x_m_s]);
 
 function describe(description) {
@@ -181,7 +181,7 @@ function draw() {
   return true;
 }
 
-/// Fits both cameras to the arm and the scene as they are first seen; nothing moves them afterwards.
+/// Fits both cameras to the first state of arm and scene; only the user moves them afterwards.
 function fit() {
   shown.isFitted = true;
   for (const view of views) {
@@ -218,7 +218,7 @@ function showPanels(now) {
   if (shown.isPaused || !shown.snapshot || !panels) return;
   for (const panel of panels) panel.show(shown.snapshot);
   for (const view of views) {
-    // Its text may be due without a further picture.
+    // The text may be due without a new picture.
     placeLabel(view);
     tellWrench(view);
   }

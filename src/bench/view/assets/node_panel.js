@@ -14,7 +14,7 @@ const LOSSES = [
 ];
 const LOST = { frames: "frames", records: "records", inputs: "inputs", events: "events", of_session: "entries of the session", of_faults: "entries of fault records" };
 
-/// Rows of names and values, which appear as they are set.
+/// Rows of names and values; a row appears when it is first set.
 class Facts {
   constructor(list) {
     this.list = list;

@@ -1,4 +1,4 @@
-// The commanded side, in {b}: robot, object or pegs, what they touch, and the wrench sensed.
+// Commanded side, in {b}: robot, object or pegs, their surroundings, and the sensed wrench.
 
 import { armMeshes } from "./arm.js";
 import { arrow, wrench } from "./arrows.js";
@@ -39,7 +39,7 @@ export class RobotScene {
     this.poses = q && links(this.joints, q, this.x_b_0);
     this.x_b_m = fromPose(snapshot.x_b_m);
     this.acting = wrench(snapshot.f_s);
-    // What has no end, floor and wall, is drawn around where the object was first.
+    // Floor and wall are unbounded: they are drawn around the first position of the object.
     if (!this.start && this.x_b_m) {
       this.start = origin(this.x_b_m);
       this.isMoved = true;
@@ -81,7 +81,7 @@ export class RobotScene {
     return this.hasRobot ? this.reach * 0.22 : 0.16;
   }
 
-  /// Returns a height below the object and all it may touch.
+  /// Returns a height below the object and its surroundings.
   lowest(centre) {
     const { box, sphere, plate } = this.environment;
     const heights = [centre[2], numbers(box?.centre, 3)?.[2] - box?.half_size?.[2], numbers(sphere?.centre, 3)?.[2] - sphere?.radius, numbers(plate?.x_b_p?.position, 3)?.[2]];
@@ -172,6 +172,6 @@ function toolMesh(tool, colours) {
     });
     return mesh.box(half, colours.rig, plate).axes(IDENTITY, 0.06, AXES);
   }
-  // A tool that only the far side knows: where it is.
+  // For a tool that only the far side knows: its position.
   return mesh.sphere([0, 0, 0], 0.012, colours.tool).axes(IDENTITY, 0.07, AXES);
 }

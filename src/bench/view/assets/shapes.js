@@ -4,11 +4,11 @@ import { along, cross, moved, perpendicular, subtract, translation, turned, unit
 
 export const FLOATS = 9;
 
-/// Sides of what is round: few, as a processor without graphics draws them, too; and of its shadow.
+/// Number of sides of round shapes, and of their shadows: small, for rendering without a graphics processor.
 const SIDES = 18;
 export const SHADOW_SIDES = 6;
 
-/// A mesh that grows by shapes; what is round has this many sides.
+/// Builder of a mesh from shapes; round ones have this number of sides.
 export class Mesh {
   constructor(sides = SIDES) {
     this.values = [];

@@ -1,4 +1,4 @@
-// One view: its canvas, camera, light and shadow; a scene says what is drawn.
+// One view: its canvas, camera, light and shadow; a scene defines its contents.
 
 import { ArrowShape } from "./arrows.js";
 import { Camera } from "./camera.js";
@@ -11,7 +11,7 @@ const SUN = unit([0.35, -0.3, 1]);
 const MAX_PIXEL_RATIO = 2;
 
 export class Stage {
-  /// `scene` makes parts for a painter and says where they are: see hand_scene.js and robot_scene.js.
+  /// `scene` creates and places the parts for a painter: see hand_scene.js and robot_scene.js.
   constructor(canvas, scene, direction) {
     this.canvas = canvas;
     this.scene = scene;
@@ -44,7 +44,7 @@ export class Stage {
     if (this.camera.resize(clientWidth, clientHeight)) this.needsPicture = true;
   }
 
-  /// Makes the meshes of the scene anew: for a new description, or other colours.
+  /// Recreates the meshes of the scene, for a new description or other colours.
   rebuild(colours) {
     this.colours = colours;
     if (!this.painter || this.isLost || !colours) return;
@@ -55,13 +55,13 @@ export class Stage {
     this.needsPicture = true;
   }
 
-  /// Draws what the scene was moved to; returns whether there was something to draw.
+  /// Draws the present state of the scene; returns whether there was anything to draw.
   draw() {
     const { painter, camera, parts, colours, scene } = this;
     if (!painter || !parts || this.isLost) return false;
     this.needsPicture = false;
     camera.isChanged = false;
-    // Shown from here on: before, it would be black.
+    // Shown only from here on: it would be black before.
     this.canvas.dataset.drawn = "";
     const back = unit(subtract(camera.eye, camera.target));
     const right = unit(cross([0, 0, 1], back));
@@ -77,7 +77,7 @@ export class Stage {
     for (const { part, opacity } of scene.sheets(parts)) painter.draw(part, null, { opacity });
     if (this.markers) this.drawMarkers(acting);
     else if (acting) {
-      // What a body hides of an arrow shines through.
+      // Hidden parts of an arrow are visible through the body.
       this.arrowShape.draw(painter, acting, { above: true, opacity: 0.3 });
       this.arrowShape.draw(painter, acting);
     }

@@ -1,10 +1,10 @@
-// Text of what a node sends: numbers with their signs, names that cannot harm, and elements that change only when they must.
+// Text of a node's data: numbers with signs, names without control characters, and elements that change only if necessary.
 
 const MINUS = "\u2212";
 const NONE = "\u2013";
 const MAX_NAME = 64;
 
-/// Returns a number with this many digits after the point; a dash for what is not a number.
+/// Returns a number with this number of decimal places; a dash if it is not a number.
 export function number(value, digits) {
   if (!Number.isFinite(value)) return NONE;
   const text = value.toFixed(digits);
@@ -12,7 +12,7 @@ export function number(value, digits) {
   return value < 0 && !isZero ? MINUS + text.slice(1) : text.replace("-", "");
 }
 
-/// Returns a number with its unit; the dash alone for what is not a number.
+/// Returns a number with its unit; only a dash if it is not a number.
 export const quantity = (value, digits, unit) => (Number.isFinite(value) ? `${number(value, digits)}\u202f${unit}` : NONE);
 
 /// Returns an integer in groups of three digits.
@@ -21,7 +21,7 @@ export function count(value) {
   return number(value, 0).replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
-/// Returns a text of the node without control characters and without those that turn the direction of writing.
+/// Returns a text of the node without control characters and without those that change the writing direction.
 export function plain(value) {
   if (value === null || value === undefined) return NONE;
   const text = typeof value === "string" ? value : JSON.stringify(value) ?? NONE;
@@ -34,7 +34,7 @@ export function name(value) {
   return letters.length > MAX_NAME ? `${letters.slice(0, MAX_NAME).join("")}…` : letters.join("");
 }
 
-/// Sets the text of an element, if it is another one.
+/// Sets the text of an element, if it differs.
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -51,5 +51,5 @@ export function make(tag, className = "", text = "") {
   return element;
 }
 
-/// Returns a share of 0 to 1 of a bar, for CSS.
+/// Returns a share of a bar from 0 to 1, for CSS.
 export const part = (value) => (Number.isFinite(value) ? Math.min(1, Math.max(0, value)) : 0);

@@ -11,7 +11,7 @@ const KINDS = {
 };
 const OFFSET_PX = 10;
 
-/// Puts the label of the arrow beside its tip; with markers there is none, so that it covers no disc.
+/// Places the label of the arrow beside its tip; with markers there is no label, since it could cover a disc.
 export function placeLabel({ stage, scene, label, canvas }) {
   const acting = stage.painter && !stage.markers ? scene.arrow() : null;
   const tip = acting && stage.camera.project(acting.tip);
@@ -29,7 +29,7 @@ export function placeLabel({ stage, scene, label, canvas }) {
   const tail = stage.camera.project(acting.tail) ?? tip;
   const [dx, dy] = [tip[0] - tail[0], tip[1] - tail[1]];
   const size = Math.hypot(dx, dy) || 1;
-  // Beyond the tip, as far as the label reaches in that direction.
+  // Beyond the tip, by the extent of the label in that direction.
   const x = within(tip[0] + (dx / size) * (width / 2 + OFFSET_PX) - width / 2, canvas.clientWidth - width);
   const y = within(tip[1] + (dy / size) * (height / 2 + OFFSET_PX) - height / 2, canvas.clientHeight - height);
   label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
@@ -37,7 +37,7 @@ export function placeLabel({ stage, scene, label, canvas }) {
 
 const within = (value, most) => Math.max(2, Math.min(value, most - 2));
 
-/// Says the wrench in N and N·m, and the scale of its arrow.
+/// Shows the wrench in N and N·m, and the scale of its arrow.
 export function tellWrench({ id, scene }) {
   const { title, scale, absent } = KINDS[id];
   const line = document.getElementById(`${id}-wrench`);

@@ -1,5 +1,5 @@
-//! Requests that are answered: those of the page itself. A page of another origin, or a name that was made to lead here
-//! (DNS rebinding), gets nothing.
+//! Check of requests: only those of the page itself are answered. Pages of other origins, and host names that resolve to this
+//! server by DNS rebinding, are refused.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -26,7 +26,7 @@ const HTTP_PORT: u16 = 80;
 /// Path of the page, which a link on any other page may open.
 const PAGE: &str = "/";
 
-/// A request that is refused: status, and the reason as a sentence.
+/// Refusal of a request: status, and the reason as a sentence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Refusal(pub(super) StatusCode, pub(super) &'static str);
 
@@ -39,7 +39,7 @@ const FOREIGN_ORIGIN: Refusal =
 const FOREIGN_METHOD: Refusal =
     Refusal(StatusCode::METHOD_NOT_ALLOWED, "Only GET and HEAD are allowed: nothing can be sent.");
 
-/// Judge of requests.
+/// Check of requests against the address of the server.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guard {
     /// Address on which the server listens.
@@ -51,7 +51,7 @@ impl Guard {
         Self { listen }
     }
 
-    /// Returns why a request is refused; `None` where it is not.
+    /// Returns the refusal of a request; `None` if it is answered.
     pub(super) fn refusal(&self, request: &Parts) -> Option<Refusal> {
         let headers = &request.headers;
         let named = request.uri.authority().map(|authority| authority.as_str());
@@ -92,12 +92,12 @@ impl Guard {
         }
         let bare = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
         let Ok(address) = bare.parse::<IpAddr>() else { return false };
-        // An address in digits cannot be made to lead here by another's name server.
+        // A numeric address needs no name server, so DNS rebinding is impossible.
         address.is_loopback() || self.listen.ip().is_unspecified() || address == self.listen.ip()
     }
 }
 
-/// Returns whether a browser says that the request is of this page, or of a link to it; other programs say nothing.
+/// Returns whether the headers of a browser name this page, or a link to it, as origin; other programs send no such headers.
 fn is_of_own_site(request: &Parts) -> bool {
     let fetch = |name: &'static str| single(&request.headers, HeaderName::from_static(name));
     match fetch("sec-fetch-site") {

@@ -1,4 +1,4 @@
-//! The newest lines of the feed, for all viewers. A viewer that is slow misses lines; nothing is kept for it.
+//! Newest lines of the feed for all viewers. A slow viewer misses lines; they are not kept for it.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -43,7 +43,7 @@ pub(super) struct Hub {
     state: Mutex<State>,
 }
 
-/// A place among the viewers; dropping it makes room.
+/// Place of a viewer, released on drop.
 #[derive(Debug)]
 pub(super) struct Seat {
     hub: Arc<Hub>,
@@ -97,14 +97,14 @@ impl Hub {
         Some(Seat { hub: Arc::clone(self), viewer, seen: None })
     }
 
-    /// A thread that panicked has left whole lines behind.
+    /// Returns the state, even after a panic of another thread: lines are added one at a time, so it is consistent.
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl State {
-    /// Drops what was of the node before.
+    /// Drops the events of the previous node.
     fn forget(&mut self) {
         self.description = None;
         self.mode = None;

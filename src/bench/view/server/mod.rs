@@ -1,4 +1,4 @@
-//! The page of a running node, served to browsers. Nothing of a request is passed on: there is no way from here to the node.
+//! Server of the page of a running node. No part of a request is passed on to the node.
 
 mod assets;
 mod connections;
@@ -34,7 +34,7 @@ use crate::server::stream::EventStream;
 /// Reason of a refused stream, which the page shows.
 const NO_SEAT: &str = "64 pages look at this node already: close one of them.";
 
-/// A server that has its address and does not answer yet.
+/// Server that is bound to its address, but does not answer yet.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
@@ -42,7 +42,7 @@ pub struct Server {
     sockets: Vec<PathBuf>,
 }
 
-/// A server on a thread of its own. Ends when dropped.
+/// Server on its own thread, which ends on drop.
 #[derive(Debug)]
 pub struct Running {
     stop: Option<oneshot::Sender<()>>,

@@ -19,7 +19,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Creates a block that is shown whole or not at all.
+    /// Creates a block that is shown completely or not at all.
     pub(super) fn whole(importance: u8, rows: Vec<Row>) -> Self {
         Self { rows, importance, is_divisible: false, fuller: None }
     }
@@ -29,12 +29,12 @@ impl Block {
         Self { is_divisible: true, ..Self::whole(importance, rows) }
     }
 
-    /// Creates a block of which a short form is shown where there is no room for these rows, which are less important.
+    /// Creates a block with a short form for screens without room for the full one. Each form has its importance.
     pub(super) fn abridged(short: (u8, Vec<Row>), fuller: (u8, Vec<Row>)) -> Self {
         Self { fuller: Some(fuller), ..Self::whole(short.0, short.1) }
     }
 
-    /// Creates an empty row, for which there must be room behind everything else.
+    /// Creates an empty row, shown only if all other blocks have room.
     pub(super) fn gap() -> Self {
         Self::whole(0, vec![Row::default()])
     }

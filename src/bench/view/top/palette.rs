@@ -13,7 +13,7 @@ pub(super) struct Palette {
 }
 
 impl Palette {
-    /// Style of headings and of what should be seen first.
+    /// Style of headings and of important values.
     pub(super) fn strong() -> Style {
         Style::new().add_modifier(Modifier::BOLD)
     }
@@ -29,7 +29,7 @@ impl Palette {
         }
     }
 
-    /// Style of what must be seen: drives that are not off, no node.
+    /// Style of alarms: drives that are not off, no node.
     pub(super) fn alarm(self) -> Style {
         self.coloured(Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED), Color::Red)
     }

@@ -1,4 +1,4 @@
-//! Times of the cycle, and what was late, missed or lost.
+//! Times of the cycle, and counts of overruns, missed samples and losses.
 
 use ratatui::style::Style;
 
@@ -60,7 +60,7 @@ fn losses(state: &State) -> Option<f64> {
     kinds.values().map(number).sum()
 }
 
-/// Returns what is remarkable about the recording, the switch box and other masters; no row where nothing is.
+/// Returns warnings about the recording, the switch box and other masters; no row without a warning.
 pub(super) fn others(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
     let snapshot = |path: &[&str]| at(&state.snapshot, path);
     let mut rows = Vec::new();

@@ -1,4 +1,4 @@
-//! Parts of a JSON object that a node sent. A part that is absent or of another type is `None`; nothing fails.
+//! Parts of a JSON object from a node. A part that is absent or of another type is `None`, not an error.
 
 use serde_json::Value;
 
@@ -7,7 +7,7 @@ use super::text::clean;
 /// Maximum length of a text that is shown, in characters.
 const MAX_TEXT: usize = 600;
 
-/// Stands for an absent value.
+/// Replaces an absent value.
 static ABSENT: Value = Value::Null;
 
 /// Returns the value at a path of keys; `Null` if it is absent.
@@ -25,7 +25,7 @@ pub(super) fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }
 
-/// Returns the finite number that this is.
+/// Returns the value as a finite number; `None` for any other value.
 pub(super) fn number(value: &Value) -> Option<f64> {
     value.as_f64().filter(|number| number.is_finite())
 }
@@ -35,7 +35,7 @@ pub(super) fn numbers<const N: usize>(list: &Value) -> [Option<f64>; N] {
     std::array::from_fn(|place| number(nth(list, place)))
 }
 
-/// Returns the text that this is, without characters that a terminal obeys; `None` if nothing is left of it.
+/// Returns the value as a text without control characters of terminals; `None` if empty or not a text.
 pub(super) fn text(value: &Value) -> Option<String> {
     let text = clean(value.as_str()?, MAX_TEXT);
     Some(text).filter(|text| !text.is_empty())

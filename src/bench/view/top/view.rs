@@ -21,12 +21,12 @@ const OTHER_ROWS: usize = 17;
 /// Number of rows from which on the budget is shown beside everything else.
 const BUDGET_ROWS: usize = 30;
 
-/// Choices of the person who looks.
+/// Choices of the user.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct View {
-    /// The screen stays as it is.
+    /// The screen is frozen.
     pub(super) is_paused: bool,
-    /// The budget is shown in place of timing and buses.
+    /// The torque budget replaces timing and buses.
     pub(super) is_budget: bool,
 }
 
@@ -36,12 +36,12 @@ pub(super) struct Scene<'a> {
     pub(super) state: &'a State,
     pub(super) view: View,
     pub(super) palette: Palette,
-    /// Time since the last line in s, where it is long.
+    /// Time since the last line, in s; `None` while lines arrive.
     pub(super) silent_s: Option<u64>,
 }
 
 impl Scene<'_> {
-    /// Draws the whole screen.
+    /// Draws all rows of the screen.
     pub(super) fn draw(&self, area: Rect, buffer: &mut Buffer) {
         let (columns, height) = (usize::from(area.width), usize::from(area.height));
         let rows = if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {

@@ -120,7 +120,7 @@ pub(super) fn short_port(state: &State) -> Vec<Row> {
     vec![plain(format!("reflection {}", reflection(state))), plain(port)]
 }
 
-/// Returns the scales other than 1, the locked axes and an alignment under way; `None` where all is as configured.
+/// Returns the scales other than 1, the locked axes and a running alignment; `None` without an adjustment.
 pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
     let snapshot = &state.snapshot;
     let scale = |quantity: &str| {
@@ -137,7 +137,7 @@ pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
     (!parts.is_empty()).then(|| plain(cut(&format!("adjusted  {parts}"), columns)))
 }
 
-/// Returns opening and force of the gripper with what is commanded, or its state; `None` where nothing commands one.
+/// Returns measured and commanded opening and force of the gripper, or its state; `None` without a gripper command.
 pub(super) fn gripper(state: &State, columns: usize) -> Option<Row> {
     let gripper = at(&state.snapshot, &["gripper"]);
     let description = text(at(gripper, &["state"]))?;

@@ -1,35 +1,35 @@
-//! Reasons not to accept friction that was fitted.
+//! Reasons not to accept fitted friction.
 
 use crate::fit::sample::Direction;
 use crate::fit::sweep::law::{Estimate, JointFriction, Law};
 
-/// Largest share of readings that may be left out.
+/// Maximum share of outliers among the readings.
 const MAX_OUTLIERS: f64 = 0.02;
-/// Largest uncertainty of Coulomb friction: what compensation leaves for it.
+/// Maximum relative uncertainty of Coulomb friction: the share that the compensation leaves uncompensated.
 const MAX_UNCERTAINTY: f64 = 0.3;
 /// Standard deviations that count as certain.
 const CERTAIN: f64 = 2.0;
-/// Fall of friction over the sweep that does not matter, relative to Coulomb friction.
+/// Negligible fall of friction over the sweep, relative to Coulomb friction.
 const NEGLIGIBLE: f64 = 0.01;
 
-/// A reason not to accept fitted friction.
+/// Reason not to accept fitted friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FrictionDoubt {
-    /// Too many readings fit no line.
+    /// Too many readings are outliers.
     Outliers {
-        /// Number of these.
+        /// Number of outliers.
         found: usize,
-        /// Number of all.
+        /// Number of readings.
         of: usize,
     },
-    /// The torque drives the joint where friction should brake it.
+    /// Coulomb friction is zero or negative: the torque acts with the motion.
     Negative {
-        /// Coulomb friction, in N·m or N.
+        /// Coulomb friction, in N·m or N; at most zero.
         coulomb: f64,
     },
     /// Friction falls with speed.
     Falling {
-        /// Which way; `None` where it does so in both together.
+        /// Direction; `None` for both together.
         direction: Option<Direction>,
         /// Viscous friction, in N·m·s/rad or N·s/m.
         viscous: Estimate,
@@ -42,7 +42,7 @@ pub enum FrictionDoubt {
 }
 
 impl JointFriction {
-    /// Returns what the readings say against the friction, the plainest first.
+    /// Returns the doubts that follow from the readings, the most obvious first.
     pub fn doubts(&self) -> Vec<FrictionDoubt> {
         let coulomb = self.both.coulomb;
         let (found, kept) = (self.outliers.len(), self.both.readings);
@@ -68,7 +68,7 @@ impl JointFriction {
         doubts.into_iter().flatten().chain(falling).collect()
     }
 
-    /// Returns whether friction falls by more than noise and what does not matter.
+    /// Returns whether friction falls by more than noise and by more than the negligible share.
     fn is_falling(&self, law: &Law) -> bool {
         let noise = CERTAIN * law.viscous.deviation;
         let negligible = NEGLIGIBLE * self.both.coulomb.value.abs() / self.fastest;
@@ -103,7 +103,7 @@ impl FrictionDoubt {
     }
 }
 
-/// Converts a number of readings.
+/// Converts a number of readings to `f64`; infinity beyond `u32`.
 fn count(readings: usize) -> f64 {
     u32::try_from(readings).map_or(f64::INFINITY, f64::from)
 }

@@ -1,4 +1,4 @@
-//! Fit of a line per direction to torques over velocities.
+//! Fit of Coulomb and viscous friction: a line per direction through torques over velocities.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -8,58 +8,58 @@ use crate::fit::robust::{self, chosen};
 use crate::fit::sample::{Direction, Outlier};
 use crate::least_squares::{self, Solution};
 
-/// Readings in each direction.
+/// Minimum number of readings in each direction.
 const LEAST: usize = 6;
-/// Different speeds in each direction.
+/// Minimum number of different speeds in each direction.
 const SPEEDS: usize = 3;
-/// Speeds differ by more than this part of the largest.
+/// Minimum difference of two speeds, relative to the largest.
 const APART: f64 = 0.1;
 
-/// One reading at a constant velocity.
+/// Reading of a joint at a constant velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moving {
     /// Velocity of the joint in rad/s or m/s, not zero.
     pub velocity: f64,
-    /// Torque of the motor at the joint less that of gravity, in N·m or N.
+    /// Torque of the motor at the joint minus that of gravity, in N·m or N.
     pub torque: f64,
 }
 
-/// A fitted number.
+/// Fitted parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Best value.
+    /// Value by least squares.
     pub value: f64,
     /// Standard deviation, if the residuals are independent noise.
     pub deviation: f64,
 }
 
-/// Friction in one direction, or of both.
+/// Friction in one direction, or in both.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Law {
     /// Coulomb friction, in N·m or N.
     pub coulomb: Estimate,
     /// Viscous friction, in N·m·s/rad or N·s/m.
     pub viscous: Estimate,
-    /// Residual, RMS, in N·m or N.
+    /// RMS residual, in N·m or N.
     pub rms: f64,
     /// Number of readings.
     pub readings: usize,
 }
 
-/// Friction of a joint.
+/// Fitted friction of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointFriction {
-    /// Where the joint moves up.
+    /// Friction at positive velocities.
     pub up: Law,
-    /// Where it moves down.
+    /// Friction at negative velocities.
     pub down: Law,
-    /// Both directions together: what the configuration holds.
+    /// Friction of both directions together, for the configuration.
     pub both: Law,
-    /// Constant torque besides friction, in N·m or N.
+    /// Constant torque in addition to friction, in N·m or N.
     pub load: Estimate,
     /// Fastest speed, in rad/s or m/s.
     pub fastest: f64,
-    /// Readings left out of all this.
+    /// Readings excluded from the fit.
     pub outliers: Vec<Outlier>,
 }
 
@@ -72,7 +72,7 @@ pub enum NoFriction {
     /// Too few readings in one direction.
     #[error("{found} readings move {direction}, and at least {LEAST} are needed")]
     TooFew {
-        /// Which way.
+        /// Direction of the motion.
         direction: Direction,
         /// Number of readings.
         found: usize,
@@ -83,7 +83,7 @@ pub enum NoFriction {
          10 % of the largest apart"
     )]
     TooFewSpeeds {
-        /// Which way.
+        /// Direction of the motion.
         direction: Direction,
         /// Number of speeds.
         found: usize,
@@ -91,11 +91,11 @@ pub enum NoFriction {
 }
 
 impl JointFriction {
-    /// Fits one joint's readings, of which one step of the target is `resolution` in N·m or N. Without `has_gravity`
-    /// a constant load is unknown, and no direction has a Coulomb friction of its own.
+    /// Fits the readings of one joint; `resolution` is the torque of one step of the target, in N·m or N. Unless
+    /// `has_gravity`, gravity was not subtracted: the fitted load is then subtracted from each direction.
     ///
     /// # Errors
-    /// When the readings do not determine friction in both directions.
+    /// The readings do not determine friction in both directions.
     pub fn fit(
         readings: &[Moving],
         resolution: f64,
@@ -131,7 +131,7 @@ fn driven(readings: &[Moving], way: Direction) -> Vec<Moving> {
     readings.iter().filter(|reading| direction(reading) == way).copied().collect()
 }
 
-/// Returns an error unless the readings of one direction are many, and of different speeds.
+/// Checks that the readings of one direction are many enough, and of different speeds.
 fn check(readings: &[Moving], direction: Direction) -> Result<(), NoFriction> {
     if readings.is_empty() {
         return Err(NoFriction::DirectionMissing(direction));
@@ -151,7 +151,7 @@ fn check(readings: &[Moving], direction: Direction) -> Result<(), NoFriction> {
     if found < SPEEDS { Err(NoFriction::TooFewSpeeds { direction, found }) } else { Ok(()) }
 }
 
-/// Returns which readings lie near a line of their direction, and those that do not.
+/// Returns a flag per reading, set for those near the line of their direction, and the outliers.
 fn select(readings: &[Moving], resolution: f64) -> (Vec<bool>, Vec<Outlier>) {
     let mut is_kept = vec![true; readings.len()];
     let mut outliers = Vec::new();
@@ -185,7 +185,7 @@ fn pooled(readings: &[Moving]) -> Option<(Law, Estimate)> {
     Some((law(&solution, coulomb, viscous), load))
 }
 
-/// Returns friction in one direction, besides a load.
+/// Returns friction in one direction, in addition to a known load.
 fn one_way(readings: &[Moving], direction: Direction, load: f64) -> Option<Law> {
     let loaded: Vec<Moving> =
         readings.iter().map(|r| Moving { torque: r.torque - load, ..*r }).collect();

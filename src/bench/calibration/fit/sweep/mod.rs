@@ -1,13 +1,13 @@
-//! Coulomb and viscous friction of a joint from a slow sweep: torques at constant velocities, both ways.
+//! Coulomb and viscous friction of a joint from a slow sweep: torques at constant velocities in both directions.
 //!
-//! Not where the torques come from. Gravity has been taken off, or is the same everywhere:
+//! Gravity is subtracted from the torques before the fit, or constant:
 //!
 //! ```text
 //!  torque = load + s coulomb + viscous velocity      s: +1 where the joint moves up, -1 where it moves down
 //! ```
 //!
-//! `load` is what gravity leaves. Below the speeds of a sweep friction may fall with speed (Stribeck); this law does
-//! not describe that (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994), so falling friction is refused.
+//! `load` is the remaining constant torque. At speeds below those of a sweep friction may fall with speed (Stribeck effect;
+//! Armstrong-Hélouvry, Dupont and Canudas de Wit 1994). This law does not describe that, so falling friction is refused.
 
 mod doubt;
 mod law;

@@ -7,7 +7,7 @@ use crate::fit::sample::{Direction, Outlier};
 
 const STEP: f64 = 1e-3;
 
-/// Five speeds both ways, ten readings of each; `noise` is added.
+/// Returns ten readings at each of five speeds in both directions; `noise` is added.
 fn sweep(law: impl Fn(f64) -> f64, mut noise: impl FnMut() -> f64) -> Vec<Moving> {
     let speeds = [0.1, 0.2, 0.4, 0.7, 1.0];
     let both = speeds.into_iter().flat_map(|speed| [[speed; 10], [-speed; 10]]).flatten();
@@ -67,7 +67,7 @@ fn friction_that_brakes_nothing_or_falls_is_doubted() {
     assert!(matches!(falling[0], FrictionDoubt::Falling { direction: Some(Direction::Up), .. }));
     assert!(falling[0].reason("N·m", "N·m·s/rad").contains("friction up falls with speed"));
     for way in [Direction::Up, Direction::Down] {
-        // It falls in one direction; in both together it does not.
+        // Friction falls in one direction, but not in both together.
         let one_way =
             |v: f64| 0.06 * v.signum() + if v * way.sign() > 0.0 { -0.01 * v } else { 0.03 * v };
         let [FrictionDoubt::Falling { direction, viscous }] = doubts(&one_way)[..] else {
@@ -76,7 +76,7 @@ fn friction_that_brakes_nothing_or_falls_is_doubted() {
         assert_eq!(direction, Some(way));
         assert!((viscous.value + 0.01).abs() < 1e-9, "{viscous:?}");
     }
-    // A joint without viscous friction has none; it does not fall.
+    // Zero viscous friction is not falling friction.
     assert_eq!(doubts(&|v| 0.06 * v.signum()), []);
 }
 
@@ -152,7 +152,7 @@ proptest! {
             prop_assert!((found.viscous.value - viscous).abs() < 1e-9, "{found:?}");
             prop_assert!(found.readings == 50 && found.rms < 1e-9, "{found:?}");
         }
-        // Readings are at equal speeds both ways.
+        // Both directions have the same speeds.
         for (both, up, down) in [
             (found.both.coulomb, found.up.coulomb, found.down.coulomb),
             (found.both.viscous, found.up.viscous, found.down.viscous),

@@ -35,7 +35,7 @@ impl Bench {
             let (sheet, violations) = (&*self.monitor.sheet, &mut violations);
             known.on_target(&mut Moment { sheet, at, violations }, joint, 1);
         }
-        nodes.all(|member| member.watched.is_guarded()) && violations.count() == 0
+        nodes.all(|member| member.timers.is_guarded()) && violations.count() == 0
     }
 }
 

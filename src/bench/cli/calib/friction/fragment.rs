@@ -1,7 +1,7 @@
 //! `friction.toml`: the friction keys of every joint, with their origin.
 
 use crate::calib::fragment::toml_string;
-use crate::calib::friction::judgement::Judged;
+use crate::calib::friction::judgement::FrictionResult;
 use crate::calib::friction::report;
 use calibration::torque_data::SweepData;
 use controller::arm::JointKind;
@@ -11,7 +11,7 @@ use telemetry::digits::significant;
 const DIGITS: usize = 4;
 
 /// Returns the content of the file.
-pub(super) fn text(files: &[SweepData], joints: &[Judged<'_>]) -> String {
+pub(super) fn text(files: &[SweepData], joints: &[FrictionResult<'_>]) -> String {
     let mut lines = vec![
         format!("# Friction by frhc {} calib friction.", env!("CARGO_PKG_VERSION")),
         "# Replace the keys of the same names in the [[joint]] of the same name.".to_owned(),
@@ -26,7 +26,7 @@ pub(super) fn text(files: &[SweepData], joints: &[Judged<'_>]) -> String {
     lines.join("\n") + "\n"
 }
 
-fn joint(judged: &Judged<'_>) -> String {
+fn joint(judged: &FrictionResult<'_>) -> String {
     let name = judged.name();
     let Some(friction) = judged.accepted() else {
         let reasons = judged.reasons.iter();
@@ -37,7 +37,7 @@ fn joint(judged: &Judged<'_>) -> String {
         JointKind::Prismatic => ["coulomb_friction_n", "viscous_friction_ns_per_m"],
     };
     let (coulomb, viscous) = (friction.both.coulomb, friction.both.viscous);
-    // Below zero by noise alone.
+    // Accepted friction is negative only within noise.
     let [coulomb_value, viscous_value] =
         [coulomb.value, viscous.value.max(0.0)].map(|value| significant(value, DIGITS));
     let [coulomb_off, viscous_off] =

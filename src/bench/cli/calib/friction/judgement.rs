@@ -1,8 +1,8 @@
-//! Judgement of one joint's sweep: fitted friction, gravity in held postures, and what speaks against them.
+//! Fitted friction of one joint, its gravity in held postures, and the reasons to reject them.
 
 use serde::Serialize;
 
-use crate::calib::friction::sweep::{Source, Swept};
+use crate::calib::friction::sweep::{FrictionInput, Source};
 use calibration::fit::posture::{Posture, postures};
 use calibration::fit::sweep::JointFriction;
 use controller::arm::JointKind;
@@ -10,32 +10,32 @@ use controller::arm::JointKind;
 /// Error of gravity that is a warning, relative to the capacity.
 const MAX_GRAVITY_ERROR: f64 = 0.05;
 
-/// Result of one joint.
-pub(super) struct Judged<'c> {
-    pub(super) swept: Swept<'c>,
+/// Friction and gravity of one joint, with the verdict on them.
+pub(super) struct FrictionResult<'c> {
+    pub(super) swept: FrictionInput<'c>,
     /// Friction, if the readings determine it.
     pub(super) friction: Option<JointFriction>,
-    /// Held postures that were reached from both sides.
+    /// Errors of held postures that were approached from both sides.
     pub(super) gravity: Option<Gravity>,
-    /// Reasons of its rejection; without one it is accepted.
+    /// Reasons to reject the friction; empty if accepted.
     pub(super) reasons: Vec<String>,
-    /// Remarks that do not reject it.
+    /// Remarks that do not affect acceptance.
     pub(super) warnings: Vec<String>,
 }
 
-/// Held postures compared with gravity.
+/// Errors of the configured gravity in held postures.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Gravity {
     /// Number of postures.
     pub(super) postures: usize,
-    /// Error, RMS, in N·m or N.
+    /// RMS error, in N·m or N.
     pub(super) rms: f64,
     /// Largest error with its sign, in N·m or N.
     pub(super) largest: f64,
-    /// The same, as a share of the capacity.
+    /// Largest error as a share of the capacity.
     #[serde(rename = "largest_share_of_capacity")]
     pub(super) share: f64,
-    /// Its place.
+    /// Reading with the largest error.
     #[serde(flatten)]
     pub(super) at: Source,
     /// Mean friction at rest, in N·m or N.
@@ -43,12 +43,12 @@ pub(super) struct Gravity {
     pub(super) friction: f64,
 }
 
-impl Judged<'_> {
+impl FrictionResult<'_> {
     pub(super) fn name(&self) -> &str {
         &self.swept.parameters.name
     }
 
-    /// Returns the friction, if it is accepted.
+    /// Returns the friction; `None` if rejected.
     pub(super) fn accepted(&self) -> Option<&JointFriction> {
         self.friction.as_ref().filter(|_| self.reasons.is_empty())
     }
@@ -66,7 +66,7 @@ impl Judged<'_> {
         }
     }
 
-    /// Returns place and distance of each reading that was left out.
+    /// Returns file, line and distance of each outlier.
     pub(super) fn outliers(&self) -> Vec<(&Source, f64)> {
         let outliers = self.friction.iter().flat_map(|friction| &friction.outliers);
         let source = |place: usize| self.swept.moving_at.get(place);
@@ -74,15 +74,15 @@ impl Judged<'_> {
     }
 }
 
-/// Fits friction, and compares held postures with gravity.
-pub(super) fn judge(swept: Swept<'_>) -> Judged<'_> {
+/// Fits friction, and compares the torques of held postures with gravity.
+pub(super) fn judge(swept: FrictionInput<'_>) -> FrictionResult<'_> {
     let resolution = swept.parameters.calibration.resolution();
     let fitted = JointFriction::fit(&swept.moving, resolution, swept.has_gravity);
     let found = postures(&swept.held);
     let capacity = swept.parameters.calibration.curve().max_torque();
-    let gravity = Gravity::of(&found, &swept.held_at, capacity);
+    let gravity = Gravity::from_postures(&found, &swept.held_at, capacity);
     let (reasons, warnings) = (Vec::new(), Vec::new());
-    let mut judged = Judged { swept, friction: None, gravity, reasons, warnings };
+    let mut judged = FrictionResult { swept, friction: None, gravity, reasons, warnings };
     match fitted {
         Ok(friction) => judged.friction = Some(friction),
         Err(error) => judged.reasons.push(error.to_string()),
@@ -92,7 +92,7 @@ pub(super) fn judge(swept: Swept<'_>) -> Judged<'_> {
     judged
 }
 
-fn doubt_friction(judged: &mut Judged<'_>) {
+fn doubt_friction(judged: &mut FrictionResult<'_>) {
     let [unit, viscous] = judged.units();
     let Some(friction) = &judged.friction else { return };
     let reasons = friction.doubts().iter().map(|doubt| doubt.reason(unit, viscous)).collect();
@@ -112,7 +112,7 @@ fn doubt_friction(judged: &mut Judged<'_>) {
     judged.reasons.extend::<Vec<String>>(reasons);
 }
 
-fn doubt_gravity(judged: &mut Judged<'_>, found: &[Posture]) {
+fn doubt_gravity(judged: &mut FrictionResult<'_>, found: &[Posture]) {
     let [unit, _] = judged.units();
     for posture in found.iter().filter(|posture| posture.error.is_none()) {
         if let Some(Source { file, line }) = judged.swept.held_at.get(posture.place) {
@@ -139,8 +139,8 @@ fn doubt_gravity(judged: &mut Judged<'_>, found: &[Posture]) {
 }
 
 impl Gravity {
-    /// Returns the errors of postures that were reached from both sides; `None` without one.
-    fn of(postures: &[Posture], held_at: &[Source], capacity: f64) -> Option<Self> {
+    /// Returns the errors of postures that were approached from both sides; `None` without such a posture.
+    fn from_postures(postures: &[Posture], held_at: &[Source], capacity: f64) -> Option<Self> {
         let both = postures.iter().filter_map(|posture| {
             Some((posture.error?, posture.friction?, held_at.get(posture.place)?))
         });

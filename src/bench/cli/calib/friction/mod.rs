@@ -12,7 +12,7 @@ use std::path::Path;
 use anyhow::Context;
 
 use crate::calib::Friction;
-use crate::calib::friction::judgement::Judged;
+use crate::calib::friction::judgement::FrictionResult;
 use calibration::torque_data::SweepData;
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
@@ -34,7 +34,7 @@ pub(super) fn run(args: &Friction) -> Result<(), Failure> {
     let wanted = args.joint.as_deref().map(|name| wanted(&config, name)).transpose()?;
     let is_wanted = |name: &str| wanted.is_none_or(|wanted| wanted == name);
     let swept = swept.into_iter().filter(|swept| is_wanted(&swept.parameters.name));
-    let joints: Vec<Judged<'_>> = swept.map(judgement::judge).collect();
+    let joints: Vec<FrictionResult<'_>> = swept.map(judgement::judge).collect();
     if let Some(name) = wanted.filter(|_| joints.is_empty()) {
         return Err(Failure::new(Kind::Usage, format_args!("no readings of joint {name}")));
     }
@@ -63,7 +63,7 @@ fn write(folder: &Path, fragment: &str, args: &Friction) -> Result<(), Failure> 
 }
 
 /// Returns a failure if a joint has no valid friction.
-fn verdict(joints: &[Judged<'_>]) -> Result<(), Failure> {
+fn verdict(joints: &[FrictionResult<'_>]) -> Result<(), Failure> {
     let rejected = joints.iter().flat_map(|judged| {
         let joint = format!("{}: joint {}", judged.swept.files(), judged.name());
         judged.reasons.iter().map(move |reason| format!("{joint}: {reason}"))

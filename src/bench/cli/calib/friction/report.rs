@@ -1,14 +1,14 @@
 //! Report of `frhc calib friction` on every joint, as text and JSON.
 
-use crate::calib::friction::judgement::{Gravity, Judged};
+use crate::calib::friction::judgement::{FrictionResult, Gravity};
 use calibration::fit::sweep::{Estimate, JointFriction, Law};
 
 /// Returns a table for every joint.
-pub(super) fn text(joints: &[Judged<'_>]) -> String {
+pub(super) fn text(joints: &[FrictionResult<'_>]) -> String {
     joints.iter().map(joint_text).collect::<Vec<_>>().join("\n\n")
 }
 
-fn joint_text(judged: &Judged<'_>) -> String {
+fn joint_text(judged: &FrictionResult<'_>) -> String {
     let [unit, _] = judged.units();
     let mut lines = vec![format!("{}: {}", judged.name(), origin(judged))];
     if let Some(friction) = &judged.friction {
@@ -29,12 +29,12 @@ fn joint_text(judged: &Judged<'_>) -> String {
 }
 
 /// Returns files and numbers of readings.
-pub(super) fn origin(judged: &Judged<'_>) -> String {
+pub(super) fn origin(judged: &FrictionResult<'_>) -> String {
     let (moving, held) = (judged.swept.moving.len(), judged.swept.held.len());
     format!("{}: {moving} readings in motion, {held} held", judged.swept.files())
 }
 
-fn table(judged: &Judged<'_>, friction: &JointFriction) -> Vec<String> {
+fn table(judged: &FrictionResult<'_>, friction: &JointFriction) -> Vec<String> {
     let [unit, viscous_unit] = judged.units();
     let head = |first: &str, coulomb: &str, viscous: &str, rms: &str, count: &str| {
         format!("  {first:16}{coulomb:>20}{viscous:>24}{rms:>12}{count:>10}")
@@ -66,14 +66,14 @@ fn table(judged: &Judged<'_>, friction: &JointFriction) -> Vec<String> {
 }
 
 /// Returns the decimals that show Coulomb friction with four digits.
-fn decimals(judged: &Judged<'_>) -> usize {
+fn decimals(judged: &FrictionResult<'_>) -> usize {
     let coulomb =
         judged.friction.as_ref().map_or(1.0, |friction| friction.both.coulomb.value.abs());
     (1..8_u8).find(|places| coulomb * 10_f64.powi((*places).into()) >= 1e3).unwrap_or(8).into()
 }
 
-/// Formats the constant torque besides friction.
-fn load(judged: &Judged<'_>, friction: &JointFriction) -> String {
+/// Formats the constant torque in addition to friction.
+fn load(judged: &FrictionResult<'_>, friction: &JointFriction) -> String {
     let [unit, _] = judged.units();
     let (Estimate { value, deviation }, places) = (friction.load, decimals(judged));
     let share = 100.0 * value.abs() / judged.capacity();
@@ -84,7 +84,7 @@ fn load(judged: &Judged<'_>, friction: &JointFriction) -> String {
 }
 
 /// Formats the comparison of held postures with gravity.
-fn held(judged: &Judged<'_>, gravity: &Gravity) -> String {
+fn held(judged: &FrictionResult<'_>, gravity: &Gravity) -> String {
     let [unit, _] = judged.units();
     let places = decimals(judged);
     let Gravity { postures, rms, largest, share, at, friction } = gravity;
@@ -97,7 +97,7 @@ fn held(judged: &Judged<'_>, gravity: &Gravity) -> String {
 }
 
 /// Formats place and distance of each outlier.
-fn left_out(judged: &Judged<'_>, unit: &str) -> String {
+fn left_out(judged: &FrictionResult<'_>, unit: &str) -> String {
     let outliers = judged.outliers();
     if outliers.is_empty() {
         return "no reading".to_owned();
@@ -111,14 +111,14 @@ fn left_out(judged: &Judged<'_>, unit: &str) -> String {
 }
 
 /// Returns the report as one JSON object.
-pub(super) fn json(joints: &[Judged<'_>]) -> serde_json::Value {
+pub(super) fn json(joints: &[FrictionResult<'_>]) -> serde_json::Value {
     serde_json::json!({
         "ok": joints.iter().all(|judged| judged.accepted().is_some()),
         "joints": joints.iter().map(joint_json).collect::<Vec<_>>(),
     })
 }
 
-fn joint_json(judged: &Judged<'_>) -> serde_json::Value {
+fn joint_json(judged: &FrictionResult<'_>) -> serde_json::Value {
     let [unit, viscous_unit] = judged.units();
     let configured = judged.swept.parameters.plant.friction;
     let outliers = judged.outliers().into_iter().map(|(source, distance)| {

@@ -1,30 +1,30 @@
-//! Recorded sweeps as torques at the joints, less gravity: readings of all files, joint by joint.
+//! Readings of all sweep files by joint, converted to joint torques minus gravity.
 
 use serde::Serialize;
 
 use crate::rig;
-use calibration::fit::posture::Held;
+use calibration::fit::posture::PostureReading;
 use calibration::fit::sweep::Moving;
-use calibration::torque_data::{SweepData, SweepReading, Swept as Recorded};
+use calibration::torque_data::{JointSweep, SweepData, SweepReading};
 use config::{Config, Invalid, JointParameters, Problem};
 use controller::arm::JointKind;
 use units::drive::PerMille;
 
 /// Maximum number of reported problems.
 const MAX_PROBLEMS: usize = 20;
-/// Part of a joint's range by which a position may lie outside.
+/// Tolerance of positions outside of a joint's range, as a part of the range.
 const OUTSIDE: f64 = 0.05;
 
-/// All readings of one joint.
-pub(super) struct Swept<'c> {
+/// Readings of one joint in all files.
+pub(super) struct FrictionInput<'c> {
     pub(super) parameters: &'c JointParameters,
-    /// Place of the joint, from 0.
+    /// Index of the joint, from 0.
     pub(super) place: usize,
-    /// At constant velocities, and where they are from.
+    /// Readings at constant velocities, and their sources.
     pub(super) moving: Vec<Moving>,
     pub(super) moving_at: Vec<Source>,
-    /// At rest, and where they are from.
-    pub(super) held: Vec<Held>,
+    /// Readings at rest, and their sources.
+    pub(super) held: Vec<PostureReading>,
     pub(super) held_at: Vec<Source>,
     /// Gravity was subtracted from the torques of moving readings.
     pub(super) has_gravity: bool,
@@ -37,8 +37,8 @@ pub(super) struct Source {
     pub(super) line: usize,
 }
 
-impl Swept<'_> {
-    /// Returns the names of the files, in their order.
+impl FrictionInput<'_> {
+    /// Returns the names of the files, comma-separated, in the order of first use.
     pub(super) fn files(&self) -> String {
         let mut names: Vec<&str> = Vec::new();
         for source in self.moving_at.iter().chain(&self.held_at) {
@@ -50,18 +50,18 @@ impl Swept<'_> {
     }
 }
 
-/// Joins the readings of all files, in the order of the joints.
+/// Groups the readings of all files by joint, in the order of the configuration.
 ///
 /// # Errors
-/// `problems`, and all of the readings against the configuration.
+/// Returns `problems` and those of the readings against the configuration.
 pub(super) fn join<'c>(
     config: &'c Config,
     files: &[SweepData],
     mut problems: Vec<Problem>,
-) -> Result<Vec<Swept<'c>>, Invalid> {
-    let mut joints: Vec<Swept<'c>> = (0..)
+) -> Result<Vec<FrictionInput<'c>>, Invalid> {
+    let mut joints: Vec<FrictionInput<'c>> = (0..)
         .zip(&config.joints)
-        .map(|(place, parameters)| Swept {
+        .map(|(place, parameters)| FrictionInput {
             parameters,
             place,
             moving: Vec::new(),
@@ -89,12 +89,12 @@ pub(super) fn join<'c>(
     if problems.is_empty() { Ok(joints) } else { Err(Invalid(problems)) }
 }
 
-/// Adds the readings of one file, and returns what is wrong with them.
+/// Adds the valid readings of one file, and returns the problems of the others.
 fn add(
     config: &Config,
     data: &SweepData,
-    recorded: &Recorded,
-    joint: &mut Swept<'_>,
+    recorded: &JointSweep,
+    joint: &mut FrictionInput<'_>,
 ) -> Vec<Problem> {
     let mut problems: Vec<Problem> = of_joint(config, data, recorded, joint).into_iter().collect();
     if !problems.is_empty() {
@@ -111,7 +111,7 @@ fn add(
         let torque = torque(config, reading, joint.place);
         let source = Source { file: file.clone(), line: reading.line };
         if let Some(q) = reading.q.filter(|_| reading.is_held()) {
-            joint.held.push(Held { q, direction: reading.direction, torque });
+            joint.held.push(PostureReading { q, direction: reading.direction, torque });
             joint.held_at.push(source);
         } else {
             joint.moving.push(Moving { velocity: reading.velocity, torque });
@@ -121,12 +121,12 @@ fn add(
     problems
 }
 
-/// Returns what is wrong with all readings of a joint in a file.
+/// Returns a problem that concerns all readings of a joint in a file.
 fn of_joint(
     config: &Config,
     data: &SweepData,
-    recorded: &Recorded,
-    joint: &mut Swept<'_>,
+    recorded: &JointSweep,
+    joint: &mut FrictionInput<'_>,
 ) -> Option<Problem> {
     let name = &joint.parameters.name;
     let is_prismatic = joint.parameters.plant.link.kind == JointKind::Prismatic;
@@ -152,12 +152,12 @@ fn of_joint(
     None
 }
 
-/// Returns what is wrong with one reading.
+/// Returns the problems of one reading.
 fn of_reading(
     config: &Config,
     data: &SweepData,
     reading: &SweepReading,
-    joint: &Swept<'_>,
+    joint: &FrictionInput<'_>,
 ) -> Vec<Problem> {
     let mut problems = Vec::new();
     let most = joint.parameters.calibration.max_target().0;
@@ -183,7 +183,7 @@ fn of_reading(
     problems
 }
 
-/// Returns the torque of the motor at the joint less that of gravity, if the posture is known.
+/// Returns the torque of the motor at the joint, minus that of gravity if the reading has a posture.
 fn torque(config: &Config, reading: &SweepReading, place: usize) -> f64 {
     let mut actual = [PerMille(0); 6];
     if let Some(joint) = actual.get_mut(place) {
@@ -198,7 +198,7 @@ fn torque(config: &Config, reading: &SweepReading, place: usize) -> f64 {
     at(&exerted) - gravity.as_ref().map_or(0.0, at)
 }
 
-fn first(data: &SweepData, recorded: &Recorded, key: &str, reason: String) -> Option<Problem> {
+fn first(data: &SweepData, recorded: &JointSweep, key: &str, reason: String) -> Option<Problem> {
     recorded.readings.first().map(|reading| problem(data, reading.line, key, reason))
 }
 

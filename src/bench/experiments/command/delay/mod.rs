@@ -1,4 +1,4 @@
-//! `frhc experiment delay`: contact over a link, with and without the passivity layer, and what the delay costs.
+//! `frhc experiment delay`: contact over a link with delay, with and without the passivity layer.
 
 mod report;
 
@@ -10,9 +10,9 @@ use serde::Serialize;
 use crate::command::common::{self, Results, Robots, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::delay::link::{self, Link};
-use crate::delay::measured::Outcome;
-use crate::delay::script::Commanded;
-use crate::delay::trial::{self, Led, Row, Trial};
+use crate::delay::measurement::Outcome;
+use crate::delay::script::CommandMode;
+use crate::delay::trial::{self, Follower, Row, Trial};
 use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
@@ -22,27 +22,27 @@ use run::exit::{Failure, Kind, OrFail};
 /// Files of the results.
 const FILES: Files = Files { csv: &["runs.csv"], has_figures: true, picture: ("map.svg", 2) };
 
-/// Delays of one way with the maximum age of a sample, in ms.
+/// Delays per direction, each with the maximum age of a sample, in ms.
 const LINKS: [[f64; 2]; 6] =
     [[0.0, 20.0], [2.0, 20.0], [5.0, 20.0], [8.0, 20.0], [20.0, 100.0], [40.0, 100.0]];
 
-/// The same of links over which every sample is too old.
+/// Delays per direction, each with a maximum age that no sample can meet, in ms.
 const HOPELESS: [[f64; 2]; 2] = [[12.0, 20.0], [60.0, 100.0]];
 
-/// K_T of the map in pose and in rate mode.
+/// K_T along x of the map, in pose mode and in rate mode.
 const POSE_GAINS: [f64; 10] = [0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.4, 2.0];
 const RATE_GAINS: [f64; 10] = [0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0];
 
-/// Share of the largest accepted K_T that is tried.
+/// Gain of the runs with an accepted gain, as a share of the largest one.
 const WITHIN: f64 = 0.999;
 
-/// Start and end of the outage since the start of the node, in s: the hand rests at the wall.
+/// Start and end of the outage since the start of the node, in s, while the hand rests at the wall.
 const OUTAGE_S: [f64; 2] = [8.0, 8.5];
 
-/// Maximum time in s in which reflection ends (stop S1), beyond the maximum age of a sample.
+/// Maximum duration of the end of reflection (stop S1) after the maximum age of a sample, in s.
 const END_S: f64 = 0.05;
 
-/// Periods of the node until a torque has been sent that an outage ends.
+/// Periods of the node that the end of reflection may take in addition.
 const END_PERIODS: f64 = 2.0;
 
 /// `frhc experiment delay`.
@@ -61,11 +61,11 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Part {
-    /// The largest gain that the gain check accepts.
+    /// Largest gain that the gain check accepts.
     Accepted,
-    /// The map over gain and delay, with the free object.
+    /// Map over gain and delay, with the free object.
     Map,
-    /// Jitter and loss; every sample too old; an outage.
+    /// Links with jitter and loss, with every sample too old, or with an outage.
     Disturbed,
 }
 
@@ -77,7 +77,7 @@ struct Figure {
     row: Row,
 }
 
-/// Plays everything, prints the tables and writes the files.
+/// Runs the experiment, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     refuse_far_side(&config, "experiment")?;
@@ -111,13 +111,13 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     let is_played = |link: &Link| !short || [0.0, 8.0, 40.0].contains(&link.delay_ms);
     let links: Vec<Link> = LINKS.map(Link::new).into_iter().filter(is_played).collect();
     let every = if short { 5 } else { 1 };
-    let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Led::Arm);
-    let led: Vec<Led<'a>> = [Led::Object].into_iter().chain(arms).collect();
+    let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Follower::Arm);
+    let led: Vec<Follower<'a>> = [Follower::Object].into_iter().chain(arms).collect();
     let [k_t, ..] = *config.controller.reflection.gain().values();
     let usual = Trial {
-        led: Led::Object,
+        led: Follower::Object,
         link: Link::default(),
-        commanded: Commanded::Pose,
+        commanded: CommandMode::Pose,
         k_t,
         has_layer: true,
         seed,
@@ -125,13 +125,13 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     let accepted = links.iter().flat_map(|link| {
         let with_link = config.clone().with_link(link.settings(seed));
         let runs = led.iter().flat_map(|led| {
-            let k_t = WITHIN * link::largest_accepted(&led.of(&with_link));
+            let k_t = WITHIN * link::largest_accepted(&led.configure(&with_link));
             let trial = Trial { led: *led, link: *link, k_t, ..usual };
-            [Commanded::Pose, Commanded::Rate].map(|commanded| Trial { commanded, ..trial })
+            [CommandMode::Pose, CommandMode::Rate].map(|commanded| Trial { commanded, ..trial })
         });
         runs.collect::<Vec<_>>()
     });
-    let map = [(Commanded::Pose, POSE_GAINS), (Commanded::Rate, RATE_GAINS)];
+    let map = [(CommandMode::Pose, POSE_GAINS), (CommandMode::Rate, RATE_GAINS)];
     let links = &links;
     let map = map.into_iter().flat_map(|(commanded, gains)| {
         let gains = gains.into_iter().skip(every / 2).step_by(every);
@@ -148,7 +148,7 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
     compared.chain(disturbed).collect()
 }
 
-/// Returns links that jitter and lose, that are too slow, and that fail.
+/// Returns links with jitter and loss, with too much delay, and with an outage.
 fn disturbed() -> impl Iterator<Item = Link> {
     let unsteady = Link::new([5.0, 20.0]);
     let unsteady = Link { jitter_ms: 3.0, loss_percent: 2.0, reorders: true, ..unsteady };
@@ -157,7 +157,7 @@ fn disturbed() -> impl Iterator<Item = Link> {
     [unsteady].into_iter().chain(HOPELESS.map(Link::new)).chain(failing)
 }
 
-/// Refuses accepted gains with which the hand does not rest, and links that are lost and still reflect.
+/// Returns the reason to fail: an accepted gain at which the hand does not rest, or torque after the loss of a link.
 fn gate(figures: &[Figure], period: f64) -> Option<String> {
     let is_wrong = |Figure { row, .. }: &&Figure| {
         let Row { link, outcome, .. } = row;

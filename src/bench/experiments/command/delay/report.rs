@@ -3,8 +3,8 @@
 use super::{Figure, LINKS, Part};
 use crate::command::table::{self, Column, Table};
 use crate::delay::link::Link;
-use crate::delay::measured::Outcome;
-use crate::delay::script::Commanded;
+use crate::delay::measurement::Outcome;
+use crate::delay::script::CommandMode;
 use crate::delay::trial::Row;
 use crate::pool;
 use picture::{Ink, Panel, Series};
@@ -24,17 +24,22 @@ the whole run; ended: since the start of the outage";
 /// Mark of a gain that the gain check accepts.
 const ACCEPTED: &str = " ✓";
 
-/// Returns what each delay costs, the maps, and the links that are disturbed.
+/// Returns the tables: accepted gain by delay, maps of both modes, and disturbed links.
 pub(super) fn tables(figures: &[Figure]) -> Vec<Table> {
     let mut accepted = accepted(figures);
     let shaking = figures.iter().filter_map(|Figure { row, .. }| Some((&row.led, row.shaking?)));
     if let Some((led, shaking)) = shaking.max_by(|(_, a), (_, b)| a.peak_n.total_cmp(&b.peak_n)) {
         accepted.note.push_str(&format!("; {led} {shaking}"));
     }
-    vec![accepted, map(figures, Commanded::Pose), map(figures, Commanded::Rate), disturbed(figures)]
+    vec![
+        accepted,
+        map(figures, CommandMode::Pose),
+        map(figures, CommandMode::Rate),
+        disturbed(figures),
+    ]
 }
 
-/// A run without the layer, and the same with it.
+/// Runs of the same settings without and with the passivity layer.
 struct Pair<'f> {
     without: &'f Row,
     with: &'f Row,
@@ -54,22 +59,22 @@ fn rows(figures: &[Figure], part: Part) -> impl Iterator<Item = &Row> {
     figures.iter().filter(move |figure| figure.part == part).map(|figure| &figure.row)
 }
 
-/// Both modes at one delay, and the largest K_T of all.
-struct Delayed<'p, 'f> {
+/// Runs of both modes at one delay, and the largest accepted K_T of all delays.
+struct DelayRow<'p, 'f> {
     pose: &'p Pair<'f>,
     rate: &'p Pair<'f>,
     most: f64,
 }
 
-/// One row per delay and what is led: the largest accepted gain, and contact with it in both modes.
+/// Returns the table of the largest accepted gain and contact in both modes, a row per delay and object or arm.
 fn accepted(figures: &[Figure]) -> Table {
     let pairs = pairs(figures, Part::Accepted);
     let most = pool::max(pairs.iter().map(|pair| pair.with.k_t));
     let delayed = pairs.chunks_exact(2).filter_map(|modes| match modes {
-        [pose, rate] => Some(Delayed { pose, rate, most }),
+        [pose, rate] => Some(DelayRow { pose, rate, most }),
         _ => None,
     });
-    let columns: [Column<Delayed<'_, '_>>; 12] = [
+    let columns: [Column<DelayRow<'_, '_>>; 12] = [
         ("one way, ms", |of| format!("{:.0}", of.pose.with.link.delay_ms)),
         ("max age, ms", |of| format!("{:.0}", of.pose.with.link.max_age_ms)),
         ("the hand leads", |of| of.pose.with.led.clone()),
@@ -96,14 +101,14 @@ fn taken(pair: &Pair<'_>) -> String {
 }
 
 /// Returns the pairs of the map in one mode.
-fn mapped(figures: &[Figure], commanded: Commanded) -> Vec<Pair<'_>> {
+fn mapped(figures: &[Figure], commanded: CommandMode) -> Vec<Pair<'_>> {
     let mut pairs = pairs(figures, Part::Map);
     pairs.retain(|pair| pair.with.commanded == commanded);
     pairs
 }
 
-/// One row per gain, one column per delay.
-fn map(figures: &[Figure], commanded: Commanded) -> Table {
+/// Returns the map of one mode: a row per gain, a column per delay.
+fn map(figures: &[Figure], commanded: CommandMode) -> Table {
     let pairs = mapped(figures, commanded);
     let gains = || pairs.chunk_by(|a, b| same(a.with.k_t, b.with.k_t));
     let delays = gains().next().into_iter().flatten();
@@ -133,7 +138,7 @@ fn cell(Pair { without, with }: &Pair<'_>) -> String {
     word + if with.is_accepted { ACCEPTED } else { "" }
 }
 
-/// One row per link.
+/// Returns the table of disturbed links, one row each.
 fn disturbed(figures: &[Figure]) -> Table {
     let columns: [Column<&Row>; 9] = [
         ("one way, ms", |row| format!("{:.0}", row.link.delay_ms)),
@@ -154,13 +159,13 @@ fn millis(seconds: Option<f64>) -> String {
     seconds.map_or_else(|| "–".to_owned(), |seconds| format!("{:.0}", 1e3 * seconds))
 }
 
-/// Returns the largest gain that is calm with all smaller ones, over the delay, in either mode.
+/// Returns a panel per mode: the gain up to which contact is calm, over the delay.
 pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
     let mut accepted: Vec<[f64; 2]> =
         rows(figures, Part::Accepted).map(|row| [row.link.delay_ms, row.k_t]).collect();
-    // The free object, as in the map, is the first at each delay.
+    // The first run at each delay is that of the free object, as in the map.
     accepted.dedup_by(|after, before| same(after[0], before[0]));
-    let panel = |commanded: Commanded| {
+    let panel = |commanded: CommandMode| {
         let pairs = mapped(figures, commanded);
         let calm = |name: &str, row: fn(&Pair<'_>) -> Outcome| {
             let largest = LINKS.iter().filter_map(|[delay, _]| {
@@ -178,7 +183,7 @@ pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
         ];
         Panel::new(title, ["delay of one way, ms", "K_T"], series)
     };
-    [Commanded::Pose, Commanded::Rate].map(panel).into()
+    [CommandMode::Pose, CommandMode::Rate].map(panel).into()
 }
 
 /// Returns all runs.

@@ -1,4 +1,4 @@
-//! `frhc experiment dual-peg`: Table I of the paper, and what its ratio depends on.
+//! `frhc experiment dual-peg`: Table I of the paper, and its ratio over visual error and misalignment.
 
 mod report;
 
@@ -11,8 +11,8 @@ use crate::command::common::{Results, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::dual_peg::bench::{self, Situation};
 use crate::dual_peg::condition::Condition;
-use crate::dual_peg::pooled::{self, Pooled, Ratio};
 use crate::dual_peg::settings::DualPeg;
+use crate::dual_peg::statistics::{self, Ratio, TrialStatistics};
 use crate::dual_peg::trial::Trial;
 use run::exit::{Failure, Kind, OrFail};
 use sim::operator_settings::OperatorSettings;
@@ -24,7 +24,7 @@ const FILES: Files = Files { csv: &["trials.csv"], has_figures: true, picture: (
 /// Trials of each operator and condition without misalignment.
 const ALIGNED_TRIALS: u32 = 7;
 
-/// Least share of successes without misalignment, and largest excess of one condition's duration over another's.
+/// Minimum share of successes without misalignment, and maximum excess of one condition's duration over another's.
 const MIN_SUCCESS: f64 = 0.95;
 const MAX_EXCESS: f64 = 0.2;
 
@@ -42,7 +42,7 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Series {
-    /// As in Table I.
+    /// Conditions and operators of Table I.
     Table,
     /// Without misalignment and visual error.
     Aligned,
@@ -52,7 +52,7 @@ enum Series {
     Misalignment(f64),
 }
 
-/// One trial to be played.
+/// Trial that is still to be played.
 struct Job<'s> {
     series: Series,
     operator: (&'s str, OperatorSettings),
@@ -61,27 +61,27 @@ struct Job<'s> {
     situation: Situation,
 }
 
-/// A point of a sweep.
+/// Results at one value of a sweep.
 #[derive(Clone, Debug, Serialize)]
-struct Swept {
+struct SweepPoint {
     series: Series,
     ratios: Vec<Ratio>,
-    pooled: Vec<Pooled>,
+    pooled: Vec<TrialStatistics>,
 }
 
-/// All results.
+/// Results of the experiment.
 #[derive(Serialize)]
 struct Figures {
-    table: Vec<Pooled>,
+    table: Vec<TrialStatistics>,
     ratios: Vec<Ratio>,
-    aligned: Vec<Pooled>,
-    sweep: Vec<Swept>,
-    /// The strongest shaking of the arm in free motion, of all trials.
+    aligned: Vec<TrialStatistics>,
+    sweep: Vec<SweepPoint>,
+    /// Strongest shaking of the arm in free motion, over all trials.
     #[serde(skip_serializing_if = "Option::is_none")]
     shaking: Option<Shaking>,
 }
 
-/// Runs everything, prints the tables and writes the files.
+/// Runs the experiment, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let settings = DualPeg::load(&args.settings).or_fail(Kind::Configuration)?;
     let mut operators = operators(&settings)?;
@@ -149,7 +149,7 @@ fn jobs<'s>(
     jobs
 }
 
-/// Draws the start of a trial. The same trial has the same seed for every operator and condition.
+/// Draws the initial pose of a trial. Trials of the same number have the same seed for every operator and condition.
 fn situation(settings: &DualPeg, series: Series, number: u32, seed: u64) -> Situation {
     let DualPeg { task, misalignment, turn, .. } = settings;
     let (offset, turn, error) = match series {
@@ -167,9 +167,9 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
     let of = |series: Series| {
         let of_series = trials.iter().filter(|(one, _)| *one == series);
         let all: Vec<Trial> = of_series.map(|(_, trial)| trial.clone()).collect();
-        Pooled::all(&all, names)
+        TrialStatistics::all(&all, names)
     };
-    let ratios = |pooled: &[Pooled]| pooled::ratios(pooled, names);
+    let ratios = |pooled: &[TrialStatistics]| statistics::ratios(pooled, names);
     let mut swept: Vec<Series> = Vec::new();
     for (series, _) in trials {
         let is_swept = matches!(series, Series::VisualError(_) | Series::Misalignment(_));
@@ -179,7 +179,7 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
     }
     let sweep = swept.into_iter().map(|series| {
         let pooled = of(series);
-        Swept { series, ratios: ratios(&pooled), pooled }
+        SweepPoint { series, ratios: ratios(&pooled), pooled }
     });
     let table = of(Series::Table);
     Figures {
@@ -191,11 +191,11 @@ fn figures(settings: &DualPeg, trials: &[(Series, Trial)]) -> Figures {
     }
 }
 
-/// Refuses an experiment in which perfect alignment is not enough, or takes longer in one condition than in another.
-fn gate(aligned: &[Pooled]) -> Option<String> {
+/// Returns the reason to fail: aligned pegs that are not inserted, or that take longer in one condition than in another.
+fn gate(aligned: &[TrialStatistics]) -> Option<String> {
     let share_of = |condition: Condition| {
         let of = aligned.iter().filter(|one| one.condition == condition);
-        let (inserted, trials) = Pooled::counts(of);
+        let (inserted, trials) = TrialStatistics::counts(of);
         f64::from(inserted) / f64::from(trials.max(1))
     };
     let shares = Condition::ALL.map(|condition| (condition, share_of(condition)));
@@ -208,7 +208,7 @@ fn gate(aligned: &[Pooled]) -> Option<String> {
         let least = others.map(|other| other.seconds).fold(f64::INFINITY, f64::min);
         (one.seconds > least * (1.0 + MAX_EXCESS)).then_some((one, least))
     });
-    let (Pooled { operator, condition, seconds, .. }, least) = slow?;
+    let (TrialStatistics { operator, condition, seconds, .. }, least) = slow?;
     Some(format!(
         "aligned pegs take {operator} {seconds:.1} s with {condition}, {least:.1} s in another condition"
     ))

@@ -1,16 +1,16 @@
 //! Tables, pictures and data of the dual peg.
 
-use crate::command::dual_peg::{Figures, Series, Swept};
+use crate::command::dual_peg::{Figures, Series, SweepPoint};
 use crate::command::table::{self, Column, Table};
 use crate::dual_peg::condition::Condition;
-use crate::dual_peg::pooled::{Pooled, Ratio};
+use crate::dual_peg::statistics::{Ratio, TrialStatistics};
 use crate::dual_peg::trial::Trial;
 use picture::{Ink, Panel, Series as Curve};
 
-/// Work of the three operators of Table I without and with force information, in units that the paper does not state.
+/// Work of the three operators of Table I without and with force information; the paper does not state the unit.
 const PAPER: [[f64; 3]; 2] = [[1.66, 2.55, 1.51], [0.59, 0.61, 0.42]];
 
-/// Ratio above which docs/experiments.md says so.
+/// Ratio above which the table has a note.
 const NOTED: f64 = 0.45;
 
 /// Names of the columns of trials.csv.
@@ -36,7 +36,7 @@ pub(super) fn tables(figures: &Figures) -> Vec<Table> {
 }
 
 fn conditions(figures: &Figures) -> Table {
-    let columns: [Column<&Pooled>; 10] = [
+    let columns: [Column<&TrialStatistics>; 10] = [
         ("operator", |one| one.operator.clone()),
         ("on", |one| one.condition.to_string()),
         ("inserted", |one| inserted([*one])),
@@ -54,9 +54,9 @@ fn conditions(figures: &Figures) -> Table {
         .below("work on the environment by operator and condition")
 }
 
-/// Returns how many trials were successful.
-fn inserted<'p>(pooled: impl IntoIterator<Item = &'p Pooled>) -> String {
-    let (inserted, trials) = Pooled::counts(pooled);
+/// Returns the number of successful trials and of all, as `19 of 20`.
+fn inserted<'p>(pooled: impl IntoIterator<Item = &'p TrialStatistics>) -> String {
+    let (inserted, trials) = TrialStatistics::counts(pooled);
     format!("{inserted} of {trials}")
 }
 
@@ -82,7 +82,7 @@ fn ratios(figures: &Figures) -> Table {
 fn aligned(figures: &Figures) -> Table {
     let note =
         "at least 95 % of each condition must be inserted, none more than 20 % slower than another";
-    let columns: [Column<&Pooled>; 4] = [
+    let columns: [Column<&TrialStatistics>; 4] = [
         ("operator", |one| one.operator.clone()),
         ("on", |one| one.condition.to_string()),
         ("inserted", |one| inserted([*one])),
@@ -92,23 +92,23 @@ fn aligned(figures: &Figures) -> Table {
 }
 
 fn sweep(figures: &Figures) -> Table {
-    let columns: [Column<&Swept>; 5] = [
+    let columns: [Column<&SweepPoint>; 5] = [
         ("varied", |swept| point(swept.series).0.to_owned()),
         ("value", |swept| format!("{:.1} mm", point(swept.series).1)),
         ("ratio by operator", |swept| {
             let ratios = swept.ratios.iter().map(|one| format!("{:.2}", one.ratio));
             ratios.collect::<Vec<_>>().join(" ")
         }),
-        ("inserted, neither", |swept| inserted(swept.of(Condition::NEITHER))),
-        ("inserted, both", |swept| inserted(swept.of(Condition::BOTH))),
+        ("inserted, neither", |swept| inserted(swept.in_condition(Condition::NEITHER))),
+        ("inserted, both", |swept| inserted(swept.in_condition(Condition::BOTH))),
     ];
     let note = "the error of orientation is varied with the visual error";
     Table::new(&figures.sweep, columns, note).below("ratio over visual error and misalignment")
 }
 
-impl Swept {
+impl SweepPoint {
     /// Returns the trials of a condition.
-    fn of(&self, condition: Condition) -> impl Iterator<Item = &Pooled> {
+    fn in_condition(&self, condition: Condition) -> impl Iterator<Item = &TrialStatistics> {
         self.pooled.iter().filter(move |one| one.condition == condition)
     }
 }
@@ -123,7 +123,7 @@ fn point(series: Series) -> (&'static str, f64) {
     }
 }
 
-/// Returns the pictures: the work of each condition, and the ratio over what is varied.
+/// Returns the panels: work of each condition, and ratio over visual error and over misalignment.
 pub(super) fn panels(figures: &Figures) -> Vec<Panel> {
     let swept = ["visual error", "misalignment"].map(|varied| {
         let curves = figures.ratios.iter().map(|Ratio { operator, .. }| {

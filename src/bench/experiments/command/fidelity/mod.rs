@@ -6,11 +6,11 @@ use std::num::NonZero;
 
 use clap::{Args, ValueEnum};
 
-use crate::command::common::{self, Common, Named, refused};
+use crate::command::common::{self, Common, NamedConfig, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::fidelity::experiment::{Condition, Row};
-use crate::fidelity::pooled::Pooled;
 use crate::fidelity::script::{Course, HANDS, Hand};
+use crate::fidelity::worst_cases::WorstCases;
 use crate::no_trial::NoTrial;
 use picture::{Ink, Panel, Series};
 use run::exit::{Failure, Kind, OrFail};
@@ -45,10 +45,11 @@ enum Part {
     Releases,
 }
 
-/// Runs everything, prints the table and writes the files.
+/// Runs the experiment, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
-    if let Some(Named { config, .. }) = configs.iter().find(|one| one.config.remote.wall.is_none())
+    if let Some(NamedConfig { config, .. }) =
+        configs.iter().find(|one| one.config.remote.wall.is_none())
     {
         return Err(refused(&config.file, NoTrial::NoWall));
     }
@@ -62,16 +63,16 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let each = configs.iter().flat_map(|named| conditions.iter().map(move |one| (named, *one)));
     let jobs =
         each.flat_map(|(named, condition)| participants().map(move |who| (named, condition, who)));
-    let jobs: Vec<(&Named, Condition, _)> = jobs.collect();
-    let rows = frame.play(&jobs, |(Named { name, config }, condition, who)| {
+    let jobs: Vec<(&NamedConfig, Condition, _)> = jobs.collect();
+    let rows = frame.play(&jobs, |(NamedConfig { name, config }, condition, who)| {
         Row::play(name, config, *condition, *who, |_, _| {}).or_fail(Kind::Drive)
     })?;
-    let pooled = Pooled::new(&rows);
+    let pooled = WorstCases::new(&rows);
     frame.conclude(Report {
         tables: report::tables(&pooled).into(),
         csv: vec![report::csv(&rows)],
         panels: || {
-            // The first run of each configuration.
+            // The picture shows the first run of each configuration.
             let first =
                 jobs.chunk_by(|(a, ..), (b, ..)| std::ptr::eq(*a, *b)).filter_map(<[_]>::first);
             first.map(|(named, condition, who)| panel(named, *condition, *who)).collect()
@@ -98,7 +99,7 @@ fn conditions(args: &Arguments) -> Vec<Condition> {
 
 /// Plays a run again for the panel of its forces.
 fn panel(
-    Named { name, config }: &Named,
+    NamedConfig { name, config }: &NamedConfig,
     condition: Condition,
     participant: (&'static Hand, u64),
 ) -> Result<Panel, Failure> {
@@ -106,7 +107,7 @@ fn panel(
     let each = |t: f64, sample: Option<&Sample>| {
         let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
         if is_due {
-            // A gap where nothing can be compared.
+            // Cycles without a sample leave a gap in the curve.
             let force =
                 |of: fn(&Sample) -> &Wrench| sample.map_or(f64::NAN, |one| of(one).force.norm());
             wanted.push([t, force(|sample| &sample.wanted)]);

@@ -3,7 +3,7 @@
 use crate::command::table::{self, Column, Table};
 use crate::fidelity::experiment::{Condition, Row};
 use crate::fidelity::place::Place;
-use crate::fidelity::pooled::{HandError, Pooled, Releases, Still};
+use crate::fidelity::worst_cases::{HandError, Releases, Still, WorstCases};
 
 /// Meaning of the columns of still contact.
 const STILL_NOTE: &str = "posture: way of the hand to the wall, third joint, smallest singular value, dry friction at the grip; \
@@ -22,7 +22,7 @@ beyond_assist_rms_n,friction_n,compensation_n,centring_n,damping_n,passivity_n,i
 taken_j,saturated_cycles,stopped_by";
 
 /// Returns the tables.
-pub(super) fn tables(pooled: &Pooled) -> [Table; 2] {
+pub(super) fn tables(pooled: &WorstCases) -> [Table; 2] {
     let hands = pooled.still.first().map(|one| {
         let names: Vec<&str> = one.hands.iter().map(|hand| hand.hand).collect();
         format!("hands: {}", names.join(", "))
@@ -70,7 +70,7 @@ fn by_hand(still: &Still, digits: usize, value: fn(&HandError) -> f64) -> String
     hands.collect::<Vec<_>>().join(" ")
 }
 
-/// Returns every situation of every run, one line each.
+/// Returns the CSV of all runs, one line for each situation.
 pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
     let situations = rows.iter().flat_map(|row| {
         let Row { config, condition, hand, seed, release, saturated_cycles, stopped_by, .. } = row;

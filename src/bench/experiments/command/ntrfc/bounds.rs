@@ -1,10 +1,10 @@
-//! The bounds of accommodation: courses with gains 10 % inside and 10 % outside of each.
+//! Bounds of force accommodation: courses with gains 10 % below and 10 % above each.
 
 use crate::command::table::{self, Column, Table};
 use crate::contact_bounds::{Bound, Course, Model, Row};
 use config::robots::RobotArm;
 
-/// Names of the columns of bounds.csv; the delay is empty but for the sampled bound.
+/// Names of the columns of bounds.csv; only the sampled bound has a delay.
 const HEAD: &str = "arm,bound,delay_cycles,model,share,figure,is_calm";
 
 /// Meaning of the columns of the table.
@@ -14,7 +14,7 @@ growth of a disturbance of the rest";
 /// Gains as shares of the bound.
 const SHARES: [f64; 2] = [0.9, 1.1];
 
-/// Bounds in contact: the servo's, and that of the sampled loop over the cycles by which the force is late.
+/// Bounds in contact: that of the servo, and that of the sampled loop with a force delayed by 0, 1 and 2 cycles.
 const BOUNDS: [Bound; 4] = [Bound::Servo, Bound::Sampled(0), Bound::Sampled(1), Bound::Sampled(2)];
 
 /// Returns all courses of each arm.
@@ -67,7 +67,7 @@ pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
     table::csv(HEAD, rows.iter().map(row))
 }
 
-/// Refuses a course that oscillates within its bound, or is calm beyond it.
+/// Returns the reason to fail: a course that oscillates within its bound, or is calm beyond it.
 pub(super) fn gate(rows: &[Row]) -> Option<String> {
     let wrong = rows.iter().find(|row| row.is_calm != (row.share < 1.0))?;
     let Row { arm, bound, model: of, share, is_calm, .. } = wrong;

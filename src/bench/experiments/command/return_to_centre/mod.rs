@@ -4,7 +4,7 @@ mod report;
 
 use clap::Args;
 
-use crate::command::common::{self, Common, Named, Results};
+use crate::command::common::{self, Common, NamedConfig, Results};
 use crate::command::frame::{Files, Frame, Report};
 use crate::return_to_centre::script::{AXES, Sweep};
 use crate::return_to_centre::trial::Row;
@@ -27,7 +27,7 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Runs everything, prints the table and writes the files.
+/// Runs the experiment, prints the table and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let Results { seed, short, .. } = args.common.results;
     let configs = args.common.configs()?;
@@ -37,9 +37,10 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let axes = (0..AXES.len()).filter(|axis| !short || SHORT.contains(axis));
     let axes: Vec<usize> = axes.collect();
     let of = |named| axes.iter().map(move |axis| (named, *axis));
-    let jobs: Vec<(&Named, usize)> = configs.iter().flat_map(of).collect();
-    let rows = frame.play(&jobs, |(Named { name, config }, axis)| {
-        Row::play(name, config, &Sweep::of(config, *axis, leg_s), seed).or_fail(Kind::Configuration)
+    let jobs: Vec<(&NamedConfig, usize)> = configs.iter().flat_map(of).collect();
+    let rows = frame.play(&jobs, |(NamedConfig { name, config }, axis)| {
+        Row::play(name, config, &Sweep::new(config, *axis, leg_s), seed)
+            .or_fail(Kind::Configuration)
     })?;
     frame.conclude(Report {
         figures: &rows,

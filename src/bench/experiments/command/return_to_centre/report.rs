@@ -39,7 +39,7 @@ impl Row {
         self.size(force) + if self.is_rotation { " N·m" } else { " N" }
     }
 
-    /// Returns a figure of the curve, if there is one.
+    /// Returns a figure of the curve as text, or a dash where it is absent.
     fn figure(&self, text: impl Fn(&Figures) -> Option<String>) -> String {
         self.figures.as_ref().and_then(text).unwrap_or_else(|| "–".to_owned())
     }
@@ -51,7 +51,7 @@ impl Row {
         self.forced(figures.felt) + &off
     }
 
-    /// Returns where the grip comes to rest, and the time until it is within the deadband.
+    /// Returns the displacement at rest, and the time until the grip is within the deadband.
     fn end(&self) -> String {
         let after = self.returned.after_s.map(|seconds| format!("{seconds:.2} s"));
         let after = after.unwrap_or_else(|| "outside".to_owned());

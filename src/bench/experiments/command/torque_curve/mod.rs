@@ -1,4 +1,4 @@
-//! `frhc experiment torque-curve`: Fig. 6 of the paper, and what its section 4.2 says of it.
+//! `frhc experiment torque-curve`: torque curves and test forces of the paper (section 4.2, Fig. 6).
 
 mod report;
 
@@ -7,10 +7,10 @@ use std::num::NonZero;
 use clap::Args;
 use serde::Serialize;
 
-use crate::command::common::{self, Common, Named};
+use crate::command::common::{self, Common, NamedConfig};
 use crate::command::frame::{Files, Frame, Report};
 use crate::fidelity::trial::Arm;
-use crate::torque_curves::calibration::{self, Bench};
+use crate::torque_curves::calibration::{self, JointCurves};
 use crate::torque_curves::test_force::{self, Curve};
 use config::JointParameters;
 use run::exit::{Failure, Kind, OrFail};
@@ -22,7 +22,7 @@ const FILES: Files = Files {
     picture: ("curves.svg", 3),
 };
 
-/// Arms that are tried: friction hides a part of what the curves do.
+/// Simulated arms: friction hides a part of the curves' effect.
 const ARMS: [Arm; 2] = [Arm::Identified, Arm::Frictionless];
 
 /// `frhc experiment torque-curve`.
@@ -35,21 +35,21 @@ pub struct Arguments {
     seeds: NonZero<u64>,
 }
 
-/// The motors of a configuration by one seed.
+/// Measured motors of a configuration, with the curves of one seed.
 struct Motors<'n> {
-    named: &'n Named,
+    named: &'n NamedConfig,
     seed: u64,
-    benches: Vec<Bench>,
+    joint_curves: Vec<JointCurves>,
 }
 
-/// All results.
+/// Results of the experiment.
 #[derive(Serialize)]
 struct Figures {
     joints: Vec<calibration::Row>,
     test_forces: Vec<test_force::Row>,
 }
 
-/// Runs everything, prints the tables and writes the files.
+/// Runs the experiment, prints the tables and writes the files.
 pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let configs = args.common.configs()?;
     let frame = Frame::new(&args.common.results, &FILES, is_quiet)?;
@@ -58,15 +58,16 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let jobs = each.flat_map(|(motors, arm)| Curve::ALL.map(|curve| (motors, arm, curve)));
     let jobs: Vec<(&Motors<'_>, Arm, Curve)> = jobs.collect();
     let test_forces = frame.play(&jobs, |(motors, arm, curve)| {
-        let Motors { named: Named { name, config }, seed, benches } = motors;
-        test_force::Row::play(name, config, benches, (*arm, *curve, *seed)).or_fail(Kind::Drive)
+        let Motors { named: NamedConfig { name, config }, seed, joint_curves } = motors;
+        test_force::Row::play(name, config, joint_curves, (*arm, *curve, *seed))
+            .or_fail(Kind::Drive)
     })?;
     let joints = motors.iter().flat_map(|motors| {
-        motors.each().map(|(joint, bench)| bench.row(&motors.named.name, joint, motors.seed))
+        motors.each().map(|(joint, curves)| curves.row(&motors.named.name, joint, motors.seed))
     });
     let figures = Figures { joints: joints.collect(), test_forces };
     let Figures { joints, test_forces } = &figures;
-    // A stop with the maker's line is a result.
+    // Only stops with the polynomial fail the experiment.
     let calibrated = test_forces.iter().filter(|row| row.curve == Curve::Polynomial);
     frame.conclude(Report {
         tables: vec![report::joints(joints), report::test_forces(test_forces)],
@@ -74,7 +75,9 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         panels: || {
             let first = motors.iter().filter(|motors| motors.seed == args.common.results.seed);
             let panels = first.flat_map(|motors| {
-                motors.each().map(|(joint, bench)| report::panel(&motors.named.name, joint, bench))
+                motors
+                    .each()
+                    .map(|(joint, curves)| report::panel(&motors.named.name, joint, curves))
             });
             Ok(panels.collect())
         },
@@ -87,19 +90,20 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
 }
 
 impl Motors<'_> {
-    /// Returns every joint with its bench.
-    fn each(&self) -> impl Iterator<Item = (&JointParameters, &Bench)> {
-        self.named.config.joints.iter().zip(&self.benches)
+    /// Returns the joints, each with its measurement.
+    fn each(&self) -> impl Iterator<Item = (&JointParameters, &JointCurves)> {
+        self.named.config.joints.iter().zip(&self.joint_curves)
     }
 }
 
 /// Measures the motors of every configuration and seed.
-fn motors<'n>(args: &Arguments, configs: &'n [Named]) -> Result<Vec<Motors<'n>>, Failure> {
+fn motors<'n>(args: &Arguments, configs: &'n [NamedConfig]) -> Result<Vec<Motors<'n>>, Failure> {
     let seeds = || args.common.results.seeds(args.seeds);
     let each = configs.iter().flat_map(|named| seeds().map(move |seed| (named, seed)));
     each.map(|(named, seed)| {
-        let benches = Bench::measure_all(&named.config, seed).or_fail(Kind::Configuration)?;
-        Ok(Motors { named, seed, benches })
+        let joint_curves =
+            JointCurves::measure_all(&named.config, seed).or_fail(Kind::Configuration)?;
+        Ok(Motors { named, seed, joint_curves })
     })
     .collect()
 }

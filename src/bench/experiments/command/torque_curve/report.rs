@@ -2,8 +2,8 @@
 
 use crate::command::table::{self, Column, Table};
 use crate::pool;
-use crate::torque_curves::calibration::{Bench, Row};
-use crate::torque_curves::test_force::{self, Feeling, TEST_FORCE, TEST_MOMENT};
+use crate::torque_curves::calibration::{JointCurves, Row};
+use crate::torque_curves::test_force::{self, ForceError, TEST_FORCE, TEST_MOMENT};
 use calibration::fit::Direction;
 use config::JointParameters;
 use controller::calibration::TorqueCurve;
@@ -22,13 +22,13 @@ const TEST_FORCES_HEAD: &str =
 const JOINTS_NOTE: &str = "error of the joint torque that a target makes, in percent of the range: rms and max over the range without friction; \
 rising, falling: rms of the load cell's readings in that driving direction, friction included; the worst seed";
 
-/// Points of a curve.
+/// Number of points of a drawn curve.
 const POINTS: i32 = 60;
 
-/// Rows that are the same but for the seed: the first, and all.
+/// Rows that differ in the seed alone: the first row, and all rows.
 type Seeds<'r, R> = (&'r R, Vec<&'r R>);
 
-/// Returns the rows by what they share, in the order in which that appears first.
+/// Groups rows for which `is_same` is true, in the order of the first row of each group.
 fn by_seeds<R>(rows: &[R], is_same: impl Fn(&R, &R) -> bool) -> Vec<Seeds<'_, R>> {
     let mut groups: Vec<Seeds<'_, R>> = Vec::new();
     for row in rows {
@@ -75,7 +75,7 @@ fn worst(rows: &[&Row], of: impl Fn(&Row) -> f64) -> f64 {
     pool::max(rows.iter().map(|row| of(row)))
 }
 
-/// Returns the worst of two errors each.
+/// Returns the maximum of each of two errors, as `1.0, 2.0`.
 fn pair(rows: &[&Row], digits: usize, of: fn(&Row) -> [f64; 2]) -> String {
     let (a, b) = (worst(rows, |row| of(row)[0]), worst(rows, |row| of(row)[1]));
     format!("{a:.digits$}, {b:.digits$}")
@@ -113,8 +113,8 @@ pub(super) fn test_forces(rows: &[test_force::Row]) -> Table {
     Table::new(by_seeds(rows, is_same), columns, note)
 }
 
-/// Returns a figure of the three test forces from one on, of all seeds.
-fn felt(rows: &[&test_force::Row], from: usize, of: fn(&Feeling) -> f64) -> Vec<f64> {
+/// Returns a figure of the test forces `from` to `from + 2`, of all seeds.
+fn felt(rows: &[&test_force::Row], from: usize, of: fn(&ForceError) -> f64) -> Vec<f64> {
     let parts = rows.iter().flat_map(|row| row.felt.iter().skip(from).take(3));
     parts.flatten().map(of).collect()
 }
@@ -129,7 +129,7 @@ fn some(values: &[f64], text: fn(&[f64]) -> String) -> String {
     if values.is_empty() { "–".to_owned() } else { text(values) }
 }
 
-/// Returns the errors of every joint and seed, one line each, in percent of the range.
+/// Returns the CSV of the joints' errors in percent of the range, one line for each joint and seed.
 pub(super) fn joints_csv(rows: &[Row]) -> anyhow::Result<String> {
     let row = |row: &Row| {
         let Row { config, joint, seed, range, friction, line, polynomial, .. } = row.clone();
@@ -138,33 +138,36 @@ pub(super) fn joints_csv(rows: &[Row]) -> anyhow::Result<String> {
     table::csv(JOINTS_HEAD, rows.iter().map(row))
 }
 
-/// Returns every test force of every run, one line each.
+/// Returns the CSV of the test forces, one line for each force of each run.
 pub(super) fn test_forces_csv(rows: &[test_force::Row]) -> anyhow::Result<String> {
     let along = ["x", "y", "z", "about x", "about y", "about z"];
     let each = rows.iter().flat_map(|row| along.iter().zip(&row.felt).map(move |one| (row, one)));
-    let fields = |(row, (along, felt)): (&test_force::Row, (&&'static str, &Option<Feeling>))| {
-        let test_force::Row { config, arm, curve, seed, weight_n, stopped_by, .. } = row.clone();
-        let felt = felt.map(|one| [one.size_percent, one.turned_deg, one.error_percent].map(Some));
-        let (arm, curve, felt) = (arm.to_string(), curve.to_string(), felt.unwrap_or_default());
-        (config, arm, curve, seed, *along, felt, weight_n, stopped_by)
-    };
+    let fields =
+        |(row, (along, felt)): (&test_force::Row, (&&'static str, &Option<ForceError>))| {
+            let test_force::Row { config, arm, curve, seed, weight_n, stopped_by, .. } =
+                row.clone();
+            let felt =
+                felt.map(|one| [one.size_percent, one.turned_deg, one.error_percent].map(Some));
+            let (arm, curve, felt) = (arm.to_string(), curve.to_string(), felt.unwrap_or_default());
+            (config, arm, curve, seed, *along, felt, weight_n, stopped_by)
+        };
     table::csv(TEST_FORCES_HEAD, each.map(fields))
 }
 
 /// Returns the panel of a joint: target over torque, as in Fig. 6.
-pub(super) fn panel(config: &str, joint: &JointParameters, bench: &Bench) -> Panel {
-    let end = bench.truth.max_torque();
+pub(super) fn panel(config: &str, joint: &JointParameters, curves: &JointCurves) -> Panel {
+    let end = curves.truth.max_torque();
     let curve = |curve: &TorqueCurve| {
         let torques = (-POINTS..=POINTS).map(|step| end * f64::from(step) / f64::from(POINTS));
         torques.map(|torque| [torque, curve.at(torque)]).collect::<Vec<_>>()
     };
     let marks = |direction: Direction| {
-        let samples = bench.samples.iter().filter(|sample| sample.direction == direction);
-        samples.map(|sample| [sample.torque, bench.target(sample)]).collect::<Vec<_>>()
+        let samples = curves.samples.iter().filter(|sample| sample.direction == direction);
+        samples.map(|sample| [sample.torque, curves.target(sample)]).collect::<Vec<_>>()
     };
     let series = [
-        Series::new("polynomial", Ink::Line, curve(&bench.fitted)),
-        Series::new("maker's line", Ink::Dashed, curve(&bench.line)),
+        Series::new("polynomial", Ink::Line, curve(&curves.fitted)),
+        Series::new("maker's line", Ink::Dashed, curve(&curves.line)),
         Series::new("measured, rising", Ink::Marks, marks(Direction::Up)),
         Series::new("measured, falling", Ink::Marks, marks(Direction::Down)),
     ];

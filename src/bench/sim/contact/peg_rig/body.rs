@@ -1,15 +1,14 @@
-//! A peg without mass that yields to the forces on it: quasi-static, so that springs and friction alone decide where it
-//! stays.
+//! Quasi-static motion of a peg without mass: springs and friction alone determine its equilibrium.
 //!
 //! Each step moves the peg by its wrench over a stiffness above that of its contact; at rest the wrench is zero. Forces
-//! follow from positions alone, and points of contact keep their anchors, so a peg that friction holds stands still.
+//! depend on positions alone, and points of contact keep their anchors, so a peg that friction holds does not move.
 
 use nalgebra::{Isometry3, Vector3};
 
 use crate::contact::{Contact, Features};
 use units::spatial::{Twist, Wrench};
 
-/// Part of the way to equilibrium that one step covers in the stiffest direction.
+/// Part of the distance to equilibrium that one step covers in the stiffest direction.
 const SHARE: f64 = 0.4;
 
 /// Minimum number of points whose stiffness limits a step.
@@ -19,11 +18,11 @@ const MIN_POINTS: u16 = 8;
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     contact: Contact,
-    /// Pose of the end of the peg in the plate, and {M} at once.
+    /// Pose of the end of the peg in the plate, which is also {M}.
     x_p_e: Isometry3<f64>,
     /// Stiffness of one point of contact, in N/m.
     point_stiffness: f64,
-    /// Length by which moments turn the peg as forces move it, in m.
+    /// Length that relates the effect of moments to that of forces, in m.
     lever: f64,
 }
 
@@ -53,7 +52,7 @@ impl Body {
         self.contact.pressure()
     }
 
-    /// Returns how far the end is below the face, in m.
+    /// Returns the depth of the end below the face, in m.
     pub(super) fn depth(&self) -> f64 {
         -self.x_p_e.translation.z
     }

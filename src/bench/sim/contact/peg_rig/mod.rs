@@ -1,8 +1,8 @@
 //! Test rig: a passive peg in or above a hole, pushed by a given wrench or lowered by a compliant grip.
 //!
-//! The peg has no mass and moves quasi-statically (`body`), as in the analysis of Whitney (1982) and Simunovic (1975),
-//! with which `tests` compares it: the jamming diagram and the bound of wedging. Everything is in the frame {P} of the plate:
-//! origin where the hole's axis meets the face, z out of the material. Pegs are parallel to z when not tilted.
+//! The peg has no mass and moves quasi-statically (`body`), as in the analysis of Whitney (1982) and Simunovic (1975). The
+//! tests compare the jamming diagram and the bound of wedging. All poses are in the frame {P} of the plate: origin at the
+//! intersection of the hole's axis with the face, z out of the material. Pegs without tilt are parallel to z.
 
 mod body;
 
@@ -36,7 +36,7 @@ const WEDGED: f64 = 0.05;
 /// Gap between peg and plate at the start of a lowering, in m.
 const GAP: f64 = 1e-4;
 
-/// One peg and one hole; lengths in m.
+/// Settings of one peg and one hole; lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PegRigSettings {
     /// Radius of the peg.
@@ -53,20 +53,20 @@ pub struct PegRigSettings {
     pub thickness: f64,
     /// Friction coefficient µ.
     pub friction: f64,
-    /// Stiffness with the whole end on the face, in N/m.
+    /// Stiffness with all points of the end on the face, in N/m.
     pub stiffness: f64,
 }
 
 /// Pose of the peg before it is lowered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Approach {
-    /// x and y of the centre of its end, in m.
+    /// Position x, y of the centre of the peg's end, in m.
     pub offset: [f64; 2],
     /// Rotation vector about x and y, in rad.
     pub tilt: [f64; 2],
 }
 
-/// A compliant grip: springs at a centre on the axis of the peg.
+/// Compliant grip: springs at a centre of compliance on the axis of the peg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grip {
     /// Distance of the centre from the end of the peg, in m.
@@ -83,7 +83,7 @@ pub struct Grip {
 #[derive(Clone, Copy, Debug, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
-    /// The end reached the wanted depth.
+    /// The end reached the requested depth.
     Inserted,
     /// The peg stopped with its end in the bore.
     Jammed,
@@ -91,14 +91,14 @@ pub enum Outcome {
     Rejected,
 }
 
-/// A peg after it was lowered.
+/// Result of a lowering.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lowered {
+pub struct LoweringResult {
     /// Outcome.
     pub outcome: Outcome,
-    /// Pose of its end in {P}; its z axis points into the hole.
+    /// Pose of the peg's end in {P}; its z axis points into the hole.
     pub x_p_e: Isometry3<f64>,
-    /// Depth of the centre of its end below the face, in m.
+    /// Depth of the centre of the end below the face, in m.
     pub depth: f64,
     /// Points in contact.
     pub features: Features,
@@ -106,7 +106,7 @@ pub struct Lowered {
 
 /// Contact of a peg at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touched {
+pub struct PegContact {
     /// Wrench of the plate on the peg, at the centre of its end in the axes of the plate.
     pub f_e: Wrench,
     /// Points in contact.
@@ -136,7 +136,7 @@ impl PegRig {
     ///
     /// # Errors
     ///
-    /// If a size is not positive, or the hole is smaller than the peg.
+    /// A size is not positive, or the hole is smaller than the peg.
     pub fn new(settings: PegRigSettings) -> Result<Self, InvalidContact> {
         let [peg_width, peg_chamfer_length] = settings.peg_chamfer;
         let [hole_width, hole_depth] = settings.hole_chamfer;
@@ -174,16 +174,16 @@ impl PegRig {
         Ok(Self { settings, contact: Contact::new(Shape::Pegs(pegs), scene)? })
     }
 
-    /// Returns the contact of a peg that was put to `approach` with its end `depth` m below the face; no point sticks.
-    pub fn touched(&self, approach: &Approach, depth: f64) -> Touched {
+    /// Returns the contact of a peg placed at `approach` with its end `depth` m below the face, without friction anchors.
+    pub fn touched(&self, approach: &Approach, depth: f64) -> PegContact {
         let x_p_e = approach.at(-depth);
         let mut contact = self.contact.clone();
         let f_e = contact.wrench(&x_p_e, &Twist::ZERO).turned(&x_p_e.rotation);
-        Touched { f_e, features: *contact.features() }
+        PegContact { f_e, features: *contact.features() }
     }
 
-    /// Returns whether a peg that is pushed at `depth` moves in. It starts in the middle of the hole without tilt, comes
-    /// to rest with its depth held, and is then released.
+    /// Returns whether a peg at `depth` moves in under `push`. It starts in the middle of the hole without tilt, comes to
+    /// rest at constant depth, and is then released.
     pub fn moves_in(&self, depth: f64, push: &Push) -> bool {
         let load = push.wrench();
         let mut body = self.settled(depth, &load);
@@ -191,8 +191,8 @@ impl PegRig {
         self.run(&mut body, |_| load, |body| body.depth() >= start + enough)
     }
 
-    /// Returns whether a peg stays wedged at `depth` after the `moment` in N·m that has tilted it is gone: its two contacts
-    /// press on each other with at least 5 % of their force before.
+    /// Returns whether a peg at `depth` stays wedged after the removal of the `moment`, in N·m, that tilted it: its two
+    /// contacts retain at least 5 % of their force.
     pub fn wedges(&self, depth: f64, moment: f64) -> bool {
         let mut body = self.settled(depth, &Push { across: 0.0, into: 0.0, moment }.wrench());
         let loaded = body.pressure();
@@ -210,7 +210,7 @@ impl PegRig {
     }
 
     /// Lowers a peg with `grip` until its end is at `depth`, or it stops.
-    pub fn lower(&self, approach: &Approach, grip: &Grip, depth: f64) -> Lowered {
+    pub fn lower(&self, approach: &Approach, grip: &Grip, depth: f64) -> LoweringResult {
         let [a, b] = approach.tilt;
         let start = approach.at(self.settings.peg_radius * a.hypot(b).sin() + GAP);
         let mut body = self.body(start, depth);
@@ -224,10 +224,15 @@ impl PegRig {
         } else {
             Outcome::Rejected
         };
-        Lowered { outcome, x_p_e: *body.x_p_e(), depth: body.depth(), features: *body.features() }
+        LoweringResult {
+            outcome,
+            x_p_e: *body.x_p_e(),
+            depth: body.depth(),
+            features: *body.features(),
+        }
     }
 
-    /// Returns a peg in the middle of the hole that has come to rest under `load` with its depth held.
+    /// Returns a peg from the middle of the hole, at rest under `load` at constant depth.
     fn settled(&self, depth: f64, load: &Wrench) -> Body {
         let mut body = self
             .body(Isometry3::from_parts(Vector3::new(0.0, 0.0, -depth).into(), facing()), depth);
@@ -241,7 +246,7 @@ impl PegRig {
         body
     }
 
-    /// Moves the peg until it `is_done`, which is returned, or stands still.
+    /// Moves the peg until `is_done`, then returns true, or until standstill.
     fn run(
         &self,
         body: &mut Body,
@@ -274,8 +279,8 @@ impl PegRig {
         Body::new(self.contact.clone(), x_p_e, self.contact.point_stiffness(), self.lever(depth))
     }
 
-    /// Returns a motion in m that a peg stuck at `depth` cannot make: until its second contact is made it tilts around the
-    /// first, from one side of the hole to the other, and slides meanwhile.
+    /// Returns an upper bound, in m, of the motion of a peg stuck at `depth`. Until its second contact it tilts around the
+    /// first, from one side of the hole to the other, and slides.
     fn visible_motion(&self, depth: f64) -> f64 {
         let PegRigSettings { peg_radius, hole_radius, .. } = self.settings;
         let lever = self.lever(depth);
@@ -284,7 +289,7 @@ impl PegRig {
         (tilting + sliding + 0.5) * (hole_radius - peg_radius)
     }
 
-    /// Returns the length by which moments turn a peg that is in by up to `depth`.
+    /// Returns the length that relates moments to forces, for depths up to `depth`.
     fn lever(&self, depth: f64) -> f64 {
         depth.max(self.settings.peg_radius)
     }

@@ -1,4 +1,4 @@
-//! The way from a controlword to the torque demand: state, task, mode, and one step of the control loops.
+//! Path from a controlword to the torque demand: state, task, mode, and one step of the control loops.
 
 use crate::drive::axis::Axis;
 use crate::drive::status;
@@ -28,7 +28,7 @@ impl Axis {
         }
     }
 
-    /// Counts edges of bit 7 in a fault; returns whether this word is one that has no effect.
+    /// Counts edges of bit 7 in a fault; returns whether this word must be ignored.
     fn ignores_reset(&mut self, word: Controlword) -> bool {
         let bit = Controlword::FAULT_RESET.0;
         let is_edge = word.0 & bit != 0 && self.power.controlword().0 & bit == 0;
@@ -70,7 +70,7 @@ impl Axis {
         }
     }
 
-    /// Returns whether it has a mode: one of 6502h, or an unlisted one.
+    /// Returns whether the drive has a mode: one of 6502h, or an unlisted one.
     pub(super) fn has_mode(&self, dictionary: &Dictionary, mode: u8) -> bool {
         let is_unlisted = self.has_unlisted_torque_mode && task::is_cyclic_torque(mode);
         is_unlisted || task::has_mode(dictionary, mode)

@@ -1,4 +1,4 @@
-//! Any input, in any order.
+//! Properties of a drive for any inputs in any order.
 
 use proptest::prelude::*;
 
@@ -87,7 +87,7 @@ impl Wire {
             Input::TorqueOff(is_off) => self.drive.set_safe_torque_off(is_off),
             Input::Voltage(volts) => self.drive.set_link_voltage(volts),
             Input::Motor(velocity, temperature) => {
-                self.motor = Sensed { velocity, temperature, ..self.motor };
+                self.motor = MotorReading { velocity, temperature, ..self.motor };
                 self.update_motor();
             }
             // Stop remote node in NMT operational counts as a connection loss.

@@ -49,7 +49,7 @@ struct Line {
 }
 
 impl Line {
-    fn of(eds: &[u8]) -> Self {
+    fn from_eds(eds: &[u8]) -> Self {
         Self::with(eds, &[])
     }
 
@@ -104,7 +104,7 @@ impl Line {
 #[test]
 fn real_data_sheets_make_drives_with_torque() {
     for (name, eds) in WITH_TORQUE {
-        let mut line = Line::of(eds);
+        let mut line = Line::from_eds(eds);
         assert_eq!(line.drive.state(), State::SwitchOnDisabled, "{name}");
         line.enable();
         assert_eq!(line.drive.state(), State::OperationEnabled, "{name}");
@@ -115,7 +115,7 @@ fn real_data_sheets_make_drives_with_torque() {
 #[test]
 fn mode_10_is_refused_by_a_drive_whose_6502h_lacks_it() {
     for (name, eds) in WITHOUT_MODE_10 {
-        assert!(!Line::of(eds).write(Object::MODE_OF_OPERATION, &[10]), "{name}");
+        assert!(!Line::from_eds(eds).write(Object::MODE_OF_OPERATION, &[10]), "{name}");
         let mut line = Line::with(eds, &[MODE_10]);
         line.enable();
         assert_eq!(line.drive.state(), State::OperationEnabled, "{name}");
@@ -133,7 +133,7 @@ fn limit_by_current_limits_the_torque() {
 
 #[test]
 fn torque_limit_of_the_maker_is_stored() {
-    let mut line = Line::of(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
+    let mut line = Line::from_eds(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
     let output_current_limit: Object = "3001h:2".parse().unwrap();
     assert!(line.write(output_current_limit, &1_200_u32.to_le_bytes()));
     assert_eq!(line.drive.dictionary().unsigned(output_current_limit), 1_200);
@@ -142,10 +142,11 @@ fn torque_limit_of_the_maker_is_stored() {
 
 #[test]
 fn absent_objects_cannot_be_written() {
-    let mut ingenia = Line::of(include_bytes!("../../../../../eds/drives/ingenia-eve-net-c.eds"));
+    let mut ingenia =
+        Line::from_eds(include_bytes!("../../../../../eds/drives/ingenia-eve-net-c.eds"));
     assert!(!ingenia.write(Object::CONSUMER_HEARTBEAT, &0x007F_0016_u32.to_le_bytes()));
     assert!(!ingenia.write(Object::MAX_TORQUE, &[0, 1]));
-    let mut epos4 = Line::of(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
+    let mut epos4 = Line::from_eds(include_bytes!("../../../../../eds/drives/maxon-epos4.eds"));
     assert!(!epos4.write(Object::rpdo_communication(1, 5), &[8, 0]));
     assert!(!epos4.write(Object::ERROR_BEHAVIOUR, &[1]));
 }
@@ -172,7 +173,7 @@ fn life_guarding_stops_drives_without_heartbeat_consumer() {
 
 #[test]
 fn sync_is_80h_where_1005h_is_absent() {
-    let mut line = Line::of(include_bytes!("../../../../../eds/drives/elmo-gold.eds"));
+    let mut line = Line::from_eds(include_bytes!("../../../../../eds/drives/elmo-gold.eds"));
     assert!(line.drive.dictionary().entry(Object::SYNC_COB_ID).is_none());
     let cob_id = Object::tpdo_communication(1, 1);
     assert!(line.write(cob_id, &0x8000_0183_u32.to_le_bytes()));

@@ -60,7 +60,7 @@ fn plan() -> NodePlan {
     NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
 }
 
-/// Decodes TPDO1 of the layout with one frame each way.
+/// Decodes TPDO1 of the layout with one frame per direction.
 fn sample(data: &[u8]) -> Option<DriveSample> {
     let &[s0, s1, p0, p1, p2, p3, t0, t1] = data else { return None };
     Some(DriveSample {
@@ -74,7 +74,7 @@ fn sample(data: &[u8]) -> Option<DriveSample> {
 struct Wire {
     drive: Drive,
     /// Motor values; the motor applies the torque demand.
-    motor: Sensed,
+    motor: MotorReading,
     now: Instant,
     stage: PowerStage,
     sample: DriveSample,
@@ -85,7 +85,7 @@ impl Wire {
     fn new() -> Self {
         Self {
             drive: drive(),
-            motor: Sensed { temperature: 25.0, ..Sensed::default() },
+            motor: MotorReading { temperature: 25.0, ..MotorReading::default() },
             now: Instant::ZERO,
             stage: PowerStage::default(),
             sample: DriveSample::default(),

@@ -1,4 +1,4 @@
-//! Values of the nameplate stored wrong: what the drive then does.
+//! Behaviour of a drive with wrong values stored in its nameplate.
 
 use super::*;
 
@@ -9,7 +9,7 @@ fn stored_values_survive_resets_and_turn_the_encoder() {
         let resets = [0x82, 0x81].map(|command| Frame::new(0x000, [command, 3]));
         let received: Vec<_> = (1..).map(ms).zip(resets).collect();
         sent(&mut drive, &received, ms(5));
-        drive.sense(&Sensed { position: std::f64::consts::TAU, ..Sensed::default() });
+        drive.sense(&MotorReading { position: std::f64::consts::TAU, ..MotorReading::default() });
         drive.dictionary().unsigned(Object::POSITION_ACTUAL).cast_signed()
     };
     assert_eq!(turned(&[]), 204_800);
@@ -26,7 +26,7 @@ fn velocity_resolution_stored_wrong_scales_velocities_only() {
         let mut drive = drive(names);
         sent(&mut drive, &[], ms(5));
         let turn = std::f64::consts::TAU;
-        drive.sense(&Sensed { position: turn, velocity: turn, ..Sensed::default() });
+        drive.sense(&MotorReading { position: turn, velocity: turn, ..MotorReading::default() });
         [Object::POSITION_ACTUAL, Object::VELOCITY_ACTUAL].map(|it| drive.dictionary().unsigned(it))
     };
     assert_eq!(shown(&[]), [204_800, 204_800]);
@@ -48,7 +48,7 @@ fn drive_that_does_not_list_a_mode_refuses_it() {
 fn rated_current_stored_wrong_changes_no_torque() {
     let shown = |names: &[&str]| {
         let mut drive = drive(names);
-        drive.sense(&Sensed { per_mille: 250.0, ..Sensed::default() });
+        drive.sense(&MotorReading { per_mille: 250.0, ..MotorReading::default() });
         [Object::RATED_CURRENT, Object::CURRENT_ACTUAL, Object::TORQUE_ACTUAL]
             .map(|object| drive.dictionary().unsigned(object))
     };

@@ -24,38 +24,38 @@ const MIN_FORCE: f64 = 0.5;
 /// Torque in N·m that counts as reflection.
 const MIN_TORQUE: f64 = 1e-9;
 
-/// Outcome of a run.
+/// Outcome of a run over a link.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The hand comes to rest at the wall.
     #[display("calm")]
     Calm,
-    /// It swings.
+    /// The hand moves at the wall with more than 2 mm/s RMS.
     #[display("swings")]
     Swings,
     /// The node ended the reflection or stopped the drives.
     #[display("stopped")]
     Stopped,
-    /// The link was lost, or nothing young enough came over it.
+    /// The link was lost, or no sample within the maximum age arrived.
     #[display("link lost")]
     LinkLost,
-    /// The hand rests, and nothing touches the wall.
+    /// The hand rests, but less than 0.5 N acts on the wall.
     #[display("wall not met")]
     WallNotMet,
 }
 
-/// Figures of a run so far.
-pub(super) struct Measured {
-    /// Energy in contact.
+/// Measurement of a run, one cycle at a time.
+pub(super) struct Measurement {
+    /// Energy and reversals in contact.
     pub(super) contact: Contact,
     /// Shaking of the arm in free motion.
     pub(super) shaking: Shaking,
-    /// Energy that the layer took from the hand, in J.
+    /// Energy that the passivity layer took from the hand, in J.
     pub(super) taken: f64,
     /// Largest torque beyond gravity compensation, in N·m.
     pub(super) largest: f64,
-    /// Time from the start of the outage until the last such torque, in s.
+    /// Time from the start of the outage until the last torque beyond gravity compensation, in s.
     pub(super) reflected_for: Option<f64>,
     /// Cause of a stop.
     pub(super) cause: Option<Cause>,
@@ -77,8 +77,8 @@ struct Rest {
     reflected: f64,
 }
 
-impl Measured {
-    /// Begins with an arm of `config`; `outage` is the start of an outage since the start of the node, in s.
+impl Measurement {
+    /// Starts a measurement; `outage` is the start of an outage since the start of the node, in s.
     pub(super) fn new(config: &Config, outage: Option<f64>) -> Self {
         Self {
             contact: Contact::default(),
@@ -116,7 +116,7 @@ impl Measured {
         }
     }
 
-    /// Adds the work of the layer: its torque of two cycles ago over the last motion.
+    /// Adds the work of the layer: its torque of two cycles ago times the last motion.
     fn add_layer(&mut self, record: &Record) {
         let output = &record.output;
         let acted = self.layer.acted();
@@ -150,7 +150,7 @@ impl Measured {
         self.rest.reflected / self.rest.cycles.max(1.0)
     }
 
-    /// Returns what became of the run.
+    /// Returns the outcome: a stop first, then unrest, then a wall that was not met.
     pub(super) fn outcome(&self) -> Outcome {
         match self.cause.map(|cause| cause.kind()) {
             Some(Kind::LinkLost) => Outcome::LinkLost,

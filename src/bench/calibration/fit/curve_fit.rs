@@ -1,4 +1,4 @@
-//! All of a joint's samples to its curve, with the evidence for and against it.
+//! Fit of a joint's samples to its torque curve, with figures of its quality.
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -12,23 +12,23 @@ use crate::fit::selection;
 use crate::fit::uneven::Unevenness;
 use controller::torque_curve::{InvalidTorqueCurve, TorqueCurve};
 
-/// Samples in each driving direction, two more than a quintic has coefficients.
+/// Minimum number of samples in each driving direction: two more than a quintic has coefficients.
 const LEAST: usize = 8;
-/// Parts of the range, at whose ends the distance of the directions is looked at.
+/// Number of steps of the range at which the distance of the directions is evaluated.
 const PARTS: u16 = 200;
-/// Resolution of the end of a range: steps per N·m.
+/// Resolution of the end of a range, in steps per N·m.
 const ENDS: f64 = 1e6;
-/// Standard deviations and part of the range by which friction must differ from zero to be below it.
+/// Minimum size of negative friction that is not noise: in standard deviations, and as a part of the range.
 pub(super) const EXCHANGED: (f64, f64) = (3.0, 1e-3);
 
 /// Dry friction of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DryFriction {
-    /// In N·m. Below zero: samples driven up lie below those driven down, as if the directions were exchanged.
+    /// Friction in N·m. Negative if samples driven up lie below those driven down: the directions may be exchanged.
     pub torque: f64,
-    /// Standard deviation, in N·m.
+    /// Standard deviation of the friction, in N·m.
     pub deviation: f64,
-    /// Target that overcomes it at zero torque, in ‰ of rated torque.
+    /// Target that overcomes the friction at zero torque, in ‰ of rated torque.
     pub per_mille: f64,
     /// Largest distance of the measured directions within the range, in N·m at one target: twice the friction,
     /// if friction is the same everywhere.
@@ -37,38 +37,36 @@ pub struct DryFriction {
 }
 
 impl DryFriction {
-    /// Width of the hysteresis that it causes, in N·m.
+    /// Returns the width of the hysteresis caused by the friction, in N·m.
     pub const fn hysteresis(&self) -> f64 {
         2.0 * self.torque
     }
 }
 
-/// A joint's torque curve with the evidence for and against it.
+/// Fitted torque curve of a joint (4.2, Fig. 6), with figures of its quality.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Calibrated {
-    /// The curve, proven to rise over the calibrated range: where both directions were measured, on
-    /// both sides of zero.
+pub struct CurveFit {
+    /// Curve, which rises over the calibrated range. The range is that of both directions on both sides of zero.
     pub curve: TorqueCurve,
-    /// Motor turns against the joint: the curve is that of the targets' negatives, and `gear_ratio` must
-    /// be negative.
+    /// The motor turns against the joint: the curve has the negated targets, and `gear_ratio` must be negative.
     pub is_reversed: bool,
-    /// Through all samples but the outliers; `curve` has its coefficients.
+    /// Polynomial through all samples except outliers; `curve` has its coefficients.
     pub both: Polynomial<3>,
-    /// Through those driven up alone, with the friction of both.
+    /// Polynomial through the samples driven up, with the friction of both directions.
     pub up: Polynomial<3>,
-    /// Through those driven down alone, likewise.
+    /// Polynomial through the samples driven down, with the friction of both directions.
     pub down: Polynomial<3>,
-    /// The best straight line through all, to compare with.
+    /// Straight line through all samples except outliers, for comparison.
     pub line: Polynomial<1>,
-    /// The middle of the samples driven up, symmetric or not, with their friction.
+    /// Quintic through the samples driven up, friction included, without symmetry.
     pub branch_up: Polynomial<6>,
-    /// The middle of the samples driven down, likewise.
+    /// Quintic through the samples driven down, friction included, without symmetry.
     pub branch_down: Polynomial<6>,
-    /// Friction that shifts the directions apart.
+    /// Dry friction, half the distance of the two directions.
     pub friction: DryFriction,
     /// Number of samples, outliers included.
     pub samples: usize,
-    /// Samples left out of all this.
+    /// Samples excluded from the fit.
     pub outliers: Vec<Outlier>,
     /// Difference between the sides of zero torque.
     pub unevenness: Unevenness,
@@ -76,11 +74,11 @@ pub struct Calibrated {
 
 /// Reason why samples give no torque curve.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum NotCalibrated {
-    /// NaN or infinite.
+pub enum NoTorqueCurve {
+    /// A sample is NaN or infinite.
     #[error("sample {place} is not finite")]
     NotFinite {
-        /// Which, from 1.
+        /// Number of the sample, from 1.
         place: usize,
     },
     /// No sample in one driving direction.
@@ -89,40 +87,40 @@ pub enum NotCalibrated {
     /// Too few samples in one driving direction.
     #[error("{found} samples driven {direction}, and at least {LEAST} are needed")]
     TooFew {
-        /// Which way.
+        /// Driving direction.
         direction: Direction,
         /// Number of samples.
         found: usize,
     },
-    /// Symmetry about the origin needs samples on both sides of it.
+    /// No samples on one side of zero torque; symmetry about the origin needs both.
     #[error("all samples driven {direction} lie on one side of zero torque")]
     OneSided {
-        /// Which way.
+        /// Driving direction.
         direction: Direction,
     },
-    /// Many samples, few torques.
+    /// Too few different torques for a quintic.
     #[error("the samples driven {direction} have too few different torques for a 5th order")]
     Undetermined {
-        /// Which way.
+        /// Driving direction.
         direction: Direction,
     },
-    /// The polynomial is no torque curve.
+    /// The polynomial does not rise over the calibrated range.
     #[error("{0}")]
     NoCurve(#[from] InvalidTorqueCurve),
 }
 
-impl Calibrated {
+impl CurveFit {
     /// Fits one joint's samples.
     ///
     /// # Errors
-    /// When they do not determine a curve in both driving directions, or it does not rise all the way.
-    pub fn fit(samples: &[Sample]) -> Result<Self, NotCalibrated> {
+    /// The samples do not determine a curve in both driving directions, or it does not rise over their range.
+    pub fn fit(samples: &[Sample]) -> Result<Self, NoTorqueCurve> {
         let (all, is_reversed) = along_the_joint(samples)?;
         let ways = [Direction::Up, Direction::Down];
         let [all_up, all_down] = ways.map(|direction| branch(&all, direction));
         let (all_up, all_down) = (all_up?, all_down?);
-        // What determines a quintic in one direction determines these in both.
-        let undetermined = NotCalibrated::Undetermined { direction: Direction::Up };
+        // Samples that determine a quintic per direction also determine the polynomial, friction and line of both.
+        let undetermined = NoTorqueCurve::Undetermined { direction: Direction::Up };
         let selection = selection::select(&all).ok_or(undetermined)?;
         let kept = chosen(&all, &selection.is_kept);
         let [branch_up, branch_down] = ways.map(|direction| branch(&kept, direction));
@@ -133,11 +131,11 @@ impl Calibrated {
         let at_motor: Vec<Sample> = kept.iter().map(|sample| dry.at_motor(sample)).collect();
         let [up, down] = ways.map(|direction| {
             let one_way = driven(&at_motor, direction);
-            Polynomial::fit(&one_way, ODD).ok_or(NotCalibrated::Undetermined { direction })
+            Polynomial::fit(&one_way, ODD).ok_or(NoTorqueCurve::Undetermined { direction })
         });
         let end = (range(&at_motor) * ENDS).round() / ENDS;
         let curve = TorqueCurve::new(dry.polynomial.coefficients, end)?;
-        let unevenness = Unevenness::of(&dry, &kept, curve.max_torque());
+        let unevenness = Unevenness::compare(&dry, &kept, curve.max_torque());
         Ok(Self {
             is_reversed,
             both: dry.polynomial,
@@ -159,8 +157,8 @@ impl Calibrated {
         })
     }
 
-    /// Distance of the samples from another curve within its range, in ‰ RMS, without outliers and friction;
-    /// `None` if all are outside, or any is not finite.
+    /// Returns the RMS distance of the samples from `curve` within its range, in ‰, without outliers and friction. `None` if
+    /// all are outside, or any is not finite.
     pub fn distance(&self, samples: &[Sample], curve: &TorqueCurve) -> Option<f64> {
         let (samples, _) = along_the_joint(samples).ok()?;
         let is_outlier = |place: usize| self.outliers.iter().any(|other| other.place == place);
@@ -172,7 +170,7 @@ impl Calibrated {
     }
 }
 
-/// Returns the samples that are not kept, with their distances from where the curve has their targets.
+/// Returns the samples that are not kept, with their distances in N·m from the curve at their targets.
 fn outliers(
     samples: &[Sample],
     is_kept: &[bool],
@@ -188,15 +186,15 @@ fn outliers(
     outliers.collect()
 }
 
-/// Returns the fit without friction if its friction is below zero by noise alone.
+/// Returns the fit, or that without friction if its friction is negative within noise.
 fn not_below_zero(dry: Dry, samples: &[Sample]) -> Option<Dry> {
     let (deviations, part) = EXCHANGED;
     let noise = (deviations * dry.deviation).max(part * range(samples));
     if (-noise..0.0).contains(&dry.friction) { dry.without_friction(samples) } else { Some(dry) }
 }
 
-/// Largest distance of two branches over the whole range of `curve`, whose slope turns ‰ into N·m. Where it is
-/// `2 friction`, the branches meet once they are shifted by it.
+/// Returns the largest distance of two branches over the range of `curve`, in N·m by its slope. It is `2 friction` if the
+/// branches meet after a shift by `friction`.
 fn widest(up: &Polynomial<6>, down: &Polynomial<6>, curve: &TorqueCurve, friction: f64) -> f64 {
     let widths = (0..=PARTS).map(|place| {
         let part = 2.0 * f64::from(place) / f64::from(PARTS) - 1.0;
@@ -207,11 +205,11 @@ fn widest(up: &Polynomial<6>, down: &Polynomial<6>, curve: &TorqueCurve, frictio
     widths.fold(0.0, f64::max)
 }
 
-/// The samples with targets that rise with the torque, and whether they had to be turned round.
-fn along_the_joint(samples: &[Sample]) -> Result<(Vec<Sample>, bool), NotCalibrated> {
+/// Returns the samples with targets that rise with the torque, and whether the targets were negated.
+fn along_the_joint(samples: &[Sample]) -> Result<(Vec<Sample>, bool), NoTorqueCurve> {
     let is_finite = |sample: &Sample| sample.torque.is_finite() && sample.per_mille.is_finite();
     if let Some(place) = samples.iter().position(|sample| !is_finite(sample)) {
-        return Err(NotCalibrated::NotFinite { place: place + 1 });
+        return Err(NoTorqueCurve::NotFinite { place: place + 1 });
     }
     let trend: f64 = samples.iter().map(|sample| sample.torque * sample.per_mille).sum();
     let sign = if trend < 0.0 { -1.0 } else { 1.0 };
@@ -224,17 +222,17 @@ fn driven(samples: &[Sample], direction: Direction) -> Vec<Sample> {
     samples.iter().filter(|sample| sample.direction == direction).copied().collect()
 }
 
-/// The fit of one driving direction, without symmetry.
-fn branch(samples: &[Sample], direction: Direction) -> Result<Polynomial<6>, NotCalibrated> {
+/// Fits a quintic to the samples of one driving direction.
+fn branch(samples: &[Sample], direction: Direction) -> Result<Polynomial<6>, NoTorqueCurve> {
     let samples = driven(samples, direction);
     if samples.is_empty() {
-        return Err(NotCalibrated::DirectionMissing(direction));
+        return Err(NoTorqueCurve::DirectionMissing(direction));
     }
     if samples.len() < LEAST {
-        return Err(NotCalibrated::TooFew { direction, found: samples.len() });
+        return Err(NoTorqueCurve::TooFew { direction, found: samples.len() });
     }
     if range(&samples) <= 0.0 {
-        return Err(NotCalibrated::OneSided { direction });
+        return Err(NoTorqueCurve::OneSided { direction });
     }
-    Polynomial::fit(&samples, QUINTIC).ok_or(NotCalibrated::Undetermined { direction })
+    Polynomial::fit(&samples, QUINTIC).ok_or(NoTorqueCurve::Undetermined { direction })
 }

@@ -1,4 +1,4 @@
-//! Delayed frames.
+//! Queue of delayed frames, by due time.
 
 use std::collections::VecDeque;
 
@@ -9,7 +9,7 @@ use units::time::Instant;
 
 /// A delayed frame of the device at `place`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Delayed {
+pub(super) struct DelayedFrame {
     pub(super) due: Instant,
     pub(super) place: NodeIndex,
     pub(super) direction: Direction,
@@ -20,9 +20,9 @@ pub(super) struct Delayed {
 
 /// All delayed frames, in the order in which they are due.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Held(VecDeque<Delayed>);
+pub(super) struct DelayQueue(VecDeque<DelayedFrame>);
 
-impl Held {
+impl DelayQueue {
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -39,7 +39,7 @@ impl Held {
         direction: Direction,
         cob_id: u16,
     ) -> Option<Instant> {
-        let is_before = |delayed: &&Delayed| {
+        let is_before = |delayed: &&DelayedFrame| {
             let its = (delayed.place, delayed.direction, delayed.telegram.frame.cob_id);
             its == (place, direction, cob_id) && !delayed.may_be_overtaken
         };
@@ -47,13 +47,13 @@ impl Held {
     }
 
     /// Keeps a frame until it is due, behind those that are due at the same time.
-    pub(super) fn keep(&mut self, delayed: Delayed) {
+    pub(super) fn keep(&mut self, delayed: DelayedFrame) {
         let place = self.0.partition_point(|other| other.due <= delayed.due);
         self.0.insert(place, delayed);
     }
 
     /// Takes the first frame if it is due.
-    pub(super) fn take_due(&mut self, now: Instant) -> Option<Delayed> {
+    pub(super) fn take_due(&mut self, now: Instant) -> Option<DelayedFrame> {
         self.deadline().filter(|due| *due <= now).and_then(|_| self.0.pop_front())
     }
 }

@@ -1,4 +1,4 @@
-//! Figures of all trials of an operator in a condition, and the ratio of the paper's two conditions.
+//! Statistics of all trials of an operator in a condition, and the ratio of the paper's two conditions.
 
 use serde::Serialize;
 
@@ -6,28 +6,28 @@ use crate::dual_peg::condition::Condition;
 use crate::dual_peg::trial::{Outcome, Trial};
 use crate::pool;
 
-/// Trials of one operator in one condition.
+/// Statistics of the trials of one operator in one condition.
 #[derive(Clone, Debug, Serialize)]
-pub struct Pooled {
-    /// The operator.
+pub struct TrialStatistics {
+    /// Name of the operator's preset.
     pub operator: String,
     /// Positions of the switches.
     pub condition: Condition,
     /// Number of trials.
     pub trials: usize,
-    /// Number of them in which both pegs were inserted.
+    /// Number of trials in which both pegs were inserted.
     pub inserted: usize,
     /// Mean of Eq. 11 as printed, in J.
     pub literal_j: f64,
-    /// Its standard deviation, in J.
+    /// Standard deviation of Eq. 11 as printed, in J.
     pub literal_deviation_j: f64,
-    /// Means per component of {MRF}, in J.
+    /// Means of `|∫ F_i dξ_i|` per component of {MRF}, in J.
     pub literal_parts_j: [f64; 6],
     /// Mean of `Σ ∫ |F dξ|`, in J.
     pub absolute_j: f64,
-    /// Mean of the largest force, in N.
+    /// Mean of the trials' largest contact force, in N.
     pub peak_n: f64,
-    /// Mean of the mean force, in N.
+    /// Mean of the trials' mean contact force, in N.
     pub mean_n: f64,
     /// Mean duration, in s.
     pub seconds: f64,
@@ -36,15 +36,15 @@ pub struct Pooled {
 /// Ratio of an operator's work with both switches on to that with both off.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ratio {
-    /// The operator.
+    /// Name of the operator's preset.
     pub operator: String,
     /// Ratio of Eq. 11 as printed.
     pub ratio: f64,
 }
 
-impl Pooled {
-    /// Pools trials of one operator in one condition; `None` without any.
-    pub fn of(trials: &[&Trial]) -> Option<Self> {
+impl TrialStatistics {
+    /// Pools trials of one operator in one condition; `None` if `trials` is empty.
+    pub fn from_trials(trials: &[&Trial]) -> Option<Self> {
         let first = trials.first()?;
         let mean =
             |value: &dyn Fn(&Trial) -> f64| pool::mean(trials.iter().map(|trial| value(trial)));
@@ -67,7 +67,7 @@ impl Pooled {
         })
     }
 
-    /// Returns the numbers of successful trials, and of all.
+    /// Returns the number of successful trials and that of all trials.
     pub(crate) fn counts<'p>(pooled: impl IntoIterator<Item = &'p Self>) -> (u32, u32) {
         let count = |trials: usize| u32::try_from(trials).unwrap_or(u32::MAX);
         pooled.into_iter().fold((0, 0), |(inserted, trials), one| {
@@ -75,13 +75,13 @@ impl Pooled {
         })
     }
 
-    /// Pools all trials, by operator and condition, in their order.
+    /// Pools trials by operator and condition, in the order of `operators` and of [`Condition::ALL`].
     pub fn all(trials: &[Trial], operators: &[String]) -> Vec<Self> {
         let groups = operators.iter().flat_map(|operator| {
             Condition::ALL.map(|condition| {
                 let is_of =
                     |trial: &&Trial| trial.operator == *operator && trial.condition == condition;
-                Self::of(&trials.iter().filter(is_of).collect::<Vec<_>>())
+                Self::from_trials(&trials.iter().filter(is_of).collect::<Vec<_>>())
             })
         });
         groups.flatten().collect()
@@ -89,9 +89,9 @@ impl Pooled {
 }
 
 /// Returns the ratio of Eq. 11 with both switches on to that with both off, per operator.
-pub fn ratios(pooled: &[Pooled], operators: &[String]) -> Vec<Ratio> {
+pub fn ratios(pooled: &[TrialStatistics], operators: &[String]) -> Vec<Ratio> {
     let of = |operator: &str, condition: Condition| {
-        let is_of = |one: &&Pooled| one.operator == operator && one.condition == condition;
+        let is_of = |one: &&TrialStatistics| one.operator == operator && one.condition == condition;
         pooled.iter().find(is_of).map(|one| one.literal_j)
     };
     let ratio = |operator: &String| {

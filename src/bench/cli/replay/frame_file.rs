@@ -1,4 +1,4 @@
-//! The frames that a replayed node sends, written to a file.
+//! File of the frames sent by a replayed node.
 
 use std::path::{Path, PathBuf};
 
@@ -12,15 +12,15 @@ use run::results::Force;
 use telemetry::manifest::Manifest;
 use units::time::Instant;
 
-/// File of the frames that the node sends. It has its name once it is complete.
-pub(super) struct Emitted {
+/// File of the node's frames, which gets its name when it is complete.
+pub(super) struct FrameFile {
     path: PathBuf,
     log: LogWriter<WholeFile>,
 }
 
-impl Emitted {
+impl FrameFile {
     pub(super) fn create(path: &Path, manifest: &Manifest) -> Result<Self, Failure> {
-        // There is no --force: evidence is not replaced.
+        // Without --force an existing file, which may be evidence, is not replaced.
         if path.symlink_metadata().is_ok() {
             return Err(Failure::new(Kind::File, format!("{}: exists", path.display())));
         }

@@ -17,14 +17,14 @@ pub(crate) struct Controlword {
 }
 
 /// The frames on the drives' side since a fault.
-pub(crate) struct Seen {
+pub(crate) struct Reaction {
     lines: Vec<String>,
     log: Log,
     torques: [Torque; 6],
     onset: u64,
 }
 
-impl Seen {
+impl Reaction {
     /// The frames of these lines, with a fault that began at `onset`.
     pub(crate) fn new(lines: Vec<String>, log: Log, onset: u64) -> Self {
         let torques = torque::of_all(log.entries());
@@ -156,7 +156,7 @@ impl Seen {
         self.log.entries().iter().filter(|entry| entry.nanos >= self.onset)
     }
 
-    /// Returns the whole log.
+    /// Returns the complete log.
     pub(crate) fn log(&self) -> &Log {
         &self.log
     }

@@ -1,4 +1,4 @@
-//! Pooled figures of the experiment: the worst of all seeds, by hand, and of all hands.
+//! Worst figures of the experiment: over all seeds of each hand, and over all hands.
 
 use serde::Serialize;
 
@@ -12,11 +12,11 @@ use telemetry::fidelity::Figures;
 /// Errors of one hand in still contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HandError {
-    /// The hand.
+    /// Name of the operator's preset.
     pub hand: &'static str,
     /// RMS error at the hand, in N.
     pub error_n: f64,
-    /// The same, in percent of K_T times the sensed force.
+    /// RMS error at the hand, in percent of K_T times the sensed force.
     pub error_percent: f64,
     /// RMS drag in free motion, in N.
     pub drag_n: f64,
@@ -25,50 +25,50 @@ pub struct HandError {
 /// Still contact under one condition.
 #[derive(Clone, Debug, Serialize)]
 pub struct Still {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// Conditions.
+    /// Conditions of the runs.
     #[serde(flatten)]
     pub condition: Condition,
     /// Posture at the wall; `None` out of reach.
     pub place: Option<Place>,
     /// RMS error of the worst hand in each hold, in percent; `None` without still contact.
     pub holds_percent: Vec<(Hold, Option<f64>)>,
-    /// All still contact, by hand.
+    /// Errors over all still contact, by hand.
     pub hands: Vec<HandError>,
-    /// Maximum error, in N.
+    /// Maximum error at the hand, in N.
     pub max_n: f64,
     /// Drag in free motion beyond assist and inertia, RMS in N.
     pub drag_beyond_assist_n: f64,
-    /// Runs that stopped.
+    /// Number of runs that stopped.
     pub stopped: usize,
 }
 
 /// Releases under one condition: the worst of all hands and seeds.
 #[derive(Clone, Debug, Serialize)]
 pub struct Releases {
-    /// The configuration.
+    /// Name of the configuration.
     pub config: String,
-    /// Conditions.
+    /// Conditions of the runs.
     #[serde(flatten)]
     pub condition: Condition,
-    /// The worst of each figure.
+    /// Largest value of each figure.
     pub worst: Release,
-    /// Runs that stopped.
+    /// Number of runs that stopped.
     pub stopped: usize,
 }
 
-/// All pooled figures.
+/// Worst figures, by configuration and condition.
 #[derive(Clone, Debug, Serialize)]
-pub struct Pooled {
-    /// Still contact.
+pub struct WorstCases {
+    /// Conditions with holds in still contact.
     pub still: Vec<Still>,
-    /// Releases.
+    /// Conditions with a release alone.
     pub releases: Vec<Releases>,
 }
 
-impl Pooled {
-    /// Pools rows by configuration and condition, in their order.
+impl WorstCases {
+    /// Pools rows by configuration and condition; rows of one group must be adjacent.
     pub fn new(rows: &[Row]) -> Self {
         let same = |a: &Row, b: &Row| a.config == b.config && a.condition == b.condition;
         let (mut still, mut releases) = (Vec::new(), Vec::new());

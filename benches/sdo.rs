@@ -19,15 +19,15 @@ use drive::{carry, drive, node};
 
 use bus::Bus;
 use canopen::object::Object;
-use canopen::sdo::{Block, Terms, Transfer};
+use canopen::sdo::{Block, SdoOptions, Transfer};
 use memory_bus::Memory;
 
 const SIZE: usize = 1 << 20;
 
 fn main() {
     let timeout = Duration::from_secs(1);
-    let block = Terms::block(timeout, Block::default().every(Duration::ZERO));
-    for (name, terms) in [("block", block), ("segmented", Terms::segmented(timeout))] {
+    let block = SdoOptions::block(timeout, Block::default().every(Duration::ZERO));
+    for (name, options) in [("block", block), ("segmented", SdoOptions::segmented(timeout))] {
         let mut bus = Memory::new(&[1_000_000], drive(), ());
         assert!(bus.receive(bus.now() + Duration::from_millis(1)).is_some(), "boot-up");
         let value: Vec<u8> = (0..SIZE).map(|place| place.to_le_bytes()[0]).collect();
@@ -35,10 +35,10 @@ fn main() {
             let (begun, on_the_wire, mut out) = (Instant::now(), bus.now(), Vec::new());
             let (node, buffer) = (node(), Object::SAMPLE_BUFFER);
             let transfer = if is_read {
-                Transfer::read_on(terms, node, buffer, on_the_wire, &mut out)
+                Transfer::read_with(options, node, buffer, on_the_wire, &mut out)
             } else {
                 let bytes = value.clone();
-                Transfer::write_on(terms, node, buffer, bytes, on_the_wire, &mut out).unwrap()
+                Transfer::write_with(options, node, buffer, bytes, on_the_wire, &mut out).unwrap()
             };
             let content = carry(&mut bus, transfer, out).unwrap();
             assert!(!is_read || content.bytes() == value);

@@ -6,11 +6,11 @@
 use std::error::Error;
 use std::time::Duration;
 
-use bus::{Bus, BusEvent, Received, Tap};
+use bus::{Bus, BusEvent, ReceivedEvent, Tap};
 use canopen::eds::Eds;
 use canopen::frame::{Channel, Telegram};
 use canopen::master::Master;
-use canopen::plan::{Identity, NodePlan, Watch};
+use canopen::plan::{HeartbeatSettings, Identity, NodePlan};
 use canopen::{NodeId, layout};
 use canopen_device::dictionary::Dictionary;
 use memory_bus::Memory;
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The plan: expected identity, PDOs with an event timer of 5 ms, heartbeats, at most 100 % of rated torque.
     let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
-    let watch = Watch {
+    let heartbeats = HeartbeatSettings {
         master: NodeId::new(127).ok().ok_or("1 to 127")?,
         master_lost_ms: 22,
         heartbeat_ms: 25,
@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         node,
         identity,
         layout::per_drive(node, Some(5)),
-        &watch,
+        &heartbeats,
         1_000,
     );
 
@@ -74,7 +74,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     while master.is_booting() {
         let until = master.deadline().unwrap_or(bus.now() + Duration::from_millis(10));
         let event = match bus.receive(until) {
-            Some(Received { at, channel, event: BusEvent::Frame(frame) }) => {
+            Some(ReceivedEvent { at, channel, event: BusEvent::Frame(frame) }) => {
                 master.on_frame(at, &Telegram { channel, frame }, &mut out)
             }
             Some(_) => None,

@@ -14,7 +14,7 @@ use canopen::frame::{COB_ID_MAX, Channel, Frame, Telegram};
 use canopen::master::Master;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use canopen::sdo::{Block, MAX_BYTES, Terms, Transfer};
+use canopen::sdo::{Block, MAX_BYTES, SdoOptions, Transfer};
 use canopen_device::dictionary::Dictionary;
 use canopen_device::station::Station;
 use canopen_tools::candump::Line;
@@ -74,16 +74,16 @@ pub fn sdo_client(bytes: &[u8]) {
     let mut now = Instant::ZERO;
     let timeout = Duration::from_millis(100);
     let block = Block::new(size % 127 + 1).unwrap();
-    let terms = match kind >> 1 & 3 {
-        0 => Terms::segmented(timeout),
-        1 => Terms::best(timeout, block),
-        _ => Terms::block(timeout, block),
+    let options = match kind >> 1 & 3 {
+        0 => SdoOptions::segmented(timeout),
+        1 => SdoOptions::best(timeout, block),
+        _ => SdoOptions::block(timeout, block),
     };
     let mut transfer = if kind & 1 == 0 {
-        Transfer::read_on(terms, node(), Object::DEVICE_NAME, now, &mut out)
+        Transfer::read_with(options, node(), Object::DEVICE_NAME, now, &mut out)
     } else {
         let value = vec![0x5A; 8 * usize::from(size)];
-        Transfer::write_on(terms, node(), Object::DEVICE_NAME, value, now, &mut out).unwrap()
+        Transfer::write_with(options, node(), Object::DEVICE_NAME, value, now, &mut out).unwrap()
     };
     for step in steps(replies) {
         now = now + step.after;

@@ -1,5 +1,5 @@
-//! Round trip of the contract's messages on this host: through both Unix sockets and both ends of `frhc-link`, between two bare
-//! sessions of zenoh with the same settings, and between two over UDP. Interleaved, at 500 Hz.
+//! Round trip of the contract's messages on this host, over three paths. They are both Unix sockets with both ends of
+//! `frhc-link`, two bare sessions of zenoh with the same settings, and two over UDP. Interleaved, at 500 Hz.
 //!
 //! `cargo bench --features carriers --bench latency [-- SECONDS]` prints the table of docs/network.md.
 #![allow(
@@ -30,16 +30,16 @@ use zenoh::{Session, Wait};
 
 const ARM: u16 = 1;
 
-/// Round trips of one way before the next one's turn.
+/// Consecutive round trips over one path before the next path.
 const TURN: usize = 250;
 
 /// Time from one message to the next.
 const PERIOD: Duration = Duration::from_millis(2);
 
-/// Longest wait for an answer.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Maximum wait for an answer.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A way for messages there and back.
+/// Path of messages in both directions.
 trait Way {
     fn name(&self) -> &'static str;
     /// Sends a command; returns the feedback to it.
@@ -106,7 +106,7 @@ fn time() -> units::time::Instant {
     units::time::Instant::ZERO + now
 }
 
-/// The far side: it answers each command at once.
+/// Far side that answers each command at once.
 struct Answers(FarEnd);
 
 impl Answers {
@@ -120,7 +120,7 @@ impl Answers {
     }
 }
 
-/// A process that ends with its owner.
+/// Process that is ended when dropped.
 struct Other(Child);
 
 impl Other {
@@ -148,7 +148,7 @@ fn settings(folder: &Path, network: &str) -> PathBuf {
 /// Opens a session as `frhc-link` does; over UDP without identity.
 fn session(role: Role, file: &Path, is_udp: bool) -> Session {
     let settings = Settings::load(role, file).unwrap();
-    let files = Files::of(&settings.keys, role.name());
+    let files = Files::in_folder(&settings.keys, role.name());
     let mut config = network::configuration(role, &settings, &files).unwrap();
     if is_udp {
         config.insert_json5("access_control/enabled", "false").unwrap();
@@ -180,7 +180,7 @@ fn subscriber(
         .unwrap()
 }
 
-/// Two sessions of zenoh, and nothing else.
+/// Path over two sessions of zenoh without `frhc-link`.
 struct Bare {
     name: &'static str,
     publisher: Publisher<'static>,
@@ -236,7 +236,7 @@ impl Way for Bare {
 
     fn exchange(&mut self, command: &[u8]) -> Vec<u8> {
         self.publisher.put(command.to_vec()).wait().unwrap();
-        self.feedbacks.recv_timeout(PATIENCE).unwrap()
+        self.feedbacks.recv_timeout(ANSWER_TIMEOUT).unwrap()
     }
 }
 
@@ -251,7 +251,7 @@ fn answer_bare(port: u16, folder: &Path, is_udp: bool) {
     std::thread::park();
 }
 
-/// Both Unix sockets, and both ends between them.
+/// Path over both Unix sockets and both ends of `frhc-link`.
 struct Through {
     node: Socket,
     _others: [Other; 3],
@@ -275,7 +275,7 @@ impl Through {
         node.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
         let mut through = Self { node, _others: others };
         through.wait();
-        through.node.set_read_timeout(Some(PATIENCE)).unwrap();
+        through.node.set_read_timeout(Some(ANSWER_TIMEOUT)).unwrap();
         through
     }
 

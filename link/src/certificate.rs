@@ -1,4 +1,4 @@
-//! Contents of a certificate, and whether an end can use the files of its folder.
+//! Contents of a certificate, and check of the files that an end uses.
 
 use std::fs;
 use std::io;
@@ -26,13 +26,13 @@ pub struct Files {
     pub authority: PathBuf,
     /// Certificate of the end.
     pub certificate: PathBuf,
-    /// Its private key.
+    /// Private key of the end.
     pub key: PathBuf,
 }
 
 impl Files {
-    /// Files of a certificate's name in a folder: near, far or router.
-    pub fn of(folder: &Path, name: &str) -> Self {
+    /// Returns the paths of the files in a folder, for the certificate `name`: near, far or router.
+    pub fn in_folder(folder: &Path, name: &str) -> Self {
         Self {
             authority: folder.join(AUTHORITY),
             certificate: folder.join(format!("{name}.pem")),
@@ -40,10 +40,10 @@ impl Files {
         }
     }
 
-    /// Checks that the end of this role and arm can use them now.
+    /// Checks that the end of this role and arm can use the files now.
     ///
     /// # Errors
-    /// File and reason.
+    /// Returns file and reason.
     pub fn check(&self, role: Role, arm: u16) -> Result<(), Failure> {
         let authority = Summary::read(&self.authority)?;
         let own = Summary::read(&self.certificate)?;
@@ -71,7 +71,7 @@ impl Files {
         self.check_key(&own)
     }
 
-    /// Checks that the private key is that of the certificate, and readable for its owner alone.
+    /// Checks that the private key belongs to the certificate, and is readable for its owner only.
     fn check_key(&self, own: &Summary) -> Result<(), Failure> {
         let refused = |reason: String| {
             Err(Failure::configuration(format!("{}: {reason}", self.key.display())))
@@ -93,7 +93,7 @@ impl Files {
     }
 }
 
-/// Returns what is wrong with the permissions of a private key.
+/// Returns the reason if other users have permissions on a private key; `None` for valid permissions.
 pub(crate) fn open_to_others(file: &Path) -> io::Result<Option<String>> {
     let mode = fs::metadata(file)?.permissions().mode();
     let is_open = mode & OTHERS != 0;
@@ -111,7 +111,7 @@ pub struct Summary {
     pub to: OffsetDateTime,
     /// Subject's public key info, in DER.
     public_key: Vec<u8>,
-    /// The whole certificate, in DER.
+    /// Complete certificate, in DER.
     der: Vec<u8>,
 }
 
@@ -119,7 +119,7 @@ impl Summary {
     /// Reads the certificate of a file.
     ///
     /// # Errors
-    /// File and reason.
+    /// Returns file and reason.
     pub fn read(file: &Path) -> Result<Self, Failure> {
         let refused =
             |reason: String| Failure::configuration(format!("{}: {reason}", file.display()));
@@ -128,10 +128,10 @@ impl Summary {
         let pem = pem.ok_or_else(|| refused("no certificate in PEM".to_owned()))?;
         let certificate =
             pem.parse_x509().map_err(|_| refused("no X.509 certificate".to_owned()))?;
-        Ok(Self::of(&certificate, &pem.contents))
+        Ok(Self::from_certificate(&certificate, &pem.contents))
     }
 
-    fn of(certificate: &X509Certificate<'_>, der: &[u8]) -> Self {
+    fn from_certificate(certificate: &X509Certificate<'_>, der: &[u8]) -> Self {
         let subject = certificate.subject();
         let name = subject.iter_common_name().next().and_then(|name| name.as_str().ok());
         let validity = certificate.validity();
@@ -144,7 +144,7 @@ impl Summary {
         }
     }
 
-    /// Returns why the certificate is not valid at a time.
+    /// Returns the reason if the certificate is not valid at a time.
     pub fn invalid_at(&self, now: OffsetDateTime) -> Option<String> {
         let clock = "; is the clock of this machine right?";
         if now < self.from {
@@ -192,7 +192,7 @@ mod tests {
     }
 
     fn refusal(folder: &Path, role: Role, arm: u16) -> String {
-        let files = Files::of(folder, role.name());
+        let files = Files::in_folder(folder, role.name());
         files.check(role, arm).unwrap_err().text().to_owned()
     }
 
@@ -200,7 +200,7 @@ mod tests {
     fn made_keys_are_good_for_their_role_and_arm_alone() {
         let folder = made(4);
         for role in [Role::Near, Role::Far] {
-            Files::of(folder.path(), role.name()).check(role, 4).unwrap();
+            Files::in_folder(folder.path(), role.name()).check(role, 4).unwrap();
             assert!(refusal(folder.path(), role, 5).contains("needs that of \"frhc-5-"));
         }
         fs::copy(folder.path().join("far.pem"), folder.path().join("near.pem")).unwrap();

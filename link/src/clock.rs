@@ -1,4 +1,4 @@
-//! Time of this process: never set, and it counts while the host is suspended.
+//! Clock of this process, which is never set and continues while the host is suspended.
 
 use std::time::Duration;
 

@@ -1,10 +1,10 @@
-//! Failures: an exit code for scripts, those of `frhc`, and one line for people.
+//! Failures of the program, with the exit codes of `frhc` and one line of text.
 
 use std::fmt::Display;
 use std::io::{Write, stderr};
 use std::process::ExitCode;
 
-/// A failure.
+/// Failure with exit code and text.
 #[derive(Debug)]
 pub struct Failure {
     code: u8,
@@ -12,12 +12,12 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// A setting or a certificate is invalid.
+    /// Returns the failure of an invalid setting or certificate.
     pub fn configuration(text: impl Display) -> Self {
         Self { code: 3, text: text.to_string() }
     }
 
-    /// A socket, the network or a file failed.
+    /// Returns the failure of a socket, the network or a file.
     pub fn system(text: impl Display) -> Self {
         Self { code: 4, text: text.to_string() }
     }

@@ -1,7 +1,7 @@
-//! The flow rule: an end sends while few of its messages are not echoed, else now and then.
+//! Flow rule: an end sends while few of its messages are not echoed, and otherwise one every 20 ms.
 //!
-//! Where a network holds messages back, more of them would only wait longer. With the rule the rate falls, and the age does not
-//! rise without limit. One every 20 ms always goes, so that a start, or a burst that is lost, never silences an end.
+//! If a network delays messages, further ones would only wait longer. The rule lowers the rate, so that the age stays
+//! limited. The one every 20 ms ensures that neither a start nor a lost burst silences an end.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,15 +9,15 @@ use std::time::Duration;
 use contract::Echo;
 use units::time::Instant;
 
-/// Longest silence of an end that has messages to send.
+/// Maximum silence of an end that has messages to send.
 pub(crate) const KEEP_SENDING: Duration = Duration::from_millis(20);
 
-/// State of the rule at one end.
+/// State of the flow rule at one end.
 #[derive(Debug)]
 pub(crate) struct Flow {
     limit: usize,
     session: u64,
-    /// Numbers of the messages that were sent and are not echoed, the oldest first; at most `limit`.
+    /// Numbers of the messages sent and not echoed, oldest first; at most `limit`.
     unechoed: VecDeque<u64>,
     sent_at: Option<Instant>,
 }
@@ -28,7 +28,7 @@ impl Flow {
         Self { limit, session: 0, unechoed: VecDeque::with_capacity(limit), sent_at: None }
     }
 
-    /// Returns whether a message with this session and number may be sent now, and takes it for sent if so.
+    /// Returns whether a message with this session and number may be sent now, and counts it as sent if so.
     pub(crate) fn admits(&mut self, now: Instant, own: Echo) -> bool {
         if own.session != self.session {
             self.session = own.session;
@@ -96,7 +96,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is echoed and when, no end that has messages is silent for longer than 20 ms and its own period.
+        /// For any echoes, an end with messages is silent for at most 20 ms plus its own period.
         #[test]
         fn no_end_is_silenced(echoes in prop::collection::vec(0_u64..600, 600), limit in 1_usize..64) {
             let mut flow = Flow::new(limit);

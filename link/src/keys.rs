@@ -15,16 +15,16 @@ use crate::certificate::{self, AUTHORITY, Files, Summary, date, wall_clock};
 use crate::failure::Failure;
 use crate::role::common_name;
 
-/// Names of certificates, each in a file of that name.
+/// Names of certificates and of their files.
 const NAMES: [&str; 3] = ["near", "far", "router"];
 
 /// Private key of the authority.
 const AUTHORITY_KEY: &str = "authority.key";
 
-/// Makes the keys of an arm, and prints which file goes where.
+/// Makes the keys of an arm, and prints the placement of the files.
 ///
 /// # Errors
-/// As [`write()`]; standard output cannot be written.
+/// As [`write()`], and when standard output cannot be written.
 pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
     write(folder, arm, router, days)?;
     print(&placement(folder, router))
@@ -33,7 +33,7 @@ pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Fail
 /// Writes the keys of an arm into a folder that is new or empty.
 ///
 /// # Errors
-/// The folder has files, or cannot be written. No file is left then.
+/// When the folder has files, or cannot be written. No file is then left.
 pub fn write(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
     let shown = folder.display();
     let failed = |error: &dyn std::fmt::Display| Failure::system(format!("{shown}: {error}"));
@@ -45,13 +45,13 @@ pub fn write(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Fai
     let names = if router { &NAMES[..] } else { &NAMES[..2] };
     let made = generate(folder, arm, names, days, &mut written);
     made.map_err(|error| {
-        // Half a set of keys is of no use.
+        // An incomplete set of keys is useless.
         written.iter().for_each(|file| drop(fs::remove_file(file)));
         failed(&error)
     })
 }
 
-/// Makes the files; those that exist now are in `written`.
+/// Makes the files, and adds each to `written`.
 fn generate(
     folder: &Path,
     arm: u16,
@@ -85,7 +85,7 @@ fn generate(
     Ok(())
 }
 
-/// Parameters of a certificate, valid from a day ago: clocks differ.
+/// Returns the parameters of a certificate, valid from a day ago, because clocks differ.
 fn params(name: &str, days: u32) -> Result<CertificateParams, rcgen::Error> {
     let now: OffsetDateTime = wall_clock();
     // Hosts are not verified; the name is for clients that demand one.
@@ -97,7 +97,7 @@ fn params(name: &str, days: u32) -> Result<CertificateParams, rcgen::Error> {
     Ok(params)
 }
 
-/// Lines on which file goes to which machine.
+/// Returns lines that name the machine for each file.
 fn placement(folder: &Path, router: bool) -> String {
     let shown = folder.display();
     let mut text = format!(
@@ -113,16 +113,16 @@ fn placement(folder: &Path, router: bool) -> String {
     )
 }
 
-/// Prints name, validity and what is wrong of each certificate in a folder.
+/// Prints name, validity and defects of each certificate in a folder.
 ///
 /// # Errors
-/// There is no authority, or a certificate or key is wrong.
+/// When there is no authority, or a certificate or key is invalid.
 pub fn show(folder: &Path) -> Result<(), Failure> {
     let authority = Summary::read(&folder.join(AUTHORITY))?;
     let mut text = row(AUTHORITY, &authority, &complaints(&authority, &authority, None));
     let mut is_good = complaints(&authority, &authority, None).is_empty();
     for name in NAMES {
-        let files = Files::of(folder, name);
+        let files = Files::in_folder(folder, name);
         if !files.certificate.exists() {
             continue;
         }
@@ -143,7 +143,7 @@ pub fn show(folder: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Returns what is wrong with a certificate and, if it is there, its private key.
+/// Returns the defects of a certificate and, if present, of its private key.
 fn complaints(own: &Summary, authority: &Summary, key: Option<&Path>) -> Vec<String> {
     let mut found: Vec<String> = own.invalid_at(wall_clock()).into_iter().collect();
     if !own.is_signed_by(authority) {

@@ -4,7 +4,7 @@
 //!  frhc run ── Unix socket ── frhc-link near ══ QUIC, mutual TLS ══ frhc-link far ── Unix socket ── frhc robot
 //! ```
 //!
-//! It trusts neither side: what passes is a message of the contract for this arm, and whether it acts is for the ends to judge.
+//! It trusts neither side. It passes only messages of the contract for this arm; the ends decide whether they act.
 #![forbid(unsafe_code)]
 
 pub mod certificate;

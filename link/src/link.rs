@@ -1,4 +1,4 @@
-//! One end of the link at work.
+//! Threads of one end of the link.
 //!
 //! ```text
 //!  outwards   reader: local socket ── newest of each topic ──► publisher: flow rule, put      a put may wait, and no thread for it
@@ -33,18 +33,18 @@ use crate::priority;
 use crate::role::{Role, Topic};
 use crate::settings::Settings;
 
-/// Longest wait for a message: connections are tried again, and the end is noticed.
+/// Maximum wait for a message, after which connections are retried and a stop is noticed.
 const TURN: Duration = Duration::from_millis(20);
 
-/// Longest time for which an end goes on after its stop signal while its local socket is connected.
+/// Maximum time for which an end continues after its stop signal while its local socket is connected.
 const LINGER: Duration = Duration::from_millis(200);
 
 /// Time for the session to close at the end of the process.
 const CLOSING: Duration = Duration::from_millis(500);
 
-/// State that the threads of an end share.
+/// State shared by the threads of an end.
 #[derive(Debug)]
-struct Shared {
+struct EndState {
     role: Role,
     arm: u16,
     mailbox: Mailbox,
@@ -53,16 +53,16 @@ struct Shared {
     counts: Counts,
 }
 
-/// Messages by what became of them.
+/// Numbers of messages by their outcome.
 #[derive(Debug, Default)]
 struct Counts {
     published: AtomicU64,
     passed_on: AtomicU64,
-    /// Replaced by a newer one, or left out by the flow rule.
+    /// Replaced by a newer message, or omitted by the flow rule.
     left_out: AtomicU64,
-    /// No connection, or no room, at the local socket.
+    /// Dropped at the local socket, without connection or room.
     dropped: AtomicU64,
-    /// Not of this contract, arm or direction.
+    /// Not a message of this contract, arm and direction.
     rejected: AtomicU64,
 }
 
@@ -87,10 +87,10 @@ impl Counts {
 /// Runs an end until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// Settings or certificates are invalid, or a socket cannot be opened.
+/// When settings or certificates are invalid, or a socket cannot be opened.
 pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
     let settings = Settings::load(role, config)?;
-    let files = Files::of(&settings.keys, role.name());
+    let files = Files::in_folder(&settings.keys, role.name());
     files.check(role, settings.arm)?;
     let failed =
         |error: std::io::Error| Failure::system(format!("cannot receive signals: {error}"));
@@ -100,7 +100,7 @@ pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
     priority::ask();
     let session = network::open(role, &settings, &files)?;
     announce(role, &settings);
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(EndState {
         role,
         arm: settings.arm,
         mailbox: Mailbox::default(),
@@ -129,7 +129,8 @@ pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lets what is behind the local socket say that it ends, where all of it gets its stop signal at once.
+/// Waits until the process at the local socket has disconnected, so that its last message is carried after a common stop
+/// signal.
 fn linger(outlet: &Outlet) {
     let until = clock::now() + LINGER;
     while outlet.is_connected() && clock::now() < until {
@@ -150,8 +151,8 @@ fn announce(role: Role, settings: &Settings) {
 
 fn spawn(
     name: &str,
-    shared: &Arc<Shared>,
-    run: impl FnOnce(&Shared) + Send + 'static,
+    shared: &Arc<EndState>,
+    run: impl FnOnce(&EndState) + Send + 'static,
 ) -> Result<thread::JoinHandle<()>, Failure> {
     let shared = Arc::clone(shared);
     let builder = thread::Builder::new().name(format!("link-{name}"));
@@ -160,15 +161,15 @@ fn spawn(
 }
 
 /// Reads the local socket until the end.
-fn read(mut local: Local, shared: &Shared) {
+fn read(mut local: Local, shared: &EndState) {
     while !shared.is_ending.load(Ordering::Relaxed) {
         local.wait(TURN);
         local.receive(clock::now(), |bytes| shared.offer(bytes));
     }
 }
 
-/// Publishes what is read, until the end.
-fn publish(publishers: &[(Topic, Publisher<'static>)], shared: &Shared) {
+/// Publishes the messages that were read, until the end.
+fn publish(publishers: &[(Topic, Publisher<'static>)], shared: &EndState) {
     while !shared.is_ending.load(Ordering::Relaxed) {
         for message in shared.mailbox.take(TURN) {
             if !shared.flow().admits(clock::now(), message.own) {
@@ -185,7 +186,7 @@ fn publish(publishers: &[(Topic, Publisher<'static>)], shared: &Shared) {
     }
 }
 
-impl Shared {
+impl EndState {
     fn flow(&self) -> MutexGuard<'_, Flow> {
         self.flow.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -203,7 +204,7 @@ impl Shared {
         }
     }
 
-    /// Logs the first message that is not one, and counts all.
+    /// Logs the first invalid message, and counts all.
     fn reject(&self, reject: Reject, whose: &str) {
         if Counts::count(&self.counts.rejected) == 0 {
             let arm = self.arm;
@@ -214,10 +215,10 @@ impl Shared {
     }
 }
 
-/// Subscribes to what the other role publishes, and passes it on.
+/// Subscribes to the topics of the other role, and passes their messages to the local socket.
 fn subscribe(
     session: &Session,
-    shared: &Arc<Shared>,
+    shared: &Arc<EndState>,
     local: &Local,
 ) -> Result<Vec<Subscriber<()>>, Failure> {
     let other = shared.role.other();
@@ -258,7 +259,7 @@ fn publishers(
     role.topics().iter().map(of).collect()
 }
 
-/// Closes the session, so that the other end learns of it; gives up after half a second.
+/// Closes the session, so that the other end detects it at once; gives up after half a second.
 fn close(session: Session) {
     let (closed, is_closed) = channel();
     let closing = thread::Builder::new().name("link-close".to_owned()).spawn(move || {

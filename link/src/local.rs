@@ -1,4 +1,4 @@
-//! The Unix socket of an end: of a near end a connection to the node, of a far end a listener for the robot.
+//! Unix socket of an end. A near end connects to the node, a far end listens for the robot.
 
 use std::io;
 use std::os::fd::AsRawFd;
@@ -15,22 +15,23 @@ use unix_socket::{Arrival, Door, Reception, SocketFile, listen_for_messages};
 use crate::failure::Failure;
 use crate::role::Role;
 
-/// Group whose members may be the robot, where the system has it.
+/// Group whose members may connect as the robot, if the system has this group.
 const GROUP: &str = "frhc-link";
 
-/// Connections that may wait to be refused.
+/// Maximum number of connections waiting to be accepted or refused.
 const BACKLOG: i32 = 4;
 
 /// Maximum number of messages taken at once.
 const MAX_MESSAGES: usize = 16;
 
-/// Bytes for a message; longer than any of the contract, so that a longer one is seen to be.
+/// Size of the buffer for a message, in bytes. It exceeds every message of the contract, so that longer ones are
+/// detected.
 const MAX_LENGTH: usize = 512;
 
-/// Requested send buffer, in bytes: the kernel raises it to its minimum, which is a few messages. No backlog.
+/// Requested send buffer, in bytes. The kernel raises it to its minimum, which holds a few messages.
 const SEND_BUFFER: usize = 1;
 
-/// The socket, for the thread that reads it.
+/// Local socket, for the thread that reads it.
 #[derive(Debug)]
 pub(crate) struct Local {
     end: End,
@@ -49,7 +50,7 @@ enum End {
     },
 }
 
-/// The socket, for the threads that send: they never wait, and drop what there is no room for.
+/// Local socket, for the threads that send. They never wait, and drop messages without room.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outlet(Arc<Mutex<Option<Socket>>>);
 
@@ -75,7 +76,7 @@ impl Local {
     /// Opens the socket of a role.
     ///
     /// # Errors
-    /// It can never be used: path and reason.
+    /// Returns path and reason if the socket can never be used.
     pub(crate) fn open(role: Role, path: &Path) -> Result<Self, Failure> {
         let end = match role {
             Role::Near => End::Connector(FarSocket::open(path).map_err(Failure::system)?),
@@ -93,12 +94,12 @@ impl Local {
         Ok(Self { end, outlet: Outlet::default(), shared: None })
     }
 
-    /// Returns what other threads send by.
+    /// Returns the outlet for other threads.
     pub(crate) fn outlet(&self) -> Outlet {
         self.outlet.clone()
     }
 
-    /// Waits until there is something to take, for at most `span`.
+    /// Waits for a message or connection, for at most `span`.
     pub(crate) fn wait(&self, span: Duration) {
         match &self.end {
             End::Connector(socket) => socket.wait(span),
@@ -106,7 +107,7 @@ impl Local {
         }
     }
 
-    /// Takes the messages that are there, at most 16; connects and accepts where that is due.
+    /// Takes at most 16 waiting messages; connects or accepts if due.
     pub(crate) fn receive(&mut self, now: Instant, mut take: impl FnMut(&[u8])) {
         match &mut self.end {
             End::Connector(socket) => {
@@ -142,7 +143,7 @@ impl Local {
         self.share();
     }
 
-    /// Gives a new connection to the outlet, and takes an ended one from it.
+    /// Sets a new connection in the outlet, and clears an ended one.
     fn share(&mut self) {
         let socket = match &self.end {
             End::Connector(socket) => socket.socket(),

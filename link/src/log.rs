@@ -1,4 +1,4 @@
-//! The log on standard error: lines of this program, and what zenoh says that a user must know, in one line each.
+//! Log on standard error: lines of this program, and messages of zenoh that concern a user, one line each.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
@@ -16,13 +16,13 @@ use units::time::Instant;
 use crate::clock;
 use crate::network::innermost;
 
-/// Time in which the same line of zenoh is printed once: it tries again several times a second.
+/// Time within which equal lines of zenoh, which retries several times a second, are printed once.
 const REPEAT_AFTER: Duration = Duration::from_secs(30);
 
-/// Maximum number of lines of zenoh in that time: who can reach the port can cause as many as he likes.
+/// Maximum number of lines of zenoh within that time. Anyone who reaches the port can cause any number.
 const MAX_LINES: usize = 20;
 
-/// Starts the log; `verbose` adds all that zenoh says.
+/// Starts the log; `verbose` adds all messages of zenoh.
 pub(crate) fn start(quiet: bool, verbose: bool) {
     let level = if quiet { LevelFilter::WARN } else { LevelFilter::INFO };
     let shown = if verbose { LevelFilter::DEBUG } else { LevelFilter::OFF };
@@ -43,7 +43,7 @@ pub(crate) fn start(quiet: bool, verbose: bool) {
     tracing_subscriber::registry().with(lines).with(zenoh).init();
 }
 
-/// Prints the warnings of zenoh that ask for action, in words of this program.
+/// Layer that prints warnings of zenoh that require action, in words of this program.
 #[derive(Debug, Default)]
 struct Explainer {
     printed: Mutex<BTreeMap<String, Instant>>,
@@ -66,7 +66,7 @@ impl<S: Subscriber> Layer<S> for Explainer {
     }
 }
 
-/// The message of an event.
+/// Message of an event.
 #[derive(Debug, Default)]
 struct Message(String);
 
@@ -90,7 +90,7 @@ const REASONS: [(&str, &str); 7] = [
     ("certificate required", "is missing"),
 ];
 
-/// Returns the line for a message of zenoh; `None` where there is nothing to do.
+/// Returns the line for a message of zenoh; `None` if no action is required.
 fn explained(level: Level, message: &str) -> Option<String> {
     let reason = innermost(message);
     if USUAL.iter().any(|usual| reason.contains(usual)) {
@@ -106,7 +106,7 @@ fn explained(level: Level, message: &str) -> Option<String> {
     (level <= Level::WARN).then(|| format!("network: {reason}"))
 }
 
-/// Returns the line for a certificate that was refused. An end that the other one refuses gets its reason.
+/// Returns the line for a refused certificate. An end that is refused gets the reason of the other end.
 fn refusal(reason: &str) -> String {
     let found = REASONS.iter().find(|(sign, _)| reason.contains(sign));
     let meaning = found.map_or("is invalid", |(_, meaning)| meaning);

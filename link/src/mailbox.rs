@@ -1,5 +1,5 @@
-//! Newest message of each topic, between the thread that reads the local socket and the one that publishes: neither waits for the
-//! other, and a message that was not taken is replaced.
+//! Newest message of each topic, between the thread that reads the local socket and the thread that publishes. Neither waits
+//! for the other, and a message that was not taken is replaced.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -8,14 +8,14 @@ use contract::Echo;
 
 use crate::role::Topic;
 
-/// A message to publish.
+/// Message to publish.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Outgoing {
-    /// Its topic.
+    /// Topic of the message.
     pub(crate) topic: Topic,
-    /// Its session and number.
+    /// Session and number of the message.
     pub(crate) own: Echo,
-    /// The whole message.
+    /// Complete message.
     pub(crate) bytes: Vec<u8>,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Mailbox {
 }
 
 impl Mailbox {
-    /// Puts a message in place of the one of its topic; returns whether one was replaced.
+    /// Stores a message as the newest of its topic; returns whether it replaced one.
     pub(crate) fn offer(&self, message: Outgoing) -> bool {
         let mut waiting = self.lock();
         let before = waiting.len();

@@ -1,4 +1,4 @@
-//! The session of zenoh: endpoints, identity, and what each end may do.
+//! Session of zenoh: endpoints, identity, and permissions of each end.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const TIMEOUT_MS: u32 = 1_000;
 /// Opens the session of a role.
 ///
 /// # Errors
-/// A port is taken, or zenoh refuses a setting: the settings and the reason.
+/// Returns the settings and the reason if a port is in use, or zenoh refuses a setting.
 pub fn open(role: Role, settings: &Settings, files: &Files) -> Result<Session, Failure> {
     let config = configuration(role, settings, files)?;
     zenoh::open(config).wait().map_err(|error| {
@@ -43,7 +43,7 @@ pub fn innermost(error: &str) -> String {
 /// Returns the settings of zenoh for a role.
 ///
 /// # Errors
-/// zenoh refuses one.
+/// When zenoh refuses a setting.
 pub fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Config, Failure> {
     let endpoints = |addresses: &[String]| {
         let endpoints = addresses.iter().map(|address| format!("quic/{address}?mixed_rel=1"));
@@ -76,7 +76,7 @@ pub fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<C
     Ok(config)
 }
 
-/// Mutual TLS. Hosts are not verified: a certificate is a role of an arm.
+/// Returns the settings of mutual TLS. Hosts are not verified, because a certificate identifies a role of an arm.
 fn identity(files: &Files) -> String {
     let path = |path: &Path| text(&path.to_string_lossy());
     let (authority, certificate, key) =
@@ -88,7 +88,8 @@ fn identity(files: &Files) -> String {
     )
 }
 
-/// Everything is denied but what the other end, or a router, does by its role. Flows are those of this end.
+/// Returns the access control, which permits only the actions of the other end and a router by their roles. Flows are
+/// those of this end.
 fn access(role: Role, arm: u16) -> String {
     let keys = |topics: &[Topic]| list(&topics.iter().map(|it| it.key(arm)).collect::<Vec<_>>());
     let (taken, given) = (keys(role.other().topics()), keys(role.topics()));
@@ -119,12 +120,12 @@ fn access(role: Role, arm: u16) -> String {
     )
 }
 
-/// A string of JSON5.
+/// Returns a string of JSON5.
 fn text(value: &str) -> String {
     format!("{value:?}")
 }
 
-/// A list of strings of JSON5.
+/// Returns a list of strings of JSON5.
 fn list(values: &[impl AsRef<str>]) -> String {
     let values: Vec<String> = values.iter().map(|value| text(value.as_ref())).collect();
     format!("[{}]", values.join(", "))
@@ -145,7 +146,7 @@ mod tests {
                 socket: "s".into(),
                 in_flight: 8,
             };
-            let files = Files::of(Path::new("k\"eys"), role.name());
+            let files = Files::in_folder(Path::new("k\"eys"), role.name());
             configuration(role, &settings, &files).unwrap();
         }
     }

@@ -1,4 +1,4 @@
-//! Lines of the log about the other end: who is connected, and whether it is the one that this end takes messages from.
+//! Log lines about connected peers, and whether one of them is the other end of the link.
 
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
@@ -9,22 +9,22 @@ use zenoh::{Session, Wait};
 use crate::failure::Failure;
 use crate::role::{Role, router_name};
 
-/// Subscriptions to the other end, which end with this.
+/// Subscriptions to the other end, which end when dropped.
 #[derive(Debug)]
-pub(crate) struct Watch {
+pub(crate) struct Subscriptions {
     _token: LivelinessToken,
     _tokens: Subscriber<()>,
     _links: LinkEventsListener<()>,
 }
 
-/// Says that this end is there, and logs who else is.
+/// Declares this end as alive, and logs other peers.
 ///
 /// # Errors
-/// zenoh refuses it.
-pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Watch, Failure> {
+/// When zenoh refuses it.
+pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Subscriptions, Failure> {
     let failed = |error: zenoh::Error| Failure::system(format!("zenoh: {error}"));
     let other = role.other();
-    let mut lines = LinkLines::of([other.common_name(arm), router_name(arm)]);
+    let mut lines = LinkLines::new([other.common_name(arm), router_name(arm)]);
     let info = session.info();
     let links = info.link_events_listener().history(true).callback_mut(move |event| {
         lines.log(event.link(), event.kind());
@@ -38,10 +38,10 @@ pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Watch, Fa
     });
     let tokens = tokens.wait().map_err(failed)?;
     let token = liveliness.declare_token(role.alive(arm)).wait().map_err(failed)?;
-    Ok(Watch { _token: token, _tokens: tokens, _links: links })
+    Ok(Subscriptions { _token: token, _tokens: tokens, _links: links })
 }
 
-/// Lines about links. One of QUIC with streams and datagrams counts as two.
+/// Log lines about links. A QUIC link with streams and datagrams counts as two.
 #[derive(Debug)]
 struct LinkLines {
     /// Names of the other end and of a router.
@@ -50,7 +50,7 @@ struct LinkLines {
 }
 
 impl LinkLines {
-    const fn of(expected: [String; 2]) -> Self {
+    const fn new(expected: [String; 2]) -> Self {
         Self { expected, newest: String::new() }
     }
 
@@ -76,7 +76,7 @@ impl LinkLines {
     }
 }
 
-/// An address without the prefix of IPv4 on a socket of IPv6.
+/// Returns an address without the prefix of IPv4 on a socket of IPv6.
 fn shown(address: &str) -> String {
     let mapped = address.strip_prefix("[::ffff:").and_then(|rest| rest.split_once(']'));
     mapped.map_or_else(|| address.to_owned(), |(host, port)| format!("{host}{port}"))

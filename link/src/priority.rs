@@ -5,10 +5,10 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Priority of 99. The node's cycle, and that of `frhc robot`, have 80.
+/// `SCHED_FIFO` priority, of 99 at most. The cycles of the node and of `frhc robot` have 80.
 const PRIORITY: u8 = 60;
 
-/// Asks for SCHED_FIFO for the calling thread and those that it starts; a refusal is a warning.
+/// Requests SCHED_FIFO for the calling thread and threads that it starts. A refusal is a warning.
 pub fn ask() {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);

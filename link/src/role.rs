@@ -1,4 +1,4 @@
-//! The two roles of a link, near and far: which messages each gives and takes, and its name in certificates.
+//! Roles of a link, near and far: messages that each publishes and receives, and its name in certificates.
 
 use contract::{Capability, Command, Feedback, Head, Reject};
 
@@ -39,7 +39,7 @@ impl Role {
         }
     }
 
-    /// Topics that this role publishes, and the other one subscribes to.
+    /// Topics that this role publishes and the other role subscribes to.
     pub const fn topics(self) -> &'static [Topic] {
         match self {
             Self::Near => &[Topic::Command],
@@ -50,7 +50,7 @@ impl Role {
     /// Returns topic and head of a message that this role sends.
     ///
     /// # Errors
-    /// The message is not one of the contract, or for another arm.
+    /// When it is not a message of the contract, or is for another arm.
     pub fn read(self, bytes: &[u8], arm: u16) -> Result<(Topic, Head), Reject> {
         let (topic, head) = match self {
             Self::Near => (Topic::Command, Command::decode(bytes)?.head),
@@ -67,7 +67,7 @@ impl Role {
         common_name(arm, self.name())
     }
 
-    /// Key expression on which a role says that it is there.
+    /// Key expression of the liveliness token of a role.
     pub fn alive(self, arm: u16) -> String {
         format!("frhc/{arm}/alive/{}", self.name())
     }

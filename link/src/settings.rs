@@ -10,13 +10,13 @@ use toml::Spanned;
 use crate::failure::Failure;
 use crate::role::Role;
 
-/// UDP port where none is set, that of zenoh.
+/// Default UDP port, that of zenoh.
 const PORT: u16 = 7_447;
 
 /// Range of `in_flight`.
 const IN_FLIGHT: std::ops::RangeInclusive<usize> = 8..=1_024;
 
-/// The keys of the file.
+/// Keys of the file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -29,7 +29,7 @@ struct File {
     in_flight: Option<Spanned<usize>>,
 }
 
-/// Number of the arm where none is set, as in the node's file.
+/// Returns the default number of the arm, as in the node's file.
 const fn first_arm() -> u16 {
     1
 }
@@ -45,7 +45,7 @@ pub struct Settings {
     pub listen: Vec<String>,
     /// Addresses, as HOST:PORT, to which this end connects.
     pub connect: Vec<String>,
-    /// Unix socket: the node's of a near end, its own of a far end.
+    /// Unix socket: that of the node for a near end, the end's own for a far end.
     pub socket: PathBuf,
     /// Maximum number of messages that are not echoed.
     pub in_flight: usize,
@@ -55,7 +55,7 @@ impl Settings {
     /// Reads a file.
     ///
     /// # Errors
-    /// It cannot be read, or a key is wrong: file, line, key and reason.
+    /// Returns file, line, key and reason if the file cannot be read or a key is invalid.
     pub fn load(role: Role, file: &Path) -> Result<Self, Failure> {
         let shown = file.display();
         let text = std::fs::read_to_string(file)
@@ -146,12 +146,12 @@ fn address(text: &str) -> Result<String, String> {
     }
 }
 
-/// Returns the address of all interfaces: of IPv6 and IPv4, or of IPv4 where the kernel has no IPv6.
+/// Returns the address of all interfaces, for IPv6 and IPv4, or for IPv4 only if the kernel has no IPv6.
 fn any_address() -> &'static str {
     if UdpSocket::bind("[::]:0").is_ok() { "[::]" } else { "0.0.0.0" }
 }
 
-/// Returns the socket of a role where none is set: the node's as `frhc run` by hand has it, or a new one of this program.
+/// Returns the default socket of a role: that of a node started by hand, or a new one of this program.
 fn default_socket(role: Role) -> PathBuf {
     let folder =
         |name: &str| env::var_os(name).map(PathBuf::from).filter(|folder| folder.is_absolute());

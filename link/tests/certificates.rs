@@ -1,5 +1,5 @@
-//! Which certificates an end takes messages from, and which it gives them to. The other end is a session of zenoh in this test,
-//! which sends and asks whatever it likes.
+//! Tests of the certificates with which a peer can send messages to an end, or receive its messages. The peer is a session
+//! of zenoh in this test, without access control.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Settings, files, ports and options that are refused: one line with what is wrong, and the exit code of docs/network.md.
+//! Tests of refused settings, files, ports and options: one line with the reason, and the exit code of docs/network.md.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,

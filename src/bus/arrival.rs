@@ -1,8 +1,8 @@
 //! Receive times on the clock of the bus, from the kernel's wall-clock stamps.
 //!
 //! The wall clock may step while frames wait in a socket. A stamp is converted with the clocks before and after such a
-//! step; the result must lie after the socket was last empty, and not in the future. If neither conversion does, the
-//! frame counts as old as possible: a stale frame never counts as fresh.
+//! step. A valid result is after the time at which the socket was last empty, and not in the future. Without a valid
+//! result the frame counts as old as possible, so that a stale frame never counts as fresh.
 
 use crate::clock::Reading;
 
@@ -12,7 +12,7 @@ const SLACK: u64 = 100_000;
 /// Bounds of the receive time of a frame that waits in a socket.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrivals {
-    /// The clocks when the socket was last empty: waiting frames came later.
+    /// Clocks when the socket was last empty. Waiting frames were received later.
     empty: Reading,
 }
 
@@ -33,7 +33,7 @@ impl Arrivals {
     }
 
     /// Returns the receive time since boot, in ns, of a frame read `now` with this stamp.
-    pub(super) fn of(&self, stamp: Option<u64>, now: Reading) -> u64 {
+    pub(super) fn time_of(&self, stamp: Option<u64>, now: Reading) -> u64 {
         let (earliest, latest) = (self.empty.boot, now.boot);
         let Some(stamp) = stamp else { return earliest };
         let candidates = [self.empty, now].map(|clocks| clocks.boot_of(stamp));
@@ -68,7 +68,7 @@ mod tests {
             let now = clocks(8_000, after);
             for (arrived, ahead) in [(2_500, BEFORE), (7_500, after)] {
                 let stamp = clocks(arrived, ahead).wall;
-                let found = arrivals.of(Some(stamp), now);
+                let found = arrivals.time_of(Some(stamp), now);
                 assert_eq!(found, 1_000 * arrived, "{after:?}");
             }
         }
@@ -79,7 +79,7 @@ mod tests {
         let arrivals = Arrivals::since(clocks(1_000, BEFORE));
         let now = clocks(8_000, BEFORE);
         for stamp in [None, Some(0), Some(now.wall * 2), Some(clocks(0, BEFORE).wall)] {
-            assert_eq!(arrivals.of(stamp, now), 1_000_000, "{stamp:?}");
+            assert_eq!(arrivals.time_of(stamp, now), 1_000_000, "{stamp:?}");
         }
     }
 
@@ -89,7 +89,7 @@ mod tests {
         let after = BEFORE + Duration::from_secs(60);
         arrivals.found_empty(clocks(5_000, after));
         let stamp = clocks(6_000, after).wall;
-        assert_eq!(arrivals.of(Some(stamp), clocks(8_000, after)), 6_000_000);
+        assert_eq!(arrivals.time_of(Some(stamp), clocks(8_000, after)), 6_000_000);
     }
 
     proptest! {
@@ -105,7 +105,7 @@ mod tests {
             let arrivals = Arrivals::since(clocks(500, BEFORE));
             let arrived = 500 + before;
             let stamp = clocks(arrived, if stepped_first { after } else { BEFORE }).wall;
-            let found = arrivals.of(Some(stamp), clocks(arrived + waited, after));
+            let found = arrivals.time_of(Some(stamp), clocks(arrived + waited, after));
             prop_assert!(found <= 1_000 * arrived + SLACK);
         }
     }

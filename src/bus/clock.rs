@@ -5,13 +5,13 @@ use std::time::Duration;
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
-/// Maximum time between two readings that count as simultaneous, and change between the clocks that is no step, in ns.
+/// Maximum time between two simultaneous readings, and maximum change between the clocks without a step, in ns.
 const MAX_SPREAD: u64 = 20_000;
 
 /// Maximum attempts to read both clocks at once.
 const MAX_ATTEMPTS: usize = 4;
 
-/// Simultaneous reading of both clocks, in ns: a frame needs a dozen sums of them.
+/// Simultaneous reading of both clocks, in ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
     /// Time since boot, suspension included.
@@ -50,7 +50,7 @@ impl Reading {
     /// Reads both clocks once, and returns the time it took.
     fn tried() -> (Self, u64) {
         let (before, wall, after) = (boot(), nanos(ClockId::CLOCK_REALTIME), boot());
-        // The earlier of the two: a frame is rather dated too old.
+        // The earlier of the two, because a frame should rather be dated too old.
         (Self { boot: before, wall }, after.saturating_sub(before))
     }
 
@@ -65,7 +65,7 @@ pub fn monotonic() -> Duration {
     read(ClockId::CLOCK_MONOTONIC)
 }
 
-/// Returns the time since boot in ns, suspension included: what lies before a suspension is old after it.
+/// Returns the time since boot in ns, including suspension, so that data from before a suspension is old.
 pub(super) fn boot() -> u64 {
     nanos(ClockId::CLOCK_BOOTTIME)
 }

@@ -1,8 +1,8 @@
-//! Check of a CAN interface: frames must not queue longer than a cycle, and the controller must not restart after
-//! bus-off by itself.
+//! Check of a CAN interface: frames must not queue longer than a cycle, and the controller must not restart
+//! automatically after bus-off.
 //!
-//! The queue length (`txqueuelen`) has no effect with `noqueue`. A virtual bus has a queue only if configured; that
-//! gives a remark, not an error.
+//! The queue length (`txqueuelen`) has no effect with `noqueue`. A queue on a virtual bus, which must be configured, is a
+//! remark, not an error.
 
 use std::os::fd::AsRawFd;
 use std::{fmt, io};
@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use crate::netlink::{self, Link};
 
-/// Interface flag: the driver loops sent frames back when they were on the wire (linux/if.h).
+/// Interface flag: the driver loops frames back once they were transmitted (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;
 
 /// Kinds of interfaces without a wire.
@@ -29,13 +29,13 @@ pub enum Unfit {
     /// The interface is down.
     #[error("{interface}: the interface is down (ip link set {interface} up)")]
     Down { interface: String },
-    /// Torques would be stale when sent.
+    /// The transmit queue is so long that torques would be stale when transmitted.
     #[error(
         "{interface}: txqueuelen must be at most {most}, the frames of one cycle, got {queue}: torques would \
          be old (ip link set {interface} txqueuelen {most})"
     )]
     Queues { interface: String, queue: u32, most: u32 },
-    /// Only a boot of the network may follow bus-off.
+    /// The controller restarts automatically; only a boot of the network may follow bus-off.
     #[error(
         "{interface}: restart-ms must be 0, got {millis}: the controller would restart by itself after bus-off \
          (ip link set {interface} type can restart-ms 0)"
@@ -55,11 +55,11 @@ pub enum Remark {
     VirtualQueue { interface: String, qdisc: String },
 }
 
-/// Queries each interface and returns the remarks. `bursts` are the maximum frames that the node sends per cycle on
-/// each: the queue must not be longer.
+/// Queries each interface and returns the remarks. `bursts` are the maximum numbers of frames that the node queues on
+/// each interface; queues must not be longer.
 ///
 /// # Errors
-/// The first interface that is not fit, or unknown.
+/// Returns the first interface that is not fit, or unknown.
 pub fn check(interfaces: &[String], bursts: &[u32]) -> Result<Vec<Remark>, Unfit> {
     let mut remarks = Vec::new();
     for (interface, burst) in interfaces.iter().zip(bursts) {

@@ -13,7 +13,7 @@ mod socketcan;
 mod trace;
 
 pub use socketcan::{OpenError, SocketCan};
-pub use trace::Traced;
+pub use trace::TappedBus;
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ use units::time::Instant;
 
 /// One or more CAN buses with a common clock.
 pub trait Bus {
-    /// Reads the clock. It goes on while the host is suspended.
+    /// Reads the clock, which continues while the host is suspended.
     fn now(&self) -> Instant;
 
     /// Returns the wall clock: UTC since 1970. It may step at any time.
@@ -36,41 +36,40 @@ pub trait Bus {
         Duration::ZERO
     }
 
-    /// Returns the time of the last SYNC seen on the wire, zero before the first: the confirmation that sent frames
-    /// reach the bus. `None` if the bus cannot confirm. Does not wait.
+    /// Returns the time of the last SYNC confirmed on the wire, zero before the first. It confirms that sent frames reach
+    /// the bus. `None` if the bus cannot confirm. Does not wait.
     fn transmit_confirmed_at(&mut self, _channel: Channel) -> Option<Instant> {
         None
     }
 
-    /// Passes a frame to its bus. It is sent within a cycle or not at all. `now` is the caller's last reading of the
-    /// clock, the time of the frame in logs.
+    /// Passes a frame to its bus, which transmits it within a cycle or drops it. `now` is the caller's last reading of the
+    /// clock, and the time of the frame in logs.
     ///
     /// # Errors
-    /// The frame was not accepted; it will not be sent later.
+    /// When the frame was not accepted. It will not be sent later.
     fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError>;
 
     /// Waits for the next frame or bus event, until `until` at the latest. `now` is the caller's last reading of the
-    /// clock: the wait ends later by what was done since.
+    /// clock; time that has passed since then delays the end of the wait.
     fn wait(&mut self, now: Instant, until: Instant) -> Wake;
 
     /// [Sends](Self::send_at) a frame now.
     ///
     /// # Errors
-    /// As of `send_at`.
+    /// As [`send_at`](Self::send_at).
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         self.send_at(self.now(), telegram)
     }
 
-    /// [Waits](Self::wait) from now on.
-    fn receive(&mut self, until: Instant) -> Option<Received> {
+    /// [Waits](Self::wait) for the next frame or bus event, until `until` at the latest.
+    fn receive(&mut self, until: Instant) -> Option<ReceivedEvent> {
         self.wait(self.now(), until).received
     }
 
-    /// Opens every bus again: discards frames not yet read, and finds an interface that was plugged in again. Sends
-    /// nothing.
+    /// Reopens every bus. Discards frames not yet read, finds an interface that was plugged in again, and sends nothing.
     ///
     /// # Errors
-    /// The first bus that is missing, or no longer fit for torques.
+    /// Returns the first bus that is missing, or not fit for torques.
     fn reopen(&mut self) -> Result<(), ReopenError> {
         Ok(())
     }
@@ -98,12 +97,12 @@ pub struct Wake {
     /// Time of the end: the clock was read once.
     pub now: Instant,
     /// Frame or event; `None` if there was none in time.
-    pub received: Option<Received>,
+    pub received: Option<ReceivedEvent>,
 }
 
-/// A received event, with time and bus.
+/// Frame or fault received from a bus, with time and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Received {
+pub struct ReceivedEvent {
     /// Time at which it was complete on the wire.
     pub at: Instant,
     /// Bus.

@@ -1,4 +1,4 @@
-//! Lines of `candump -L` logs, written: frames of several buses, and data of pseudo-interfaces.
+//! Writer of logs in the format of `candump -L`: frames of several buses, and data of pseudo-interfaces.
 //!
 //! ```text
 //! (1700000000.123456) vcan0 181#3706E8030000FEFF       a frame

@@ -1,4 +1,4 @@
-//! Real-time settings of a thread: requested from the kernel, and granted or refused.
+//! Real-time settings of a thread, requested from the kernel.
 
 use std::fmt;
 use std::fs::{self, OpenOptions};
@@ -15,7 +15,7 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Priority of 99: above ordinary work, below the threads of the CAN interrupt.
+/// `SCHED_FIFO` priority, of 99 at most: above ordinary work, below the threads of the CAN interrupt.
 const PRIORITY: u8 = 80;
 
 /// The kernel's view of the processors (Documentation/ABI/testing/sysfs-devices-system-cpu).
@@ -25,7 +25,7 @@ const CPUS: &str = "/sys/devices/system/cpu";
 /// (Documentation/power/pm_qos_interface.rst).
 const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Settings that are requested only where the user wants them.
+/// Optional settings, requested on demand.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Settings {
     /// Processor that the thread runs on alone.
@@ -36,36 +36,36 @@ pub struct Settings {
 
 /// Settings granted.
 #[derive(Debug, Default)]
-pub struct Granted {
+pub struct GrantedSettings {
     /// `SCHED_FIFO` at priority 80.
     pub is_fifo: bool,
     /// Memory is locked: no page is swapped out.
     pub is_locked: bool,
     /// Timer slack is 1 ns instead of 50 µs.
     pub is_exact: bool,
-    /// The processor, and why it is not the thread's own; `None` if none was wanted.
+    /// Processor, with the reason if the thread does not run on it alone; `None` if not requested.
     pub cpu: Option<(usize, Result<(), String>)>,
-    /// The limit in µs, and why it does not hold; `None` if none was wanted.
+    /// Limit in µs, with the reason if it is not in effect; `None` if not requested.
     pub cpu_latency: Option<(i32, Result<LatencyLimit, String>)>,
 }
 
-/// Limit of the processors' wake-up time, which holds as long as this lives.
+/// Limit of the processors' wake-up time, in effect until dropped.
 #[derive(Debug)]
 pub struct LatencyLimit(#[expect(dead_code, reason = "its descriptor stays open")] OwnedFd);
 
 /// Requests all settings for the calling thread. A refusal is not an error.
-pub fn ask() -> Granted {
+pub fn ask() -> GrantedSettings {
     ask_for(Settings::default())
 }
 
-/// The same, with those that the user wants.
-pub fn ask_for(settings: Settings) -> Granted {
+/// Requests all settings for the calling thread, including the optional ones. A refusal is not an error.
+pub fn ask_for(settings: Settings) -> GrantedSettings {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);
     let is_fifo = priority.is_ok_and(|priority| {
         set_thread_priority_and_policy(thread_native_id(), priority, fifo).is_ok()
     });
-    Granted {
+    GrantedSettings {
         is_fifo,
         is_locked: mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE).is_ok(),
         is_exact: set_timerslack(1).is_ok(),
@@ -108,7 +108,7 @@ fn limit_latency(micros: i32) -> Result<LatencyLimit, String> {
     limit().map_err(|error| format!("{CPU_LATENCY}: {error}"))
 }
 
-impl Granted {
+impl GrantedSettings {
     /// Returns whether no setting was refused.
     pub fn is_all(&self) -> bool {
         let has_cpu = self.cpu.as_ref().is_none_or(|(_, set)| set.is_ok());
@@ -117,7 +117,7 @@ impl Granted {
     }
 }
 
-impl fmt::Display for Granted {
+impl fmt::Display for GrantedSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let word = |is: bool| if is { "yes" } else { "refused" };
         let (fifo, locked, exact) = (self.is_fifo, self.is_locked, self.is_exact);
@@ -163,11 +163,11 @@ mod tests {
 
     #[test]
     fn refusals_say_what_and_why() {
-        let granted = Granted {
+        let granted = GrantedSettings {
             is_fifo: true,
             cpu: Some((3, Err("shared".to_owned()))),
             cpu_latency: Some((0, Err("gone".to_owned()))),
-            ..Granted::default()
+            ..GrantedSettings::default()
         };
         assert!(!granted.is_all());
         let text = "SCHED_FIFO yes, memory locked refused, timers exact refused, CPU 3 alone refused: shared, \

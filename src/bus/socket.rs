@@ -29,18 +29,18 @@ pub(super) struct Socket {
     /// Buffer for stamps and counts, so that reading does not allocate.
     control: Vec<u8>,
     arrivals: Arrivals,
-    /// Total of frames lost for lack of buffer space.
+    /// Total number of frames lost for lack of buffer space.
     lost: u32,
 }
 
 /// Result of a read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Taken {
+pub(super) struct ReadResult {
     /// Receive time since boot, in ns.
     pub(super) arrived: u64,
     /// Frame or fault; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
-    /// Frames before it were lost.
+    /// Set if frames before it were lost.
     pub(super) has_overrun: bool,
 }
 
@@ -92,11 +92,11 @@ impl Socket {
         })
     }
 
-    /// Reads one frame; `None` if no frame waits. `now` is a reading after it came.
+    /// Reads one frame; `None` if no frame waits. `now` is a reading of the clocks after its reception.
     ///
     /// # Errors
-    /// The interface is down or missing.
-    pub(super) fn read(&mut self, now: Reading) -> Result<Option<Taken>, BusFault> {
+    /// When the interface is down or missing.
+    pub(super) fn read(&mut self, now: Reading) -> Result<Option<ReadResult>, BusFault> {
         let mut bytes = [0; raw_frame::SIZE];
         let mut parts = [IoSliceMut::new(&mut bytes)];
         let (fd, control) = (self.raw.as_raw_fd(), Some(self.control.as_mut_slice()));
@@ -116,9 +116,9 @@ impl Socket {
             Err(_) => return Err(BusFault::Down),
         };
         let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
-        let arrived = self.arrivals.of(stamp, now);
+        let arrived = self.arrivals.time_of(stamp, now);
         let event = bytes.get(..length).and_then(raw_frame::read);
-        Ok(Some(Taken { arrived, event, has_overrun }))
+        Ok(Some(ReadResult { arrived, event, has_overrun }))
     }
 
     /// Returns whether a clock was set since the socket was last empty.

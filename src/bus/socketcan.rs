@@ -1,13 +1,12 @@
 //! SocketCAN: raw sockets of several buses with a common wait.
 //!
 //! Error frames and 29-bit identifiers are filtered out here, and remote frames except for
-//! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_BOOTTIME` since opening, read once per wait; each
+//! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_BOOTTIME` since opening, read once per wait. Each
 //! frame has its receive time, so that a late reader detects stale frames.
 //!
-//! An accepted frame need not be on the wire: a controller in bus-off accepts all. A second socket per bus therefore
-//! receives SYNC only, for [transmit confirmation](SocketCan::with_transmit_confirmation): drivers with `IFF_ECHO` loop
-//! a frame back to other sockets once it was sent. With other drivers the kernel loops it back at once, which confirms
-//! nothing.
+//! A controller in bus-off accepts frames without transmitting them. A second socket per bus therefore receives SYNC only,
+//! for [transmit confirmation](SocketCan::with_transmit_confirmation). Drivers with `IFF_ECHO` loop a frame back to other
+//! sockets once it was transmitted. With other drivers the kernel loops it back at once, which confirms nothing.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -23,7 +22,7 @@ use thiserror::Error;
 use crate::clock::{self, Reading};
 use crate::interface::{self, Remark, Unfit};
 use crate::socket::{Purpose, Socket};
-use crate::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Wake};
+use crate::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::listening::Pattern;
 use canopen::sync;
@@ -35,7 +34,7 @@ const MAX_BUSES: usize = 8;
 /// Maximum frames read after the end of a wait, or for one confirmation: the capacity of a socket's buffer.
 const BACKLOG: usize = 256;
 
-/// Reasons open_error a bus cannot be opened.
+/// Reasons why a bus cannot be opened.
 #[derive(Debug, Error)]
 pub enum OpenError {
     /// The kernel has no CAN support.
@@ -63,11 +62,11 @@ pub struct SocketCan {
     epoch: u64,
     /// Last reading of both clocks.
     last: Reading,
-    /// Maximum frames that may queue on each interface, if they must be fit for torques; `reopen` checks again.
+    /// Maximum numbers of queued frames, for interfaces that must be fit for torques; `reopen` checks them again.
     bursts: Option<Vec<u32>>,
     /// Overrun before the last frame read.
-    overrun: Option<Received>,
-    /// Socket polled first, in turn.
+    overrun: Option<ReceivedEvent>,
+    /// Index of the socket polled first, which rotates.
     first: usize,
 }
 
@@ -78,8 +77,8 @@ struct Line {
     filters: Vec<CanFilter>,
     receives_own: bool,
     socket: Socket,
-    /// A frame received after the deadline of the call that read it. Its socket waits.
-    held: Option<Received>,
+    /// Frame received after the deadline of the call that read it. Its socket is not read meanwhile.
+    held: Option<ReceivedEvent>,
     confirmation: Option<ConfirmationSocket>,
 }
 
@@ -97,7 +96,7 @@ impl SocketCan {
     /// Opens one interface per bus, in the order of the channels.
     ///
     /// # Errors
-    /// The first interface that cannot be opened. Nothing was sent.
+    /// Returns the first interface that cannot be opened. No frame was sent.
     pub fn open(interfaces: &[String]) -> Result<Self, OpenError> {
         if interfaces.len() > MAX_BUSES {
             return Err(OpenError::TooMany(interfaces.len()));
@@ -132,7 +131,7 @@ impl SocketCan {
         Ok(self)
     }
 
-    /// Receives its own frames once they are on the bus: simulated devices receive each other.
+    /// Receives its own frames once they are on the bus, so that simulated devices receive each other.
     ///
     /// # Errors
     /// The first interface that refuses it.
@@ -198,7 +197,7 @@ impl SocketCan {
             *place = PollFd::new(line.socket.as_fd(), PollFlags::POLLIN);
         }
         let outcome = ppoll(polled, Some(TimeSpec::from_duration(timeout)), None);
-        // A signal may have come first: then nothing is known, and the caller looks at the clock.
+        // A signal may have ended the wait. Nothing is then known, and the caller reads the clock.
         outcome.ok()?;
         let mut is_ready = [false; MAX_BUSES];
         for (is_ready, place) in is_ready.iter_mut().zip(&*polled) {
@@ -214,26 +213,26 @@ impl SocketCan {
     }
 
     /// Returns the oldest held frame received until `until`.
-    fn take_held(&mut self, until: Instant) -> Option<Received> {
+    fn take_held(&mut self, until: Instant) -> Option<ReceivedEvent> {
         let at = |line: &Line| line.held.map(|held| held.at).filter(|at| *at <= until);
         let lines = self.lines.iter_mut().filter(|line| at(line).is_some());
         lines.min_by_key(|line| at(line))?.held.take()
     }
 
     /// Reads one bus at `now`; `None` if there is nothing for a CANopen node.
-    fn read(&mut self, place: usize, now: Instant) -> Option<Received> {
+    fn read(&mut self, place: usize, now: Instant) -> Option<ReceivedEvent> {
         self.first = place + 1;
         let opened = self.opened;
         let line = self.lines.get_mut(place)?;
         let channel = Channel(u8::try_from(place).unwrap_or(u8::MAX));
-        let fault = |at, fault| Received { at, channel, event: BusEvent::Fault(fault) };
+        let fault = |at, fault| ReceivedEvent { at, channel, event: BusEvent::Fault(fault) };
         match line.socket.read(self.last) {
             Ok(taken) => {
                 let taken = taken?;
                 let at = instant(taken.arrived, opened);
                 let overrun = taken.has_overrun.then(|| fault(now, BusFault::Overrun));
                 self.overrun = self.overrun.or(overrun);
-                Some(Received { at, channel, event: taken.event? })
+                Some(ReceivedEvent { at, channel, event: taken.event? })
             }
             Err(down) => Some(fault(now, down)),
         }
@@ -281,7 +280,7 @@ impl Bus for SocketCan {
             let ready = self.poll(left);
             now = self.read_clocks();
             let Some(place) = ready else {
-                // Not so where a signal has ended the wait.
+                // A signal may have ended the wait early.
                 if now >= until {
                     break;
                 }
@@ -292,7 +291,7 @@ impl Bus for SocketCan {
             if received.at <= until {
                 return Wake { now, received: Some(received) };
             }
-            // Another bus may still have one that came in time.
+            // Another bus may still have a frame received in time.
             if let Some(line) = self.lines.get_mut(place) {
                 line.held = Some(received);
             }
@@ -351,7 +350,7 @@ impl ConfirmationSocket {
     /// interface that is down.
     fn read(&mut self, now: Reading, opened: u64) -> Instant {
         for _ in 0..BACKLOG {
-            // The socket is proven empty only where a stamp would otherwise be of an unknown clock.
+            // Emptiness of the socket is checked only if a stamp would otherwise be of an unknown clock.
             if self.event >= self.sent && !self.socket.is_before_a_step(now) {
                 break;
             }

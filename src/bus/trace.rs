@@ -1,20 +1,20 @@
-//! A bus with an observer.
+//! Bus with an observer of its frames.
 
 use std::time::Duration;
 
-use crate::{Bus, BusEvent, Received, ReopenError, SendError, Tap, Wake};
+use crate::{Bus, BusEvent, ReceivedEvent, ReopenError, SendError, Tap, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use units::time::Instant;
 
 /// Bus `B` observed by `T`. Frames that were not accepted are not observed.
 #[derive(Debug)]
-pub struct Traced<B, T> {
+pub struct TappedBus<B, T> {
     bus: B,
     tap: T,
 }
 
-impl<B, T> Traced<B, T> {
+impl<B, T> TappedBus<B, T> {
     /// Observes `bus` with `tap`.
     pub const fn new(bus: B, tap: T) -> Self {
         Self { bus, tap }
@@ -26,7 +26,7 @@ impl<B, T> Traced<B, T> {
     }
 }
 
-impl<B: Bus, T: Tap> Bus for Traced<B, T> {
+impl<B: Bus, T: Tap> Bus for TappedBus<B, T> {
     fn now(&self) -> Instant {
         self.bus.now()
     }
@@ -51,7 +51,7 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
 
     fn wait(&mut self, now: Instant, until: Instant) -> Wake {
         let wake = self.bus.wait(now, until);
-        if let Some(Received { at, channel, event: BusEvent::Frame(frame) }) = wake.received {
+        if let Some(ReceivedEvent { at, channel, event: BusEvent::Frame(frame) }) = wake.received {
             self.tap.on_wire(at, &Telegram { channel, frame });
         }
         wake

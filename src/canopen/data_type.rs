@@ -81,13 +81,13 @@ const fn any_length(number: u16, name: &'static str, kind: Kind) -> DataType {
 }
 
 /// Returns the type of a number; `None` for records and manufacturer-specific types.
-pub fn of(number: u16) -> Option<DataType> {
+pub fn find(number: u16) -> Option<DataType> {
     TYPES.iter().find(|data_type| data_type.number == number).copied()
 }
 
 /// Size of a value in bytes; `None` for types of variable length.
 pub fn size(number: u16) -> Option<usize> {
-    of(number)?.bytes()
+    find(number)?.bytes()
 }
 
 impl DataType {
@@ -113,13 +113,13 @@ mod tests {
 
     #[test]
     fn ranges_are_those_of_the_standard() {
-        let range = |number| of(number).unwrap().range().unwrap();
+        let range = |number| find(number).unwrap().range().unwrap();
         assert_eq!(range(0x01), 0..=1);
         assert_eq!(range(0x02), -128..=127);
         assert_eq!(range(0x06), 0..=0xFFFF);
         assert_eq!(range(0x15), i128::from(i64::MIN)..=i128::from(i64::MAX));
         assert_eq!(range(0x1B), 0..=i128::from(u64::MAX));
-        assert_eq!(of(0x08).unwrap().range(), None);
+        assert_eq!(find(0x08).unwrap().range(), None);
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub const fn default_cob_id(node: NodeId) -> u16 {
     emcy_cob_id(node)
 }
 
-/// COB-ID behind those of all PDOs, 680h + node-id; `None` where that is restricted (CiA 301, 7.3.5).
+/// COB-ID with lower priority than all PDOs, 680h + node-id; `None` if that is restricted (CiA 301, 7.3.5).
 pub fn low_cob_id(node: NodeId) -> Option<u16> {
     (node.raw() < 0x60).then(|| 0x680 + u16::from(node.raw()))
 }
@@ -57,7 +57,7 @@ impl Emergency {
         self.register == 0 && codes.contains(&self.code)
     }
 
-    /// Text of the error code, or of its class where the code itself is unknown.
+    /// Text of the error code, or of its class if the code is unknown.
     pub fn description(&self) -> &'static str {
         error_codes::description(self.code)
     }

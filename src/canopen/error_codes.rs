@@ -39,14 +39,14 @@ pub const fn is_of_communication(code: u16) -> bool {
     matches!(code & 0xFF00, 0x8100 | 0x8200)
 }
 
-/// Text of an error code, or of its class where the code itself is unknown.
+/// Text of an error code, or of its class if the code is unknown.
 pub fn description(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
     let class = [0xFFFF, 0xFFF0, 0xFF00, 0xF000].iter().find_map(|mask| known(code & mask));
     class.map_or("unknown error", |(_, text)| *text)
 }
 
-/// All codes with a text of their own.
+/// All codes with a specific text.
 pub fn all() -> impl Iterator<Item = (u16, &'static str)> {
     CODES.iter().copied()
 }
@@ -68,7 +68,7 @@ const REGISTER: [(u8, &str); 8] = [
     (0x80, "manufacturer"),
 ];
 
-/// Error codes in order; those ending in zeros stand for their class too.
+/// Error codes in ascending order. Codes that end in zeros are also those of their class.
 const CODES: &[(u16, &str)] = &[
     (0x0000, "error reset"),
     (0x1000, "generic error"),

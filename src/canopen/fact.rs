@@ -11,7 +11,7 @@ use std::fmt;
 
 use derive_more::Display;
 
-use crate::nameplate::{Held, Nameplate, Ratio};
+use crate::nameplate::{Nameplate, Ratio, StoredValue};
 use crate::object::Object;
 
 /// A fact about a drive.
@@ -67,13 +67,13 @@ impl fmt::Display for Evidence {
 }
 
 impl Nameplate {
-    /// Returns what verifies a fact in a drive with these objects; `None` if the configuration alone states it.
+    /// Returns the evidence for a fact in a drive with these objects; `None` if the fact is stated only.
     pub fn planned_evidence(&self, fact: Fact, has: impl Fn(Object) -> bool) -> Option<Evidence> {
         self.evidence(fact, has, self.encoder.first().copied())
     }
 
-    /// Returns what verifies a fact by what the boot has read; `None` if the configuration alone states it.
-    pub fn found_evidence(&self, fact: Fact, held: &[Held]) -> Option<Evidence> {
+    /// Returns the evidence for a fact in the values that the boot has read; `None` if the fact is stated only.
+    pub fn found_evidence(&self, fact: Fact, held: &[StoredValue]) -> Option<Evidence> {
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let revolutions = value(Object::ENCODER_REVOLUTIONS).unwrap_or(1);
         let encoder = value(Object::ENCODER_INCREMENTS).map(|of| Ratio(of, revolutions));
@@ -121,8 +121,8 @@ mod tests {
         }
     }
 
-    fn held(object: Object, value: u32) -> Held {
-        Held { object, value, size: 4 }
+    fn held(object: Object, value: u32) -> StoredValue {
+        StoredValue { object, value, size: 4 }
     }
 
     #[test]

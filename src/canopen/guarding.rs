@@ -1,13 +1,13 @@
-//! Node guarding (CiA 301, 7.2.8.2.1) of a node without a heartbeat: the master polls it by a remote frame, and
-//! the node answers with its NMT state and a toggle bit.
+//! Node guarding (CiA 301, 7.2.8.2.1) of a node without a heartbeat. The master polls it by remote frames, and the node
+//! answers with its NMT state and a toggle bit.
 //!
 //! | answer | meaning                                             |
 //! |--------|-----------------------------------------------------|
 //! | bit 7  | toggles from answer to answer, 0 after a boot-up     |
 //! | 6–0    | the NMT state                                       |
 //!
-//! An answer with the wrong toggle bit is ignored. The node in turn detects a lost master by the missing polls
-//! (life guarding, 100Ch and 100Dh).
+//! An answer with the wrong toggle bit is ignored. The node detects a lost master by missing polls (life guarding, 100Ch
+//! and 100Dh).
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ use units::time::Instant;
 pub struct Guarding {
     /// Guard time (100Ch), in ms, at least 1.
     pub guard_time_ms: u16,
-    /// Life time factor (100Dh), at least 1: either side is lost after so many guard times.
+    /// Life time factor (100Dh), at least 1: number of guard times after which either side is lost.
     pub life_time_factor: u8,
 }
 
@@ -71,7 +71,7 @@ impl Guard {
         }
     }
 
-    /// NMT state of the node, as far as it is known.
+    /// NMT state of the node, if known.
     pub const fn health(&self) -> Health {
         self.health
     }

@@ -1,7 +1,7 @@
-//! Heartbeats (CiA 301, 7.2.8.3.2): production of the master's own, consumption of each node's.
+//! Heartbeats (CiA 301, 7.2.8.3.2): producer of the master's heartbeat, consumer of each node's.
 //!
-//! The [`Producer`] sends nothing by itself: the cycle polls it after its own checks have passed, so the
-//! heartbeat stops with the cycle and the drives react (1016h). The [`Consumer`] only reports.
+//! The cycle polls the [`Producer`] after its checks have passed. The heartbeat thus stops with the cycle, and the drives
+//! react (1016h). The [`Consumer`] only reports.
 //!
 //! One byte: the NMT state, or 0 as the boot-up message.
 
@@ -57,7 +57,7 @@ impl Producer {
     }
 }
 
-/// NMT state of a node, as far as it is known.
+/// NMT state of a node, if known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Health {
     /// No heartbeat received yet, within the time allowed.
@@ -106,7 +106,7 @@ impl Consumer {
         Self { monitor: HeartbeatMonitor::new(period), ..self }
     }
 
-    /// NMT state of the node, as far as it is known.
+    /// NMT state of the node, if known.
     pub const fn health(&self) -> Health {
         self.health
     }

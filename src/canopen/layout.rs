@@ -21,16 +21,16 @@ pub enum Direction {
     Transmit,
 }
 
-/// Mapped object.
+/// Object mapped into a PDO, with its length (CiA 301, 7.5.2.36).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mapped {
+pub struct MappedObject {
     /// Object.
     pub object: Object,
     /// Length in bits.
     pub bits: u8,
 }
 
-impl Mapped {
+impl MappedObject {
     /// Returns the entry of a mapping parameter: index, sub-index and length in bits (CiA 301, 7.5.2.36).
     pub const fn entry(&self) -> u32 {
         let [high, low] = self.object.index.to_be_bytes();
@@ -58,12 +58,12 @@ pub struct Pdo {
 pub struct Service {
     /// Transmission type.
     pub transmission: Transmission,
-    /// Inhibit time, in 100 µs; `None` leaves it as it is.
+    /// Inhibit time, in 100 µs; `None` leaves the drive's value.
     pub inhibit_100us: Option<u16>,
-    /// Event timer in ms: maximum period of a TPDO, timeout of an RPDO. `None` leaves it as it is.
+    /// Event timer in ms: maximum period of a TPDO, timeout of an RPDO. `None` leaves the drive's value.
     pub event_timer_ms: Option<u16>,
     /// Mapped objects, in order.
-    pub mapping: Vec<Mapped>,
+    pub mapping: Vec<MappedObject>,
 }
 
 impl Service {
@@ -84,9 +84,9 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
         inhibit_100us: None,
         event_timer_ms: None,
         mapping: vec![
-            Mapped { object: Object::STATUSWORD, bits: 16 },
-            Mapped { object: Object::POSITION_ACTUAL, bits: 32 },
-            Mapped { object: Object::TORQUE_ACTUAL, bits: 16 },
+            MappedObject { object: Object::STATUSWORD, bits: 16 },
+            MappedObject { object: Object::POSITION_ACTUAL, bits: 32 },
+            MappedObject { object: Object::TORQUE_ACTUAL, bits: 16 },
         ],
     };
     let target = Service {
@@ -94,8 +94,8 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
         inhibit_100us: None,
         event_timer_ms: rpdo_timer_ms,
         mapping: vec![
-            Mapped { object: Object::CONTROLWORD, bits: 16 },
-            Mapped { object: Object::TARGET_TORQUE, bits: 16 },
+            MappedObject { object: Object::CONTROLWORD, bits: 16 },
+            MappedObject { object: Object::TARGET_TORQUE, bits: 16 },
         ],
     };
     predefined(node, vec![sample], vec![target])
@@ -108,7 +108,7 @@ pub fn torque_demand() -> Service {
         transmission: Transmission(DEMAND_SYNCS),
         inhibit_100us: None,
         event_timer_ms: None,
-        mapping: vec![Mapped { object: Object::TORQUE_DEMAND, bits: 16 }],
+        mapping: vec![MappedObject { object: Object::TORQUE_DEMAND, bits: 16 }],
     }
 }
 
@@ -154,19 +154,19 @@ pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u
         transmission: Transmission::EVERY_SYNC,
         inhibit_100us: None,
         event_timer_ms: None,
-        mapping: vec![Mapped { object: Object::POSITION_ACTUAL, bits: 32 }],
+        mapping: vec![MappedObject { object: Object::POSITION_ACTUAL, bits: 32 }],
     };
     let status = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: Some(100),
         event_timer_ms: Some(spread(&STATUS_MS).into()),
-        mapping: vec![Mapped { object: Object::STATUSWORD, bits: 16 }],
+        mapping: vec![MappedObject { object: Object::STATUSWORD, bits: 16 }],
     };
     let torque = Service {
         transmission: Transmission(spread(&TORQUE_SYNCS)),
         inhibit_100us: None,
         event_timer_ms: None,
-        mapping: vec![Mapped { object: Object::TORQUE_ACTUAL, bits: 16 }],
+        mapping: vec![MappedObject { object: Object::TORQUE_ACTUAL, bits: 16 }],
     };
     let object_of = |slot: u8| {
         let is_own = slot == group.slot;
@@ -176,13 +176,15 @@ pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u
         transmission: Transmission::EVERY_SYNC,
         inhibit_100us: None,
         event_timer_ms: rpdo_timer_ms,
-        mapping: (0..group.size).map(|slot| Mapped { object: object_of(slot), bits: 16 }).collect(),
+        mapping: (0..group.size)
+            .map(|slot| MappedObject { object: object_of(slot), bits: 16 })
+            .collect(),
     };
     let control = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: None,
         event_timer_ms: None,
-        mapping: vec![Mapped { object: Object::CONTROLWORD, bits: 16 }],
+        mapping: vec![MappedObject { object: Object::CONTROLWORD, bits: 16 }],
     };
     let mut pdos = predefined(node, vec![position, status, torque], vec![targets, control]);
     let is_shared = |pdo: &&mut Pdo| pdo.direction == Direction::Receive && pdo.number == 1;
@@ -199,9 +201,9 @@ const TORQUE_SYNCS: [u8; 6] = [97, 99, 100, 101, 103, 107];
 /// Layout of the switch box: inputs on change and every 5 ms; all other PDOs disabled. An analogue input, by its number,
 /// follows the digital ones in the same frame, so that it is never newer or older than the deadman.
 pub fn switches(node: NodeId, analogue: Option<u8>) -> Vec<Pdo> {
-    let digital = Mapped { object: Object::DIGITAL_INPUTS, bits: 8 };
+    let digital = MappedObject { object: Object::DIGITAL_INPUTS, bits: 8 };
     let analogue =
-        analogue.map(|number| Mapped { object: Object::analogue_input(number), bits: 16 });
+        analogue.map(|number| MappedObject { object: Object::analogue_input(number), bits: 16 });
     let inputs = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: Some(10),

@@ -1,7 +1,7 @@
 //! CANopen (CiA 301) and the drive profile (CiA 402) as state machines without I/O: frames and time in, frames out.
 //!
-//! A state machine has three methods: `on_frame` takes a received frame, `on_time` does what is due, `deadline` returns
-//! the next due time. Frames to send are appended to a list. Waiting, the clock and the socket are the caller's.
+//! A state machine has three methods: `on_frame` takes a received frame, `on_time` handles expired timers, `deadline`
+//! returns the time of the next timer. Frames to send are appended to a list. The caller waits, and owns clock and socket.
 //! `examples/boot_one_drive.rs` boots a drive with the [`master`].
 //!
 //! ```

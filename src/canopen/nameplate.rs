@@ -1,9 +1,8 @@
-//! Nameplate of a drive: sign, scale and ratings that its maker's tool has stored in it, against those of the
-//! configuration.
+//! Nameplate of a drive: comparison of stored sign, scale and ratings with the configuration.
 //!
-//! All of them act on what a PDO carries: a stored polarity turns the sign of 6064h, a stored gear ratio scales it, and
-//! the rated torque is the unit of 6071h. They are read at every boot, where the drive has them, and compared. The master
-//! writes none of them by itself.
+//! The maker's tool stores them in the drive, and they change the meaning of PDOs. Polarity turns the sign of 6064h, the
+//! gear ratio scales it, and rated torque is the unit of 6071h. Every boot reads those that the drive has, and compares
+//! them. The master does not write them.
 //!
 //! | object       | expected                                              |
 //! |--------------|-------------------------------------------------------|
@@ -43,7 +42,7 @@ impl Ratio {
     /// One to one.
     pub const ONE: Self = Self(1, 1);
 
-    /// Returns the reduced product with a whole number; `None` beyond 32 bits.
+    /// Returns the reduced product with an integer; `None` beyond 32 bits.
     pub fn times(self, factor: u32) -> Option<Self> {
         let (of, to) = (u64::from(self.0) * u64::from(factor), u64::from(self.1));
         let divisor = common_divisor(of, to).max(1);
@@ -77,7 +76,7 @@ pub struct Rating {
 }
 
 impl Rating {
-    /// The nearest whole number; the largest for a value beyond.
+    /// Returns the nearest integer; the largest for a value beyond.
     #[expect(
         clippy::as_conversions,
         clippy::cast_possible_truncation,
@@ -112,10 +111,10 @@ pub struct Nameplate {
     pub modes: Option<u32>,
 }
 
-/// Value found in a drive, of one to four bytes.
+/// Value read from a drive, of one to four bytes.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 #[display("{object} = {value:0digits$X}h", digits = usize::from(2 * size))]
-pub struct Held {
+pub struct StoredValue {
     /// Object.
     pub object: Object,
     /// Value.
@@ -124,19 +123,19 @@ pub struct Held {
     pub size: u8,
 }
 
-impl Held {
-    /// Returns the content of an object; `None` unless it has one to four bytes. A reply of unknown size is cut to that
-    /// of the object: what follows means nothing.
-    pub fn of(object: Object, content: &Content) -> Option<Self> {
+impl StoredValue {
+    /// Returns the content of an object; `None` unless it has one to four bytes. A reply of unknown size is cut to the size
+    /// of the object, because the bytes behind it are meaningless.
+    pub fn from_content(object: Object, content: &Content) -> Option<Self> {
         let size = match object {
             Object::POLARITY => 1,
             Object::POSITIVE_TORQUE_LIMIT | Object::NEGATIVE_TORQUE_LIMIT => 2,
             _ => 4,
         };
-        Self::of_bytes(object, content.exactly(size).unwrap_or(content.bytes()))
+        Self::from_bytes(object, content.exactly(size).unwrap_or(content.bytes()))
     }
 
-    fn of_bytes(object: Object, bytes: &[u8]) -> Option<Self> {
+    fn from_bytes(object: Object, bytes: &[u8]) -> Option<Self> {
         let size = u8::try_from(bytes.len()).ok().filter(|size| (1..=4).contains(size))?;
         let value = bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
         Some(Self { object, value, size })
@@ -207,11 +206,11 @@ impl Nameplate {
         Object::SUPPORTED_MODES,
     ];
 
-    /// Compares what a drive holds; what it does not have passes.
+    /// Compares the values read from a drive; absent objects pass.
     ///
     /// # Errors
-    /// The first value that differs.
-    pub fn judge(&self, held: &[Held]) -> Result<(), Misfit> {
+    /// Returns the first value that differs.
+    pub fn judge(&self, held: &[StoredValue]) -> Result<(), Misfit> {
         self.units.judge(held)?;
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let ratio = |of: Object| {
@@ -289,11 +288,11 @@ const RANGE: &str = "widen it, or set both to 0, with the maker's tool or [[join
     (limit_m) or zero_counts";
 
 impl Units {
-    /// Compares what a drive holds; what it does not have passes.
+    /// Compares the values read from a drive; absent objects pass.
     ///
     /// # Errors
-    /// The first value that differs.
-    fn judge(&self, held: &[Held]) -> Result<(), Misfit> {
+    /// Returns the first value that differs.
+    fn judge(&self, held: &[StoredValue]) -> Result<(), Misfit> {
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let misfit = |name, object: Object, found, expected, remedy| {
             let object = Object { sub: 0, ..object };
@@ -361,11 +360,11 @@ mod tests {
         }
     }
 
-    fn held(object: Object, value: u32) -> Held {
-        Held { object, value, size: 4 }
+    fn held(object: Object, value: u32) -> StoredValue {
+        StoredValue { object, value, size: 4 }
     }
 
-    fn judged(held: &[Held]) -> String {
+    fn judged(held: &[StoredValue]) -> String {
         nameplate().judge(held).map_or_else(|misfit| misfit.to_string(), |()| String::new())
     }
 
@@ -455,7 +454,7 @@ mod tests {
     #[test]
     fn held_value_has_one_to_four_bytes() {
         let of = |bytes: &[u8]| {
-            Held::of_bytes(Object::POLARITY, bytes).map(|held| (held.value, held.size))
+            StoredValue::from_bytes(Object::POLARITY, bytes).map(|held| (held.value, held.size))
         };
         assert_eq!(of(&[0x80]), Some((0x80, 1)));
         assert_eq!(of(&[1, 2, 3, 4]), Some((0x0403_0201, 4)));
@@ -464,7 +463,7 @@ mod tests {
 
     fn judged_units(held: &[(Object, u32)]) -> String {
         let held: Vec<_> =
-            held.iter().map(|&(object, value)| Held { object, value, size: 4 }).collect();
+            held.iter().map(|&(object, value)| StoredValue { object, value, size: 4 }).collect();
         let units =
             Units { velocity: Some(SiUnit::RPM), range: Some([-200, 300]), ..Units::default() };
         units.judge(&held).map_or_else(|misfit| misfit.to_string(), |()| String::new())
@@ -488,7 +487,7 @@ mod tests {
         );
         assert!(text.contains("drive_position_unit"), "{text}");
         let stated = Units { position: SiUnit(0xFF41_0000), ..Units::default() };
-        let held = |value| [Held { object: Object::POSITION_UNIT, value, size: 4 }];
+        let held = |value| [StoredValue { object: Object::POSITION_UNIT, value, size: 4 }];
         assert_eq!(stated.judge(&held(0xFF41_0000)), Ok(()));
         assert!(stated.judge(&held(0x00B5_0000)).is_err());
     }
@@ -497,7 +496,7 @@ mod tests {
     fn velocity_unit_counts_where_a_speed_is_written() {
         let text = judged_units(&[(Object::VELOCITY_UNIT, 0xFDB4_4700)]);
         assert!(text.contains("is FDB44700h (10^-3 rpm), expected 00B44700h (rpm)"), "{text}");
-        let held = [Held { object: Object::VELOCITY_UNIT, value: 0, size: 4 }];
+        let held = [StoredValue { object: Object::VELOCITY_UNIT, value: 0, size: 4 }];
         assert_eq!(Units::default().judge(&held), Ok(()));
     }
 

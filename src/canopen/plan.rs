@@ -51,9 +51,9 @@ pub enum Revisions {
     Compatible,
 }
 
-/// Mutual monitoring of master and node by heartbeats.
+/// Heartbeat settings of master and node, which monitor each other (1016h, 1017h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Watch {
+pub struct HeartbeatSettings {
     /// Node-id of the master.
     pub master: NodeId,
     /// Consumer heartbeat time of a drive (1016h:1), in ms: without the master's heartbeat it faults.
@@ -142,12 +142,12 @@ pub struct NodePlan {
     pub identity: Identity,
     /// Further criteria for accepting the node.
     pub admission: Admission,
-    /// Set if the other nodes start without it. It may be absent; it may not be another device.
+    /// Set if the other nodes start without it. It may be absent, but must not be another device.
     pub is_optional: bool,
-    /// Set if the boot leaves it running, without a reset, where it is operational and configured exactly as
-    /// planned. Not for drives: these always boot anew.
+    /// Set if the boot keeps the node running, without a reset, if it is operational and configured exactly as planned.
+    /// Drives are always reset.
     pub keep_alive: bool,
-    /// Set if the boot first restores its default parameters (1011h:1), by a reset of the whole node.
+    /// Set if the boot first restores the default parameters (1011h:1), followed by NMT reset node.
     pub restores_defaults: bool,
     /// Set if the node stores its configuration (1010h:1) with its [stamp](Stamp), so that the next boot need
     /// not write it again.
@@ -159,7 +159,7 @@ pub struct NodePlan {
     /// All its PDOs, those switched off included.
     pub pdos: Vec<Pdo>,
     /// Reaction to a communication error (1029h:1): 0 enters pre-operational, 1 changes nothing, 2 stops.
-    /// `None` leaves it as it is; a node without 1029h passes.
+    /// `None` leaves the node's value; a node without 1029h passes.
     pub error_behaviour: Option<u8>,
     /// Reactions to errors, limits, and the period of the cycle. A device that lacks one of these objects is refused by
     /// that object, unless it is only a [means](Need).
@@ -176,8 +176,8 @@ pub struct NodePlan {
     pub error_control: ErrorControl,
     /// Sign, scale and ratings that the drive must hold; `None` compares none.
     pub nameplate: Option<Nameplate>,
-    /// Maximum motion of a drive at standstill, in counts of 6064h per 100 ms. A drive found with its power on
-    /// must stand still before the boot continues. `None` skips the wait.
+    /// Maximum motion of a drive at standstill, in counts of 6064h per 100 ms. The boot of a drive found with its power on
+    /// waits for standstill; `None` skips the wait.
     pub standstill_counts: Option<u32>,
 }
 
@@ -196,17 +196,18 @@ const TO_PRE_OPERATIONAL: u8 = 0;
 const SLOW_DOWN: Value = Value::Integer16(1);
 
 impl NodePlan {
-    /// Plans a CiA 402 drive in cyclic synchronous torque mode that stops when the master is lost, limited to
-    /// `max_torque` in per mille of rated torque (6072h).
+    /// Plans a CiA 402 drive in cyclic synchronous torque mode that stops when the master is lost. `max_torque` (6072h) is
+    /// in ‰ of rated torque.
     pub fn drive(
         name: String,
         node: NodeId,
         identity: Identity,
         pdos: Vec<Pdo>,
-        watch: &Watch,
+        heartbeats: &HeartbeatSettings,
         max_torque: u16,
     ) -> Self {
-        let consumer = u32::from(watch.master.raw()) << 16 | u32::from(watch.master_lost_ms);
+        let consumer =
+            u32::from(heartbeats.master.raw()) << 16 | u32::from(heartbeats.master_lost_ms);
         let mut safety = setting::no_offsets().to_vec();
         safety.extend([
             (Object::CONSUMER_HEARTBEAT, Value::Unsigned32(consumer)),
@@ -219,7 +220,7 @@ impl NodePlan {
             (Object::MAX_TORQUE, Value::Unsigned16(max_torque)),
         ]);
         let mode = Some(drive::CYCLIC_SYNCHRONOUS_TORQUE);
-        Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, watch) }
+        Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, heartbeats) }
     }
 
     /// Plans a CiA 401 switch box, with one analogue input by its number or none. It moves nothing and consumes no
@@ -229,10 +230,10 @@ impl NodePlan {
         node: NodeId,
         identity: Identity,
         analogue: Option<u8>,
-        watch: &Watch,
+        heartbeats: &HeartbeatSettings,
     ) -> Self {
         let pdos = layout::switches(node, analogue);
-        Self::device(name, node, PROFILE_INPUTS, identity, pdos, watch)
+        Self::device(name, node, PROFILE_INPUTS, identity, pdos, heartbeats)
     }
 
     fn device(
@@ -241,7 +242,7 @@ impl NodePlan {
         profile: u16,
         identity: Identity,
         pdos: Vec<Pdo>,
-        watch: &Watch,
+        heartbeats: &HeartbeatSettings,
     ) -> Self {
         Self {
             name,
@@ -263,8 +264,8 @@ impl NodePlan {
             emcy_warnings: Vec::new(),
             emcy_cob_id: emcy::default_cob_id(node),
             error_control: ErrorControl::Heartbeat {
-                period_ms: watch.heartbeat_ms,
-                lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
+                period_ms: heartbeats.heartbeat_ms,
+                lost_after: Duration::from_millis(u64::from(heartbeats.node_lost_ms)),
             },
             nameplate: None,
             standstill_counts: None,
@@ -306,15 +307,15 @@ impl NodePlan {
     #[must_use]
     pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
         let is_dispensable = |object| {
-            let is_means = !Need::of(object).is_must() && !OFFSETS.contains(&object);
+            let is_means = !Need::for_object(object).is_must() && !OFFSETS.contains(&object);
             object == Object::CONSUMER_HEARTBEAT || is_means
         };
         self.safety.retain(|(object, _)| !(is_dispensable(*object) && lacks(*object)));
         self
     }
 
-    /// Sets the synchronous counter overflow value (1019h), which can be changed only while the period (1006h) is zero
-    /// (CiA 301, 7.5.2.22): the period is stated [after it](Self::every).
+    /// Sets the synchronous counter overflow value (1019h). It can be changed only while the period (1006h) is zero
+    /// (CiA 301, 7.5.2.22), so call [`every`](Self::every) afterwards.
     #[must_use]
     pub fn counting(mut self, last: u8) -> Self {
         self.safety.push((Object::CYCLE_PERIOD, Value::Unsigned32(0)));
@@ -334,8 +335,8 @@ impl NodePlan {
         self.profile == PROFILE_DRIVE
     }
 
-    /// Objects beside those of the PDOs that must be writable for the whole plan to succeed. What PDOs need is
-    /// [`lacks`](crate::load::lacks)'s.
+    /// Objects that must be writable for the plan to succeed, those of PDOs excepted: [`lacks`](crate::load::lacks) checks
+    /// these.
     pub fn demands(&self) -> impl Iterator<Item = Object> + '_ {
         let first = self.first_writes.iter().map(|(object, _)| *object);
         let safety = self.safety.iter().map(|(object, _)| *object);
@@ -377,11 +378,11 @@ impl NodePlan {
         }
         settings.extend(self.error_behaviour.map(|behaviour| Setting {
             check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
-            need: Need::of(Object::ERROR_BEHAVIOUR),
+            need: Need::for_object(Object::ERROR_BEHAVIOUR),
         }));
         settings.extend(self.safety.iter().map(|(object, value)| Setting {
             check: Check::exactly(*object, *value),
-            need: Need::of(*object),
+            need: Need::for_object(*object),
         }));
         settings.extend(self.watch_settings());
         settings
@@ -402,9 +403,9 @@ impl NodePlan {
         settings.map(|Setting { check, .. }| (check.object, check.expected)).collect()
     }
 
-    /// Stamp that 1020h holds once the whole configuration is stored.
+    /// Stamp that 1020h contains once all settings are stored.
     pub fn stamp(&self) -> Stamp {
-        Stamp::of(&self.writes())
+        Stamp::from_writes(&self.writes())
     }
 
     /// Settings of the error control service. A guarded node sends no heartbeat, which would take precedence.

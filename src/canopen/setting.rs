@@ -1,7 +1,7 @@
-//! One object of a plan: its value, and what follows if a node has no such object or refuses the value.
+//! Setting of one object in a plan: its value, and the consequence if a node lacks the object or refuses the value.
 //!
-//! The proof test at power-up measures whether a drive stops; option codes conclude nothing. Objects that
-//! CiA 301 and CiA 402-2 make optional are therefore means: written where a drive has them, not demanded.
+//! The proof test at power-up measures whether a drive stops; option codes prove nothing. Objects that CiA 301 and
+//! CiA 402-2 make optional are therefore means: they are written if present, but not required.
 
 use canopen_rs::Value;
 
@@ -24,7 +24,7 @@ pub enum Need {
     Must,
     /// A node without the object passes.
     IfPresent,
-    /// A node without the object passes, and so does one that refuses the value: the proof test shows what it does.
+    /// A node passes if it lacks the object or refuses the value. The proof test measures its reaction.
     IfAccepted,
 }
 
@@ -46,8 +46,8 @@ const MEANS: [Object; 10] = [
 pub(crate) const OFFSETS: [Object; 3] =
     [Object::TORQUE_OFFSET, Object::VELOCITY_OFFSET, Object::POSITION_OFFSET];
 
-/// Returns whether a write of the boot may be repeated, as both have the effect of one. A command (1010h, 1011h) acts at
-/// every write, and so may an object of the maker.
+/// Returns whether a write of the boot may be repeated without a second effect. Commands (1010h, 1011h) act at every
+/// write, and so may manufacturer-specific objects.
 pub(crate) const fn may_be_written_twice(object: Object) -> bool {
     let is_command = matches!(object.index, 0x1010 | 0x1011 | 0x1F50..=0x1F5F);
     !is_command && !object.is_of_maker()
@@ -97,7 +97,7 @@ pub const fn reserved(object: Object) -> Option<&'static str> {
     }
 }
 
-/// Returns what to do about a value that a drive keeps, to be appended to the message; empty for most objects.
+/// Returns the remedy for a value that a drive keeps, to be appended to the message; empty for most objects.
 pub(crate) const fn remedy(object: Object) -> &'static str {
     match object.index {
         0x60B0..=0x60B2 => ": an offset acts from enabling on; clear it with the maker's tool",
@@ -121,8 +121,8 @@ pub fn can_limit_torque(object: Object) -> bool {
 }
 
 impl Need {
-    /// Returns how much depends on a reaction or limit of a drive.
-    pub fn of(object: Object) -> Self {
+    /// Returns the need of an object with a reaction or limit of a drive.
+    pub fn for_object(object: Object) -> Self {
         match object {
             _ if MEANS.contains(&object) => Self::IfAccepted,
             Object::MAX_MOTOR_SPEED => Self::IfPresent,
@@ -138,8 +138,8 @@ impl Need {
 }
 
 impl Setting {
-    /// Returns whether the boot fails if a drive keeps to limits that exclude the value. Data sheets limit 1016h to the
-    /// time alone, forgetting the node-id above it: the boot shows what the drive does.
+    /// Returns whether the boot fails if the drive enforces limits that exclude the value. False for 1016h, which many data
+    /// sheets limit to its time alone without the node-id; the boot shows whether the drive enforces that.
     pub fn fails_beyond_limits(&self) -> bool {
         self.need.is_must() && self.check.object != Object::CONSUMER_HEARTBEAT
     }
@@ -150,8 +150,8 @@ impl Setting {
     }
 }
 
-/// Interpolation time period (60C2h) of a SYNC period: the most significant whole number of 10ⁿ s that fits one byte,
-/// and n. `None` for a period that is no such number.
+/// Interpolation time period (60C2h) of a SYNC period: a count of 10ⁿ s that fits one byte, and n, the largest possible.
+/// `None` for a period without such a count.
 pub fn interpolation_time(period_us: u64) -> Option<(u8, i8)> {
     [(1_000_u64, -3_i8), (100, -4), (10, -5), (1, -6)].into_iter().find_map(|(unit, index)| {
         let count = u8::try_from(period_us / unit).ok()?;
@@ -204,11 +204,11 @@ mod tests {
 
     #[test]
     fn option_codes_are_means_and_limits_are_not() {
-        assert_eq!(Need::of(Object::FAULT_REACTION), Need::IfAccepted);
-        assert_eq!(Need::of(Object::MAX_MOTOR_SPEED), Need::IfPresent);
-        assert_eq!(OFFSETS.map(Need::of), [Need::IfPresent; 3]);
+        assert_eq!(Need::for_object(Object::FAULT_REACTION), Need::IfAccepted);
+        assert_eq!(Need::for_object(Object::MAX_MOTOR_SPEED), Need::IfPresent);
+        assert_eq!(OFFSETS.map(Need::for_object), [Need::IfPresent; 3]);
         for object in [Object::MAX_TORQUE, Object::CONSUMER_HEARTBEAT, Object::LIFE_TIME_FACTOR] {
-            assert!(Need::of(object).is_must(), "{object}");
+            assert!(Need::for_object(object).is_must(), "{object}");
         }
     }
 

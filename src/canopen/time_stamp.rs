@@ -32,8 +32,8 @@ pub struct TimeOfDay {
 }
 
 impl TimeOfDay {
-    /// Converts a UTC time since 1 January 1970 to whole milliseconds; `None` before 1984 and after 6 June 2163, the
-    /// last day that fits 16 bits.
+    /// Converts a UTC time since 1 January 1970, rounded down to milliseconds. Returns `None` before 1984 and after
+    /// 6 June 2163, the last day that fits 16 bits.
     pub fn from_unix(since_1970: Duration) -> Option<Self> {
         let millis = since_1970.checked_sub(UNIX_TO_CANOPEN)?.as_millis();
         let days = u16::try_from(millis / MILLIS_PER_DAY).ok()?;

@@ -1,4 +1,4 @@
-//! Objects that the master or the node uses, if a device has them: what a data sheet announces of them must be described.
+//! Objects that the master or the node uses if a device has them. An EDS that lists one of them must describe it.
 
 use crate::nameplate::Nameplate;
 use crate::object::Object;
@@ -7,7 +7,7 @@ use crate::plan::NodePlan;
 /// Communication parameters of all PDOs, which the boot configures or switches off: 1400h to 1BFFh.
 const PDO_PARAMETERS: std::ops::RangeInclusive<u16> = 0x1400..=0x1BFF;
 
-/// Objects of any device that are read or written where it has them.
+/// Objects of any device that are read or written if present.
 const OF_ANY_DEVICE: [Object; 12] = [
     Object::DEVICE_TYPE,
     Object::ERROR_REGISTER,
@@ -23,7 +23,7 @@ const OF_ANY_DEVICE: [Object; 12] = [
     Object::ERROR_BEHAVIOUR,
 ];
 
-/// Objects of a drive that are read or written where it has them, beside those of its nameplate and its plan.
+/// Objects of a drive that are read or written if present, besides those of its nameplate and its plan.
 const OF_A_DRIVE: [Object; 17] = [
     Object::ABORT_CONNECTION,
     Object::CONTROLWORD,
@@ -45,7 +45,7 @@ const OF_A_DRIVE: [Object; 17] = [
 ];
 
 impl NodePlan {
-    /// Returns whether objects at `index` are used where the node has them.
+    /// Returns whether objects at `index` are used if the node has them.
     pub fn uses(&self, index: u16) -> bool {
         let is_it = |object: &Object| object.index == index;
         let is_of_drive = || OF_A_DRIVE.iter().chain(&Nameplate::OBJECTS).any(is_it);

@@ -15,7 +15,7 @@ use crate::setting::Setting;
 
 /// Message a drive waits for.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
-pub enum Awaited {
+pub enum LifeSign {
     /// RPDO with its targets (event timer of an RPDO, CiA 301, 7.5.2.36).
     #[display("RPDOs")]
     Rpdo,
@@ -27,7 +27,7 @@ pub enum Awaited {
     Guarding,
 }
 
-impl Awaited {
+impl LifeSign {
     /// All messages, in the order of the proof test.
     pub const ALL: [Self; 3] = [Self::Rpdo, Self::Heartbeat, Self::Guarding];
 }
@@ -36,7 +36,7 @@ impl Awaited {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchdog {
     /// Message it waits for.
-    pub awaited: Awaited,
+    pub awaited: LifeSign,
     /// Object with its time.
     pub object: Object,
     /// Time in ms, at least 1.
@@ -47,9 +47,9 @@ pub struct Watchdog {
 impl fmt::Display for Watchdog {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.awaited {
-            Awaited::Rpdo => "RPDO timer",
-            Awaited::Heartbeat => "heartbeat",
-            Awaited::Guarding => "guarding",
+            LifeSign::Rpdo => "RPDO timer",
+            LifeSign::Heartbeat => "heartbeat",
+            LifeSign::Guarding => "guarding",
         };
         write!(f, "{name} {} ms", self.millis)
     }
@@ -57,23 +57,23 @@ impl fmt::Display for Watchdog {
 
 impl NodePlan {
     /// Planned timer for a message; `None` without one. A guarded node waits for no heartbeat.
-    pub fn watchdog(&self, awaited: Awaited) -> Option<Watchdog> {
+    pub fn watchdog(&self, awaited: LifeSign) -> Option<Watchdog> {
         let (object, millis) = match awaited {
-            Awaited::Rpdo => self.rpdo_timer()?,
-            Awaited::Heartbeat => self.master_watch()?,
-            Awaited::Guarding => self.life_guarding()?,
+            LifeSign::Rpdo => self.rpdo_timer()?,
+            LifeSign::Heartbeat => self.master_watch()?,
+            LifeSign::Guarding => self.life_guarding()?,
         };
         (millis > 0).then_some(Watchdog { awaited, object, millis })
     }
 
     /// All planned timers.
     pub fn watchdogs(&self) -> impl Iterator<Item = Watchdog> + '_ {
-        Awaited::ALL.into_iter().filter_map(|awaited| self.watchdog(awaited))
+        LifeSign::ALL.into_iter().filter_map(|awaited| self.watchdog(awaited))
     }
 
     /// Reactions to errors and limits, as read back in the boot.
     pub fn protections(&self) -> Vec<Check> {
-        let timer = self.watchdog(Awaited::Rpdo).map(|dog| dog.object);
+        let timer = self.watchdog(LifeSign::Rpdo).map(|dog| dog.object);
         let is_protection = |object: Object| {
             let safety = self.safety.iter().map(|(object, _)| *object);
             let rest = [Object::ERROR_BEHAVIOUR, Object::GUARD_TIME, Object::LIFE_TIME_FACTOR];
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn guarded_drive_waits_for_rpdos_and_guarding() {
         let timers = |plan: NodePlan| {
-            Awaited::ALL.map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
+            LifeSign::ALL.map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
         };
         let rpdo = Some((Object::rpdo_communication(1, 5), 5));
         let guarding = Some((Object::LIFE_TIME_FACTOR, 30));
@@ -157,6 +157,6 @@ mod tests {
         for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
             service.event_timer_ms = service.event_timer_ms.map(|_| 0);
         }
-        assert_eq!(plan.watchdog(Awaited::Rpdo), None);
+        assert_eq!(plan.watchdog(LifeSign::Rpdo), None);
     }
 }

@@ -1,4 +1,4 @@
-//! `[arm]` and `[coupling]`: what belongs to no single joint.
+//! `[arm]` and `[coupling]`: grip pose, calibration and coupling of the arm as a unit.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
@@ -9,7 +9,7 @@ use controller::calibration::Calibration;
 use controller::coupling::Coupling;
 use toml_input::List;
 
-/// Pose of the grip in link 6.
+/// Reads the pose of {G} in link 6: `grip_m` in m, `grip_rad` about x, y, z in rad.
 pub(super) fn grip(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<Isometry3<f64>> {
     let position = problems.all_finite(&arm.grip_m);
     let angles = problems.all_finite(&arm.grip_rad.or(List::default()));
@@ -20,7 +20,7 @@ pub(super) fn grip(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<Isomet
     ))
 }
 
-/// Encoders and torque curves of all joints, and what couples them.
+/// Combines the calibrations of all joints with their coupling, if any.
 pub(super) fn calibration(
     joints: &[JointParameters; 6],
     coupling: Option<Coupling<6>>,
@@ -29,7 +29,7 @@ pub(super) fn calibration(
     coupling.map_or(calibration, |coupling| calibration.coupled(coupling))
 }
 
-/// Coupling of joints and actuators; `None` where nothing does, or a problem has been noted.
+/// Reads the coupling of joints and actuators. Returns `None` without the section, or after a problem.
 pub(super) fn coupling(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Coupling<6>> {
     let given = raw.coupling.as_ref()?;
     let List(rows) = given.matrix.get()?;

@@ -1,23 +1,23 @@
-//! Masses of `[arm]` and `[[joint]]`: what no body has.
+//! Checks that gravity, centres of mass and inertias of `[arm]` and `[[joint]]` are physically possible.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::{Placed, Value};
+use crate::value::{HasPlace, Value};
 use toml_input::List;
 
-/// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
+/// Range of gravity on a planet or moon, in m/s². It excludes 9810, which is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
 
-/// Farthest centre of mass from its link's frame, in m. Counterweights lie behind their joint, so a link's
-/// length is no bound; but no hand controller is two metres long.
-const FARTHEST: f64 = 2.0;
+/// Maximum distance of a centre of mass from its link's frame, in m. A link's length is no bound, because
+/// counterweights lie behind their joint.
+const MAX_DISTANCE: f64 = 2.0;
 
-/// Excess of the largest principal moment over the sum of the others that is rounding of typed numbers.
+/// Relative excess of the largest principal moment over the sum of the others that rounding in the file may cause.
 const ROUNDING: f64 = 1e-2;
 
-/// Gravity in {0}, in m/s², any direction; zero for an arm that springs or counterweights carry.
+/// Reads gravity in {0}, in m/s², in any direction; zero for an arm balanced by springs or counterweights.
 pub(super) fn gravity(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<[f64; 3]> {
     let gravity = problems.all_finite(&arm.gravity_m_per_s2)?;
     if arm.gravity_balanced.or(false).get()? {
@@ -36,22 +36,22 @@ pub(super) fn gravity(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<[f6
     Some(gravity)
 }
 
-/// Centre of mass in its link, in m.
+/// Reads a centre of mass in its link's frame, in m.
 pub(super) fn centre_of_mass(
     value: &Value<List<f64, 3>>,
     problems: &mut Problems<'_>,
 ) -> Option<[f64; 3]> {
     let centre = problems.all_finite(value)?;
     let distance = Vector3::from(centre).norm();
-    if distance.is_finite() && distance > FARTHEST {
+    if distance.is_finite() && distance > MAX_DISTANCE {
         let reason =
-            format!("must be within {FARTHEST} m of the link's frame, got {distance:.1} m");
+            format!("must be within {MAX_DISTANCE} m of the link's frame, got {distance:.1} m");
         problems.add(value, reason);
     }
     Some(centre)
 }
 
-/// Inertia about the centre of mass as xx yy zz xy xz yz, in kg·m²: of a body, or all zero for a point.
+/// Reads an inertia about the centre of mass as xx, yy, zz, xy, xz, yz, in kg·m²; all zero for a point mass.
 pub(super) fn inertia(
     value: &Value<List<f64, 6>>,
     problems: &mut Problems<'_>,

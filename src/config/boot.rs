@@ -3,46 +3,46 @@
 use std::time::Duration;
 
 use crate::boot_writes;
-use crate::drive_object::Written;
+use crate::drive_object::ObjectWrite;
 use crate::problem::Problems;
 use crate::section::Sections;
 use crate::torque_limit::TorqueLimit;
-use crate::value::Placed;
+use crate::value::HasPlace;
 use crate::{raw, shown_mode};
 use canopen::ByteString;
 use canopen::eds::Eds;
 use canopen::guarding::Guarding;
 use canopen::plan::{Admission, NodePlan, Revisions, Timeouts};
 
-/// Boot of one node.
+/// Boot of one node (CiA 302-2).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BootSettings {
-    /// Required objects besides its identity.
+    /// Accepted revisions, serial number and software, besides vendor and product.
     pub admission: Admission,
     /// Node guarding; `None` for a node with a heartbeat.
     pub guarding: Option<Guarding>,
-    /// The network starts without it.
+    /// Lets the network start without the node.
     pub is_optional: bool,
-    /// Kept running, without a reset, if it is configured already (CiA 302-2, keep alive).
+    /// Keeps the node running, without a reset, if it is already configured (CiA 302-2, keep alive).
     pub keep_alive: bool,
-    /// Time limits.
+    /// Time limits of one SDO reply, and of the node to become ready.
     pub timeouts: Timeouts,
-    /// The drive displays its mode only while it is enabled.
+    /// Set if the drive displays its mode (6061h) only while it is enabled.
     pub shows_mode_when_enabled: bool,
-    /// Writes of the configuration.
-    pub writes: Vec<Written>,
+    /// SDO downloads before those of the plan: `[[joint.boot.write]]`.
+    pub writes: Vec<ObjectWrite>,
 }
 
-/// Input of the boot settings of a node.
+/// Values of other sections that the boot settings of a node depend on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Given<'a> {
+pub(super) struct Context<'a> {
     /// `safety.drive_lost_ms`.
     pub(super) lost_ms: Option<u16>,
-    /// Its data sheet.
+    /// EDS of the node.
     pub(super) eds: Option<&'a Eds>,
-    /// Period of SYNC.
+    /// Communication cycle period (1006h).
     pub(super) period: Option<Duration>,
-    /// Limit of its torque in place of 6072h.
+    /// Torque limit of the drive in place of 6072h.
     pub(super) limit: Option<&'a TorqueLimit>,
 }
 
@@ -64,15 +64,15 @@ impl BootSettings {
     }
 }
 
-/// Reads the boot settings of a drive. It is mandatory and always reset, because it exerts torque.
+/// Reads the boot settings of a drive. A drive exerts torque, so it must be mandatory and always reset.
 pub(super) fn of_drive(
     raw: Option<&raw::Boot>,
-    given: Given<'_>,
+    given: Context<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
     let settings = of_node(raw, given, problems);
     let Some(raw) = raw else { return settings };
-    let Given { limit, eds, period, .. } = given;
+    let Context { limit, eds, period, .. } = given;
     let drive = shown_mode::Drive { limit, eds, period };
     let shows_mode_when_enabled = shown_mode::read(raw, drive, problems);
     if settings.is_optional {
@@ -84,10 +84,10 @@ pub(super) fn of_drive(
     BootSettings { shows_mode_when_enabled, ..settings }
 }
 
-/// Reads the boot settings of a node. Its life time by node guarding must not exceed `lost_ms`.
+/// Reads the boot settings of a node. Its node life time (100Ch times 100Dh) must not exceed `lost_ms`.
 pub(super) fn of_node(
     raw: Option<&raw::Boot>,
-    given: Given<'_>,
+    given: Context<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
     let Some(raw) = raw else { return BootSettings::default() };

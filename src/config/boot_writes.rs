@@ -1,18 +1,18 @@
-//! `[[joint.boot.write]]`: SDO downloads of the laboratory's own, before those of the plan.
+//! `[[joint.boot.write]]`: additional SDO downloads, before those of the plan.
 
-use crate::drive_object::{self, Written};
+use crate::drive_object::{self, ObjectWrite};
 use crate::problem::Problems;
 use crate::raw;
 use canopen::eds::Eds;
 use canopen::setting;
 
-/// Reads the writes of one node, whose torque `limits` limit.
+/// Reads the writes of one node. They must not name reserved objects or those of `limits`, which limit its torque.
 pub(super) fn read(
     raw: &[raw::BootWrite],
     eds: Option<&Eds>,
-    limits: &[Written],
+    limits: &[ObjectWrite],
     problems: &mut Problems<'_>,
-) -> Vec<Written> {
+) -> Vec<ObjectWrite> {
     let one = |write: &raw::BootWrite| {
         let (object, content) = drive_object::read(&write.object, &write.value, eds, problems)?;
         let is_limit = limits

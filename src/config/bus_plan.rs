@@ -1,4 +1,4 @@
-//! The configured network as the bus planner takes it: every node with its plan, and what its EDS permits.
+//! Input of the bus planner: every configured node with its plan and the abilities of its EDS.
 
 use crate::buses::BusSettings;
 use crate::parameters::Parameters;
@@ -8,7 +8,7 @@ use canopen::load::network::{Bus, Member, Network};
 use canopen::plan::NodePlan;
 
 impl Parameters {
-    /// The network as the bus planner takes it.
+    /// Returns all buses with their nodes, as input of the bus planner.
     pub fn network(&self) -> Network {
         let buses = (0..).map(Channel).zip(&self.buses);
         let bus = |(channel, bus): (Channel, &BusSettings)| Bus {
@@ -26,12 +26,12 @@ impl Parameters {
     }
 }
 
-/// The nodes on one bus.
+/// Returns the nodes on one bus.
 fn members(config: &Parameters, channel: Channel) -> Vec<Member> {
     let here = config.node_plans().into_iter().filter(|(place, _)| *place == channel);
     let member = |plan: NodePlan| {
         let eds = config.eds_of(channel, plan.node)?;
-        Some(Member { abilities: Abilities::of(eds, plan.node), plan })
+        Some(Member { abilities: Abilities::from_eds(eds, plan.node), plan })
     };
     here.filter_map(|(_, plan)| member(plan)).collect()
 }

@@ -15,9 +15,9 @@ const MAX_INTERFACE_LENGTH: usize = 15;
 /// One CAN bus.
 #[derive(Clone, Debug)]
 pub struct BusSettings {
-    /// Displayed name.
+    /// Name in messages, and in the `bus` keys of nodes.
     pub name: String,
-    /// SocketCAN interface.
+    /// SocketCAN interface, such as `can0`.
     pub interface: String,
     /// Bit rate, in bit/s.
     pub bitrate: u32,
@@ -38,7 +38,7 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// All layouts.
+    /// Every layout, the default first.
     pub(super) const ALL: [Self; 2] = [Self::PerDrive, Self::Grouped];
 
     /// Name in the configuration.
@@ -66,7 +66,7 @@ pub(super) fn read(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Vec<B
     if raw.bus.is_noted() { None } else { buses.into_iter().collect() }
 }
 
-/// Reads a bus. Its interface must not be among `taken`.
+/// Reads one bus, and adds its interface to `taken`, which must not contain it.
 fn one<'r>(
     bus: &'r raw::Bus,
     taken: &mut HashSet<&'r str>,

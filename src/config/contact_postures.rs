@@ -1,6 +1,6 @@
-//! Postures in which the hand meets the surfaces in pose mode: how well the arm renders contact there.
+//! Posture of the arm at contact with the wall in pose mode, which bounds how well contact is rendered.
 //!
-//! The object moves from its start against the wall, by K_P times the hand's displacement along the axes of {G0}.
+//! The object moves from its start against the wall, by K_P times the grip's displacement along the axes of {G0}.
 
 use nalgebra::Vector3;
 
@@ -11,10 +11,10 @@ use controller::JointVector;
 use controller::contact_posture::{ContactPosture, OutOfReach, PostureBounds};
 use remote::scene::HALF_CUBE;
 
-/// Depth in m up to which the object only touches the wall at its start.
+/// Maximum penetration at the start that counts as touching the wall, in m.
 const CONTACT_AT_START: f64 = 1e-6;
 
-/// Reads the bounds of `[arm]`; without their keys every posture is within them.
+/// Reads the bounds of `[arm]`, with defaults for absent keys that every posture satisfies.
 pub(super) fn bounds(arm: &raw::Arm, problems: &mut Problems<'_>) -> PostureBounds {
     let PostureBounds { min_sigma, max_friction_n } = PostureBounds::default();
     let min_sigma = if arm.min_singular_value.as_ref().is_some() {
@@ -30,30 +30,30 @@ pub(super) fn bounds(arm: &raw::Arm, problems: &mut Problems<'_>) -> PostureBoun
     PostureBounds { min_sigma, max_friction_n }
 }
 
-/// Contact with the wall in pose mode.
+/// First contact with the wall in pose mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallContact {
-    /// Way of the grip from the start, in {0} in m.
-    pub way: Vector3<f64>,
-    /// Posture there.
+    /// Displacement of the grip from the start, in {0}, in m.
+    pub displacement: Vector3<f64>,
+    /// Posture of the arm at the contact, or an error if it cannot be reached.
     pub posture: Result<ContactPosture, OutOfReach>,
 }
 
 impl Parameters {
-    /// Returns the joints' configured dry friction, in N·m or N.
+    /// Returns the configured Coulomb friction of the joints, in N·m or N.
     pub fn dry_friction(&self) -> JointVector {
         JointVector::from(self.joints.each_ref().map(|joint| joint.plant.friction.coulomb))
     }
 
-    /// Returns the depth in m by which the object starts in the wall; `None` where it does not.
+    /// Returns the penetration of the wall at the start, in m; `None` if the object starts outside or touches it.
     pub fn wall_depth_at_start(&self) -> Option<f64> {
-        let depth = -self.way_to_wall()?;
+        let depth = -self.distance_to_wall()?;
         (depth > CONTACT_AT_START).then_some(depth)
     }
 
-    /// Returns how the hand meets the wall in pose mode; `None` without a wall, or where the start touches it.
+    /// Returns the first contact with the wall in pose mode; `None` without a wall, or if the start touches it.
     pub fn wall_contact(&self) -> Option<WallContact> {
-        let away = self.way_to_wall().filter(|away| *away > 0.0)?;
+        let away = self.distance_to_wall().filter(|away| *away > 0.0)?;
         let (_, normal, _) = self.remote.wall?;
         let into = -normal.into_inner();
         let arm = &self.controller.arm;
@@ -61,15 +61,15 @@ impl Parameters {
         let [k_x, k_y, k_z, ..] = *self.controller.command.pose_gain.values();
         let in_g0 = (self.remote.x_b_m.rotation.inverse() * into * away)
             .component_div(&Vector3::new(k_x, k_y, k_z));
-        let way = arm.forward(&start).rotation * in_g0;
-        let posture = ContactPosture::after(arm, &start, &way, &self.dry_friction());
-        Some(WallContact { way, posture })
+        let displacement = arm.forward(&start).rotation * in_g0;
+        let posture = ContactPosture::after(arm, &start, &displacement, &self.dry_friction());
+        Some(WallContact { displacement, posture })
     }
 
-    /// Returns the way of the object from its start to the wall, in m; negative where it starts in the wall.
-    fn way_to_wall(&self) -> Option<f64> {
+    /// Returns the distance of the object from the wall at the start, in m; negative inside the wall.
+    fn distance_to_wall(&self) -> Option<f64> {
         let (point, normal, _) = self.remote.wall?;
-        let way = point - self.remote.x_b_m.translation.vector;
-        Some(way.dot(&-normal.into_inner()) - HALF_CUBE)
+        let to_point = point - self.remote.x_b_m.translation.vector;
+        Some(to_point.dot(&-normal.into_inner()) - HALF_CUBE)
     }
 }

@@ -1,10 +1,10 @@
-//! `[controller]`: the paper's gains.
+//! `[controller]`: control law of the paper (Williams 1997, Eq. 5 to 9), with the gains of each Cartesian axis.
 
 use std::time::Duration;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-use crate::extensions::{self, Made};
+use crate::extensions::{self, Basis};
 use crate::joints::JointParameters;
 use crate::problem::Problems;
 use crate::raw::{self, six};
@@ -21,24 +21,24 @@ use controller::reflection::Reflection;
 use controller::switches::Mode;
 use toml_input::List;
 
-/// Meaning of a displacement of the hand at the start.
+/// Reads the command mode at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {
     let modes = [("rate", Mode::Rate), ("pose", Mode::Pose)];
     problems.one_of(&raw.controller.mode, &modes)
 }
 
-/// Values from other sections that the controller takes; each `None` where a problem has been noted.
-pub(super) struct Given<'g> {
+/// Values of other sections that the controller depends on; each `None` after a problem.
+pub(super) struct Context<'g> {
     pub(super) joints: Option<&'g [JointParameters; 6]>,
     pub(super) x_6_g: Option<Isometry3<f64>>,
     pub(super) gravity: Option<[f64; 3]>,
     pub(super) period: Option<Duration>,
 }
 
-/// The controller; `None` where a problem has been noted.
+/// Reads the settings of the controller. Returns `None` after a problem.
 pub(super) fn settings(
     raw: &raw::File,
-    around: &Given<'_>,
+    around: &Context<'_>,
     problems: &mut Problems<'_>,
 ) -> Option<Settings> {
     let given = &raw.controller;
@@ -62,7 +62,7 @@ pub(super) fn settings(
     let calibration = around.joints.map(|joints| arm::calibration(joints, coupling));
     let extensions = extensions::extensions(
         given,
-        Made {
+        Basis {
             joints: around.joints,
             arm: arm.as_ref(),
             calibration: calibration.as_ref(),
@@ -107,7 +107,7 @@ fn damping(given: &raw::Controller, problems: &mut Problems<'_>) -> Option<Gains
     problems.take_unless_noted(before, &given.damping_ns_per_m, made)
 }
 
-/// The channels with their variants: springs, walls.
+/// Reads deadbands and return to centre of the Cartesian axes, by constant force or spring, with optional walls.
 fn channels(given: &raw::Controller, problems: &mut Problems<'_>) -> Option<Channels> {
     let laws = [("constant-force", false), ("spring", true)];
     let law = given.centring_law.or("constant-force".to_owned());
@@ -128,7 +128,7 @@ fn channels(given: &raw::Controller, problems: &mut Problems<'_>) -> Option<Chan
     channels.with_wall(at, stiffness).ok()
 }
 
-/// Where they begin, and how stiff they are.
+/// Reads distance and stiffness of the walls on each Cartesian axis, in m (rad) and N/m (N·m/rad).
 fn walls(given: &raw::Walls, problems: &mut Problems<'_>) -> Option<([f64; 6], [f64; 6])> {
     let [at_m, at_rad] = [&given.at_m, &given.at_rad].map(|value| problems.none_negative(value));
     let [linear, angular] = [&given.stiffness_n_per_m, &given.stiffness_nm_per_rad]
@@ -145,7 +145,7 @@ fn reflection(
     let before = problems.count();
     let max_force = problems.positive(&given.max_force_n);
     let max_moment = problems.positive(&given.max_moment_nm);
-    // Where the sensor is no pose, its own section says so.
+    // An invalid sensor pose is reported by [remote].
     let finite =
         |List(parts): List<f64, 3>| parts.map(|part| if part.is_finite() { part } else { 0.0 });
     let [x, y, z] = finite(raw.remote.sensor_m.get()?);
@@ -157,7 +157,7 @@ fn reflection(
     problems.take_unless_noted(before, &given.max_force_n, made)
 }
 
-fn arm(raw: &raw::File, around: &Given<'_>, problems: &mut Problems<'_>) -> Option<Arm<6>> {
+fn arm(raw: &raw::File, around: &Context<'_>, problems: &mut Problems<'_>) -> Option<Arm<6>> {
     let links = around.joints?.each_ref().map(|joint| joint.plant.link);
     let arm = Arm::new(links, around.x_6_g?, around.gravity?);
     let is_noted = problems.is_noted_within(&raw.joint) || problems.is_noted_within(&raw.arm);

@@ -1,12 +1,12 @@
-//! Checks of the devices that no single section allows: node-ids taken twice, devices that are not what their EDS says
-//! or lack objects that are to be set in them. [`layouts`] checks their PDOs.
+//! Checks of the devices across sections: unique node-ids, identities that match the EDS, and writable objects for
+//! all planned values. [`layouts`] checks their PDOs.
 
 use std::collections::HashSet;
 
 use crate::joints::JointParameters;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
-use crate::value::Placed;
+use crate::value::HasPlace;
 use crate::{files, layouts, plans, raw, value_limits};
 use canopen::eds::{Eds, Finding, Gap};
 use canopen::exchange::{self, Exchange};
@@ -16,7 +16,7 @@ use canopen::plan::{Identity, NodePlan};
 use canopen::setting;
 use units::numbering::Joint;
 
-/// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.
+/// Checks all devices. Returns the cyclic exchange, unless the layouts contradict each other.
 pub(super) fn check(
     config: &Parameters,
     raw: &raw::File,
@@ -52,8 +52,8 @@ pub(super) fn check(
     problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }
 
-/// Refuses a period that a drive would not get: 60C2h holds it as one byte times 10ⁿ s, and a drive that is left with another one
-/// misses its set-points.
+/// Refuses a period that 60C2h cannot hold as one byte times 10ⁿ s. A drive with another interpolation time would miss
+/// set-points.
 fn sync_period(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let micros = u64::try_from(config.period.as_micros()).unwrap_or(u64::MAX);
     let has_time = |joint: &JointParameters| {
@@ -72,7 +72,7 @@ fn sync_period(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>
     }
 }
 
-/// Reason against the node-id of a joint, which another node of its bus has.
+/// Returns the reason to refuse the node-id of a joint that another node on its bus has.
 fn twice(config: &Parameters, joint: &JointParameters) -> String {
     let node = joint.node.raw();
     let is_same = |other: &&JointParameters| {
@@ -88,8 +88,8 @@ fn twice(config: &Parameters, joint: &JointParameters) -> String {
     }
 }
 
-/// The configured device must be the one the EDS describes.
-fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
+/// Checks that the configured vendor and product are those of the EDS.
+fn identity(at: &impl HasPlace, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
     let Identity { vendor, product, .. } = *identity;
     let (eds_vendor, eds_product) = (eds.vendor(), eds.product());
     if (vendor, product) != (eds_vendor, eds_product) {
@@ -101,8 +101,8 @@ fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Pro
     }
 }
 
-/// The drive must have the mode of cyclic synchronous torque, where its EDS states its modes (6502h).
-fn mode(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+/// Checks that the drive supports cyclic synchronous torque, if its EDS states the supported modes (6502h, bit 9).
+fn mode(at: &impl HasPlace, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     let modes = eds.object(Object::SUPPORTED_MODES).and_then(|modes| modes.number);
     let modes = modes.map_or(0, |modes| modes.resolve(plan.node));
     if modes != 0 && modes & i128::from(HAS_CYCLIC_TORQUE) == 0 {
@@ -113,8 +113,8 @@ fn mode(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_
     }
 }
 
-/// The device must have, by its EDS, every object that is to be set in it, PDOs apart.
-fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+/// Checks that the EDS has every object that the plan writes as writable, those of PDOs excepted.
+fn abilities(at: &impl HasPlace, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     for object in plan.demands() {
         match eds.object(object) {
             None => {
@@ -130,8 +130,8 @@ fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Proble
     }
 }
 
-/// Refuses an EDS that announces an object which the plan of its node uses, and does not describe it. Other miscounts of
-/// makers are warnings.
+/// Refuses an EDS that lists an object without describing it, if the plan of its node uses that object. Other miscounts
+/// are warnings.
 fn gaps(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let keys = raw.joint.all().iter().map(|joint| &joint.eds);
@@ -154,7 +154,7 @@ fn gaps(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     }
 }
 
-/// Returns what to do about an object that a drive lacks.
+/// Returns the remedy for an object that a drive lacks; empty if none is known.
 const fn remedy(object: Object) -> &'static str {
     match object {
         Object::MAX_TORQUE => {

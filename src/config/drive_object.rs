@@ -1,4 +1,4 @@
-//! Objects of a drive that a key of the configuration names, and values for them by the types of its EDS.
+//! Objects of a drive that keys of the configuration name, with values of their data types in the EDS.
 
 use crate::problem::Problems;
 use crate::value::Value;
@@ -9,16 +9,16 @@ use canopen::object::Object;
 /// Value of an SDO download.
 pub(crate) type Content = canopen::Value;
 
-/// An object and a value for it.
-pub(crate) type Written = (Object, Content);
+/// Object and value of one SDO download.
+pub(crate) type ObjectWrite = (Object, Content);
 
-/// Reads an object that the drive has by its EDS, and a value that it can take.
+/// Reads an object, which must be writable by the EDS, and a value, which must fit its data type.
 pub(super) fn read<const NEEDED: bool>(
     object: &Value<String, NEEDED>,
     value: &Value<i64, NEEDED>,
     eds: Option<&Eds>,
     problems: &mut Problems<'_>,
-) -> Option<Written> {
+) -> Option<ObjectWrite> {
     let named = object.as_ref().map(|text| text.parse::<Object>());
     let named = named.and_then(|named| problems.take(object, named))?;
     let (eds, number) = (eds?, value.get()?);
@@ -31,7 +31,7 @@ pub(super) fn read<const NEEDED: bool>(
         return None;
     }
     let Some(content) = content(described.data_type, number) else {
-        let name = data_type::of(described.data_type).map_or("of an unknown type", |it| it.name);
+        let name = data_type::find(described.data_type).map_or("of an unknown type", |it| it.name);
         problems.add(value, format_args!("{named} is {name} in its EDS, got {number}"));
         return None;
     };

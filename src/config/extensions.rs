@@ -1,5 +1,5 @@
-//! `[controller]`: what stands beside the paper's law. What is not written down is off, but for one: what is
-//! felt always begins by a ramp.
+//! `[controller]`: extensions to the control law of the paper. An absent extension is off, except the engagement ramp
+//! of reflection.
 
 use crate::joints::JointParameters;
 use crate::problem::Problems;
@@ -20,29 +20,29 @@ use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
 
-/// Ramp of what is felt where the file asks for none, in s.
-const BEGINS_OVER: f64 = 0.3;
+/// Default duration of the ramp by which reflection begins, in s.
+const DEFAULT_RAMP_S: f64 = 0.3;
 
-/// Presliding distance of a joint where the file says none, in rad and m.
+/// Default presliding distance of a joint, in rad or m.
 const PRESLIDING_RAD: f64 = 0.5e-3;
 const PRESLIDING_M: f64 = 0.15e-3;
 
-/// Strongest damper of a tank of which the file says none, in N·s/m: that of the shipped passivity layers.
+/// Default maximum damping of the tank, in N·s/m, as in the shipped passivity layers.
 const TANK_DAMPING: f64 = 60.0;
 
-/// Joints, arm, calibration and period that the parts are made for; each `None` where a problem has been noted.
+/// Joints, arm, calibration and period that the extensions depend on; each `None` after a problem.
 #[derive(Clone, Copy)]
-pub(super) struct Made<'m> {
+pub(super) struct Basis<'m> {
     pub(super) joints: Option<&'m [JointParameters; 6]>,
     pub(super) arm: Option<&'m Arm<6>>,
     pub(super) calibration: Option<&'m Calibration<6>>,
     pub(super) period: Option<Period>,
 }
 
-/// Every part that is asked for; one that cannot be is noted.
+/// Reads the configured extensions. An invalid one is noted as a problem and left out.
 pub(super) fn extensions(
     given: &raw::Controller,
-    made: Made<'_>,
+    made: Basis<'_>,
     problems: &mut Problems<'_>,
 ) -> Extensions {
     let period = made.period;
@@ -62,7 +62,7 @@ pub(super) fn extensions(
         damping_never_pulls: given.damping_never_pulls.or(false).get() == Some(true),
         engagement: match &given.engagement {
             Some(given) => engagement(given, period, problems),
-            None => period.and_then(|period| Engagement::new(BEGINS_OVER, None, period).ok()),
+            None => period.and_then(|period| Engagement::new(DEFAULT_RAMP_S, None, period).ok()),
         },
         soft_stops: given.soft_stops.as_ref().and_then(|given| soft_stops(given, made, problems)),
         slew: slew(given, made, problems),
@@ -76,8 +76,7 @@ pub(super) fn extensions(
     }
 }
 
-// Each number is looked at under its own key first; what is left for the part itself is how they fit
-// together.
+// Each number is checked at its own key first. The constructor then checks the combination.
 
 fn engagement(
     given: &raw::Engagement,
@@ -96,7 +95,7 @@ fn engagement(
 
 fn soft_stops(
     given: &raw::SoftStops,
-    made: Made<'_>,
+    made: Basis<'_>,
     problems: &mut Problems<'_>,
 ) -> Option<SoftStops<6>> {
     let margin = problems.within(&given.margin, 1e-3..=0.5);
@@ -106,10 +105,10 @@ fn soft_stops(
     SoftStops::new(made.arm?.ranges(), &capacities, margin?, push?).ok()
 }
 
-/// The compensation of the friction that the joints are configured with.
+/// Reads the compensation of the configured friction of the joints.
 fn friction(
     given: &raw::FrictionCompensation,
-    made: Made<'_>,
+    made: Basis<'_>,
     problems: &mut Problems<'_>,
 ) -> Option<FrictionCompensation> {
     let share = problems.within(&given.share, 0.0..=MAX_SHARE);
@@ -129,7 +128,7 @@ fn friction(
     FrictionCompensation::new(settings).ok()
 }
 
-fn slew(given: &raw::Controller, made: Made<'_>, problems: &mut Problems<'_>) -> Option<Slew<6>> {
+fn slew(given: &raw::Controller, made: Basis<'_>, problems: &mut Problems<'_>) -> Option<Slew<6>> {
     let (rise, max_torques) = (given.torque_rise_s.get()?, made.calibration?.max_torques());
     problems.take(&given.torque_rise_s, Slew::new(&max_torques, rise, made.period?))
 }

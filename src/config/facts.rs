@@ -1,5 +1,5 @@
-//! Facts of each drive, verified or stated only, and what follows: acceptance by key, half of the force, and no friction
-//! compensation in an unknown unit.
+//! Facts of each drive, verified or stated only. A fact that is stated only must be accepted by key, halves the allowed
+//! force, and forbids friction compensation if it is the torque unit.
 
 use std::fmt;
 
@@ -11,14 +11,14 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::torque_limit::{StatedLimit, TorqueLimit};
 use canopen::fact::{Evidence, Fact};
-use canopen::nameplate::{Held, Nameplate};
+use canopen::nameplate::{Nameplate, StoredValue};
 
 /// Facts of the drive of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     /// Name of the joint.
     pub joint: String,
-    /// Torque limit of the maker's tool, which nothing reads.
+    /// Torque limit set by the maker's tool, which the master cannot read.
     pub torque_limit: Option<StatedLimit>,
     nameplate: Nameplate,
     accepted: Vec<Fact>,
@@ -27,7 +27,7 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// Returns the facts of a joint by its data sheet.
+    /// Returns the facts of a joint with the evidence that its EDS promises.
     fn planned(joint: &JointParameters) -> Self {
         let has = |object| joint.eds.object(object).is_some();
         Self {
@@ -39,20 +39,20 @@ impl Facts {
         }
     }
 
-    /// Returns the facts by what the boot has read: a drive may abort what its data sheet lists.
+    /// Returns the facts with the evidence that the boot has read. A drive may abort the upload of an object in its EDS.
     #[must_use]
-    pub fn found(&self, held: &[Held]) -> Self {
+    pub fn found(&self, held: &[StoredValue]) -> Self {
         let evidence = Fact::ALL.map(|fact| self.nameplate.found_evidence(fact, held));
         Self { evidence, ..self.clone() }
     }
 
-    /// Returns the facts that the configuration alone states, the torque limit apart.
+    /// Returns the facts without evidence, the torque limit excepted.
     pub fn stated_only(&self) -> Vec<Fact> {
         let facts = Fact::ALL.into_iter().zip(&self.evidence);
         facts.filter(|(_, evidence)| evidence.is_none()).map(|(fact, _)| fact).collect()
     }
 
-    /// Returns whether the drive confirms all of them, its torque limit included.
+    /// Returns whether every fact has evidence, and no torque limit is stated only.
     pub fn is_verified(&self) -> bool {
         self.stated_only().is_empty() && self.torque_limit.is_none()
     }
@@ -80,10 +80,10 @@ impl fmt::Display for Facts {
     }
 }
 
-/// Facts that forbid arming.
+/// Reason why facts of the drives forbid arming.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum FactsRefused {
-    /// Stated only, and not accepted: the same facts of these joints.
+pub enum FactsError {
+    /// Facts stated only and not accepted, the same for all of `joints`.
     #[error(
         "{}: {} stated only, as the drive has no object that the boot could compare ({}); check by hand, then \
          accept by accept_stated_only = [{}]{} in each [[joint]]: at most half of the force is then allowed",
@@ -92,7 +92,7 @@ pub enum FactsRefused {
     NotAccepted {
         /// Names of the joints.
         joints: Vec<String>,
-        /// Their facts.
+        /// Facts that are not accepted.
         facts: Vec<Fact>,
     },
     /// Friction compensation of joints whose torque unit is stated only.
@@ -107,11 +107,11 @@ pub enum FactsRefused {
     },
 }
 
-/// Checks facts of all drives: acceptance, and friction compensation if it is configured.
+/// Checks that the facts of all drives allow arming, with friction compensation if `has_friction`.
 ///
 /// # Errors
-/// Every reason against arming, equal ones of several joints as one.
-pub fn check(facts: &[Facts], has_friction: bool) -> Result<(), Vec<FactsRefused>> {
+/// Returns every reason against arming. Equal reasons of several joints are merged.
+pub fn check(facts: &[Facts], has_friction: bool) -> Result<(), Vec<FactsError>> {
     let mut groups: Vec<(Vec<Fact>, Vec<String>)> = Vec::new();
     for one in facts {
         let unaccepted = one.unaccepted();
@@ -123,17 +123,17 @@ pub fn check(facts: &[Facts], has_friction: bool) -> Result<(), Vec<FactsRefused
     }
     let groups = groups.into_iter();
     let mut refused: Vec<_> =
-        groups.map(|(facts, joints)| FactsRefused::NotAccepted { joints, facts }).collect();
+        groups.map(|(facts, joints)| FactsError::NotAccepted { joints, facts }).collect();
     let is_unknown = |one: &&Facts| one.stated_only().contains(&Fact::TorqueUnit);
     let unknown: Vec<_> = facts.iter().filter(is_unknown).map(|one| one.joint.clone()).collect();
     if has_friction && !unknown.is_empty() {
-        refused.push(FactsRefused::Friction { joints: unknown });
+        refused.push(FactsError::Friction { joints: unknown });
     }
     if refused.is_empty() { Ok(()) } else { Err(refused) }
 }
 
 impl Parameters {
-    /// Facts of each drive by its data sheet, in the order of the joints.
+    /// Returns the facts of each drive with the evidence that its EDS promises, in the order of the joints.
     pub fn facts(&self) -> Vec<Facts> {
         self.joints.iter().map(Facts::planned).collect()
     }
@@ -144,19 +144,19 @@ impl Parameters {
     }
 }
 
-/// Refuses facts that are stated only and not accepted, once for all joints that are alike.
+/// Refuses facts that are stated only and not accepted, once for all joints with the same facts.
 pub(super) fn check_config(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let Err(refused) = check(&config.facts(), config.has_friction_compensation()) else { return };
     for reason in refused {
         match &reason {
-            FactsRefused::NotAccepted { joints, .. } => {
+            FactsError::NotAccepted { joints, .. } => {
                 let mut all = config.joints.iter().zip(raw.joint.all());
                 let first = all.find(|(joint, _)| joints.first() == Some(&joint.name));
                 if let Some((_, joint)) = first {
                     problems.add(&joint.accept_stated_only, &reason);
                 }
             }
-            FactsRefused::Friction { .. } => match &raw.controller.friction {
+            FactsError::Friction { .. } => match &raw.controller.friction {
                 Some(friction) => problems.add(friction, &reason),
                 None => problems.add(&raw.controller, &reason),
             },
@@ -175,7 +175,7 @@ fn objects(facts: &[Fact]) -> String {
     objects.join("; ")
 }
 
-/// Returns the further key that these facts need.
+/// Returns the phrase for `rest_deg`, which acceptance of a sign or position scale requires; empty for others.
 fn rest(facts: &[Fact]) -> &'static str {
     let is_position = |fact: &Fact| matches!(fact, Fact::Sign | Fact::PositionScale);
     if facts.iter().any(is_position) { ", with rest_deg (rest_m)," } else { "" }

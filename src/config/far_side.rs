@@ -1,4 +1,4 @@
-//! `[remote.link]` of a robot in another process: where it is reached, and the figures it must have.
+//! `[remote.link]` of a robot in another process: its socket, and the figures that it must have.
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -17,10 +17,10 @@ use ::remote::model::Difference;
 use ::remote::site::Virtual;
 use ::remote::stated::StatedCapability;
 
-/// Number of the arm where none is given.
-const USUAL_ARM: u16 = 1;
+/// Default number of the arm.
+const DEFAULT_ARM: u16 = 1;
 
-/// Range of the round trip, in ms; beyond the maximum age of a sample nothing acts.
+/// Range of the round trip, in ms. It ends at the largest maximum age of a sample.
 const ROUND_TRIP_MS: RangeInclusive<f64> = 0.1..=100.0;
 
 /// Range of the period of the far side's cycle, in ms.
@@ -29,7 +29,7 @@ const SAMPLE_PERIOD_MS: RangeInclusive<f64> = 0.1..=100.0;
 /// Maximum of a force, moment or stiffness, in N, N·m and N/m.
 const MAX_FIGURE: f64 = 1e9;
 
-/// Why a robot in another process needs a figure.
+/// End of the message for a missing figure.
 const NEEDED: &str = "a robot in another process needs: stability depends on it";
 
 /// A robot in another process.
@@ -41,24 +41,24 @@ pub struct FarSide {
     pub arm: u16,
     /// Range of its force/torque sensor, in N and N·m, if stated.
     pub sensor_range: [Option<f64>; 2],
-    /// Maximum contact force and moment at {MRF}, in N and N·m, if configured: for the robot itself, never for the node.
+    /// Maximum contact force and moment at {MRF}, in N and N·m, if configured. Only the robot uses them, not the node.
     pub wrench_limit: [Option<f64>; 2],
-    /// Age of the newest command after which it holds, if stated.
+    /// Age of the newest command after which the robot holds, if stated.
     pub hold_after: Option<Duration>,
-    /// Force/torque sensor at an address of its own, in place of the simulated one: for the robot itself, never for the node.
+    /// Network force/torque sensor in place of the simulated one. Only the robot uses it, not the node.
     pub sensor: Option<NetFtSensor>,
-    /// Figures that it must have; `None` where the commanded side is in this process.
+    /// Figures that the robot must have; `None` if the commanded side is in this process.
     pub agreement: Option<Agreement>,
-    /// Difference to the predicted pose beyond which it does not follow; `None` unless a model is beside it.
+    /// Difference to the predicted pose beyond which the robot counts as not following; `None` without a model.
     pub model_limit: Option<Difference>,
 }
 
-/// Figures of a robot in another process that gains and limits are checked with.
+/// Figures of a robot in another process, used to check gains and limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// Longest round trip of a message and its echo, the far side's cycle included; the 99th percentile is held to it.
+    /// Maximum round trip of a message and its echo, including the far side's cycle, at the 99th percentile.
     pub round_trip: Duration,
-    /// Capability, or better.
+    /// Minimum capability.
     pub stated: StatedCapability,
 }
 
@@ -110,7 +110,7 @@ pub(super) fn read(
     }
     Some(FarSide {
         socket: raw.socket.as_ref().map(PathBuf::from),
-        arm: raw.arm.or(USUAL_ARM).get()?,
+        arm: raw.arm.or(DEFAULT_ARM).get()?,
         sensor_range: [force?, moment?],
         wrench_limit: [limit_force?, limit_moment?],
         hold_after: hold_after?,
@@ -120,7 +120,7 @@ pub(super) fn read(
     })
 }
 
-/// Notes keys of the robot itself in the file of a node: the contract does not carry them, so they would have no effect.
+/// Refuses keys of the robot in the file of a node, where they would have no effect: the contract does not carry them.
 fn refuse_keys_of_the_robot(raw: &raw::RemoteLink, problems: &mut Problems<'_>) {
     for key in [&raw.wrench_limit_n, &raw.wrench_limit_nm] {
         if !key.is_absent() {

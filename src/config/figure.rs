@@ -1,11 +1,11 @@
-//! Figures of a robot in another process: keys that may be absent, or that a kind of commanded side needs.
+//! Figures of a robot in another process: optional keys that some kinds of commanded side require.
 
 use std::ops::RangeInclusive;
 
 use crate::problem::Problems;
 use crate::value::Optional;
 
-/// Reads a figure that may be absent. Outer `None`: a problem.
+/// Reads an optional figure. Returns the outer `None` after a problem, the inner one if the key is absent.
 pub(super) fn optional(
     key: &Optional<f64>,
     range: RangeInclusive<f64>,
@@ -17,7 +17,7 @@ pub(super) fn optional(
     problems.within(key, range).map(Some)
 }
 
-/// Notes an absent figure, and what it is needed for.
+/// Returns a required figure. An absent one is a problem; `needed` is the end of its message.
 pub(super) fn required(
     key: &Optional<f64>,
     name: &str,

@@ -1,4 +1,4 @@
-//! Reading of configuration files from disk, or of the copies shipped inside the program for `frhc demo`.
+//! Configuration files from disk, or the copies built into the program for `frhc demo`.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -17,24 +17,24 @@ use crate::trust::{InspectedFile, Trust};
 /// Maximum size of a configuration or an EDS, in bytes.
 const MAX_SIZE: u64 = 4 << 20;
 
-/// Contents of files, by the paths that lead to them.
+/// Contents of files by path.
 pub type Copies = BTreeMap<PathBuf, Arc<[u8]>>;
 
 /// Files that a configuration consists of. Each is read once; its content is kept for a recording.
 #[derive(Clone, Debug)]
 pub struct Files {
-    /// Required protection of files on disk; `None` where only copies are read.
+    /// Required protection of files on disk; `None` if only copies are read.
     trust: Option<Trust>,
     read: Rc<RefCell<Copies>>,
 }
 
 impl Files {
-    /// Returns files on disk, or shipped ones.
+    /// Reads from disk, and shipped files that are not there from the program.
     pub fn on_disk(trust: Trust) -> Self {
         Self { trust: Some(trust), read: Rc::default() }
     }
 
-    /// Returns copies: nothing on disk is read.
+    /// Reads from these copies alone.
     pub fn copied(copies: Copies) -> Self {
         Self { trust: None, read: Rc::new(RefCell::new(copies)) }
     }
@@ -47,7 +47,7 @@ impl Files {
     /// Returns the content of a file.
     ///
     /// # Errors
-    /// As [`read_by`]; or there is no copy of it.
+    /// As [`read_by`], or `NotFound` if only copies are read and none has this path.
     pub fn read(&self, path: &Path) -> io::Result<Arc<[u8]>> {
         if let Some(known) = self.read.borrow().get(path) {
             return Ok(Arc::clone(known));
@@ -59,7 +59,7 @@ impl Files {
     }
 }
 
-/// Returns the bytes of the file on disk, or else of the shipped copy of that name.
+/// Returns the bytes of a file on disk, or of the shipped copy if there is no such file.
 ///
 /// # Errors
 /// When neither exists, or the file is not regular, cannot be read or is larger than 4 MiB.
@@ -85,11 +85,11 @@ pub fn read_by(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
     }
 }
 
-/// Opens a regular file, also by a link. Other types are refused unopened: a pipe without a writer blocks its reader,
-/// and opening a device has side effects.
+/// Opens a regular file, following symbolic links. Other types are refused before opening: a pipe without a writer
+/// blocks, and opening a device has side effects.
 ///
 /// # Errors
-/// When it cannot be opened, or is not a regular file.
+/// When the file cannot be opened, or is not regular.
 pub fn open(path: &Path) -> io::Result<File> {
     check_regular(&fs::metadata(path)?)?;
     let file = OpenOptions::new().read(true).custom_flags(O_NONBLOCK | O_NOCTTY).open(path)?;
@@ -98,7 +98,7 @@ pub fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens a regular file as [`open`] does, but never by a symbolic link.
+/// Opens a regular file like [`open`], but refuses symbolic links.
 ///
 /// # Errors
 /// As [`open`], and for a symbolic link.
@@ -112,10 +112,10 @@ pub fn open_unlinked(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Reads `input` to its end, at max_bytes `max_bytes`.
+/// Reads `input` to its end, at most `max_bytes`.
 ///
 /// # Errors
-/// When it cannot be read, or is longer.
+/// When `input` cannot be read, or is longer.
 pub fn at_most(max_bytes: u64, input: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     input.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
@@ -144,7 +144,7 @@ fn check_regular(found: &Metadata) -> io::Result<()> {
     Err(io::Error::new(error, format!("is a {what}, must be a regular file")))
 }
 
-/// Opens a file that no other user may write, and checks that it is the inspected one.
+/// Opens a file that other users cannot write. It must still be the inspected file once it is open.
 fn guarded(path: &Path) -> io::Result<File> {
     let at_path = fs::symlink_metadata(path)?;
     if !at_path.is_symlink() {
@@ -156,7 +156,7 @@ fn guarded(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Resolves `name`, as written in `file`, from that file's folder. Links are not followed for `..`.
+/// Resolves `name`, as written in `file`, relative to the folder of `file`. `..` does not follow symbolic links.
 pub fn beside(file: &Path, name: &str) -> PathBuf {
     let mut path = file.parent().unwrap_or(Path::new("")).to_path_buf();
     for part in Path::new(name).components() {

@@ -1,27 +1,27 @@
-//! Maximum force on the hand that the drives' own timers allow: after a failure of the master, drives hold their last
-//! torques until a timer trips.
+//! Maximum force on the hand that the drives' own timers allow. After a failure of the master, drives hold their last
+//! torques until a timer expires.
 //!
-//! All forces commanded at once last as long: reflection, return to centre and walls, soft stops. A force F accelerates
-//! a free hand and grip of mass m to F t / m in a time t, which must not exceed [`MAX_RUNAWAY_SPEED`]. Gravity
-//! compensation is in balance with the weight, and friction compensation is at most 0.7 of the friction that takes it.
-//! A held damper d slows the hand, unless it reverses the motion: d t / m
-//! above 1 adds to the speed.
+//! All commanded forces are held for that time: reflection, return to centre and walls, soft stops. A force F
+//! accelerates a free hand and grip of mass m to F t / m in a time t. The limit is [`MAX_RUNAWAY_SPEED`].
+//!
+//! Gravity compensation balances the weight, and friction compensation is at most 0.7 of the friction. A held damper
+//! d slows the hand unless d t / m exceeds 1: the excess reverses the motion and adds to the speed.
 
 use std::fmt;
 use std::time::Duration;
 
 use thiserror::Error;
 
-/// Maximum speed of the hand until drives without a master stop, in m/s.
+/// Maximum speed that the hand may reach before the drives stop without a master, in m/s.
 pub const MAX_RUNAWAY_SPEED: f64 = 0.5;
 
-/// Reaction time without a proof test of the drives' timers: until the operator has let go and hit the emergency stop.
+/// Reaction time without a proof test of the drives' timers, in which the operator releases the grip and hits the emergency stop.
 pub const UNPROVEN_REACTION_TIME: Duration = Duration::from_millis(250);
 
 /// Maximum forces commanded at the same time, and the hand they act on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceCap {
-    /// Maximum forces.
+    /// Maximum of each kind of force, in N.
     pub forces: Forces,
     /// Sum of all dampers, in N·s/m.
     pub damping: f64,
@@ -36,7 +36,7 @@ pub struct ForceCap {
 /// Forces at the grip, in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forces {
-    /// Reflected, sensed or by the virtual coupling: `[controller] max_force_n`.
+    /// Reflection, of a sensed force or of the virtual coupling: `[controller] max_force_n`.
     pub reflected: f64,
     /// Return to centre and walls.
     pub centring: f64,
@@ -64,10 +64,10 @@ impl Forces {
     }
 }
 
-/// Kind of a force in [`Forces`].
+/// Kinds of forces in [`Forces`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ForceKind {
-    /// Sensed or by the virtual coupling.
+    /// Reflection, of a sensed force or of the virtual coupling.
     Reflected,
     /// Return to centre and walls.
     Centring,
@@ -90,7 +90,7 @@ impl fmt::Display for Forces {
     }
 }
 
-/// Force above the maximum that the drives' timers allow.
+/// Error of forces above the maximum that the drives' timers allow.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
     "{forces}{} for the {:.1} ms until a drive stops by itself would make {mass} kg of hand and grip \
@@ -98,11 +98,11 @@ impl fmt::Display for Forces {
     dampers(.damping), millis(.reaction_time), bound(.is_halved)
 )]
 pub struct ForceAboveCap {
-    /// Requested forces.
+    /// Configured forces.
     pub forces: Forces,
     /// Dampers that reverse the motion of the hand, in N·s/m; `None` if they only slow it.
     pub damping: Option<f64>,
-    /// Time until a drive stops by itself.
+    /// Maximum time from the loss of the master until a drive's own timer stops it.
     pub reaction_time: Duration,
     /// Mass of hand and grip, in kg.
     pub mass: f64,
@@ -115,10 +115,10 @@ pub struct ForceAboveCap {
 }
 
 impl ForceCap {
-    /// Checks the forces with a time until drives stop by themselves.
+    /// Checks the forces for drives whose own timers stop them within `reaction_time`.
     ///
     /// # Errors
-    /// When the hand would exceed [`MAX_RUNAWAY_SPEED`]; with the maximum sum of forces.
+    /// When the hand would exceed [`MAX_RUNAWAY_SPEED`]. The error has the allowed sum of forces.
     pub fn check(&self, reaction_time: Duration) -> Result<(), ForceAboveCap> {
         let Self { forces, damping, effective_mass: mass, .. } = *self;
         let seconds = reaction_time.as_secs_f64();
@@ -135,19 +135,19 @@ impl ForceCap {
         Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force, is_halved })
     }
 
-    /// Returns the maximum sum of forces with a time until drives stop by themselves, in N, rounded down to a tenth.
+    /// Returns the maximum sum of forces for this reaction time, in N, rounded down to a tenth.
     pub fn max_force(&self, reaction_time: Duration) -> f64 {
         let left = (MAX_RUNAWAY_SPEED - self.reversed(reaction_time)).max(0.0);
         (self.share() * left * self.effective_mass / reaction_time.as_secs_f64() * 10.0).floor()
             / 10.0
     }
 
-    /// Returns the share of the force that the timers allow.
+    /// Returns the allowed share of the force, 0.5 or 1.
     const fn share(&self) -> f64 {
         if self.is_halved { 0.5 } else { 1.0 }
     }
 
-    /// Returns the speed that dampers which reverse the motion add, in m/s.
+    /// Returns the speed added by dampers that reverse the motion, in m/s.
     fn reversed(&self, reaction_time: Duration) -> f64 {
         let turned = self.damping * reaction_time.as_secs_f64() / self.effective_mass;
         self.max_speed * (turned - 1.0).max(0.0)

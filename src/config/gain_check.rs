@@ -1,6 +1,6 @@
-//! `gain_check`: stability of a configuration's gains, with its device, surfaces and network.
+//! `gain_check`: stability of the configured gains with the configured arm, surfaces and network.
 //!
-//! This file describes the loop; [`stability`](controller::stability) has the inequalities. The delay of each torque
+//! This module describes the loop; [`stability`](controller::stability) has the inequalities. The delay of each torque
 //! follows from the cycle of `node` and the exchange with the virtual object of `remote`:
 //!
 //! ```text
@@ -16,7 +16,7 @@ use crate::operator::Operator;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::{Place, Placed};
+use crate::value::{HasPlace, Place};
 use controller::JointVector;
 use controller::arm::Arm;
 use controller::friction::MAX_SHARE;
@@ -31,43 +31,45 @@ use remote::site::Contact;
 use robot::interaction::Interaction;
 use units::numbering::Joint;
 
-/// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.
+/// Cycles from the SYNC that samples the joints to the SYNC at which their torque acts (synchronous RPDO, CiA 301).
 const TORQUE_DELAY: u32 = 1;
 
-/// The pose commanded in cycle k is reached at its end; the wrench there is sensed at the end of cycle
-/// k + 1, before the object moves on, used in cycle k + 2 and acts at SYNC k + 3.
+/// Cycles from the sampling of a commanded pose until its reflected wrench acts. The object reaches the pose of cycle k at
+/// its end. The wrench is sensed at the end of k + 1, used in k + 2, and acts at SYNC k + 3.
 const POSE_DELAY: u32 = 3;
 
-/// As for a pose, but that the object reaches it a cycle later is part of the law of a rate.
+/// Cycles as for a pose, less the one that the law of a rate contains as integration.
 const RATE_DELAY: u32 = 2;
 
-/// A robot's own computer commands the arm a cycle later than the object moves, and reads its sensor's mean over a cycle:
-/// a cycle and a half. Its kinematic model has neither, but an arm with this file has.
+/// Further cycles of a robot with masses: its computer commands the arm a cycle late, and its sensor reports the mean over
+/// a cycle. That makes one and a half, rounded up.
 const ROBOT_DELAY: u32 = 2;
 
-/// The object gives way to the wrench where it stands, in the same exchange.
+/// Cycles until the object yields to a wrench: it does so in the same exchange.
 const ACCOMMODATION_DELAY: u32 = 0;
 
-/// Distance from its centre at which the object touches a surface, in m: `k` then resists turning with `k r²`.
+/// Distance of the contact from the centre of the object, in m. A contact stiffness k resists rotation with k r².
 const TOUCH_RADIUS: f64 = 0.02;
 
-/// Postures beside the start: each joint alone moved by these shares of its range.
+/// Changes of a single joint from the start, as shares of its range, for the further postures.
 const SHARES_OF_RANGE: [f64; 2] = [-0.15, 0.15];
 
-/// A posture is near-singular, and is not judged, where the smallest singular value of the Jacobian is below this share of that
-/// at the start. Rotations count with a lever, in m.
+/// Minimum smallest singular value of the Jacobian, as a share of that at the start. Postures below it are near-singular
+/// and skipped.
 const MIN_SINGULAR_SHARE: f64 = 0.5;
+
+/// Lever that weights rotations in the singular value, in m.
 const LEVER: f64 = 0.1;
 
-/// Returns whether unstable gains are refused: yes, unless `gain_check = "warn"`.
+/// Returns whether unstable gains are refused, which is the default; `gain_check = "warn"` accepts them.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
     let choices = [("refuse", true), ("warn", false)];
     let asked = raw.controller.gain_check.or("refuse".to_owned());
     problems.one_of(&asked, &choices).unwrap_or(true)
 }
 
-/// Reports each violated inequality once, for the worst axis of translation and of rotation. Other problems suppress
-/// it, because the numbers may then be invalid.
+/// Reports each violated inequality once for translations and once for rotations, at the worst axis. Skips the check if
+/// there are other problems, because the numbers may then be invalid.
 pub(super) fn check(
     config: &Parameters,
     refuses: bool,
@@ -96,8 +98,8 @@ pub(super) fn check(
     }
 }
 
-/// Judges the gains at the greatest scales, if they raise a gain. Every loop with a scale in it has the gain K_T K_P or K_T K_V, and the
-/// gate finds its least multiple that swings: where the greatest hold, smaller ones do.
+/// Checks the gains at the greatest scales, if these raise a gain. Each scaled loop has the gain K_T K_P or K_T K_V, and
+/// the gate finds its least unstable multiple. Gains that are stable at the greatest scales are so at smaller ones.
 fn check_scales(
     judged: &JudgedAxes,
     [_, most]: &[Scale; 2],
@@ -117,14 +119,14 @@ fn check_scales(
 }
 
 impl Parameters {
-    /// Returns every inequality of every axis, held or violated.
+    /// Returns every inequality of every axis, satisfied or violated.
     pub fn findings(&self) -> Vec<Finding> {
         let judged = JudgedAxes::new(self).map(|judged| judged.findings(&Scale::ONE));
         judged.into_iter().flatten().flatten().collect()
     }
 }
 
-/// The six axes of the grip as configured, and the postures that they are judged in.
+/// The six Cartesian axes of the grip as configured, and the postures in which they are checked.
 struct JudgedAxes {
     axes: [Axis; 6],
     postures: Vec<GripDynamics>,
@@ -136,7 +138,7 @@ impl JudgedAxes {
         Ok(Self { axes, postures })
     }
 
-    /// Returns the findings of each axis at these scales: passivity and closed forms, then the gate.
+    /// Returns the findings of each axis at these scales: first passivity and closed forms, then the gate.
     fn findings(&self, scale: &Scale) -> [Vec<Finding>; 6] {
         let axes = self.axes.each_ref().map(|axis| scaled(axis, scale));
         let gate = Gate { axes: &axes, postures: &self.postures };
@@ -148,7 +150,7 @@ impl JudgedAxes {
     }
 }
 
-/// Returns an axis with its gains at these scales.
+/// Returns the axis with its gains multiplied by the scales.
 fn scaled(axis: &Axis, scale: &Scale) -> Axis {
     let command = if axis.is_rotation { scale.rotation } else { scale.motion };
     let AxisGains { rate, pose, wrench, .. } = axis.gains;
@@ -161,7 +163,7 @@ fn scaled(axis: &Axis, scale: &Scale) -> Axis {
     Axis { gains, ..*axis }
 }
 
-/// Returns the most violated of the findings with the same name.
+/// Returns the most violated finding of each name.
 fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     let is_worst = |finding: &&Finding| {
         let others = findings.iter().filter(|other| other.name == finding.name);
@@ -171,7 +173,7 @@ fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     findings.iter().filter(is_worst).collect()
 }
 
-/// Returns the place of the gain that a finding follows from.
+/// Returns the place of the gain that causes a finding.
 fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     let raw::File { controller, remote, .. } = raw;
     let (tank, coupling) = (controller.tank.as_ref(), controller.virtual_coupling.as_ref());
@@ -197,12 +199,12 @@ fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     }
 }
 
-/// Returns the place of a key, unless its section is absent.
-fn at<'r>(key: Option<&'r impl Placed>, controller: &'r raw::Controller) -> &'r Place {
-    key.map_or_else(|| controller.place(), Placed::place)
+/// Returns the place of a key, or of `[controller]` if its section is absent.
+fn at<'r>(key: Option<&'r impl HasPlace>, controller: &'r raw::Controller) -> &'r Place {
+    key.map_or_else(|| controller.place(), HasPlace::place)
 }
 
-/// Returns the six axes of the grip, with all that closes a loop over them.
+/// Returns the six Cartesian axes of the grip with device, hand, environment, gains and timing.
 #[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
 fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     let controller = &config.controller;
@@ -257,7 +259,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     }))
 }
 
-/// Returns the dynamics of the grip at the postures that are judged, the start first.
+/// Returns the dynamics of the grip at the start, then at the further postures.
 fn postures(config: &Parameters) -> Result<Vec<GripDynamics>, Massless> {
     let arm = &config.controller.arm;
     let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
@@ -281,7 +283,7 @@ fn postures(config: &Parameters) -> Result<Vec<GripDynamics>, Massless> {
     Ok(postures)
 }
 
-/// Returns the smallest singular value of the Jacobian, rotations with a lever.
+/// Returns the smallest singular value of the Jacobian, its rotations weighted by [`LEVER`].
 fn smallest_singular_value(arm: &Arm<6>, q: &JointVector) -> f64 {
     let mut weighted = arm.jacobian(&arm.posture(q)).matrix();
     for mut row in weighted.row_iter_mut().skip(3) {
@@ -290,13 +292,13 @@ fn smallest_singular_value(arm: &Arm<6>, q: &JointVector) -> f64 {
     weighted.singular_values().min()
 }
 
-/// Returns whether an arm with masses holds the object: one of this configuration, or one in another process.
+/// Returns whether an arm with masses holds the object, in this configuration or in another process.
 fn is_robot(config: &Parameters) -> bool {
     config.robot.is_some() || config.far_side.agreement.is_some()
 }
 
-/// Returns the cycles that a link adds to the way from command to wrench: both ways with their jitter, and the wait for
-/// the far side's cycle. The object gives way on its own side of the link, so accommodation has no part of it.
+/// Returns the delay of a link from command to wrench, in cycles: round trip with jitter, and the far side's cycle.
+/// Accommodation has no such delay, because the far side computes it.
 fn link_cycles(config: &Parameters) -> u32 {
     let simulated = config.link.simulated.map(|link| link.round_trip());
     let agreed = config.far_side.agreement.map(|agreement| agreement.round_trip);
@@ -305,9 +307,8 @@ fn link_cycles(config: &Parameters) -> u32 {
     u32::try_from(cycles).unwrap_or(u32::MAX)
 }
 
-/// Returns the mass of the payload, or its inertia about an axis of {MRF}, that an arm yields to; removal from the joints'
-/// motion does not reach the frequency in question. The free object has no inertia, nor has the kinematic model: but an
-/// arm with this file has.
+/// Returns the mass of the payload, in kg, or its inertia about an axis of {MRF}, in kg·m²; zero without an arm with
+/// masses. `remove_inertia` makes no difference: its bandwidth is too low for the frequencies of interest.
 fn yielded_inertia(config: &Parameters, axis: usize) -> f64 {
     let Interaction { sensor, payload, .. } = &config.remote.interaction;
     if !is_robot(config) {
@@ -335,7 +336,7 @@ fn passivity_damping(config: &Parameters, is_rotation: bool) -> f64 {
     passivity.map_or(0.0, |passivity| passivity.max_damping() * share)
 }
 
-/// Returns what is left of the friction of each joint, if there is less of it than identified.
+/// Returns the friction that compensation leaves at each joint, assuming that its real friction is below the identified one.
 fn resistances(config: &Parameters) -> [JointResistance; 6] {
     let compensation = config.controller.extensions.friction;
     let left = compensation.map_or(1.0, |friction| MAX_SHARE - friction.settings().share);
@@ -352,7 +353,7 @@ fn resistances(config: &Parameters) -> [JointResistance; 6] {
     })
 }
 
-/// Returns the stiffest surface, or zero without a surface; of a far side the stated one, whose damping is unknown.
+/// Returns the impedance of the stiffest surface, or zero without one. That of a far side is stated, without damping.
 fn stiffest(config: &Parameters) -> Impedance {
     if let Some(agreement) = &config.far_side.agreement {
         return Impedance { stiffness: agreement.stated.stiffest_contact, damping: 0.0 };

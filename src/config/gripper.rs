@@ -5,7 +5,7 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::raw_gripper::{RemoteGripper, SwitchesGripper};
 use crate::section::Sections;
-use crate::value::{Optional, Placed};
+use crate::value::{HasPlace, Optional};
 use remote::gripper::{GrippedObject, GripperSettings};
 
 /// Bounds of an opening, in m.
@@ -23,7 +23,7 @@ const STIFFNESS: std::ops::RangeInclusive<f64> = 1.0..=1e7;
 /// Bits of the buttons: those below belong to deadman, reference and reflection.
 const BITS: std::ops::RangeInclusive<u8> = 4..=7;
 
-/// Input of the operator for a gripper, and what it commands.
+/// Input of the operator for a gripper, with stroke, force and speed of its commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GripperInput {
     /// Terminals of the switch box.
@@ -41,24 +41,24 @@ pub struct GripperInput {
 pub enum GripperTerminals {
     /// An analogue input (6401h).
     Analogue {
-        /// Its number, the sub-index.
+        /// Number of the input: sub-index of 6401h, 1 to 254.
         number: u8,
         /// Counts at fully open.
         open: i16,
-        /// Counts at fully closed; another number.
+        /// Counts at fully closed, different from `open`.
         closed: i16,
     },
-    /// Two digital inputs (6000h:1), each moving while it is set.
+    /// Two digital inputs (6000h:1), which move the gripper while they are set.
     Digital {
-        /// Bit that opens.
+        /// Bit that opens, 4 to 7.
         open: u8,
-        /// Bit that closes; another one.
+        /// Bit that closes, 4 to 7, different from `open`.
         close: u8,
     },
 }
 
 impl GripperInput {
-    /// Returns the number of its analogue input; `None` for digital ones.
+    /// Returns the number of the analogue input; `None` for digital ones.
     pub const fn analogue_input(&self) -> Option<u8> {
         match self.terminals {
             GripperTerminals::Analogue { number, .. } => Some(number),
@@ -67,7 +67,7 @@ impl GripperInput {
     }
 }
 
-/// Reads the input of a switch box. Outer `None` where a problem has been noted, inner `None` without a section.
+/// Reads the input of a switch box. Returns the outer `None` after a problem, the inner one without the section.
 pub(super) fn input(
     switches: &raw::Switches,
     problems: &mut Problems<'_>,
@@ -108,7 +108,7 @@ fn terminals(
     }
 }
 
-/// Reads an analogue input. That the switch box has it is checked with its layout.
+/// Reads an analogue input. The check of the layout finds out whether the switch box has it.
 fn analogue(raw: &SwitchesGripper, problems: &mut Problems<'_>) -> Option<GripperTerminals> {
     let number = needed(&raw.input, problems);
     problems.within(&raw.input, 1..=254);
@@ -123,7 +123,7 @@ fn analogue(raw: &SwitchesGripper, problems: &mut Problems<'_>) -> Option<Grippe
     Some(GripperTerminals::Analogue { number, open, closed })
 }
 
-/// Reads two digital inputs, which no button may have.
+/// Reads two digital inputs, which must differ and must not be those of buttons.
 fn digital_pair(
     raw: &SwitchesGripper,
     buttons: Option<&Sections<raw::Button>>,
@@ -148,7 +148,7 @@ fn digital_pair(
     Some(GripperTerminals::Digital { open, close })
 }
 
-/// Returns the value of a key that the others of its section need.
+/// Returns the value of a key that other keys of its section require.
 fn needed<T: Copy>(key: &Optional<T>, problems: &mut Problems<'_>) -> Option<T> {
     if key.is_absent() {
         problems.add(key, format_args!("missing field `{}`", key.place().name()));
@@ -156,7 +156,7 @@ fn needed<T: Copy>(key: &Optional<T>, problems: &mut Problems<'_>) -> Option<T> 
     key.get()
 }
 
-/// Reads the simulated gripper; `None` where a problem has been noted.
+/// Reads the simulated gripper. Returns `None` after a problem.
 pub(super) fn simulated(
     raw: &RemoteGripper,
     problems: &mut Problems<'_>,

@@ -1,8 +1,8 @@
-//! Longest time for which the torque of a drive that no longer receives its RPDOs may differ from its targets unseen.
+//! Maximum time for which a drive that receives no RPDOs may hold a torque before the node detects it.
 //!
-//! A drive with an RPDO timer stops by itself. One without holds its last target for good, so the node compares the
-//! target that the drive has taken with those it sent: the torque demand (6074h) that arrives by TPDO, or the target
-//! torque (6071h) read by SDO, one drive after the other. Two readings in a row must differ.
+//! A drive with an RPDO timer stops when the timer expires. A drive without one holds its last target indefinitely. The
+//! node therefore compares two consecutive readings of the drive with the targets that it sent. It reads the torque
+//! demand (6074h) by TPDO, or the target torque (6071h) by SDO, one drive after the other.
 
 use std::time::Duration;
 
@@ -14,40 +14,40 @@ use canopen::layout::{DEMAND_SYNCS, Direction};
 use canopen::load::network::Assumptions;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use canopen::watchdog::Awaited;
+use canopen::watchdog::LifeSign;
 use units::numbering::Joint;
 
-/// Cycles before a reading in which the target that a drive has taken may have been sent.
+/// Number of cycles before a reading whose targets the drive may have applied at the reading.
 pub const TAKEN_CYCLES: u32 = 5;
 
-/// Torque demands in a row that must differ.
+/// Number of consecutive torque demands that must differ from the targets.
 const DEMANDS: u32 = 2;
 
-/// Means by which the loss of a drive's RPDOs is seen.
+/// Means of detecting that a drive has lost its RPDOs.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum SeenBy {
-    /// The drive's own RPDO timer.
+    /// RPDO event timer of the drive (1400h:5).
     #[display("its RPDO timer")]
     RpdoTimer,
-    /// Its torque demand (6074h), by TPDO.
+    /// Torque demand (6074h), by TPDO.
     #[display("6074h by TPDO")]
     Demand,
-    /// Its target torque (6071h), by SDO.
+    /// Target torque (6071h), read by SDO.
     #[display("6071h by SDO")]
     Reading,
 }
 
-/// Longest time of a held torque, and the means.
+/// Maximum time of a held torque, and the means of detecting it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeldTorque {
-    /// Means by which it is seen.
+    /// Means of detection.
     pub seen_by: SeenBy,
-    /// Longest time from the first target that differs from the held one until then.
+    /// Maximum time from the first target that differs from the held one to detection.
     pub time: Duration,
 }
 
 impl Parameters {
-    /// Returns the longest time of a held torque of each drive, in the order of the joints.
+    /// Returns the maximum time of a held torque for each drive, in the order of the joints.
     pub fn held_torques(&self) -> Vec<HeldTorque> {
         let plans = self.node_plans();
         let drives = || plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
@@ -64,21 +64,22 @@ impl Parameters {
         drives().map(of).collect()
     }
 
-    /// Returns the longest time for which a drive may hold another torque than its targets before that is seen.
+    /// Returns the maximum time for which the drive of `joint` may hold a torque other than its targets undetected.
     pub fn held_torque_time(&self, joint: Joint) -> Duration {
         self.held_torques().get(joint.index()).map_or(Duration::ZERO, |held| held.time)
     }
 
-    /// Until the target has left the cycles in which the drive may have taken it, two TPDOs, and one cycle for the last.
+    /// Returns the time of detection by TPDO. It covers the cycles whose targets the drive may have applied, two TPDOs, and
+    /// one cycle for the reception of the last.
     fn by_demand(&self) -> Duration {
         self.period * (TAKEN_CYCLES + DEMANDS * u32::from(DEMAND_SYNCS) + 1)
     }
 
-    /// Until the target has left the cycles in which the drive may have taken it, one turn of all `drives` that are read, a
-    /// request of another kind, the second reading of this drive, which follows at once, and its reply.
+    /// Returns the time of detection by SDO. It covers the cycles whose targets the drive may have applied, an upload from
+    /// each of `drives`, and another request. The second upload from this drive and its reply follow.
     fn by_reading(&self, drives: usize) -> Duration {
         let gap = Duration::from_micros(Assumptions::default().sdo_gap_us.into());
-        // A request leaves at the end of a cycle, so one that is a moment too early waits for the next.
+        // Requests are sent at the end of a cycle, so one that is due just after it waits for the next.
         let cycles = gap.as_micros().div_ceil(self.period.as_micros().max(1)) + 1;
         let slot = self.period * u32::try_from(cycles).unwrap_or(u32::MAX);
         let slots = u32::try_from(drives).unwrap_or(u32::MAX).saturating_add(3);
@@ -86,12 +87,12 @@ impl Parameters {
     }
 }
 
-/// Returns the means by which the plan of a drive provides.
+/// Returns the means of detection that the plan of a drive provides.
 fn seen_by(plan: &NodePlan) -> SeenBy {
-    let is_demand = |mapped: &canopen::layout::Mapped| mapped.object == Object::TORQUE_DEMAND;
+    let is_demand = |mapped: &canopen::layout::MappedObject| mapped.object == Object::TORQUE_DEMAND;
     let transmitted = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
     let mut services = transmitted.filter_map(|pdo| pdo.service.as_ref());
-    if plan.watchdog(Awaited::Rpdo).is_some() {
+    if plan.watchdog(LifeSign::Rpdo).is_some() {
         SeenBy::RpdoTimer
     } else if services.any(|service| service.mapping.iter().any(is_demand)) {
         SeenBy::Demand
@@ -100,9 +101,9 @@ fn seen_by(plan: &NodePlan) -> SeenBy {
     }
 }
 
-/// Returns the time of a drive's RPDO timer with its tolerance; zero without one.
+/// Returns the time of a drive's RPDO timer plus its tolerance; zero without a timer.
 fn rpdo_timer(plan: &NodePlan) -> Duration {
-    plan.watchdog(Awaited::Rpdo).map_or(Duration::ZERO, |timer| {
+    plan.watchdog(LifeSign::Rpdo).map_or(Duration::ZERO, |timer| {
         Duration::from_millis(timer.millis.into()) + timer_tolerance(timer.awaited)
     })
 }

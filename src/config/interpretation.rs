@@ -1,4 +1,4 @@
-//! `[controller] preset` and `[controller.readings]`: how the paper is read.
+//! `[controller] preset` and `[controller.readings]`: interpretation of the paper where it allows several.
 
 use crate::problem::Problems;
 use crate::raw;
@@ -8,7 +8,7 @@ use controller::interpretation::{
 };
 use controller::orientation::Orientation;
 
-/// The preset, and over it what is said of single readings; `None` where a problem has been noted.
+/// Reads the preset and the readings that override it. Returns `None` after a problem.
 pub(super) fn interpretation(
     given: &raw::Controller,
     problems: &mut Problems<'_>,
@@ -21,26 +21,26 @@ pub(super) fn interpretation(
     let over = &given.readings;
     let mut choice = Choice { problems, is_wrong: false };
     let interpretation = Interpretation {
-        orientation: choice.of(
+        orientation: choice.read(
             (&over.orientation, preset.orientation),
             &[
                 ("euler-zyx", Orientation::EulerZyx),
                 ("rotation-vector", Orientation::RotationVector),
             ],
         ),
-        displacement: choice.of(
+        displacement: choice.read(
             (&over.displacement, preset.displacement),
             &[("reference", DisplacementFrame::Reference), ("base", DisplacementFrame::Base)],
         ),
-        centring: choice.of(
+        centring: choice.read(
             (&over.centring, preset.centring),
             &[("conjugate", Centring::Conjugate), ("components", Centring::Components)],
         ),
-        weight: choice.of(
+        weight: choice.read(
             (&over.gravity, preset.weight),
             &[("per-link", Weight::PerLink), ("at-grip", Weight::AtGrip)],
         ),
-        scaling: choice.of(
+        scaling: choice.read(
             (&over.scaling, preset.scaling),
             &[
                 ("gravity-exempt", Scaling::GravityExempt),
@@ -48,12 +48,12 @@ pub(super) fn interpretation(
                 ("assist-with-gravity", Scaling::AssistWithGravity),
             ],
         ),
-        damping: choice.of(
+        damping: choice.read(
             (&over.damping, preset.damping),
             &[("twist", Difference::Twist), ("components", Difference::Components)],
         ),
         latches: over.latch_on_deadman.or(preset.latches).get()?,
-        task: choice.of(
+        task: choice.read(
             (&over.task_wrench, preset.task),
             &[("grip", ReflectionFrame::Grip), ("reference", ReflectionFrame::Reference)],
         ),
@@ -61,19 +61,19 @@ pub(super) fn interpretation(
     (is_known && !choice.is_wrong).then_some(interpretation)
 }
 
-/// Takes one name after the other.
+/// Reader of one key after the other, which remembers problems.
 struct Choice<'p, 't> {
     problems: &'p mut Problems<'t>,
     is_wrong: bool,
 }
 
 impl Choice<'_, '_> {
-    /// The choice called `name`, or the preset's where the key is absent.
-    fn of<T: Copy>(&mut self, (name, preset): (&Optional<String>, T), choices: &[(&str, T)]) -> T {
-        if name.is_absent() {
+    /// Returns the value of `names` for this key, or `preset` if the key is absent or invalid.
+    fn read<T: Copy>(&mut self, (key, preset): (&Optional<String>, T), names: &[(&str, T)]) -> T {
+        if key.is_absent() {
             return preset;
         }
-        let found = self.problems.one_of(name, choices);
+        let found = self.problems.one_of(key, names);
         self.is_wrong |= found.is_none();
         found.unwrap_or(preset)
     }

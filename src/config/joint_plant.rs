@@ -1,6 +1,6 @@
-//! `[[joint]]`, as far as it is about what the joint is made of: its link, its friction, its motor.
+//! `[[joint]]`, physical part: link, friction and motor of a joint.
 //!
-//! Angles are typed in degrees; all else is SI, and so is what comes out.
+//! Angles in the file are in degrees, all other quantities in SI units. All results are in SI units.
 
 use crate::plant::{Actuator, Friction, JointPlant};
 use crate::rest::Rest;
@@ -9,7 +9,7 @@ use crate::{bodies, raw, simulated};
 use controller::arm::Link;
 use toml_input::List;
 
-/// Reads the joint with its range, rest position and `actuator`; `None` where a problem has been noted.
+/// Reads the joint with its range, rest position and `actuator`. Returns `None` after a problem.
 pub(super) fn read(
     joint: &raw::Joint,
     range: Option<[f64; 2]>,
@@ -31,7 +31,7 @@ pub(super) fn read(
     })
 }
 
-/// Motor, encoder and gear.
+/// Reads motor, encoder and gear. Returns `None` after a problem.
 pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Actuator> {
     let max_torque = of.either(&joint.max_torque_nm, &joint.max_force_n);
     let max_torque = max_torque.and_then(|value| of.problems.positive(value));
@@ -47,7 +47,7 @@ pub(super) fn actuator(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<Act
     })
 }
 
-/// From its lowest position to its highest.
+/// Reads the range as lowest and highest position, in rad or m.
 pub(super) fn range(joint: &raw::Joint, of: &mut Units<'_, '_>) -> Option<[f64; 2]> {
     let limit = of.either(&joint.limit_deg, &joint.limit_m)?;
     let [low, high] = of.problems.all_finite(limit)?;
@@ -79,7 +79,7 @@ fn start(
     Some(start)
 }
 
-/// Friction of the joint, which its torque must overcome.
+/// Reads the friction at the joint. Its Coulomb part must be below the maximum torque.
 fn friction(
     joint: &raw::Joint,
     max_torque: Option<f64>,
@@ -88,7 +88,7 @@ fn friction(
     let coulomb = of.either(&joint.coulomb_friction_nm, &joint.coulomb_friction_n);
     let viscous = of.either(&joint.viscous_friction_nms_per_rad, &joint.viscous_friction_ns_per_m);
     let coulomb = coulomb.and_then(|value| {
-        // A capacity below zero is a problem of its own.
+        // A capacity of zero or below is reported separately.
         let most = max_torque.filter(|most| *most > 0.0).unwrap_or(f64::MAX);
         let size = of.problems.not_negative(value)?;
         if size >= most {
@@ -101,7 +101,7 @@ fn friction(
     Some(Friction { coulomb: coulomb?, viscous: viscous? })
 }
 
-/// Kinematics and masses.
+/// Reads Denavit-Hartenberg parameters, mass and inertias of the link.
 fn link(joint: &raw::Joint, range: Option<[f64; 2]>, of: &mut Units<'_, '_>) -> Option<Link> {
     let rotor = of.either(&joint.rotor_inertia_kg_m2, &joint.rotor_mass_kg);
     let problems = &mut *of.problems;

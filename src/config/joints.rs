@@ -1,10 +1,10 @@
-//! `[[joint]]`: the drive of each joint on the network, how fast the joint may move, and what it is made of.
+//! `[[joint]]`: drive, maximum speed, calibration and plant of each joint.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::boot::{self, BootSettings, Given};
+use crate::boot::{self, BootSettings, Context};
 use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
 use crate::rest::Rest;
@@ -21,40 +21,40 @@ use canopen::plan::Identity;
 use controller::arm::JointKind;
 use controller::calibration::{JointCalibration, TorqueCurve};
 
-/// One joint: where it is on the network, how it moves, what moves it.
+/// One joint: its drive on the network, its limits, its calibration and its plant.
 #[derive(Clone, Debug)]
 pub struct JointParameters {
-    /// Name for people.
+    /// Displayed name, unique among the joints.
     pub name: String,
-    /// Its drive's bus.
+    /// Bus of the drive.
     pub channel: Channel,
-    /// Its drive's node-id.
+    /// Node-id of the drive.
     pub node: NodeId,
-    /// Identity that its drive must have.
+    /// Identity that the drive must report (1018h).
     pub identity: Identity,
-    /// Boot of its drive.
+    /// Boot of the drive.
     pub boot: BootSettings,
-    /// Data sheet of its drive.
+    /// EDS of the drive.
     pub eds: Arc<Eds>,
-    /// Sign, scale and ratings that its drive is meant to hold.
+    /// Sign, scale and ratings that the drive must have stored.
     pub nameplate: Nameplate,
-    /// Facts of its drive that are accepted although nothing but the configuration states them.
+    /// Facts of the drive that are accepted without verification by an object.
     pub accepted: Vec<Fact>,
-    /// Error codes of emergencies without an error that are warnings.
+    /// EMCY error codes that are warnings while the error register is 0.
     pub emcy_warnings: Vec<u16>,
-    /// Rest position.
+    /// Rest position, if configured.
     pub rest: Option<Rest>,
-    /// Limit of its drive's torque in place of 6072h.
+    /// Torque limit of the drive in place of 6072h.
     pub torque_limit: Option<TorqueLimit>,
-    /// Maximum speed before torque goes off, in rad/s or m/s.
+    /// Maximum speed before the torque is switched off, in rad/s or m/s.
     pub max_speed: f64,
-    /// Encoder and torque curve, as the controller uses them.
+    /// Encoder and torque curve, for the controller.
     pub calibration: JointCalibration,
-    /// Joint, link and actuator as they are built.
+    /// Link, friction and actuator, for simulation and checks.
     pub plant: JointPlant,
 }
 
-/// All six joints; `None` where a problem has been noted.
+/// Reads all six joints. Returns `None` after a problem.
 pub(super) fn read(
     file: &Path,
     raw: &raw::File,
@@ -85,7 +85,7 @@ fn read_one(
     let eds = lookup::eds(&joint.eds, file, problems);
     let limit = joint.torque_limit.as_ref();
     let limit = limit.and_then(|limit| torque_limit::read(limit, eds.as_deref(), problems));
-    let given = Given {
+    let given = Context {
         lost_ms: raw.safety.drive_lost_ms.get(),
         eds: eds.as_deref(),
         period: raw.node.sync_period_us.get().map(Duration::from_micros),
@@ -97,7 +97,7 @@ fn read_one(
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = problems.one_of(&joint.kind.or("revolute".to_owned()), &kinds)?;
 
-    // A torque that is wrong is reported itself, not the curve up to it.
+    // An invalid torque is reported, not the curve that depends on it.
     let before = problems.count();
     let mut of = Units { kind, problems };
     let max_speed = max_speed(joint, &plausibility::default_speed(&raw.safety, kind), &mut of);
@@ -129,7 +129,7 @@ fn read_one(
     })
 }
 
-/// Error codes of emergencies that are warnings while their error register is 0. An error reset (0000h) is not listed.
+/// Reads the EMCY error codes that are warnings while the error register is 0. Error reset (00xxh) is refused.
 fn emcy_warnings(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<u16> {
     let codes = joint.emcy_warnings.as_ref().cloned().unwrap_or_default();
     if codes.iter().any(|code| code >> 8 == 0) {
@@ -138,7 +138,7 @@ fn emcy_warnings(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<u16> {
     codes
 }
 
-/// Maximum speed, in rad/s or m/s: `usual` where the joint does not say.
+/// Reads the maximum speed, in rad/s or m/s; `usual` if the key is absent.
 fn max_speed(joint: &raw::Joint, usual: &Value<f64>, of: &mut Units<'_, '_>) -> Option<f64> {
     let given = of.at_most_one(&joint.max_speed_rad_per_s, &joint.max_speed_m_per_s)?;
     if given.is_absent() {
@@ -148,7 +148,7 @@ fn max_speed(joint: &raw::Joint, usual: &Value<f64>, of: &mut Units<'_, '_>) -> 
     }
 }
 
-/// The actuator as the controller uses it; silent about a curve where there have been problems since `before`.
+/// Returns the calibration of an actuator. Suppresses problems of the curve if others were noted since `before`.
 fn calibration(
     joint: &raw::Joint,
     actuator: &Actuator,

@@ -1,4 +1,5 @@
-//! Layouts that drives cannot have by their EDS, and those that they can, each with rate, load and force.
+//! Checks that the EDS of each drive supports the PDO layout of its bus; otherwise proposes layouts with rate, load and
+//! force.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -14,7 +15,7 @@ use canopen::load::network::{Assumptions, Bus, Network};
 use canopen::load::proposals;
 use units::numbering::Joint;
 
-/// Notes every node that lacks parts of its layout, once, with the layouts that fit.
+/// Reports every node that lacks parts of its layout, with the layouts that fit.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let mut variants: HashMap<Channel, Vec<Variant>> = HashMap::new();
     let joints = Joint::ALL.into_iter().zip(&config.joints);
@@ -47,17 +48,17 @@ struct Variant {
     layout: Layout,
     /// Missing parts of each drive on the bus.
     drives: Vec<(Joint, Vec<Lack>)>,
-    /// Figures at the highest usual rate up to the configured one; `None` if no rate is low enough.
+    /// Figures at the highest proposed rate up to the configured one; `None` if no rate is low enough.
     figures: Option<Figures>,
 }
 
-/// Figures of a layout.
+/// Rate, load and force that a layout allows.
 struct Figures {
     hz: f64,
     load_percent: f64,
     /// Maximum sum of forces, in N.
     max_force: f64,
-    /// The same if no damper reversed the motion of the hand.
+    /// Maximum sum of forces without dampers that reverse the motion of the hand, in N.
     undamped_force: f64,
 }
 
@@ -97,7 +98,7 @@ fn variants_of(config: &Parameters, channel: Channel) -> Vec<Variant> {
     others.map(variant).collect()
 }
 
-/// Returns the figures of one bus, with timers that suit its rate.
+/// Returns the figures of one bus, with the drives' timers adapted to its rate.
 fn figures(config: &Parameters, place: usize) -> Option<Figures> {
     let network = config.network();
     let bus: Bus = network.buses.get(place)?.clone();
@@ -114,7 +115,7 @@ fn figures(config: &Parameters, place: usize) -> Option<Figures> {
     })
 }
 
-/// Returns the configuration with another period, and timers of at least two of them.
+/// Returns the configuration with another period, and timers of at least two periods.
 fn slowed(config: &Parameters, period_us: u32) -> Parameters {
     let mut slowed = config.clone();
     slowed.period = Duration::from_micros(period_us.into());
@@ -128,7 +129,7 @@ fn slowed(config: &Parameters, period_us: u32) -> Parameters {
     slowed
 }
 
-/// Writes the layouts that fit, or else what the drive of a joint would need for each.
+/// Returns the layouts that fit, or else the obstacles of every layout, in words.
 fn remedy(variants: &[Variant], number: Joint, bus: &str) -> String {
     let fitting = variants.iter().filter(|it| it.drives.iter().all(|(_, lacks)| lacks.is_empty()));
     let fitting = fitting.filter_map(|variant| {
@@ -145,7 +146,7 @@ fn remedy(variants: &[Variant], number: Joint, bus: &str) -> String {
 }
 
 impl Variant {
-    /// Writes what stands against the layout: parts that this drive lacks, or else another one, or else the load.
+    /// Returns the obstacle of the layout in words: missing parts of this drive, else another drive, else the load.
     fn obstacle(&self, number: Joint, bus: &str) -> String {
         let name = self.layout.name();
         let unable = || self.drives.iter().filter(|(_, lacks)| !lacks.is_empty());

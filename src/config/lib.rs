@@ -1,5 +1,6 @@
-//! TOML to values that cannot be wrong. Every problem of a file is found in one run and says file,
-//! line and key; afterwards nothing is checked again.
+//! Configuration files (TOML), parsed into values that are valid by construction.
+//!
+//! One run finds every problem of a file, with file, line and key. Other crates trust the values without further checks.
 //!
 //! ```
 //! use std::path::Path;
@@ -102,7 +103,7 @@ use std::time::Duration;
 use ::remote::site::Virtual;
 use toml::de::DeTable;
 
-use crate::control::Given;
+use crate::control::Context;
 use crate::files::Files;
 use crate::problem::{Problems, Sheet};
 use crate::robots::RobotArm;
@@ -116,9 +117,9 @@ use controller::Settings;
 use controller::calibration::{Calibration, TorqueCurve};
 use controller::gains::Gains;
 
-/// One hand controller and all around it: the values of a file, and the cyclic exchange that follows from them.
+/// Configuration of one hand controller: the values of a file, and the cyclic PDO exchange resolved from them.
 ///
-/// The values cannot be changed in place: the exchange must stay that of the values.
+/// The values cannot be changed in place, so the exchange always matches them.
 #[derive(Clone, Debug)]
 pub struct Config {
     parameters: Parameters,
@@ -134,49 +135,48 @@ impl Deref for Config {
 }
 
 impl Config {
-    /// Reads and checks a file; `config/kraft_like.toml` and its like are known without one.
+    /// Reads and checks a file. Shipped files such as `config/kraft_like.toml` need not be on disk.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Returns every problem found, with file, line and key.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         Self::load_by(Trust::Any, file)
     }
 
-    /// The same of a file, and EDS files, that must be worth that trust.
+    /// Reads and checks a file that must have the protection `trust`, as must the EDS files that it names.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// As [`load`](Self::load), and when the protection is insufficient.
     pub fn load_by(trust: Trust, file: &Path) -> Result<Self, Invalid> {
         Self::load_from(&Files::on_disk(trust), file)
     }
 
-    /// Reads and checks one of these files, and those that it names.
+    /// Reads and checks `file` of `files`, and the files that it names.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// As [`load`](Self::load).
     pub fn load_from(files: &Files, file: &Path) -> Result<Self, Invalid> {
         Self::checked(file, &problem::text(files, file)?, files, loads::check)
     }
 
-    /// Checks `text`, which stands in `file`; names of other files are seen from there.
+    /// Checks `text` as the content of `file`. Paths in it are relative to the folder of `file`.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// As [`load`](Self::load).
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         Self::checked(file, text, &Files::on_disk(Trust::Any), loads::check)
     }
 
-    /// As [`load`](Self::load), but buses may carry too much. Only for planning: such a network cannot
-    /// run.
+    /// Reads and checks a file, but accepts buses above their load limit. For planning only: such a network cannot run.
     ///
     /// # Errors
-    /// Everything else that is wrong with it.
+    /// As [`load`](Self::load), the load excepted.
     pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
         let files = Files::on_disk(Trust::Any);
         Self::checked(file, &problem::text(&files, file)?, &files, |_, _, _| {})
     }
 
-    /// `text` as a configuration that also passes `check`.
+    /// Returns the configuration of `text`, which must also pass `check`.
     fn checked(
         file: &Path,
         text: &str,
@@ -190,34 +190,34 @@ impl Config {
             check(parameters, raw, &mut problems);
         }
         problems.finish()?;
-        // Without a problem there is a value: every missing one was noted where it went missing.
+        // Every missing value was noted as a problem, so no problem means that all are present.
         let config = converted
             .and_then(|(parameters, exchange)| Some(Self { parameters, exchange: exchange? }));
         config.ok_or_else(|| Invalid(Vec::new()))
     }
 
-    /// The same with another controller: no PDO depends on it.
+    /// Replaces the settings of the controller. No PDO depends on them.
     #[must_use]
     pub fn with_controller(mut self, controller: Settings) -> Self {
         self.parameters.controller = controller;
         self
     }
 
-    /// The same with another commanded side: no PDO depends on it.
+    /// Replaces the commanded side. No PDO depends on it.
     #[must_use]
     pub fn with_remote(mut self, remote: Virtual) -> Self {
         self.parameters.remote = remote;
         self
     }
 
-    /// The same with another link to the commanded side: no PDO depends on it.
+    /// Replaces the link to the commanded side. No PDO depends on it.
     #[must_use]
     pub const fn with_link(mut self, link: RemoteLink) -> Self {
         self.parameters.link = link;
         self
     }
 
-    /// The same with another arm that holds the commanded object: no PDO depends on it.
+    /// Replaces the arm that holds the commanded object, and starts it at that arm's start. No PDO depends on it.
     #[must_use]
     pub fn with_robot(mut self, robot: RobotArm) -> Self {
         let following = robot.following();
@@ -227,7 +227,7 @@ impl Config {
         self
     }
 
-    /// The same with another K_T of the reflection, and another K_FA of the accommodation: no PDO depends on them.
+    /// Replaces the gains K_T of reflection and K_FA of accommodation. No PDO depends on them.
     #[must_use]
     pub fn with_switches_at(mut self, k_t: Gains, k_fa: Accommodation) -> Self {
         let reflection = &mut self.parameters.controller.reflection;
@@ -236,7 +236,7 @@ impl Config {
         self
     }
 
-    /// The same with this share of every joint's friction: no PDO depends on it.
+    /// Scales the friction of every joint by `share`. No PDO depends on it.
     #[must_use]
     pub fn with_friction(mut self, share: f64) -> Self {
         for joint in &mut self.parameters.joints {
@@ -246,7 +246,7 @@ impl Config {
         self
     }
 
-    /// The same with other torque curves, of the controller and of the simulated motors: no PDO depends on it.
+    /// Replaces the torque curves of the controller and of the simulated motors. No PDO depends on them.
     #[must_use]
     pub fn with_torque_curves(mut self, curves: [TorqueCurve; 6]) -> Self {
         for (joint, curve) in self.parameters.joints.iter_mut().zip(curves) {
@@ -259,27 +259,28 @@ impl Config {
         self
     }
 
-    /// The same with every drive's proof at bring-up, whatever the file says: no PDO depends on it.
+    /// Enables the proof test of every drive at bring-up, regardless of the file. No PDO depends on it.
     #[must_use]
     pub const fn with_proof(mut self) -> Self {
         self.parameters.safety.protection.proves_drives = true;
         self
     }
 
-    /// Time after a SYNC in which samples are waited for: what a period leaves when the RPDOs that must be
-    /// there before the next SYNC are taken off.
+    /// Returns the synchronous window after a SYNC (compare 1007h): the period less the time of all RPDOs, which must be
+    /// sent before the next SYNC.
     pub fn window(&self) -> Duration {
         self.period.saturating_sub(loads::rpdo_time(self, &self.exchange.rpdos))
     }
 
-    /// Returns which bits of which frame are whose, as resolved when the file was read.
+    /// Returns the cyclic PDO exchange: the bits of each frame, assigned to nodes and objects.
     pub const fn exchange(&self) -> &Exchange {
         &self.exchange
     }
 
-    /// The most frames that the node sends in one cycle on each bus, in the order of the channels: SYNC, targets, all
-    /// controlwords, heartbeat, TIME and one request. Never less than a boot sends at once: two frames for each node and
-    /// two for all.
+    /// Returns the maximum number of frames that the node queues at once on each bus, in the order of the channels.
+    ///
+    /// A cycle sends SYNC, targets, all controlwords, heartbeat, TIME and one request. A boot sends two frames for each
+    /// node and two for all.
     pub fn bursts(&self) -> Vec<u32> {
         let rpdos = &self.exchange.rpdos;
         let plans = self.node_plans();
@@ -293,13 +294,13 @@ impl Config {
     }
 }
 
-/// Sections and keys: `None` when the text is no TOML at all.
+/// Parses sections and keys. Returns `None` if the text is not TOML.
 fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
     let document = DeTable::parse(text).map_err(|error| problems.add_error(&error)).ok()?;
     Some(raw::File::from_table(&Table::root(&document, problems), problems))
 }
 
-/// Meanings. `None` only where a problem has been noted.
+/// Checks and converts all sections. Returns `None` only after a problem.
 fn convert(
     file: &Path,
     raw: &raw::File,
@@ -319,7 +320,7 @@ fn convert(
     let switches = switch_box::given(file, raw, problems);
     let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
     let contact_bounds = contact_postures::bounds(&raw.arm, problems);
-    let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
+    let around = Context { joints: joints.as_ref(), x_6_g, gravity, period };
     let controller = control::settings(raw, &around, problems);
     let (mode, operator) = (control::mode(raw, problems), operator::read(&raw.operator, problems));
     let refuses = gain_check::refuses(raw, problems);
@@ -362,7 +363,7 @@ fn convert(
     Some((config, exchange))
 }
 
-/// Returns the EDS files that were read, their missing parts as warnings.
+/// Returns the EDS files that were read, with their gaps as warnings.
 fn eds_files(problems: &mut Problems<'_>) -> Vec<EdsFile> {
     let as_warning = |gap: &Finding| Finding { severity: Severity::Warning, ..gap.clone() };
     let read = problems.sheets().iter().filter_map(|(path, sheet)| {

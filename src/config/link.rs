@@ -5,18 +5,20 @@ use std::time::Duration;
 use crate::problem::Problems;
 use crate::raw;
 use crate::remote;
-use crate::value::{Optional, Place, Placed};
+use crate::value::{HasPlace, Optional, Place};
 use ::remote::delay::DelaySettings;
 use toml_input::List;
 
-/// Range of the maximum age of a sample, in ms: beyond, nothing may act (ADR 16).
+/// Range of the maximum age of a sample, in ms (ADR 16).
 const MAX_AGE_MS: std::ops::RangeInclusive<f64> = 5.0..=100.0;
 
-/// Bounds of the maximum age where none is given, and that age in periods.
-const USUAL_AGE: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(100)];
+/// Bounds of the default maximum age of a sample.
+const DEFAULT_AGE: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(100)];
+
+/// Default maximum age of a sample, in periods.
 const MAX_MISSED_SAMPLES: u32 = 3;
 
-/// Maximum delay and maximum jitter of one way, in ms.
+/// Maximum delay and maximum jitter in each direction, in ms.
 const MAX_DELAY_MS: f64 = 100.0;
 
 /// Range of the time after which the far side holds, in ms.
@@ -38,14 +40,14 @@ pub struct RemoteLink {
 }
 
 impl RemoteLink {
-    /// A direct connection to a commanded side that is sampled every `period`.
+    /// Returns a direct connection to a commanded side that is sampled every `period`.
     pub fn direct(period: Duration) -> Self {
-        let [least, most] = USUAL_AGE;
+        let [least, most] = DEFAULT_AGE;
         Self { max_age: (period * MAX_MISSED_SAMPLES).clamp(least, most), simulated: None }
     }
 }
 
-/// Reads the section, if there is one. Returns `None` after a problem.
+/// Reads the section, with defaults if it is absent. Returns `None` after a problem.
 pub(super) fn read(
     file: &raw::File,
     period: Option<Duration>,
@@ -78,7 +80,7 @@ fn is_simulated(raw: &raw::RemoteLink) -> bool {
 /// Returns the first key that only a simulated link has.
 fn simulation_key(raw: &raw::RemoteLink) -> Option<&Place> {
     let numbers = [&raw.delay_ms, &raw.jitter_ms, &raw.loss_percent];
-    let number = numbers.into_iter().find(|key| !key.is_absent()).map(Placed::place);
+    let number = numbers.into_iter().find(|key| !key.is_absent()).map(HasPlace::place);
     let reorder = (!raw.reorder.is_absent()).then(|| raw.reorder.place());
     let outage = (!raw.outage_s.is_absent()).then(|| raw.outage_s.place());
     let seed = (!raw.seed.is_absent()).then(|| raw.seed.place());
@@ -123,7 +125,7 @@ fn outage(raw: &raw::RemoteLink, problems: &mut Problems<'_>) -> Option<[Duratio
     Some([start, end].map(|seconds| millis(1e3 * seconds)))
 }
 
-/// Notes a link whose every sample would be too old: nothing would ever be reflected.
+/// Refuses a link whose samples would always be too old, so that nothing would be reflected.
 fn refuse_hopeless(
     link: &RemoteLink,
     period: Duration,
@@ -153,7 +155,7 @@ fn refuse_hopeless(
 }
 
 pub(super) fn millis(value: f64) -> Duration {
-    // A value out of its range was noted.
+    // Values out of range are already reported.
     Duration::try_from_secs_f64(value / 1e3).unwrap_or_default()
 }
 

@@ -17,15 +17,15 @@ impl Parameters {
     pub fn loads(&self) -> Vec<BusLoad> {
         let buses = (0..).map(Channel).zip(&self.buses);
         let load = |(channel, bus): (Channel, &BusSettings)| {
-            BusLoad::of(&streams(self, channel), bus.bitrate, self.period_us())
+            BusLoad::new(&streams(self, channel), bus.bitrate, self.period_us())
         };
         buses.map(load).collect()
     }
 }
 
-/// Refuses every bus above its load limit.
+/// Refuses every bus whose worst-case load exceeds its limit.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
-    // A load that follows from a period or bit rate that is wrong says nothing.
+    // The load is meaningless if the period or a bit rate is invalid.
     if problems.is_noted_within(&raw.bus) || problems.is_noted_within(&raw.node) {
         return;
     }
@@ -34,7 +34,7 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     }
 }
 
-/// Returns the planned frames of one bus.
+/// Returns the streams of frames planned on one bus.
 fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
     let plans = config.node_plans();
     let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);

@@ -1,4 +1,4 @@
-//! Buses, node-ids and EDS files, which several sections name.
+//! Lookup of buses, node-ids and EDS files that several sections name.
 
 use std::fmt;
 use std::io::ErrorKind;
@@ -13,7 +13,7 @@ use canopen::NodeId;
 use canopen::eds::{Eds, Severity};
 use canopen::frame::Channel;
 
-/// Reads a node-id, 1 to 127.
+/// Reads a node-id, which must be within 1..=127 (CiA 301).
 pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<NodeId> {
     let raw = value.get()?;
     let node = NodeId::new(raw).ok();
@@ -23,7 +23,7 @@ pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<
     node
 }
 
-/// Returns the channel of the bus of this name.
+/// Returns the channel of the bus with this name. Returns `None` after a problem.
 pub(super) fn channel(
     value: &Value<String>,
     raw: &raw::File,
@@ -32,7 +32,7 @@ pub(super) fn channel(
     let name = value.as_ref()?;
     let named = |bus: &raw::Bus| bus.name.as_ref() == Some(name);
     let found = (0..).map(Channel).zip(raw.bus.all()).find(|(_, bus)| named(bus));
-    // A bus without a name may be the one.
+    // A bus whose name is invalid may be meant.
     let is_unsure =
         raw.bus.is_noted() || raw.bus.all().iter().any(|bus| bus.name.as_ref().is_none());
     if found.is_none() && !is_unsure {
@@ -41,7 +41,7 @@ pub(super) fn channel(
     found.map(|(channel, _)| channel)
 }
 
-/// Returns the EDS that `file` names. Each is read and checked once, however many nodes have it.
+/// Returns the EDS that `file` names. Each is read and checked once for all nodes.
 pub(super) fn eds(
     value: &Value<String>,
     file: &Path,
@@ -60,7 +60,7 @@ pub(super) fn eds(
     }
 }
 
-/// Reads a file, or returns why it cannot be used.
+/// Reads and lints an EDS file, or returns the reason why it cannot be used.
 fn read(files: &Files, path: &Path) -> Result<Sheet, String> {
     let named = |reason: &dyn fmt::Display| format!("{}: {reason}", path.display());
     let bytes = files.read(path).map_err(|error| {

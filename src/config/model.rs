@@ -1,4 +1,4 @@
-//! `model_limit_*` of `[remote.link]`: the difference between model and robot beyond which the robot does not follow.
+//! `model_limit_*` of `[remote.link]`: maximum difference between model and robot.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -16,10 +16,11 @@ const LIMIT_M: RangeInclusive<f64> = 1e-4..=1.0;
 /// Range of the angle, in degrees.
 const LIMIT_DEG: RangeInclusive<f64> = 0.01..=90.0;
 
-/// Why a model needs a limit.
+/// End of the message for a missing limit.
 const NEEDED: &str = "a model needs: beyond it the robot does not follow, and the command holds";
 
-/// Reads both keys, which `kind = "both"` needs. Outer `None`: a problem. Inner `None`: no model is described.
+/// Reads both keys, which `kind = "both"` requires. Returns the outer `None` after a problem, the inner one if no model
+/// is configured.
 pub(super) fn limit(file: &raw::File, problems: &mut Problems<'_>) -> Option<Option<Difference>> {
     let raw = &file.remote.link;
     let distance = optional(&raw.model_limit_m, LIMIT_M, problems);
@@ -33,8 +34,8 @@ pub(super) fn limit(file: &raw::File, problems: &mut Problems<'_>) -> Option<Opt
     Some(Some(Difference { distance: distance?, angle: angle?.to_radians() }))
 }
 
-/// Notes a limit that a robot reaches which follows within the figures of its link: what it does at full speed in a round
-/// trip may be commands that were lost.
+/// Refuses a limit below the distance or angle that the robot covers in a round trip at full speed: lost commands alone
+/// could exceed it.
 pub(super) fn check(
     limit: Option<&Difference>,
     servo: &Servo,

@@ -1,6 +1,6 @@
-//! `[[joint]]`, what its drive is meant to hold: polarity, gear, encoder, feed and ratings.
+//! `[[joint]]`, nameplate of its drive: expected polarity, gear, encoder, feed and ratings.
 //!
-//! The boot compares them with the drive, and changes none of them.
+//! The boot compares them with the drive and writes none of them.
 
 use crate::problem::Problems;
 use crate::raw;
@@ -10,10 +10,10 @@ use canopen::nameplate::units::{SiUnit, Units};
 use canopen::nameplate::{Nameplate, Rating, Ratio};
 use toml_input::List;
 
-/// Units of 6076h, with how many make 1 N·m.
+/// Units of the rated torque (6076h): name in the file, number per N·m, and symbol.
 const UNITS: [(&str, (f64, &str)); 2] = [("mNm", (1e3, "mN·m")), ("uNm", (1e6, "µN·m"))];
 
-/// Reads the expected values; `None` where a problem has been noted.
+/// Reads the expected values. Returns `None` after a problem.
 pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Nameplate> {
     let counts = joint.encoder_counts_per_rev.get()?;
     let unit = joint.rated_torque_unit.or("mNm".to_owned());
@@ -21,7 +21,7 @@ pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Na
     let encoder = ratio(&joint.drive_encoder, problems);
     let gear = ratio(&joint.drive_gear, problems);
     let feed = ratio(&joint.drive_feed, problems);
-    // The key counts 6064h, which is behind the gear: the shaft of 6092h has so many counts per revolution.
+    // The key counts 6064h per revolution of the motor; 6092h is per revolution of the shaft behind the gear.
     let shaft = gear.unwrap_or(Ratio::ONE).times(counts).into_iter();
     let unit = joint.drive_position_unit.or(SiUnit::INCREMENTS.0).get()?;
     let current = problems.within(&joint.rated_current_a, 1e-3..=1e4);
@@ -38,7 +38,7 @@ pub(super) fn read(joint: &raw::Joint, problems: &mut Problems<'_>) -> Option<Na
     })
 }
 
-/// Reads the facts that are accepted although nothing but the configuration states them.
+/// Reads `accept_stated_only`: facts that are accepted without verification by an object of the drive.
 pub(super) fn accepted(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<Fact> {
     let given = joint.accept_stated_only.as_ref().map(Vec::as_slice).unwrap_or_default();
     let mut accepted = Vec::new();
@@ -58,7 +58,7 @@ pub(super) fn accepted(joint: &raw::Joint, problems: &mut Problems<'_>) -> Vec<F
     accepted
 }
 
-/// Returns a stated value alone, or the usual ones.
+/// Returns the configured value alone, or the default ones.
 fn stated(value: Option<Ratio>, usual: impl Fn() -> Vec<Ratio>) -> Vec<Ratio> {
     value.map_or_else(usual, |value| vec![value])
 }

@@ -1,10 +1,10 @@
-//! Names of joints and buses: on screens, in logs and in tables, where each must be one clear word or two.
+//! Names of joints and buses. Screens, logs and tables print them, so they must be short, printable and unique.
 
 use crate::problem::Problems;
 use crate::value::Value;
 
-/// Longest name, in characters.
-const LONGEST: usize = 32;
+/// Maximum length of a name, in characters.
+const MAX_LEN: usize = 32;
 
 /// Checks the names of all tables of one section.
 pub(super) fn check<'n>(
@@ -21,10 +21,10 @@ pub(super) fn check<'n>(
                 .add(value, format_args!("must have printable characters alone, got \"{shown}\""));
         } else if name.trim() != name {
             problems.add(value, format_args!("must not begin or end with blanks, got \"{shown}\""));
-        } else if name.chars().count() > LONGEST {
+        } else if name.chars().count() > MAX_LEN {
             let length = name.chars().count();
             problems
-                .add(value, format_args!("must have at most {LONGEST} characters, got {length}"));
+                .add(value, format_args!("must have at most {MAX_LEN} characters, got {length}"));
         } else if taken.contains(&name) {
             problems.add(value, format_args!("must be unique, got \"{shown}\" twice"));
         }
@@ -32,7 +32,7 @@ pub(super) fn check<'n>(
     }
 }
 
-/// Control characters, blanks other than a space, and what changes the direction or width of other text.
+/// Returns whether `c` is a control character, a blank other than a space, or changes direction or width of text.
 fn is_unprintable(c: char) -> bool {
     let is_invisible = matches!(
         c,

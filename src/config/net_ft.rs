@@ -1,4 +1,4 @@
-//! `[remote.link.sensor]`: a force/torque sensor at an address of its own, which `frhc robot` reads in place of the simulated one.
+//! `[remote.link.sensor]`: network force/torque sensor that `frhc robot` reads in place of the simulated one.
 
 use std::net::{IpAddr, SocketAddr};
 use std::ops::RangeInclusive;
@@ -8,19 +8,19 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Value;
 
-/// UDP port of a sensor where none is given.
-const USUAL_PORT: u16 = 49_152;
+/// Default UDP port.
+const DEFAULT_PORT: u16 = 49_152;
 
-/// Records per second where none are given: as the sensor is delivered.
-const USUAL_RATE_HZ: f64 = 7_000.0;
+/// Default RDT output rate, in records per second, as the sensor is delivered.
+const DEFAULT_RATE_HZ: f64 = 7_000.0;
 
-/// Range of the records per second.
+/// Range of the RDT output rate, in records per second.
 const RATE_HZ: RangeInclusive<f64> = 10.0..=8_000.0;
 
-/// Records in a cycle: with less than one, readings are missing; the most are half of what the robot takes in one.
+/// Range of records per cycle. Below one, readings are missing; the maximum is half of what the robot reads in a cycle.
 const RECORDS_PER_CYCLE: RangeInclusive<f64> = 1.0..=128.0;
 
-/// Counts per N or N·m.
+/// Range of counts per N or N·m.
 const COUNTS: RangeInclusive<f64> = 1e-3..=1e9;
 
 /// ATI Net F/T, or a sensor with its protocol.
@@ -44,7 +44,7 @@ pub(super) fn read(
     let address = address(&raw.address, problems);
     let counts_per_n = problems.within(&raw.counts_per_n, COUNTS);
     let counts_per_nm = problems.within(&raw.counts_per_nm, COUNTS);
-    let rate = raw.rate_hz.or(USUAL_RATE_HZ);
+    let rate = raw.rate_hz.or(DEFAULT_RATE_HZ);
     let rate_hz = problems.within(&rate, RATE_HZ).filter(|rate| RATE_HZ.contains(rate));
     if let (Some(rate_hz), Some(period)) = (rate_hz, period)
         && !RECORDS_PER_CYCLE.contains(&(rate_hz * period.as_secs_f64()))
@@ -64,29 +64,29 @@ pub(super) fn read(
     })
 }
 
-/// Reads an IP address with or without a port. A name is refused: it may be another sensor's tomorrow.
+/// Reads an IP address with or without a port. A host name is refused, because it may come to mean another sensor.
 fn address(value: &Value<String>, problems: &mut Problems<'_>) -> Option<SocketAddr> {
     let text = value.as_ref()?;
     let with_port = text.parse::<SocketAddr>().ok();
-    let alone = text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, USUAL_PORT));
+    let alone = text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, DEFAULT_PORT));
     let address = with_port.or(alone).filter(is_of_one_sensor);
     if address.is_none() {
         let reason = format_args!(
-            "must be the IP address of one sensor, with its UDP port unless that is {USUAL_PORT}, got \"{text}\""
+            "must be the IP address of one sensor, with its UDP port unless that is {DEFAULT_PORT}, got \"{text}\""
         );
         problems.add(value, reason);
     }
     address
 }
 
-/// Returns whether an address can be that of one sensor.
+/// Returns whether an address is unicast and specified, with a port.
 fn is_of_one_sensor(address: &SocketAddr) -> bool {
     let is_broadcast = matches!(address.ip(), IpAddr::V4(ip) if ip.is_broadcast());
     let is_unusable = address.ip().is_unspecified() || address.ip().is_multicast() || is_broadcast;
     !is_unusable && address.port() != 0
 }
 
-/// Notes a payload: its weight is removed by the posture of the simulated arm, with which a real sensor does not turn.
+/// Refuses a payload. Its weight is removed by the posture of the simulated arm, but the real sensor does not turn with it.
 fn refuse_payload(file: &raw::File, problems: &mut Problems<'_>) {
     if let Some(mass) = file.remote.mass_kg.get()
         && mass > 0.0

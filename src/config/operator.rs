@@ -14,7 +14,7 @@ pub struct Operator {
     pub angular: Impedance,
 }
 
-/// Firm but not stiff grip, as in the simulation.
+/// Impedance of a firm but not stiff grip, as in the simulation.
 impl Default for Operator {
     fn default() -> Self {
         Self {

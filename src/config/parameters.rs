@@ -1,4 +1,4 @@
-//! Values of a configuration file, checked, but not yet resolved into a cyclic exchange.
+//! Checked values of a configuration file, before their cyclic PDO exchange is resolved.
 
 use controller::contact_posture::PostureBounds;
 use std::path::PathBuf;
@@ -25,78 +25,78 @@ use controller::switches::Mode;
 use remote::site::Virtual;
 use units::numbering::Joint;
 
-/// Values of a configuration file: one hand controller and all around it.
+/// Values of a configuration file: hand controller, network, commanded side and limits.
 #[derive(Clone, Debug)]
 pub struct Parameters {
     /// File it was read from.
     pub file: PathBuf,
     /// Communication cycle period (1006h).
     pub period: Duration,
-    /// The master's own node-id, for its heartbeat.
+    /// Node-id of the master, for its heartbeat.
     pub node_id: NodeId,
-    /// Period of the master's heartbeat.
+    /// Producer heartbeat time of the master (CiA 301, compare 1017h).
     pub heartbeat: Duration,
     /// SYNC counter overflow value (1019h), if SYNCs are counted.
     pub sync_counter: Option<u8>,
-    /// Period of TIME, if it is sent.
+    /// Period of the TIME message, if it is sent.
     pub time_period: Option<Duration>,
     /// Path of the control socket, if configured.
     pub socket: Option<PathBuf>,
-    /// Path of the telemetry's socket, if configured.
+    /// Path of the telemetry socket, if configured.
     pub telemetry_socket: Option<PathBuf>,
     /// Stores the configuration in the nodes (1010h).
     pub stores_configuration: bool,
     /// Restores the nodes' defaults (1011h) before configuration.
     pub restores_defaults: bool,
-    /// The buses; a [`Channel`] is a place in this list.
+    /// Buses; a [`Channel`] is an index into this list.
     pub buses: Vec<BusSettings>,
-    /// EDS files of all nodes, each once.
+    /// EDS files of all nodes, without repetition.
     pub eds_files: Vec<EdsFile>,
-    /// The joints, base first.
+    /// Joints, base first.
     pub joints: [JointParameters; 6],
     /// Pose of the grip in the last link.
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: [f64; 3],
-    /// Bounds of postures in which contact is rendered well.
+    /// Bounds of singular values and friction in contact postures.
     pub contact_bounds: PostureBounds,
-    /// The switch box; without it nothing can be armed.
+    /// Switch box, which arming requires.
     pub switches: Option<SwitchBox>,
-    /// The controller.
+    /// Settings of the controller.
     pub controller: Settings,
-    /// Meaning of a displacement of the hand at the start.
+    /// Command mode at the start: rate or pose.
     pub command_mode: Mode,
     /// Impedance of the hand for the stability checks.
     pub operator: Operator,
-    /// The commanded side.
+    /// Virtual object and scene of the commanded side.
     pub remote: Virtual,
-    /// The arm that holds the commanded object, as its file describes it.
+    /// Arm that holds the commanded object, from its robot file.
     pub robot: Option<RobotArm>,
     /// Link to the commanded side.
     pub link: RemoteLink,
-    /// Far side in another process.
+    /// Robot in another process.
     pub far_side: FarSide,
-    /// Time limits of faults.
+    /// Time limits of faults, and ramps.
     pub safety: Safety,
     /// Bounds of plausible samples.
     pub plausibility: Plausibility,
 }
 
-/// Findings in an EDS file that do not keep it from being used.
+/// EDS file, with findings that do not prevent its use.
 #[derive(Clone, Debug)]
 pub struct EdsFile {
-    /// Path, from the current folder.
+    /// Path, relative to the current folder.
     pub path: PathBuf,
-    /// Its content.
+    /// Parsed content.
     pub eds: Arc<Eds>,
-    /// Number of errors, missing parts included.
+    /// Number of errors, including gaps.
     pub errors: usize,
-    /// Missing parts that the file announces, and no plan uses.
+    /// Objects and parts that the file lists but does not describe, and that no plan uses.
     pub gaps: Vec<Finding>,
 }
 
 impl Parameters {
-    /// A joint by its name or its number, the base's being 1.
+    /// Returns a joint by its name, or by its number from 1 at the base.
     pub fn joint(&self, called: &str) -> Option<&JointParameters> {
         let number = called.parse::<u8>().ok().and_then(Joint::new);
         let named = self.joints.iter().find(|joint| joint.name == called);
@@ -106,18 +106,18 @@ impl Parameters {
     /// Returns the switch box, without which nothing can be armed.
     ///
     /// # Errors
-    /// When the configuration has none.
+    /// When no switch box is configured.
     pub fn switch_box(&self) -> Result<&SwitchBox, NoSwitchBox> {
         self.switches.as_ref().ok_or(NoSwitchBox)
     }
 
-    /// The names and data sheets of all nodes, in the order of their plans.
+    /// Returns names and EDS of all nodes, in the order of their plans.
     pub fn data_sheets(&self) -> impl Iterator<Item = (&str, &Arc<Eds>)> {
         let joints = self.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
         joints.chain(self.switches.iter().map(|switches| ("switch box", &switches.eds)))
     }
 
-    /// The data sheet of a node.
+    /// Returns the EDS of a node.
     pub fn eds_of(&self, channel: Channel, node: NodeId) -> Option<&Eds> {
         let is_it = |one: (Channel, NodeId)| one == (channel, node);
         let joint = self.joints.iter().find(|joint| is_it((joint.channel, joint.node)));
@@ -126,7 +126,7 @@ impl Parameters {
         joint.map(|joint| &*joint.eds).or_else(|| switches.map(|switches| &*switches.eds))
     }
 
-    /// The arm as it is built, for a simulation.
+    /// Returns the plant model of the arm, for a simulation.
     pub fn plant(&self) -> Plant {
         Plant {
             joints: self.joints.each_ref().map(|joint| joint.plant),
@@ -136,18 +136,18 @@ impl Parameters {
         }
     }
 
-    /// The buses, as the frames' channels.
+    /// Returns the channels of all buses.
     pub fn channels(&self) -> Vec<Channel> {
         (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
     }
 
-    /// Time of the longest frame on the slowest bus.
+    /// Returns the transmission time of the longest frame on the slowest bus, with worst-case stuffing.
     pub fn longest_frame(&self) -> Duration {
         let bitrate = self.buses.iter().map(|bus| bus.bitrate).min().unwrap_or(1);
         Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
     }
 
-    /// Maximum number of frames that all buses together carry in so many periods.
+    /// Returns the maximum number of frames that all buses together carry in `periods` periods.
     pub fn most_frames(&self, periods: u64) -> u64 {
         let micros = u64::try_from(self.period.as_micros()).unwrap_or(u64::MAX);
         let bitrate: u64 = self.buses.iter().map(|bus| u64::from(bus.bitrate)).sum();
@@ -155,12 +155,12 @@ impl Parameters {
         bits.div_ceil(bits::unstuffed(0).into()).saturating_mul(periods)
     }
 
-    /// From SYNC to SYNC, in µs.
+    /// Returns the communication cycle period (1006h), in µs.
     pub(super) fn period_us(&self) -> u32 {
         u32::try_from(self.period.as_micros()).unwrap_or(u32::MAX)
     }
 
-    /// From one heartbeat of the master to the next, in ms.
+    /// Returns the producer heartbeat time of the master, in ms.
     pub(super) fn heartbeat_ms(&self) -> u16 {
         u16::try_from(self.heartbeat.as_millis()).unwrap_or(u16::MAX)
     }

@@ -1,4 +1,4 @@
-//! Node plans: identity, PDOs and settings of every node of a configuration, as its master takes them.
+//! Node plans for the master: identity, PDOs and settings of every configured node.
 
 use std::f64::consts::TAU;
 
@@ -16,22 +16,22 @@ use canopen::load::lacks;
 use canopen::nameplate::Nameplate;
 use canopen::nameplate::units::{SiUnit, Units};
 use canopen::object::Object;
-use canopen::plan::{NodePlan, ShownMode, Watch};
+use canopen::plan::{HeartbeatSettings, NodePlan, ShownMode};
 use canopen::{NodeId, Value, emcy};
 use controller::JointVector;
 use units::numbering::Joint;
 
-/// Speed limit in the drive over the speed at which the node stops: the second layer.
+/// Ratio of the speed limit in the drive (6080h) to the speed at which the node stops.
 const SECOND_LAYER: f64 = 1.25;
 
-/// Maximum motion of a joint at rest in 100 ms, in rad (m): no faster than 0.02 rad/s.
-const AT_REST: f64 = 0.002;
+/// Maximum motion of a joint at standstill in 100 ms, in rad or m: 0.02 rad/s.
+const STANDSTILL: f64 = 0.002;
 
-/// Counts that an encoder at rest goes back and forth.
+/// Noise of an encoder at standstill, in counts.
 const NOISE: u32 = 2;
 
 impl Parameters {
-    /// Plans of all nodes, in the order of the joints, then the switch box, if there is one.
+    /// Returns the plans of all nodes: of the drives in the order of the joints, then of the switch box, if configured.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         let joints = Joint::ALL.into_iter().zip(&self.joints);
         let drives = joints.map(|(number, joint)| (joint.channel, drive(self, number, joint)));
@@ -39,14 +39,14 @@ impl Parameters {
         drives.chain(inputs).collect()
     }
 
-    /// Frames that a master must receive from each bus, in the order of the channels.
+    /// Returns patterns of the frames that the master must receive, for each bus in the order of the channels.
     pub fn patterns(&self) -> Vec<Vec<Pattern>> {
         let plans = self.node_plans();
         self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
     }
 }
 
-/// The plan of a joint's drive.
+/// Returns the plan of the drive of a joint.
 pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters) -> NodePlan {
     let place = number.index();
     let name = format!("joint {number} ({})", joint.name);
@@ -62,9 +62,9 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
         send_demand(&mut pdos, joint);
     }
     let most = joint.calibration.max_target().0.unsigned_abs();
-    let watch = watch(config, place);
-    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
-    let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
+    let heartbeats = heartbeats(config, place);
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &heartbeats, most);
+    let rest = joint.calibration.span(STANDSTILL).saturating_add(NOISE);
     let nameplate = Some(nameplate(config, place, joint, most));
     let plan = NodePlan { standstill_counts: Some(rest), nameplate, ..plan };
     let plan = match &joint.torque_limit {
@@ -86,7 +86,7 @@ pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters)
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 
-/// When the drive displays its mode, and its torque limits until then.
+/// Returns when the drive displays its mode (6061h), with the reduced torque limits until then.
 fn shown_mode(joint: &JointParameters, most: u16) -> ShownMode {
     if !joint.boot.shows_mode_when_enabled {
         return ShownMode::Always;
@@ -97,8 +97,8 @@ fn shown_mode(joint: &JointParameters, most: u16) -> ShownMode {
     ShownMode::WhenEnabled { reduced_limits }
 }
 
-/// Has the drive send its torque demand in the first free TPDO that it can have, by its EDS. The bus of a group has no
-/// room for it.
+/// Maps the torque demand (6074h) to the first free TPDO that the EDS allows. A bus with grouped layout has no room for
+/// it.
 fn send_demand(pdos: &mut [Pdo], joint: &JointParameters) {
     let is_free = |pdo: &&mut Pdo| {
         pdo.direction == Direction::Transmit && pdo.service.is_none() && pdo.cob_id != 0
@@ -112,7 +112,7 @@ fn send_demand(pdos: &mut [Pdo], joint: &JointParameters) {
     }
 }
 
-/// Returns the values that the drive of a joint must hold, by the whole configuration.
+/// Returns the nameplate that the drive of a joint must have, with capacity, units and range.
 fn nameplate(config: &Parameters, place: usize, joint: &JointParameters, most: u16) -> Nameplate {
     let writes_speed = is_writable(&joint.eds, Object::MAX_MOTOR_SPEED);
     let units = Units {
@@ -123,8 +123,8 @@ fn nameplate(config: &Parameters, place: usize, joint: &JointParameters, most: u
     Nameplate { capacity: Some(most), units, ..joint.nameplate.clone() }
 }
 
-/// Lowest and highest count of the drive at `place` where every joint is within its range: at the corners of the ranges,
-/// as a coupling is linear.
+/// Returns the lowest and highest count of the drive at `place` over the ranges of all joints. A coupling is linear, so
+/// the corners of the ranges suffice.
 fn counts_of_range(config: &Parameters, place: usize) -> Option<[i32; 2]> {
     let ranges = config.joints.each_ref().map(|joint| joint.plant.link.range);
     let corners = (0..1_u32 << ranges.len()).filter_map(|corner| {
@@ -138,7 +138,7 @@ fn counts_of_range(config: &Parameters, place: usize) -> Option<[i32; 2]> {
     Some([low, high])
 }
 
-/// The drives that share a joint's frame of targets; `None` where each has its own.
+/// Returns the group of drives that share one RPDO of target torques; `None` if each drive has its own.
 fn group(config: &Parameters, joint: &JointParameters) -> Option<Group> {
     let bus = config.buses.get(usize::from(joint.channel.0))?;
     if bus.layout != Layout::Grouped {
@@ -150,14 +150,14 @@ fn group(config: &Parameters, joint: &JointParameters) -> Option<Group> {
     groups.into_iter().find_map(|(node, group)| (*node == joint.node).then_some(group))
 }
 
-/// With its emergencies behind the PDOs, where the device lets them be moved: by default they outrank
-/// every PDO, and six at once would keep the torques off the bus for most of a millisecond.
+/// Returns the plan with an EMCY COB-ID (1014h) behind the PDOs, if it is writable. The default outranks every PDO, and
+/// six EMCY messages at once would delay the target torques by most of a millisecond.
 fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
     let low = emcy::low_cob_id(plan.node).filter(|_| is_writable(eds, Object::EMCY_COB_ID));
     NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
 }
 
-/// The plan of the switch box.
+/// Returns the plan of the switch box.
 pub(super) fn switches(config: &Parameters, switches: &SwitchBox) -> NodePlan {
     let SwitchBox { node, identity, boot, eds, gripper, .. } = switches;
     let mut plan = NodePlan::switches(
@@ -165,15 +165,15 @@ pub(super) fn switches(config: &Parameters, switches: &SwitchBox) -> NodePlan {
         *node,
         *identity,
         gripper.and_then(|input| input.analogue_input()),
-        &watch(config, config.joints.len()),
+        &heartbeats(config, config.joints.len()),
     );
     layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
     layout::keep_bit_30(&mut plan.pdos, |object| default(eds, object, *node));
     kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
 }
 
-/// Adds storing and restoring of the configuration, as the file asks. A node that cannot restore defaults by its EDS
-/// has nothing to forget.
+/// Returns the plan with storing (1010h) and restoring (1011h) of parameters as configured. Restoring is skipped if the
+/// EDS lacks 1011h.
 fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
     NodePlan {
@@ -183,13 +183,13 @@ fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     }
 }
 
-/// Error control of the node at `place`. Each beats a hundredth faster than the one before, so that those
-/// of all nodes, which begin together, do not stay together: the next SYNC would have to wait for them.
-fn watch(config: &Parameters, place: usize) -> Watch {
+/// Returns the error control of the node at `place`. Each heartbeat period is 1 % of the configured one shorter than the one
+/// before. Heartbeats that start together thus drift apart and do not delay a SYNC together.
+fn heartbeats(config: &Parameters, place: usize) -> HeartbeatSettings {
     let place = u16::try_from(place).unwrap_or(u16::MAX);
     let period = config.safety.drive_heartbeat_ms;
     let lost = u16::try_from(config.safety.drive_lost.as_millis()).unwrap_or(u16::MAX);
-    Watch {
+    HeartbeatSettings {
         master: config.node_id,
         master_lost_ms: config.safety.node_lost_ms,
         heartbeat_ms: period - (period / 100).saturating_mul(place).min(period / 2),
@@ -197,8 +197,8 @@ fn watch(config: &Parameters, place: usize) -> Watch {
     }
 }
 
-/// The fastest the motor of an actuator may turn (6080h), in turns per minute, rounded up, where no joint
-/// behind it is faster than it may be.
+/// Returns the maximum motor speed (6080h), in revolutions per minute, rounded up. It allows the maximum speeds of all
+/// joints that the motor moves, times [`SECOND_LAYER`].
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -212,7 +212,7 @@ fn motor_speed(config: &Parameters, place: usize, joint: &JointParameters) -> u3
     (fastest * joint.plant.actuator.gear_ratio.abs() / TAU * 60.0).ceil() as u32
 }
 
-/// Without what a drive of this EDS has not, or not for writing, and need not have.
+/// Returns the plan without the optional objects that the EDS lacks or has as read-only.
 fn as_far_as_it_has(plan: NodePlan, joint: &JointParameters) -> NodePlan {
     plan.lacking(|object| !is_writable(&joint.eds, object))
 }
@@ -221,14 +221,13 @@ fn is_writable(eds: &Eds, object: Object) -> bool {
     eds.object(object).is_some_and(|described| described.access.is_writable())
 }
 
-/// The default of a COB-ID.
+/// Returns the default value of a COB-ID in the EDS.
 fn default(eds: &Eds, object: Object, node: NodeId) -> Option<u32> {
     let number = eds.object(object)?.number?;
     u32::try_from(number.resolve(node)).ok()
 }
 
-/// Time until a drive without a fresh RPDO stops, if it has such a timer by its EDS; written as 0 where the file wants
-/// none.
+/// Returns the RPDO event timer (1400h:5) in ms, 0 to disable it; `None` if the EDS has no such timer.
 fn rpdo_timer(config: &Parameters, joint: &JointParameters) -> Option<u16> {
     let timer = Object::rpdo_communication(1, 5);
     is_writable(&joint.eds, timer).then_some(config.safety.rpdo_timer_ms)

@@ -1,18 +1,18 @@
-//! Plant model: the arm as built, input of a simulation.
+//! Plant model: mechanics and actuators of the arm, input of a simulation.
 //!
-//! The controller has its own view of the same numbers: an arm, and a calibration for each joint.
+//! The controller has its own model of the same numbers: an arm, and a calibration for each joint.
 
 use nalgebra::Isometry3;
 
 use controller::arm::Link;
 use controller::coupling::Coupling;
 
-/// The whole arm.
+/// Arm with all joints.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    /// Its joints, base first.
+    /// Joints, base first.
     pub joints: [JointPlant; 6],
-    /// Pose of the grip in the last link.
+    /// Pose of {G} in link 6.
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: [f64; 3],
@@ -31,14 +31,14 @@ pub struct JointPlant {
     pub friction: Friction,
     /// Motor, encoder and gear.
     pub actuator: Actuator,
-    /// Imperfections between its current loop and the link.
+    /// Imperfections from current loop to link.
     pub drivetrain: Drivetrain,
 }
 
 /// Friction at a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
-    /// Dry friction, in N·m or N.
+    /// Coulomb friction, in N·m or N.
     pub coulomb: f64,
     /// Viscous friction, in N·m·s/rad or N·s/m.
     pub viscous: f64,
@@ -68,11 +68,11 @@ pub struct Drivetrain {
     pub current_loop: f64,
     /// c1, c3, c5 of the torque curve for negative torque, if they differ.
     pub torque_curve_reverse: Option<[f64; 3]>,
-    /// Excess of static over dry friction, in N·m or N.
+    /// Excess of static over Coulomb friction, in N·m or N.
     pub stiction: f64,
-    /// Width of the hysteresis of its torque, in N·m or N.
+    /// Width of the torque hysteresis, in N·m or N.
     pub hysteresis: f64,
-    /// Width of the gap between motor and joint, in rad or m.
+    /// Backlash between motor and joint, in rad or m.
     pub backlash: f64,
     /// Thermal time constant of the motor's winding, in s.
     pub thermal_time_constant: f64,

@@ -7,7 +7,7 @@ use crate::raw;
 use crate::value::Value;
 use controller::arm::JointKind;
 
-/// Bounds of the samples of a whole arm.
+/// Bounds of plausible positions, speeds and torques of the arm.
 #[derive(Clone, Copy, Debug)]
 pub struct Plausibility {
     /// Maximum speed of the grip, in m/s.
@@ -16,8 +16,8 @@ pub struct Plausibility {
     pub limit_margin_revolute: f64,
     /// Margin beyond the range of a prismatic joint, in m.
     pub limit_margin_prismatic: f64,
-    /// Maximum difference of actual (6077h) and target torque (6071h), in ‰ of rated torque; `None` if it follows the
-    /// targets.
+    /// Maximum difference of actual (6077h) and target torque (6071h), in ‰ of rated torque; `None` for a range derived
+    /// from the targets.
     pub torque_tolerance: Option<u16>,
     /// Time for which a larger difference is tolerated.
     pub torque_differs: Duration,

@@ -1,4 +1,4 @@
-//! Problems of a configuration, with place and reason: one line each, all of them in one run.
+//! Problems of a configuration file, with place and reason. One run collects all of them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::files::Files;
-use crate::value::{Placed, Value};
+use crate::value::{HasPlace, Value};
 use canopen::eds::{Eds, Finding};
 use toml_input::List;
 use units::wording::{grouped, listed};
 
-/// One problem.
+/// One problem: file, line, key and reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// File of the problem.
     pub file: PathBuf,
     /// Line of the key, if known.
     pub line: Option<usize>,
-    /// Key, as in `joint[2].torque_curve`; empty for the file as a whole.
+    /// Key, as in `joint[2].torque_curve`; empty for a problem without a key.
     pub key: String,
-    /// Constraint and value.
+    /// Violated constraint, and the value.
     pub reason: String,
 }
 
@@ -59,7 +59,7 @@ impl std::error::Error for Invalid {}
 /// Returns the text of a file.
 ///
 /// # Errors
-/// It cannot be read, or is not UTF-8.
+/// When the file cannot be read, or is not UTF-8.
 pub fn text(files: &Files, file: &Path) -> Result<String, Invalid> {
     let alone = |reason: String| {
         let file = file.to_path_buf();
@@ -78,7 +78,7 @@ pub struct Problems<'t> {
     ends: Vec<usize>,
     files: Files,
     found: Vec<Problem>,
-    /// Problems of nodes, with the names of these; equal ones of several joints become one.
+    /// Problems of nodes with the names of the nodes. Equal problems of several joints are merged.
     of_nodes: Vec<(String, Problem)>,
     sheets: Sheets,
 }
@@ -86,7 +86,7 @@ pub struct Problems<'t> {
 /// EDS files that were read, or why they cannot be used.
 pub type Sheets = BTreeMap<PathBuf, Result<Sheet, String>>;
 
-/// An EDS file, with the number of its errors and its missing parts.
+/// EDS file with the number of its errors, and its gaps.
 #[derive(Clone, Debug)]
 pub struct Sheet {
     pub eds: Arc<Eds>,
@@ -102,35 +102,35 @@ impl<'t> Problems<'t> {
         Self { file, text, ends, files, found: Vec::new(), of_nodes: Vec::new(), sheets }
     }
 
-    /// Returns the EDS files read so far: joints share them.
+    /// Returns the EDS files read so far, which joints share.
     pub const fn sheets(&mut self) -> &mut Sheets {
         &mut self.sheets
     }
 
-    /// Returns the files from which it reads those that it names.
+    /// Returns the source of further files that the configuration names.
     pub const fn files(&self) -> &Files {
         &self.files
     }
 
     /// Adds a problem at a place.
-    pub fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+    pub fn add(&mut self, at: &impl HasPlace, reason: impl fmt::Display) {
         let problem = self.problem(at, reason);
         self.found.push(problem);
     }
 
-    /// Adds a problem of the device of a node, which is not named in the reason. Equal ones of several joints become one
-    /// that names them all.
-    pub fn add_of_node(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+    /// Adds a problem of a node without its name. Equal problems of several joints are merged into one that lists the
+    /// joints.
+    pub fn add_of_node(&mut self, at: &impl HasPlace, reason: impl fmt::Display) {
         self.add_of(String::new(), at, reason);
     }
 
-    /// As [`add_of_node`](Self::add_of_node), with the name that stands before the reason if it is that of one node alone.
-    pub fn add_of(&mut self, name: String, at: &impl Placed, reason: impl fmt::Display) {
+    /// Adds a problem like [`add_of_node`](Self::add_of_node); `name` precedes the reason of a problem that is not merged.
+    pub fn add_of(&mut self, name: String, at: &impl HasPlace, reason: impl fmt::Display) {
         let problem = self.problem(at, reason);
         self.of_nodes.push((name, problem));
     }
 
-    fn problem(&self, at: &impl Placed, reason: impl fmt::Display) -> Problem {
+    fn problem(&self, at: &impl HasPlace, reason: impl fmt::Display) -> Problem {
         let place = at.place();
         Problem {
             file: self.file.clone(),
@@ -140,7 +140,7 @@ impl<'t> Problems<'t> {
         }
     }
 
-    /// Notes that the text is invalid TOML, or a value of another type, where the error says.
+    /// Adds an error of the TOML parser, or of a value of another type, at the place of the error.
     pub fn add_error(&mut self, error: &toml::de::Error) {
         let offset = error.span().map(|span| span.start);
         self.found.push(Problem {
@@ -156,7 +156,7 @@ impl<'t> Problems<'t> {
         1 + self.ends.partition_point(|end| *end < offset)
     }
 
-    /// Adds the problems of another file that this one names.
+    /// Adds the problems of another file that this file names.
     pub fn absorb(&mut self, other: Invalid) {
         self.found.extend(other.0);
     }
@@ -164,30 +164,30 @@ impl<'t> Problems<'t> {
     /// Returns the value of `Ok`, or adds the error at the place.
     pub fn take<T, E: fmt::Display>(
         &mut self,
-        at: &impl Placed,
+        at: &impl HasPlace,
         result: Result<T, E>,
     ) -> Option<T> {
         result.map_err(|error| self.add(at, error)).ok()
     }
 
-    /// Number of problems found so far.
+    /// Returns the number of problems found so far.
     pub const fn count(&self) -> usize {
         self.found.len() + self.of_nodes.len()
     }
 
-    /// Like [`take`](Self::take), but silent where one of the numbers it is made of has been noted
-    /// already, since there were `before`.
+    /// Returns the value of `Ok`. Adds the error like [`take`](Self::take), unless the count has grown since `before`: the
+    /// error then follows from a problem already noted.
     pub fn take_unless_noted<T, E: fmt::Display>(
         &mut self,
         before: usize,
-        at: &impl Placed,
+        at: &impl HasPlace,
         result: Result<T, E>,
     ) -> Option<T> {
         if self.count() > before { result.ok() } else { self.take(at, result) }
     }
 
-    /// Returns whether a problem within is known already, so that its consequences need no own line.
-    pub fn is_noted_within(&self, at: &impl Placed) -> bool {
+    /// Returns whether a key within `at` has a problem, so that consequences need not be reported.
+    pub fn is_noted_within(&self, at: &impl HasPlace) -> bool {
         let is_within = |problem: &Problem| {
             let rest = problem.key.strip_prefix(at.place().key());
             rest.is_some_and(|rest| rest.starts_with(['.', '[']))
@@ -234,7 +234,7 @@ impl<'t> Problems<'t> {
         Some(numbers)
     }
 
-    /// Checks for finite numbers, none of them below zero.
+    /// Checks for finite numbers that are not below zero.
     pub fn none_negative<const N: usize>(
         &mut self,
         value: &Value<List<f64, N>>,
@@ -260,7 +260,7 @@ impl<'t> Problems<'t> {
         Some(numbers)
     }
 
-    /// Checks for one of the names of `choices`.
+    /// Returns the value of `choices` with this name. Any other name is a problem.
     pub fn one_of<T: Copy, const NEEDED: bool>(
         &mut self,
         value: &Value<String, NEEDED>,
@@ -291,10 +291,10 @@ impl<'t> Problems<'t> {
         Some(number)
     }
 
-    /// The problems, if there are any.
+    /// Returns `Ok` if no problem was found.
     ///
     /// # Errors
-    /// When there are any.
+    /// Returns all problems, those of this file first, in the order of lines.
     pub fn finish(self) -> Result<(), Invalid> {
         let mut found = self.found;
         found.extend(merged(self.of_nodes));
@@ -304,7 +304,7 @@ impl<'t> Problems<'t> {
     }
 }
 
-/// Merges equal problems of several joints: at the first one's key, with the numbers of all.
+/// Merges equal problems of several joints at the key of the first one, with the numbers of all.
 fn merged(of_nodes: Vec<(String, Problem)>) -> impl Iterator<Item = Problem> {
     let messages = of_nodes.into_iter().map(|(name, problem)| {
         let reason = problem.reason.clone();
@@ -326,7 +326,7 @@ fn merged(of_nodes: Vec<(String, Problem)>) -> impl Iterator<Item = Problem> {
     })
 }
 
-/// Returns the number of the joint that a key belongs to, from 1.
+/// Returns the number of the joint of a key, from 1; `None` for keys of other sections.
 fn joint(key: &str) -> Option<String> {
     let index: usize = key.strip_prefix("joint[")?.split(']').next()?.parse().ok()?;
     Some((index + 1).to_string())

@@ -1,6 +1,6 @@
-//! Maximum force that the drives' own timers allow.
+//! Check of the commanded forces against the reaction time of the drives' own timers.
 //!
-//! The timers are written and read back at every boot and proven then; the force is judged again by what was proven.
+//! Every boot writes the timers, reads them back and proves them. The forces are then checked against the proven times.
 
 use std::time::Duration;
 
@@ -9,32 +9,32 @@ use crate::force_cap::{ForceCap, ForceKind, Forces};
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::Placed;
-use canopen::watchdog::Awaited;
+use crate::value::HasPlace;
+use canopen::watchdog::LifeSign;
 use controller::Settings;
 use controller::arm::{JointKind, Link};
 use controller::stability::push::PushedHand;
 use units::math;
 
-/// Returns the tolerance of a timer: transmission of its frame, and its own resolution.
-pub const fn timer_tolerance(awaited: Awaited) -> Duration {
+/// Returns the tolerance of a timer for transmission of its frame and for its resolution.
+pub const fn timer_tolerance(awaited: LifeSign) -> Duration {
     match awaited {
-        Awaited::Rpdo => Duration::from_millis(1),
-        // A heartbeat may come up to a tenth of its period late without being late.
-        Awaited::Heartbeat => Duration::from_millis(3),
-        // As for a heartbeat: the drive counts in steps of its own.
-        Awaited::Guarding => Duration::from_millis(3),
+        LifeSign::Rpdo => Duration::from_millis(1),
+        // A heartbeat may be late by up to a tenth of its period.
+        LifeSign::Heartbeat => Duration::from_millis(3),
+        // As for a heartbeat; the resolution of the drive's timer is unknown.
+        LifeSign::Guarding => Duration::from_millis(3),
     }
 }
 
 impl Parameters {
-    /// Returns the maximum forces on the hand at the same time.
+    /// Returns the maximum forces that may act on the hand at the same time.
     pub fn force_cap(&self) -> ForceCap {
         let Settings { arm, calibration, channels, assist_fraction, extensions, .. } =
             &self.controller;
         let mass = self.safety.protection.effective_mass;
         let hand = PushedHand { arm, coupling: calibration.coupling(), mass };
-        // Displaced from one end of the reach to the other; but no joint assists with more than its share.
+        // At the largest displacement, from one end of the reach to the other, bounded by the assist share of the joints.
         let by_law = channels.strongest_force(2.0 * self.reach());
         let by_capacity =
             || hand.by_actuators(&(calibration.max_torques() * assist_fraction.share()));
@@ -66,7 +66,7 @@ impl Parameters {
         links.sum::<f64>() + self.x_6_g.translation.vector.norm()
     }
 
-    /// All dampers of translations together, in N·s/m.
+    /// Returns the sum of all dampers of translations, in N·s/m.
     fn strongest_damping(&self) -> f64 {
         let Settings { damping, extensions, .. } = &self.controller;
         let [x, y, z, ..] = *damping.values();
@@ -76,10 +76,10 @@ impl Parameters {
     }
 }
 
-/// Up to this force the return to centre need not be compared with what the joints can exert, in N.
+/// Force of return to centre up to which the bound by joint capacities is not computed, in N.
 const WEAK: f64 = 5.0;
 
-/// Refuses forces above the maximum even if every drive stops as configured.
+/// Refuses forces above the maximum for the configured timers.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let cap = config.force_cap();
     let given = &raw.controller;

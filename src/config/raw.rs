@@ -1,4 +1,4 @@
-//! The configuration file as it is written: sections and keys, nothing checked but their types.
+//! Sections and keys of a configuration file, checked for their types only.
 
 use crate::raw_gripper::{RemoteGripper, SwitchesGripper};
 use crate::section::{OrEmpty, Sections, sections};
@@ -6,7 +6,7 @@ use crate::value::{Optional, Value};
 use toml_input::List;
 
 sections! {
-    /// A whole file.
+    /// Root of a configuration file.
     File {
         node: Node,
         bus: Sections<Bus>,
@@ -32,7 +32,7 @@ sections! {
         time_period_ms: Optional<u32>,
     }
 
-    /// Unusual boot of one node.
+    /// Boot of one node, where it differs from the defaults.
     Boot {
         revisions: Optional<String>,
         serial: Optional<u32>,
@@ -48,13 +48,13 @@ sections! {
         write: Option<Sections<BootWrite>>,
     }
 
-    /// A write of the configuration.
+    /// SDO download before those of the plan.
     BootWrite {
         object: Value<String>,
         value: Value<i64>,
     }
 
-    /// Limit of a drive's torque in place of 6072h.
+    /// Torque limit of a drive in place of 6072h.
     TorqueLimit {
         object: Optional<String>,
         value: Optional<i64>,
@@ -161,7 +161,7 @@ sections! {
         gripper: Option<SwitchesGripper>,
     }
 
-    /// A button of the switch box, and what a press does.
+    /// Button of the switch box, and the adjustment that a press makes.
     Button {
         bit: Value<u8>,
         press: Value<String>,
@@ -200,14 +200,14 @@ sections! {
         scale: OrEmpty<Scale>,
     }
 
-    /// Bounds of the scales set while running, [low, high] each.
+    /// Bounds of the scales that are set while running, `[low, high]` each.
     Scale {
         motion: Optional<List<f64, 2>>,
         rotation: Optional<List<f64, 2>>,
         force: Optional<List<f64, 2>>,
     }
 
-    /// Single readings of the paper, each over the preset's.
+    /// Interpretations of the paper that override the preset.
     Readings {
         orientation: Optional<String>,
         displacement: Optional<String>,
@@ -389,7 +389,7 @@ sections! {
     }
 }
 
-/// Three linear and three angular numbers as one six-vector.
+/// Joins three linear and three angular components, linear first.
 pub(super) const fn six([x, y, z]: [f64; 3], [about_x, about_y, about_z]: [f64; 3]) -> [f64; 6] {
     [x, y, z, about_x, about_y, about_z]
 }

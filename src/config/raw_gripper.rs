@@ -1,10 +1,10 @@
-//! `[switches.gripper]` and `[remote.gripper]` as they are written, nothing checked but their types.
+//! Keys of `[switches.gripper]` and `[remote.gripper]`, checked for their types only.
 
 use crate::section::sections;
 use crate::value::{Optional, Value};
 
 sections! {
-    /// The operator's input: `input` with its counts, or two bits.
+    /// Input of the operator: `input` with its counts, or two bits.
     SwitchesGripper {
         input: Optional<u8>,
         open_counts: Optional<i16>,
@@ -16,7 +16,7 @@ sections! {
         max_speed_m_per_s: Value<f64>,
     }
 
-    /// The simulated gripper, with an object or without.
+    /// Simulated gripper, with or without an object.
     RemoteGripper {
         stroke_m: Value<f64>,
         max_speed_m_per_s: Value<f64>,

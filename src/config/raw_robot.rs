@@ -1,11 +1,11 @@
-//! A robot file as it is written: sections and keys, nothing checked but their types.
+//! Sections and keys of a robot file, checked for their types only.
 
 use crate::section::{OrEmpty, Sections, sections};
 use crate::value::{Optional, Value};
 use toml_input::List;
 
 sections! {
-    /// A whole file.
+    /// Root of a robot file.
     RobotFile {
         name: Value<String>,
         base_m: Value<List<f64, 3>>,

@@ -1,5 +1,5 @@
-//! `[remote]`: the commanded side. A virtual object, free or held by an arm, and what it can touch: a wall, a box, a
-//! sphere. Or the figures of a robot in another process, whose scene is its own, and a model of both.
+//! `[remote]`: the commanded side. It is a virtual object, free or held by an arm, in a scene of wall, box and sphere.
+//! Or it is a robot in another process, with an optional model of robot and scene.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::gripper;
 use crate::problem::Problems;
 use crate::raw::{self, six};
 use crate::robots::{self, RobotArm};
-use crate::value::{Optional, Placed, Value};
+use crate::value::{HasPlace, Optional, Value};
 use controller::virtual_coupling::VirtualCoupling;
 use remote::site::{Contact, GRAVITY, Virtual};
 use robot::accommodation::Accommodation;
@@ -32,7 +32,8 @@ const MIN_RADIUS: f64 = 0.03;
 /// Maximum radius of a sphere, in m; a larger one is a wall.
 const MAX_RADIUS: f64 = 10.0;
 
-/// The virtual object and what it can touch, and the arm that holds it; `None` where a problem has been noted. `coupling` is that of the hand.
+/// Reads the virtual object with its scene, and the arm that holds it. Returns `None` after a problem. `coupling` is the
+/// virtual coupling of the hand.
 pub(super) fn settings(
     file: &raw::File,
     named_in: &Path,
@@ -46,7 +47,7 @@ pub(super) fn settings(
     if is_far {
         refuse_far_keys(raw, problems);
     }
-    // Where a robot in another process starts, its first sample says.
+    // A robot in another process reports its start pose with its first sample.
     let is_unknown = is_far && raw.robot.is_absent() && raw.start_m.is_absent();
     let body = if is_unknown {
         Some((Isometry3::identity(), None))
@@ -81,14 +82,14 @@ pub(super) fn settings(
     Some((remote, robot))
 }
 
-/// Place of the commanded side.
+/// Location of the commanded side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// In this process.
     Virtual,
-    /// In another one, behind the contract of docs/link.md.
+    /// In another process, behind the contract of docs/link.md.
     Link,
-    /// In another one, with a model of it in this process.
+    /// In another process, with a model of it in this process.
     Both,
 }
 
@@ -107,21 +108,21 @@ pub(super) fn is_both(raw: &raw::Remote) -> bool {
     raw.kind.as_ref().is_some_and(|kind| kind == "both")
 }
 
-/// Returns whether a model is described, which `kind = "both"` has: arm and scene then belong to it, so that the same file with
-/// another kind has no keys without effect but these.
+/// Returns whether the file describes a model: by `kind = "both"`, or by its limits. Arm and scene then belong to the
+/// model, so the same file remains valid with `kind = "link"`.
 fn has_model(raw: &raw::Remote) -> bool {
     let limits = [&raw.link.model_limit_m, &raw.link.model_limit_deg];
     is_both(raw) || limits.into_iter().any(|limit| !limit.is_absent())
 }
 
-/// Notes keys of what a robot in another process has, and this one cannot set: its sensor's errors, and without a model its
-/// arm, its scene and its shared control.
+/// Refuses keys that only the other process can set: errors of the sensor, and without a model also arm, scene and
+/// shared control.
 fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
-    let wall = raw.wall.as_ref().map(Placed::place);
-    let block = raw.r#box.as_ref().map(Placed::place);
-    let sphere = raw.sphere.as_ref().map(Placed::place);
-    let gripper = raw.gripper.as_ref().map(Placed::place);
-    let shared = raw.shared_control.as_ref().map(Placed::place);
+    let wall = raw.wall.as_ref().map(HasPlace::place);
+    let block = raw.r#box.as_ref().map(HasPlace::place);
+    let sphere = raw.sphere.as_ref().map(HasPlace::place);
+    let gripper = raw.gripper.as_ref().map(HasPlace::place);
+    let shared = raw.shared_control.as_ref().map(HasPlace::place);
     let of_sensor = [
         (!raw.sensor_sign.is_absent()).then(|| raw.sensor_sign.place()),
         (!raw.sensor_bias_n.is_absent()).then(|| raw.sensor_bias_n.place()),
@@ -137,7 +138,7 @@ fn refuse_far_keys(raw: &raw::Remote, problems: &mut Problems<'_>) {
     }
 }
 
-/// Notes an arm whose tool would start inside a surface: a robot does not stand there. A free object may.
+/// Refuses an arm whose tool starts inside a surface. A free object may start there.
 fn refuse_contact_at_start(remote: &Virtual, raw: &raw::Remote, problems: &mut Problems<'_>) {
     let f_m = remote.contact_at_start();
     if remote.arm.is_some() && f_m != Wrench::ZERO {
@@ -151,7 +152,7 @@ fn refuse_contact_at_start(remote: &Virtual, raw: &raw::Remote, problems: &mut P
     }
 }
 
-/// Start pose of {MRF}, and the arm that holds it: of a free object as given, of an arm by its joints.
+/// Reads the start pose of {MRF} in {b}, and the arm that holds it. With an arm, its start joints determine the pose.
 fn body(
     raw: &raw::Remote,
     named_in: &Path,
@@ -178,8 +179,8 @@ fn body(
     }
 }
 
-/// Notes a virtual coupling to a commanded side that surfaces cannot stop: the coupling would hide the contact, since
-/// it shows how far the object stays behind its command.
+/// Refuses a virtual coupling to a commanded side that surfaces do not stop. The coupling renders the lag of the object
+/// behind its command, which contact would not change there.
 fn refuse_stiff_remote(file: &raw::File, problems: &mut Problems<'_>) {
     let kind = file.remote.kind.as_ref().filter(|kind| *kind != "virtual");
     if let (Some(kind), Some(section)) = (kind, &file.controller.virtual_coupling) {
@@ -191,7 +192,7 @@ fn refuse_stiff_remote(file: &raw::File, problems: &mut Problems<'_>) {
     }
 }
 
-/// Turns a section that was noted into `None`, and keeps one that is absent.
+/// Returns `None` for an invalid section and `Some(None)` for an absent one.
 pub(super) fn given<T>(section: Option<Option<T>>) -> Option<Option<T>> {
     match section {
         None => Some(None),
@@ -207,13 +208,13 @@ fn accommodation(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Accom
     let moment = problems.within(&raw.accommodation_deadband_nm.or(0.0), 0.0..=1e3);
     let (linear, angular, force, moment) = (linear?, angular?, force?, moment?);
     let made = Accommodation::new(six([linear; 3], [angular; 3]), six([force; 3], [moment; 3]));
-    // A gain that is refused here is too large, so it is the larger one.
+    // A gain refused here is too large, so the larger one is reported.
     let larger =
         if linear > angular { &raw.accommodation_m_per_ns } else { &raw.accommodation_rad_per_nms };
     problems.take_unless_noted(before, larger, made)
 }
 
-/// Sensor, payload, accommodation and shared control.
+/// Reads sensor, payload, accommodation and shared control.
 fn interaction(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Interaction> {
     let x_m_s = robots::pose(&raw.sensor_m, &raw.sensor_deg, problems);
     let signs = [(1, Reports::OnTool), (-1, Reports::OnArm)];
@@ -273,7 +274,7 @@ fn payload(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Payload> {
     problems.take_unless_noted(before, &raw.inertia_kg_m2, made.with_inertia(inertia?))
 }
 
-/// A point of it and the direction out of it.
+/// Reads a point of the wall in {b}, in m, its outward normal, and its contact.
 fn wall(
     raw: &raw::Wall,
     problems: &mut Problems<'_>,
@@ -289,7 +290,7 @@ fn wall(
     Some((Vector3::from(point?), direction.unwrap_or(Vector3::x_axis()), contact?))
 }
 
-/// Centre and half size.
+/// Reads centre and half size of the box, in m, and its contact.
 fn block(
     raw: &raw::Block,
     problems: &mut Problems<'_>,
@@ -300,7 +301,7 @@ fn block(
     Some((Vector3::from(centre?), Vector3::from(half?), contact?))
 }
 
-/// Centre and radius.
+/// Reads centre and radius of the sphere, in m, and its contact.
 fn sphere(raw: &raw::Sphere, problems: &mut Problems<'_>) -> Option<(Vector3<f64>, f64, Contact)> {
     let centre = problems.all_finite(&raw.centre_m);
     let radius = problems.within(&raw.radius_m, MIN_RADIUS..=MAX_RADIUS);
@@ -308,7 +309,7 @@ fn sphere(raw: &raw::Sphere, problems: &mut Problems<'_>) -> Option<(Vector3<f64
     Some((Vector3::from(centre?), radius?, contact?))
 }
 
-/// A surface.
+/// Reads stiffness, damping and friction of a surface.
 fn contact(
     stiffness: &Value<f64>,
     damping: &Value<f64>,

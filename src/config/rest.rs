@@ -1,8 +1,8 @@
-//! `[[joint]] rest_deg` and `rest_m`: the rest posture, in which an arm is armed for the first time after each boot.
+//! `[[joint]] rest_deg` and `rest_m`: the rest posture, in which an arm must be armed first after each boot.
 //!
-//! Where no object of a drive verifies sign or position scale, the posture does, before any torque: a joint that rests at
-//! `r`, placed there within the tolerance `e`, is read as `f (r + e)` with a wrong factor `f`. For f = -1, 1/2, 2 and 10
-//! that differs from `r` by more than the tolerance if |r| > 3 e. The required distance from zero is 4 e.
+//! It verifies sign and position scale, before any torque, where no object of the drive does. A joint that rests at `r`
+//! within the tolerance `e` is read as `f (r + e)` with a wrong factor `f`. For f = -1, 1/2, 2 and 10 the reading is out
+//! of tolerance if |r| > 3 e. The required distance from zero is 4 e.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ const ROTATION_TOLERANCE: f64 = 5.0_f64.to_radians();
 /// Tolerance of a prismatic joint, in m.
 const TRANSLATION_TOLERANCE: f64 = 0.01;
 
-/// Tolerances between rest and zero, for a joint whose sign or scale nothing else verifies.
+/// Minimum distance of rest from zero, in tolerances, if only the rest posture verifies sign or scale.
 pub(super) const MIN_DISTANCE: f64 = 4.0;
 
 /// Rest position of a joint.
@@ -38,7 +38,7 @@ impl Rest {
         self.position
     }
 
-    /// Returns whether a joint at `q`, in rad or m, is at rest. NaN is not.
+    /// Returns whether a joint at `q`, in rad or m, is within tolerance of rest; false for NaN.
     pub fn contains(&self, q: f64) -> bool {
         (q - self.position).abs() <= tolerance(self.kind)
     }
@@ -79,7 +79,7 @@ pub(super) const fn tolerance(kind: JointKind) -> f64 {
     }
 }
 
-/// Reads the rest position of a joint with the range `low` to `high`; `None` if absent, or where a problem was noted.
+/// Reads the rest position of a joint, which must be within `range`. Returns `None` if absent, or after a problem.
 pub(super) fn read(joint: &raw::Joint, range: [f64; 2], of: &mut Units<'_, '_>) -> Option<Rest> {
     let given = of.at_most_one(&joint.rest_deg, &joint.rest_m)?;
     if given.is_absent() {

@@ -1,4 +1,4 @@
-//! Rest posture of a whole arm: it must verify the signs and position scales that are accepted as stated only.
+//! Check that the rest posture of the arm verifies all signs and position scales accepted as stated only.
 
 use crate::joints::JointParameters;
 use crate::parameters::Parameters;
@@ -39,8 +39,8 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     }
 }
 
-/// Returns the joints without the rest position that they need. Each actuator of a coupled arm moves several joints, so
-/// its position at rest needs all of them.
+/// Returns the joints whose required rest position is absent. A coupled arm requires it of all joints, because each
+/// actuator moves several of them.
 fn missing(config: &Parameters, is_accepting: impl Fn(Joint) -> bool) -> Vec<Joint> {
     let coupling = config.controller.calibration.coupling().matrix();
     let is_coupled = coupling != Coupling::<6>::none().matrix();
@@ -51,8 +51,8 @@ fn missing(config: &Parameters, is_accepting: impl Fn(Joint) -> bool) -> Vec<Joi
     Joint::ALL.into_iter().filter(lacks).collect()
 }
 
-/// Returns the distance of an actuator from its zero at rest and the required one, if it is too near: a wrong factor
-/// applies to the position of the actuator.
+/// Returns distance at rest of an actuator from its zero, and the required distance, if it is too close. A wrong factor
+/// multiplies the position of the actuator.
 fn near_zero(joint: Joint, config: &Parameters) -> Option<(String, String)> {
     let rests = config.joints.each_ref().map(|joint| joint.rest);
     let rest = (*joint.entry(&rests))?;
@@ -82,7 +82,7 @@ fn list(facts: &[Fact]) -> String {
     facts.iter().map(Fact::to_string).collect::<Vec<_>>().join(" and ")
 }
 
-/// Returns sign and position scale of a joint, as far as its drive may verify them by no object.
+/// Returns sign and position scale of a joint, as far as they are accepted as stated only.
 fn accepted(joint: &JointParameters) -> Vec<Fact> {
     let facts = joint.accepted.iter().copied();
     facts.filter(|fact| matches!(fact, Fact::Sign | Fact::PositionScale)).collect()

@@ -1,7 +1,6 @@
 //! Robot files, `config/robots/*.toml`: an arm of 6 to 9 joints on the commanded side.
 //!
-//! The room `robot` commands the arm by its kinematics and limits; masses and friction are for a simulation alone. Both
-//! get the same numbers and share nothing else.
+//! The crate `robot` commands the arm by its kinematics and limits. Only a simulation uses masses and friction.
 
 use std::path::{Path, PathBuf};
 
@@ -21,17 +20,17 @@ use crate::trust::Trust;
 use crate::value::{Optional, Value};
 use toml_input::List;
 
-/// Gain of null-space centring if none is given, in 1/s.
+/// Default gain of null-space centring, in 1/s.
 const CENTRING: f64 = 0.5;
 
-/// An arm, as its file describes it.
+/// Robot arm of a robot file.
 #[derive(Clone, Debug)]
 pub struct RobotArm {
-    /// Its file.
+    /// Path of the robot file.
     pub file: PathBuf,
-    /// Its name.
+    /// Displayed name.
     pub name: String,
-    /// Pose of its base in {b}.
+    /// Pose of the arm's base in {b}.
     pub x_b_0: Isometry3<f64>,
     /// Pose of {MRF} in the last link.
     pub x_n_m: Isometry3<f64>,
@@ -40,12 +39,12 @@ pub struct RobotArm {
     law: ResolvedRate,
 }
 
-/// A joint, its link and its motor.
+/// Joint of a robot arm, with its link and motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotJoint {
-    /// Modified Denavit-Hartenberg parameters.
+    /// Denavit-Hartenberg parameters, modified (Craig).
     pub link: Link,
-    /// Range and maxima.
+    /// Range, maximum rate and maximum acceleration.
     pub limit: JointLimit,
     /// Start position, in rad.
     pub start: f64,
@@ -55,37 +54,37 @@ pub struct RobotJoint {
     pub centre_of_mass: [f64; 3],
     /// Inertia about the centre of mass, xx, yy, zz, xy, xz, yz, in kg·m².
     pub inertia: [f64; 6],
-    /// Inertia of the rotor after its gear, in kg·m².
+    /// Inertia of the rotor at the joint, behind the gear, in kg·m².
     pub rotor_inertia: f64,
-    /// Maximum torque after the gear, in N·m.
+    /// Maximum torque at the joint, behind the gear, in N·m.
     pub max_torque: f64,
-    /// Dry friction, in N·m.
+    /// Coulomb friction, in N·m.
     pub coulomb: f64,
     /// Viscous friction, in N·m·s/rad.
     pub viscous: f64,
 }
 
 impl RobotArm {
-    /// Reads and checks a file; those of `config/robots/` are known without it.
+    /// Reads and checks a robot file. Shipped files of `config/robots/` need not be on disk.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// Returns every problem found, with file, line and key.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         Self::load_from(&Files::on_disk(Trust::Any), file)
     }
 
-    /// Reads and checks one of these files.
+    /// Reads and checks `file` of `files`.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// As [`load`](Self::load).
     pub fn load_from(files: &Files, file: &Path) -> Result<Self, Invalid> {
         Self::parse(file, &problem::text(files, file)?)
     }
 
-    /// Checks `text`, which stands in `file`.
+    /// Checks `text` as the content of `file`.
     ///
     /// # Errors
-    /// Everything that is wrong with it.
+    /// As [`load`](Self::load).
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
@@ -98,7 +97,7 @@ impl RobotArm {
         arm.ok_or_else(|| Invalid(Vec::new()))
     }
 
-    /// Returns the law of its joints.
+    /// Returns the resolved-rate law that commands the joints.
     pub const fn law(&self) -> &ResolvedRate {
         &self.law
     }
@@ -112,13 +111,13 @@ impl RobotArm {
         q
     }
 
-    /// Returns its kinematic model at the start.
+    /// Returns the kinematic model of the arm at its start position.
     pub fn following(&self) -> FollowingArm {
         FollowingArm::new(self.law, self.start())
     }
 }
 
-/// `None` where a problem has been noted.
+/// Reads a robot file. Returns `None` after a problem.
 fn read(file: &Path, raw: &raw::RobotFile, problems: &mut Problems<'_>) -> Option<RobotArm> {
     let before = problems.count();
     let count = raw.joint.all().len();
@@ -187,7 +186,7 @@ fn joint(raw: &raw::RobotJoint, problems: &mut Problems<'_>) -> Option<RobotJoin
     })
 }
 
-/// Lowest and highest position, and the start between them, in rad.
+/// Reads lowest and highest position, and the start position between them, in rad.
 fn range(raw: &raw::RobotJoint, problems: &mut Problems<'_>) -> Option<([f64; 2], f64)> {
     let [low, high] = problems.all_finite(&raw.limit_deg)?;
     if low >= high {
@@ -203,7 +202,7 @@ fn range(raw: &raw::RobotJoint, problems: &mut Problems<'_>) -> Option<([f64; 2]
     Some(([low.to_radians(), high.to_radians()], start.to_radians()))
 }
 
-/// Published sets leave out what moves little, so a principal moment may be zero, but not negative.
+/// Reads an inertia. Published parameter sets omit small terms, so a principal moment may be zero, but not negative.
 fn inertia(value: &Value<List<f64, 6>>, problems: &mut Problems<'_>) -> Option<[f64; 6]> {
     let inertia = problems.all_finite(value)?;
     let [xx, yy, zz, xy, xz, yz] = inertia;
@@ -217,7 +216,7 @@ fn inertia(value: &Value<List<f64, 6>>, problems: &mut Problems<'_>) -> Option<[
     Some(inertia)
 }
 
-/// Pose from a position in m and rotations about x, y, z in degrees.
+/// Reads a pose from a position in m and rotations about x, y, z in degrees.
 pub(super) fn pose<const NEEDED: bool>(
     place: &Value<List<f64, 3>, NEEDED>,
     turned: &Optional<List<f64, 3>>,

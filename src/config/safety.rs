@@ -4,41 +4,41 @@ use std::time::Duration;
 
 use crate::problem::Problems;
 use crate::raw;
-use crate::value::Placed;
+use crate::value::HasPlace;
 
-/// Time limits of faults before torque goes off, and ramps.
+/// Time limits of faults until torque is switched off, and ramps.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
-    /// Timeout of a drive without a fresh RPDO; 0 if only the heartbeat stops it.
+    /// RPDO event timer of the drives (1400h:5), in ms; 0 to disable it.
     pub rpdo_timer_ms: u16,
-    /// Timeout of a drive without the master's heartbeat.
+    /// Consumer heartbeat time of the drives for the master (1016h), in ms.
     pub node_lost_ms: u16,
-    /// Heartbeat period of the drives.
+    /// Producer heartbeat time of the drives (1017h), in ms.
     pub drive_heartbeat_ms: u16,
-    /// Timeout of the master without a node's heartbeat.
+    /// Consumer heartbeat time of the master for each node.
     pub drive_lost: Duration,
-    /// Cycles in a row without a sample of a joint that are a fault.
+    /// Number of consecutive cycles without a sample of a joint that is a fault.
     pub missing_samples: u32,
-    /// Ramp of gravity compensation from zero to full.
+    /// Duration of the ramp of gravity compensation from zero to full.
     pub gravity_ramp: Duration,
-    /// Ramp of reflection from zero to full.
+    /// Duration of the ramp of reflection from zero to full.
     pub reflection_ramp: Duration,
-    /// Time from the first controlword until all drives are enabled.
+    /// Maximum time from the first controlword until all drives are in Operation enabled.
     pub enable_timeout: Duration,
-    /// Protection by the drives themselves.
+    /// Settings of the drives' own protection.
     pub protection: Protection,
 }
 
-/// Protection by the drives themselves.
+/// Protection of the hand by the drives' own timers.
 #[derive(Clone, Copy, Debug)]
 pub struct Protection {
-    /// Requires a proof test of every drive's timers at every boot.
+    /// Set if every boot includes a proof test of every drive's timers.
     pub proves_drives: bool,
     /// Mass of hand and grip, in kg.
     pub effective_mass: f64,
 }
 
-/// Usual `safety.enable_ms`.
+/// Default of `safety.enable_ms`.
 const ENABLE_MS: u32 = 2_000;
 
 /// Reads the time limits and checks them against the period. Returns `None` after a problem.
@@ -73,7 +73,7 @@ fn millis(millis: u16) -> Duration {
     Duration::from_millis(u64::from(millis))
 }
 
-/// A drive's RPDO timer must outlast a SYNC that is late.
+/// Checks that the RPDO timer is at least two periods, so that it tolerates a late SYNC.
 fn rpdo_timer(safety: &raw::Safety, period: Option<Duration>, problems: &mut Problems<'_>) {
     let Some((timer, period)) = safety.rpdo_timer_ms.get().zip(period) else { return };
     if timer > 0 && millis(timer) < period * 2 {
@@ -83,7 +83,8 @@ fn rpdo_timer(safety: &raw::Safety, period: Option<Duration>, problems: &mut Pro
     }
 }
 
-/// The node's heartbeat leaves with a cycle, so with no shorter interval, and with whole ones.
+/// Checks the master's heartbeat period and the drives' consumer time for it. Cycles send the heartbeat, so its interval
+/// is a multiple of the period.
 fn node_heartbeat(raw: &raw::File, period: Option<Duration>, problems: &mut Problems<'_>) {
     let (given, lost_ms) = (&raw.node.heartbeat_ms, &raw.safety.node_lost_ms);
     let Some((heartbeat_ms, period)) = given.get().zip(period) else { return };
@@ -108,7 +109,7 @@ fn node_heartbeat(raw: &raw::File, period: Option<Duration>, problems: &mut Prob
     }
 }
 
-/// Checks that a drive counts as lost only after its second heartbeat is due.
+/// Checks that the consumer time for a drive is at least two of its heartbeat periods.
 fn drive_heartbeat(safety: &raw::Safety, problems: &mut Problems<'_>) {
     let (given, lost_ms) = (&safety.drive_heartbeat_ms, &safety.drive_lost_ms);
     if lost_ms.get().zip(given.get()).is_some_and(|(lost, beat)| lost < beat.saturating_mul(2)) {
@@ -118,7 +119,7 @@ fn drive_heartbeat(safety: &raw::Safety, problems: &mut Problems<'_>) {
     problems.within(given, 1..=10_000);
 }
 
-/// Reads the protection by the drives themselves.
+/// Reads the settings of the drives' own protection.
 fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Protection> {
     let effective_mass = problems.within(&raw.effective_mass_kg.or(1.0), 0.1..=3.0);
     let proves_drives = raw.prove_drives.or(true).get()?;

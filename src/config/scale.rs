@@ -1,4 +1,4 @@
-//! `[controller.scale]`: bounds of the scales that the operator sets while running, judged by `gain_check`.
+//! `[controller.scale]`: bounds of the scales that the operator sets while running. `gain_check` checks them.
 
 use crate::problem::Problems;
 use crate::raw;
@@ -7,13 +7,13 @@ use controller::adjustment::Bounds;
 use controller::scaling::Scale;
 use toml_input::List;
 
-/// Greatest factor on a gain.
+/// Maximum scale.
 const MAX_SCALE: f64 = 10.0;
 
-/// Bounds without the section: gains as configured or smaller.
+/// Default bounds, which never raise a configured gain.
 const DEFAULT: [Scale; 2] = [Scale { motion: 0.1, rotation: 0.1, force: 0.0 }, Scale::ONE];
 
-/// Reads the section, with defaults for absent keys; no axis yields. Returns `None` after a problem.
+/// Reads the section, with defaults for absent keys, for axes without accommodation. Returns `None` after a problem.
 pub(super) fn bounds(raw: &raw::Controller, problems: &mut Problems<'_>) -> Option<Bounds> {
     let [least, most] = DEFAULT;
     let mut range = |given: &Optional<List<f64, 2>>, least: f64, most: f64| {

@@ -1,5 +1,5 @@
-//! Reads the sections of a configuration file, key by key, and notes every key that is missing, unknown or of another
-//! type than it must be. One such key hides no other: whatever else is wrong with the file is found in the same run.
+//! Reads the sections of a configuration file, key by key. Every key that is missing, unknown or of the wrong type is
+//! noted as a problem; none suppresses others.
 
 use std::fmt;
 use std::ops::Deref;
@@ -10,7 +10,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use crate::problem::Problems;
-use crate::value::{Place, Placed, Value};
+use crate::value::{HasPlace, Place, Value};
 
 /// Former keys and their present names (CHANGELOG.md, "Renamed").
 const RENAMED: [(&str, &str); 4] = [
@@ -20,7 +20,7 @@ const RENAMED: [(&str, &str); 4] = [
     ("controller.passivity.calm_s", "contact_release_s"),
 ];
 
-/// Declares sections: a struct each, whose fields are the keys.
+/// Declares one struct per section, with one field per key.
 #[macro_export]
 macro_rules! sections {
     ($($(#[$about:meta])* $name:ident { $($key:ident: $of:ty,)* })*) => { $(
@@ -40,7 +40,7 @@ macro_rules! sections {
             ) -> Self {
                 table.note_unknown(&[$(stringify!($key)),*], problems);
                 Self {
-                    place: $crate::value::Placed::place(table).clone(),
+                    place: $crate::value::HasPlace::place(table).clone(),
                     $($key: $crate::section::Entry::read(table, stringify!($key), problems),)*
                 }
             }
@@ -56,7 +56,7 @@ macro_rules! sections {
             }
         }
 
-        impl $crate::value::Placed for $name {
+        impl $crate::value::HasPlace for $name {
             fn place(&self) -> &$crate::value::Place {
                 &self.place
             }
@@ -65,44 +65,44 @@ macro_rules! sections {
 }
 pub use sections;
 
-/// The keys of one table.
-pub trait Section: Placed + Sized {
-    /// Name in the message where something else stands in its place.
+/// Keys of one table.
+pub trait Section: HasPlace + Sized {
+    /// Expected type in the message about a value that is not a table.
     const NAME: &'static str;
 
-    /// Reads all of them.
+    /// Reads all keys of the table.
     fn from_table(table: &Table<'_>, problems: &mut Problems<'_>) -> Self;
 }
 
-/// Something that may stand at a key.
+/// Value or section at a key.
 pub trait Entry: Sized {
-    /// Reads what stands at `key`.
+    /// Reads the entry of `table` at `key`.
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self;
 }
 
-/// A table of the file; without entries where a problem has been noted of it as a whole.
+/// Table of the file; without entries if the table was noted as a problem.
 #[derive(Debug)]
 pub struct Table<'d> {
     place: Place,
-    /// Where it begins, for what is missing in it.
+    /// First line of the table, at which missing keys are reported.
     line: Option<usize>,
     entries: Option<&'d DeTable<'d>>,
 }
 
 impl<'d> Table<'d> {
-    /// The whole file.
+    /// Returns the root table of a document.
     pub fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
         let line = Some(problems.line_at(document.span().start));
         let place = Place::new(String::new(), None);
         Self { place, line, entries: Some(document.get_ref()) }
     }
 
-    /// The table, or list of tables, that is noted to be something else or missing.
+    /// Returns a table without entries, for a value that was noted as a problem.
     const fn noted(place: Place) -> Self {
         Self { line: place.line(), place, entries: None }
     }
 
-    /// The table that stands at a place as `value`.
+    /// Returns `value` as a table. A value of another type is noted as a problem.
     fn at<T: Section>(
         place: Place,
         value: &'d Spanned<DeValue<'d>>,
@@ -112,7 +112,7 @@ impl<'d> Table<'d> {
             return Self { line: place.line(), place, entries: Some(entries) };
         }
         let value = ValueDeserializer::from(value.clone());
-        if let Err(error) = value.deserialize_struct("", &[], Expected(T::NAME)) {
+        if let Err(error) = value.deserialize_struct("", &[], TableVisitor(T::NAME)) {
             problems.add_error(&error);
         }
         Self::noted(place)
@@ -122,7 +122,7 @@ impl<'d> Table<'d> {
         self.entries?.get(bare(key))
     }
 
-    /// Where `key` stands, or would.
+    /// Returns the place of `key`, or of its table if `key` is absent.
     fn place_of(&self, key: &str, problems: &Problems<'_>) -> Place {
         let line = self.find(key).map(|value| problems.line_at(value.span().start));
         let dot = if self.place.key().is_empty() { "" } else { "." };
@@ -131,13 +131,13 @@ impl<'d> Table<'d> {
 
     fn note_missing(&self, key: &str, problems: &mut Problems<'_>) {
         if self.entries.is_some() && !self.has_former_name_of(key) {
-            // What is missing has no place of its own.
+            // A missing key is reported at the first line of its table.
             let table = Place::new(String::new(), self.line);
             problems.add(&table, format_args!("missing field `{}`", bare(key)));
         }
     }
 
-    /// Returns whether the table has `key` by its former name, which is reported by itself.
+    /// Returns whether the table has `key` under its former name, which `note_unknown` reports.
     fn has_former_name_of(&self, key: &str) -> bool {
         RENAMED.iter().filter(|(_, now)| *now == bare(key)).any(|(before, _)| {
             let before =
@@ -146,7 +146,7 @@ impl<'d> Table<'d> {
         })
     }
 
-    /// Reports every key that is not among `known`; a former one with its present name.
+    /// Reports every key that is not in `known`; a renamed one with its new name.
     pub fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
         for key in self.entries.into_iter().flat_map(DeTable::keys) {
             let key = key.get_ref();
@@ -160,7 +160,7 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// The section at `key`, which must be there.
+    /// Reads the required section at `key`.
     pub fn section<T: Section>(&self, key: &str, problems: &mut Problems<'_>) -> T {
         self.optional(key, problems).unwrap_or_else(|| {
             self.note_missing(key, problems);
@@ -175,13 +175,13 @@ impl<'d> Table<'d> {
     }
 }
 
-impl Placed for Table<'_> {
+impl HasPlace for Table<'_> {
     fn place(&self) -> &Place {
         &self.place
     }
 }
 
-/// A key without what lets it be a field's name.
+/// Returns the key of a field name, without the prefix of raw identifiers.
 fn bare(key: &str) -> &str {
     key.strip_prefix("r#").unwrap_or(key)
 }
@@ -209,14 +209,14 @@ impl<T: DeserializeOwned, const NEEDED: bool> Entry for Value<T, NEEDED> {
     }
 }
 
-/// A section that may be absent.
+/// Optional section.
 impl<T: Section> Entry for Option<T> {
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
         table.optional(key, problems)
     }
 }
 
-/// A section of which nothing need be said.
+/// Optional section, read as an empty table if absent.
 #[derive(Debug)]
 pub struct OrEmpty<T>(T);
 
@@ -238,27 +238,27 @@ impl<T: Section> Entry for OrEmpty<T> {
     }
 }
 
-/// Sections of the same name, which must be there: `[[joint]]`.
+/// Required array of tables, such as `[[joint]]`.
 #[derive(Debug)]
 pub struct Sections<T> {
     place: Place,
-    /// In the order of the file; `None` where they are none.
+    /// Tables in the order of the file; `None` if missing or not an array.
     all: Option<Vec<T>>,
 }
 
 impl<T> Sections<T> {
-    /// In the order of the file; none where a problem has been noted.
+    /// Returns the tables in the order of the file; empty if the array was noted as a problem.
     pub fn all(&self) -> &[T] {
         self.all.as_deref().unwrap_or_default()
     }
 
-    /// Returns whether they are no list at all, for which a problem has been noted.
+    /// Returns whether the array was noted as missing or of another type.
     pub const fn is_noted(&self) -> bool {
         self.all.is_none()
     }
 }
 
-impl<T> Placed for Sections<T> {
+impl<T> HasPlace for Sections<T> {
     fn place(&self) -> &Place {
         &self.place
     }
@@ -288,17 +288,17 @@ impl<T: Section> Entry for Sections<T> {
     }
 }
 
-/// Sections of the same name that may be absent.
+/// Optional array of tables.
 impl<T: Section> Entry for Option<Sections<T>> {
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
         table.find(key).map(|_| Sections::read(table, key, problems))
     }
 }
 
-/// Refuses what is no table, in the words of `serde`.
-struct Expected(&'static str);
+/// Visitor that accepts no value; `serde` words the error about its type.
+struct TableVisitor(&'static str);
 
-impl Visitor<'_> for Expected {
+impl Visitor<'_> for TableVisitor {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -342,7 +342,7 @@ mod tests {
 
     const TEXT: &str = "[node]\na = 1\n\n[[joint]]\nlist = [1, 2]\n\n[[joint]]\nname = \"b\"\nlist = [\n 3,\n 4]\n";
 
-    /// The file as read, and every problem on a line of its own.
+    /// Returns the parsed file, and all problems, one per line.
     fn read(text: &str) -> (Whole, String) {
         let mut problems = Problems::new(Path::new("a.toml"), text, &Files::on_disk(Trust::Any));
         let document = DeTable::parse(text).unwrap();
@@ -350,8 +350,8 @@ mod tests {
         (whole, problems.finish().map_or_else(|invalid| invalid.to_string(), |()| String::new()))
     }
 
-    /// The key and the line of what stands there.
-    fn place(of: &impl Placed) -> (&str, Option<usize>) {
+    /// Returns key and line.
+    fn place(of: &impl HasPlace) -> (&str, Option<usize>) {
         (of.place().key(), of.place().line())
     }
 

@@ -1,14 +1,14 @@
-//! The files of `config/` and `eds/` inside the program, so that it runs anywhere; the scenarios are with the bench.
+//! Files of `config/` and `eds/` built into the program. The scenarios are built into the bench.
 
 use std::path::Path;
 
-/// Two tables: names of the hand controllers, and names and contents of all files.
+/// Declares [`HAND_CONTROLLERS`] and [`FILES`].
 macro_rules! tables {
     (hand_controllers: [$($hand:literal,)*], others: [$($other:literal,)*],) => {
-        /// Configurations of hand controllers: those of the arms, and the complete ones of drives by their data sheets.
+        /// Paths of the shipped hand controllers: simulated arms, and one complete configuration per drive maker.
         pub const HAND_CONTROLLERS: [&str; 10] = [$($hand,)*];
 
-        /// Every file, as it was when the program was built.
+        /// Paths and contents of all shipped files.
         const FILES: &[(&str, &[u8])] = &[
             $(($hand, include_bytes!(concat!("../../", $hand)).as_slice()),)*
             $(($other, include_bytes!(concat!("../../", $other)).as_slice()),)*
@@ -52,7 +52,7 @@ tables! {
     ],
 }
 
-/// Returns the shipped file of this name.
+/// Returns the content of the shipped file with this path.
 pub(super) fn file(path: &Path) -> Option<&'static [u8]> {
     FILES.iter().find(|(name, _)| Path::new(name) == path).map(|(_, bytes)| *bytes)
 }
@@ -63,7 +63,7 @@ mod tests {
 
     use super::*;
 
-    /// Every file below `folder` of the repository.
+    /// Returns all files below `folder` of the repository.
     fn below(folder: &str) -> Vec<String> {
         const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
         let entries = fs::read_dir(format!("{ROOT}/{folder}")).unwrap().map(Result::unwrap);
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn every_configuration_and_eds_is_shipped() {
         let mut files = [below("config"), below("eds")].concat();
-        // What only the bench reads is with the bench.
+        // Files that only the bench reads are built into the bench.
         let is_of_bench = |name: &String| {
             ["config/experiments/", "config/scenarios/"].iter().any(|of| name.starts_with(of))
         };

@@ -1,43 +1,44 @@
 //! `joint.boot.mode_shown`: drives that display their mode (6061h) only while they are enabled.
 //!
-//! Until then nothing shows that such a drive obeys torques and not, say, its last position. Its boot therefore ends with
-//! a torque limit of at most 5 %, under which the node enables it and looks.
+//! Before it is enabled, the node cannot verify that such a drive is in torque mode. In another mode it might move to an
+//! old position. Its boot therefore ends with a torque limit of at most 5 %, with which the node enables it and reads the
+//! mode.
 
 use std::time::Duration;
 
-use crate::drive_object::{Content, Written};
+use crate::drive_object::{Content, ObjectWrite};
 use crate::problem::Problems;
 use crate::raw;
 use crate::section::Sections;
 use crate::torque_limit::TorqueLimit;
-use crate::value::Placed;
+use crate::value::HasPlace;
 use canopen::eds::Eds;
 use canopen::object::Object;
 
-/// Largest reduced limit, in per mille of rated torque or current.
-const MOST: i64 = 50;
+/// Maximum reduced limit, in per mille of rated torque or current.
+const MAX_REDUCED: i64 = 50;
 
-/// Share of a limit of the maker's, whose unit is not known.
-const SHARE_OF_MAKERS_LIMIT: i64 = 20;
+/// Divisor of a limit in a manufacturer-specific object, whose unit is unknown.
+const MAKERS_DIVISOR: i64 = 20;
 
-/// Longest cycle in which a drive can be enabled, seen and disabled within 10 ms.
-const LONGEST_PERIOD: Duration = Duration::from_millis(4);
+/// Maximum period with which a drive is enabled, checked and disabled within 10 ms.
+const MAX_PERIOD: Duration = Duration::from_millis(4);
 
-/// Objects that set a drive in motion in a mode other than torque.
+/// Objects that move a drive in a mode other than torque.
 const SET_POINTS: [Object; 2] = [Object::TARGET_POSITION, Object::TARGET_VELOCITY];
 
-/// Properties of a drive that decide whether it may be checked.
+/// Properties of a drive that decide whether its mode can be checked safely.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive<'a> {
-    /// Limit of its torque in place of 6072h.
+    /// Torque limit in place of 6072h.
     pub(super) limit: Option<&'a TorqueLimit>,
-    /// Its data sheet.
+    /// EDS of the drive.
     pub(super) eds: Option<&'a Eds>,
-    /// Period of SYNC.
+    /// Communication cycle period (1006h).
     pub(super) period: Option<Duration>,
 }
 
-/// Returns whether the drive displays its mode only while it is enabled. Notes what would make looking dangerous.
+/// Returns whether the drive displays its mode only while it is enabled. Refuses settings that make the check unsafe.
 pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_>) -> bool {
     let times = [("always", false), ("enabled", true)];
     let is_when_enabled =
@@ -55,10 +56,10 @@ pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_
                       [joint.torque_limit]";
         problems.add(&raw.mode_shown, reason);
     }
-    if drive.period.is_some_and(|period| period > LONGEST_PERIOD) {
+    if drive.period.is_some_and(|period| period > MAX_PERIOD) {
         let reason = format!(
             "\"enabled\" needs a cycle of at most {} ms: the drive must be disabled within 10 ms",
-            LONGEST_PERIOD.as_millis()
+            MAX_PERIOD.as_millis()
         );
         problems.add(&raw.mode_shown, reason);
     }
@@ -75,19 +76,20 @@ pub(super) fn read(raw: &raw::Boot, drive: Drive<'_>, problems: &mut Problems<'_
     true
 }
 
-/// Returns reduced values of torque limits: at most 5 % of rated torque, or of the limit in the maker's own unit; `None`
-/// where that is less than one.
-pub(super) fn reduced(limits: &[Written]) -> Option<Vec<Written>> {
+/// Returns reduced values of torque limits: at most 5 % of rated torque, or of a manufacturer-specific limit. Returns
+/// `None` if a reduced value would be below one.
+pub(super) fn reduced(limits: &[ObjectWrite]) -> Option<Vec<ObjectWrite>> {
     let low = |object: Object, full: i64| {
-        let low = if object.is_of_maker() { full / SHARE_OF_MAKERS_LIMIT } else { full.min(MOST) };
+        let low = if object.is_of_maker() { full / MAKERS_DIVISOR } else { full.min(MAX_REDUCED) };
         (low > 0).then_some(low)
     };
-    let one =
-        |(object, content): &Written| Some((*object, lowered(content, |full| low(*object, full))?));
+    let one = |(object, content): &ObjectWrite| {
+        Some((*object, lowered(content, |full| low(*object, full))?))
+    };
     limits.iter().map(one).collect()
 }
 
-/// Returns the value that `low` gives for an integer content, in the same type.
+/// Maps an integer by `low`, in the same data type. Returns `None` for other types, or if the result does not fit.
 fn lowered(content: &Content, low: impl Fn(i64) -> Option<i64>) -> Option<Content> {
     Some(match *content {
         Content::Integer8(full) => Content::Integer8(low(full.into())?.try_into().ok()?),

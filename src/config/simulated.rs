@@ -7,7 +7,7 @@ use controller::arm::JointKind;
 use controller::calibration::TorqueCurve;
 use toml_input::List;
 
-/// Range of the time constant of a current loop, in µs; 1600 µs are 100 Hz.
+/// Range of the time constant of a current loop, in µs; 1600 µs correspond to 100 Hz.
 const CURRENT_LOOP_US: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
 
 /// Range of the thermal time constant of a winding, in s.

@@ -1,4 +1,4 @@
-//! Check of the start position: every motor must be able to hold the arm there.
+//! Check of the start position: every motor must be able to hold the weight of the arm there.
 
 use crate::parameters::Parameters;
 use crate::problem::Problems;
@@ -14,7 +14,7 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     let needed = controller.calibration.coupling().at_actuators(&tau);
     for ((joint, needed), raw) in config.joints.iter().zip(needed.iter()).zip(raw.joint.all()) {
         let (needed, max) = (needed.abs(), joint.plant.actuator.max_torque);
-        // NaN cannot be held.
+        // NaN is refused.
         if needed > max || needed.is_nan() {
             let (given, unit) = match joint.plant.link.kind {
                 JointKind::Revolute => (&raw.max_torque_nm, "N·m"),

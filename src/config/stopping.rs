@@ -1,4 +1,4 @@
-//! Timers that stop a drive whose master has died, by its plan, and the force that follows from the slowest one.
+//! Timers that stop each drive after the loss of the master, by its plan, and the resulting reaction times.
 
 use std::fmt;
 use std::time::Duration;
@@ -13,41 +13,40 @@ use crate::raw;
 use canopen::bits;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use canopen::watchdog::{Awaited, Watchdog};
+use canopen::watchdog::{LifeSign, Watchdog};
 
-/// Time of the proof test between two polls for received frames while RPDOs are withheld.
+/// Interval at which the proof test polls for received frames while RPDOs are withheld.
 const POLL_TIME: Duration = Duration::from_millis(1);
 
 /// Timers that stop the drive of one joint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stopping {
-    /// Its timers, by the plan.
+    /// Timers of the plan.
     pub watchdogs: Vec<Watchdog>,
-    /// Set if the drive sends no emergencies by its EDS (1014h): its statusword is read.
+    /// Time to read the statusword (6041h); `None` for a drive with EMCY (1014h) in its EDS.
     reading: Option<ReadingTime>,
 }
 
-/// Maximum time in which the proof test reads the statuswords (6041h) of all drives by SDO, once their timers have run out.
+/// Maximum time in which the proof test reads the statuswords (6041h) of all drives by SDO, once their timers have expired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ReadingTime {
-    /// Time for drives that await RPDOs: all are read at once.
+    /// Time for RPDO timers: all drives are read at once.
     at_once: Duration,
-    /// Time for drives that await heartbeats or guarding: one is read in each cycle.
+    /// Time for heartbeat and guarding timers: one drive is read per cycle.
     in_turn: Duration,
 }
 
 impl Stopping {
-    /// Maximum time for which the drive goes on without its master: the quickest of its timers stops it. `None` if
-    /// nothing does.
+    /// Returns the maximum time from the loss of the master until the fastest timer stops the drive; `None` without timers.
     pub fn reaction_time(&self) -> Option<Duration> {
         self.watchdogs.iter().map(|watchdog| self.time_of(watchdog)).min()
     }
 
-    /// Maximum time until a timer of the drive has stopped it, and the node knows.
+    /// Returns the maximum time until `watchdog` has stopped the drive and the node has detected it.
     pub fn time_of(&self, watchdog: &Watchdog) -> Duration {
         let reading = self.reading.map_or(Duration::ZERO, |reading| match watchdog.awaited {
-            Awaited::Rpdo => reading.at_once,
-            Awaited::Heartbeat | Awaited::Guarding => reading.in_turn,
+            LifeSign::Rpdo => reading.at_once,
+            LifeSign::Heartbeat | LifeSign::Guarding => reading.in_turn,
         });
         let set = Duration::from_millis(watchdog.millis.into());
         set + timer_tolerance(watchdog.awaited).max(reading)
@@ -73,7 +72,7 @@ impl fmt::Display for Stopping {
 }
 
 impl Parameters {
-    /// Timers that stop each drive, in the order of the joints.
+    /// Returns the timers that stop each drive, in the order of the joints.
     pub fn stopping(&self) -> Vec<Stopping> {
         let plans = self.node_plans();
         let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
@@ -86,19 +85,20 @@ impl Parameters {
         Stopping { watchdogs: plan.watchdogs().collect(), reading }
     }
 
-    /// Returns the time in which the statuswords of all drives are read.
+    /// Returns the maximum time to read the statuswords of all drives.
     fn reading_time(&self) -> ReadingTime {
         let drives = u32::try_from(self.joints.len()).unwrap_or(u32::MAX);
         let transfer = |bus: &BusSettings| {
             Duration::from_secs(1) * (2 * bits::worst_case(8)) / bus.bitrate.max(1)
         };
         let transfer = self.buses.iter().map(transfer).max().unwrap_or_default();
-        // The first request waits for the end of a cycle, and the last answer may come in the next one.
+        // The first request waits for the end of a cycle, and the last reply may arrive in the next one.
         let in_turn = self.period * (drives + 1);
         ReadingTime { at_once: 2 * POLL_TIME + transfer * drives, in_turn }
     }
 
-    /// Maximum time for which any drive goes on without its master, by the plan.
+    /// Returns the maximum time from the loss of the master until every drive has stopped, by the plans. Without a proof
+    /// test or a timer it is [`UNPROVEN_REACTION_TIME`].
     pub fn planned_reaction_time(&self) -> Duration {
         if !self.safety.protection.proves_drives {
             return UNPROVEN_REACTION_TIME;
@@ -109,7 +109,7 @@ impl Parameters {
     }
 }
 
-/// Refuses drives that nothing stops, and an RPDO timer that no drive has.
+/// Refuses drives without any timer, and an RPDO timer that no drive supports.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());

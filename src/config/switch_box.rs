@@ -1,14 +1,15 @@
-//! `[switches]`: the switch box as a node of the network. What its bits mean stands in `switch_inputs`.
+//! `[switches]`: the switch box (CiA 401) as a node of the network. [`switch_inputs`](crate::switch_inputs) assigns its
+//! bits.
 //!
-//! The section is optional. Without it the network boots and the drives' watchdogs are proven, but there is no deadman,
-//! so nothing can be armed: [`NoSwitchBox`].
+//! The section is optional. Without it the network boots and the drives' timers are proven, but arming is refused by
+//! [`NoSwitchBox`], because the deadman is absent.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::boot::{self, BootSettings, Given};
+use crate::boot::{self, BootSettings, Context};
 use crate::gripper::{self, GripperInput};
 use crate::problem::Problems;
 use crate::section::Sections;
@@ -23,30 +24,30 @@ use units::adjustment::{Adjustment, InvalidAdjustment};
 /// The switch box on the network.
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
-    /// Its bus.
+    /// Bus of the switch box.
     pub channel: Channel,
-    /// Its node-id.
+    /// Node-id of the switch box.
     pub node: NodeId,
-    /// Identity that it must have.
+    /// Identity that the switch box must report (1018h).
     pub identity: Identity,
-    /// Its boot.
+    /// Boot of the switch box.
     pub boot: BootSettings,
-    /// Its data sheet.
+    /// EDS of the switch box.
     pub eds: Arc<Eds>,
-    /// Adjustments of its buttons: input bits 4 to 7.
+    /// Adjustments made by the buttons at input bits 4 to 7.
     pub buttons: [Option<Adjustment>; 4],
-    /// Its input for a gripper.
+    /// Input for a gripper, if configured.
     pub gripper: Option<GripperInput>,
 }
 
-/// The configuration has no switch box, so nothing can be armed.
+/// Error of arming without a switch box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error(
     "nothing can be armed: there is no deadman; add [switches], a CiA 401 switch box with a deadman of two contacts"
 )]
 pub struct NoSwitchBox;
 
-/// Reads the section. Outer `None` where a problem has been noted, inner `None` without a section.
+/// Reads the optional section. Returns the outer `None` after a problem, the inner one without the section.
 pub(super) fn given(
     file: &Path,
     raw: &raw::File,
@@ -58,7 +59,7 @@ pub(super) fn given(
     }
 }
 
-/// The switch box of a section; `None` where a problem has been noted.
+/// Reads the switch box of a section. Returns `None` after a problem.
 fn read(
     file: &Path,
     switches: &raw::Switches,
@@ -69,7 +70,7 @@ fn read(
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let given = Given { lost_ms, eds: eds.as_deref(), period: None, limit: None };
+    let given = Context { lost_ms, eds: eds.as_deref(), period: None, limit: None };
     if let Some(boot) = switches.boot.as_ref().filter(|boot| !boot.mode_shown.is_absent()) {
         problems.add(&boot.mode_shown, "only a drive has a mode");
     }
@@ -85,7 +86,7 @@ fn read(
     Some(SwitchBox { channel, node, identity, boot, eds, buttons, gripper })
 }
 
-/// Reads the adjustment of each button.
+/// Reads the adjustments of the buttons, in the order of bits 4 to 7.
 fn buttons(
     given: Option<&Sections<raw::Button>>,
     problems: &mut Problems<'_>,
@@ -116,7 +117,7 @@ fn buttons(
     buttons
 }
 
-/// Checks the scales of buttons against their bounds.
+/// Checks that the scales that buttons set are within their bounds.
 pub(super) fn check(
     switches: Option<&SwitchBox>,
     bounds: &Bounds,

@@ -5,13 +5,13 @@
 pub struct SwitchInputs {
     /// Bit 0: first channel of the deadman, set while it is pressed.
     pub deadman_a: bool,
-    /// Bit 1: second channel, antivalent: *clear* while it is pressed.
+    /// Bit 1: second channel, antivalent: clear while the deadman is pressed.
     pub deadman_b: bool,
     /// Bit 2: reference (index) button.
     pub reference: bool,
     /// Bit 3: switch of force reflection.
     pub reflection: bool,
-    /// Bits 4 to 7: buttons with an adjustment each, where the configuration has one.
+    /// Bits 4 to 7: buttons with configurable adjustments, or inputs of a gripper.
     pub buttons: [bool; 4],
 }
 
@@ -22,7 +22,7 @@ pub enum Deadman {
     Pressed,
     /// Both channels released.
     Released,
-    /// Channels disagree: in motion for a moment, a fault if it lasts.
+    /// Channels disagree: normal for a moment while the switch moves, a fault if it lasts.
     Disagreeing,
 }
 

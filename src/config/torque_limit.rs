@@ -1,9 +1,9 @@
-//! `[joint.torque_limit]`: limit of a drive's torque in place of 6072h, by an object that the boot writes, or by a limit
-//! that the maker's tool has stored and nothing reads.
+//! `[joint.torque_limit]`: torque limit of a drive in place of 6072h. Either the boot writes it to an object, or the
+//! maker's tool has stored it in the drive, where the master cannot read it.
 
 use derive_more::Display;
 
-use crate::drive_object::{self, Written};
+use crate::drive_object::{self, ObjectWrite};
 use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
@@ -11,29 +11,29 @@ use canopen::eds::Eds;
 use canopen::object::Object;
 use canopen::setting::can_limit_torque;
 
-/// Limit of a drive's torque in place of 6072h.
+/// Torque limit of a drive in place of 6072h.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TorqueLimit {
-    /// Objects, each with its value: written at every boot and read back.
-    Objects(Vec<Written>),
-    /// Limit of the maker's tool: nothing reads it.
+    /// Objects with values, which every boot writes and reads back.
+    Objects(Vec<ObjectWrite>),
+    /// Limit stored by the maker's tool, which the master cannot read.
     Stated(StatedLimit),
 }
 
-/// Torque limit that the maker's tool has stored in a drive.
+/// Torque limit stored in a drive by the maker's tool.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum StatedLimit {
-    /// In per mille of rated torque.
+    /// Torque, in ‰ of rated torque.
     #[display("{_0} ‰ of rated torque")]
     PerMille(f64),
-    /// Motor current in mA.
+    /// Motor current, in mA.
     #[display("{_0} mA")]
     Milliamperes(f64),
 }
 
 impl TorqueLimit {
-    /// Returns the objects to write, each with its value.
-    pub fn writes(&self) -> &[Written] {
+    /// Returns the SDO downloads that set the limit; empty for a limit of the maker's tool.
+    pub fn writes(&self) -> &[ObjectWrite] {
         match self {
             Self::Objects(writes) => writes,
             Self::Stated(_) => &[],
@@ -49,13 +49,13 @@ impl TorqueLimit {
     }
 }
 
-/// Range of a limit in per mille of rated torque.
+/// Range of a limit, in ‰ of rated torque.
 const PER_MILLE: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 
-/// Range of a limit in mA.
+/// Range of a limit, in mA.
 const MILLIAMPERES: std::ops::RangeInclusive<f64> = 1.0..=1e6;
 
-/// Reads the limit of one drive; `None` after a problem.
+/// Reads the limit of one drive. Returns `None` after a problem.
 pub(super) fn read(
     raw: &raw::TorqueLimit,
     eds: Option<&Eds>,
@@ -85,13 +85,13 @@ pub(super) fn read(
     per_mille.or(current).map(TorqueLimit::Stated)
 }
 
-/// Reads an object and its value. Each of 60E0h and 60E1h limits one direction, so both get the value.
+/// Reads an object and its value. 60E0h and 60E1h limit one direction each, so the value is set in both.
 fn objects(
     object: &Optional<String>,
     value: &Optional<i64>,
     eds: Option<&Eds>,
     problems: &mut Problems<'_>,
-) -> Option<Vec<Written>> {
+) -> Option<Vec<ObjectWrite>> {
     if object.is_absent() {
         problems.add(value, "needs an object beside it");
         return None;

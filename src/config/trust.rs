@@ -1,7 +1,7 @@
-//! Write permissions of configuration files: a file that drives are set up from must not be writable by other users.
+//! Write permissions of configuration files. A file that configures drives must not be writable by other users.
 //!
-//! Files writable by their group are refused unless the group is private. By convention a group with the number of its
-//! owner has no other members; checkouts with a umask of 002 have many such files.
+//! Files writable by their group are refused unless the group is private. By convention, a group whose gid is the uid of
+//! its owner has no other members. Checkouts with a umask of 002 have many such files.
 
 use std::fs::{self, Metadata};
 use std::io;
@@ -20,13 +20,13 @@ pub enum Trust {
     Guarded,
 }
 
-/// Reason to refuse a file.
+/// Reason to refuse a file with insufficient protection.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Untrusted {
-    /// Symbolic link: its writer selects the file.
+pub enum TrustError {
+    /// Symbolic link: the owner of the link selects the file.
     #[error("is a symbolic link: name the file itself, or say --insecure")]
     Link,
-    /// Pipe or device, with different content at each reading.
+    /// Pipe or device: each read may return other content.
     #[error("is not a regular file: name one, or say --insecure")]
     Irregular,
     /// Writable by all users.
@@ -41,7 +41,7 @@ pub enum Untrusted {
         /// Permission bits.
         mode: u32,
     },
-    /// Replaceable by all users, in a folder of its path.
+    /// Replaceable by all users, because a folder of its path is writable.
     #[error("anyone may write {folder} (mode {mode:04o}): chmod o-w it, or say --insecure")]
     WorldWritableFolder {
         /// Writable folder.
@@ -67,8 +67,8 @@ pub enum Untrusted {
     Replaced,
 }
 
-impl From<Untrusted> for io::Error {
-    fn from(reason: Untrusted) -> Self {
+impl From<TrustError> for io::Error {
+    fn from(reason: TrustError) -> Self {
         Self::new(io::ErrorKind::PermissionDenied, reason)
     }
 }
@@ -81,10 +81,10 @@ pub(super) struct InspectedFile {
 }
 
 impl InspectedFile {
-    /// Inspects a file and the folders of its path without opening them: opening a pipe waits for its writer.
+    /// Inspects a file and the folders of its path without opening them, because opening a pipe waits for a writer.
     ///
     /// # Errors
-    /// When another user may write one of them, or its metadata cannot be read.
+    /// When another user may write the file or a folder, or metadata cannot be read.
     pub(super) fn inspect(path: &Path) -> io::Result<Self> {
         let found = fs::symlink_metadata(path)?;
         check_file(&found)?;
@@ -103,10 +103,10 @@ impl InspectedFile {
     /// Checks that the opened file is the inspected one and still protected.
     ///
     /// # Errors
-    /// When it is another file, or writable by other users.
-    pub(super) fn verify(self, opened: &Metadata) -> Result<(), Untrusted> {
+    /// When the file was replaced, or other users may write it.
+    pub(super) fn verify(self, opened: &Metadata) -> Result<(), TrustError> {
         if (opened.dev(), opened.ino()) != (self.device, self.inode) {
-            return Err(Untrusted::Replaced);
+            return Err(TrustError::Replaced);
         }
         check_file(opened)
     }
@@ -116,8 +116,8 @@ fn folder_of(folder: Option<&Path>) -> String {
     folder.map(|folder| format!("{} ", folder.display())).unwrap_or_default()
 }
 
-/// Trusted owners of files: root, the user of this process, and the owner of its executable, who could change its
-/// behaviour.
+/// Trusted owners of files besides root: the user of this process, and the owner of its executable, who controls its
+/// behaviour anyway.
 #[derive(Clone, Copy, Debug)]
 struct Owners {
     own: u32,
@@ -131,42 +131,42 @@ impl Owners {
         Self { own, program }
     }
 
-    fn check(self, folder: Option<&Path>, uid: u32) -> Result<(), Untrusted> {
+    fn check(self, folder: Option<&Path>, uid: u32) -> Result<(), TrustError> {
         let Self { own, program } = self;
         if [0, own, program].contains(&uid) {
             Ok(())
         } else {
-            Err(Untrusted::ForeignOwner { folder: folder.map(Path::to_path_buf), uid, own })
+            Err(TrustError::ForeignOwner { folder: folder.map(Path::to_path_buf), uid, own })
         }
     }
 }
 
-fn check_file(file: &Metadata) -> Result<(), Untrusted> {
+fn check_file(file: &Metadata) -> Result<(), TrustError> {
     if file.is_symlink() {
-        return Err(Untrusted::Link);
+        return Err(TrustError::Link);
     }
     if !file.is_file() {
-        return Err(Untrusted::Irregular);
+        return Err(TrustError::Irregular);
     }
     check_mode(file.mode(), file.uid() == file.gid())
 }
 
-fn check_mode(mode: u32, group_is_private: bool) -> Result<(), Untrusted> {
+fn check_mode(mode: u32, group_is_private: bool) -> Result<(), TrustError> {
     let mode = mode & PERMISSIONS;
     if mode & OTHERS_WRITE != 0 {
-        Err(Untrusted::WorldWritableFile { mode })
+        Err(TrustError::WorldWritableFile { mode })
     } else if mode & GROUP_WRITES != 0 && !group_is_private {
-        Err(Untrusted::GroupWritableFile { mode })
+        Err(TrustError::GroupWritableFile { mode })
     } else {
         Ok(())
     }
 }
 
-/// Refuses a world-writable folder without the sticky bit. With it (/tmp) only owners can replace their files.
-fn check_folder(folder: &Path, mode: u32) -> Result<(), Untrusted> {
+/// Refuses a world-writable folder without the sticky bit. With the sticky bit, only owners can replace their files.
+fn check_folder(folder: &Path, mode: u32) -> Result<(), TrustError> {
     let mode = mode & PERMISSIONS;
     if mode & OTHERS_WRITE != 0 && mode & STICKY == 0 {
-        return Err(Untrusted::WorldWritableFolder { folder: folder.to_path_buf(), mode });
+        return Err(TrustError::WorldWritableFolder { folder: folder.to_path_buf(), mode });
     }
     Ok(())
 }
@@ -184,8 +184,8 @@ mod tests {
     fn hazard_18_file_writable_by_others_is_refused_in_every_mode() {
         for mode in 0..=0o777 {
             let of = |private| check_mode(0o100_000 | mode, private);
-            let world = Err(Untrusted::WorldWritableFile { mode });
-            let group = Err(Untrusted::GroupWritableFile { mode });
+            let world = Err(TrustError::WorldWritableFile { mode });
+            let group = Err(TrustError::GroupWritableFile { mode });
             match (mode & OTHERS_WRITE != 0, mode & GROUP_WRITES != 0) {
                 (true, _) => assert_eq!((of(true), of(false)), (world.clone(), world)),
                 (false, true) => assert_eq!((of(true), of(false)), (Ok(()), group)),

@@ -1,17 +1,17 @@
 //! Keys of a joint whose unit depends on its kind: revolute or prismatic.
 
 use crate::problem::Problems;
-use crate::value::{Optional, Placed};
+use crate::value::{HasPlace, Optional};
 use controller::arm::JointKind;
 
-/// Selection of the key for the kind of a joint.
+/// Selector of the keys that apply to the kind of a joint.
 pub(super) struct Units<'p, 't> {
     pub(super) kind: JointKind,
     pub(super) problems: &'p mut Problems<'t>,
 }
 
 impl Units<'_, '_> {
-    /// Returns the required key for this kind. The other one must be absent.
+    /// Returns the required key for this kind; the key for the other kind must be absent.
     pub(super) fn either<'v, T>(
         &mut self,
         revolute: &'v Optional<T>,
@@ -25,7 +25,7 @@ impl Units<'_, '_> {
         Some(value)
     }
 
-    /// Returns the optional key for this kind. The other one must be absent.
+    /// Returns the optional key for this kind; the key for the other kind must be absent.
     pub(super) fn at_most_one<'v, T>(
         &mut self,
         revolute: &'v Optional<T>,
@@ -43,7 +43,7 @@ impl Units<'_, '_> {
         Some(value)
     }
 
-    /// A position or width in rad or m: angles are typed in degrees.
+    /// Converts a position or width from degrees or m, as in the file, to rad or m.
     pub(super) fn si(&self, typed: f64) -> f64 {
         match self.kind {
             JointKind::Revolute => typed.to_radians(),

@@ -1,6 +1,6 @@
-//! A value of a configuration file that knows where it stands: a check of it need not name its key.
+//! Values of a configuration file with key and line, so that checks report the place without naming it.
 
-/// Key and line of something in the file, or of where it would stand.
+/// Key and line of a value in the file; for an absent key, the line of its table.
 #[derive(Clone, Debug)]
 pub struct Place {
     key: String,
@@ -8,110 +8,111 @@ pub struct Place {
 }
 
 impl Place {
-    /// A key like `joint[2].torque_curve`, and its line or that of the nearest table around it that is written down.
+    /// Returns the place of a key such as `joint[2].torque_curve`. `line` is that of the key, or of the innermost table
+    /// present around it.
     pub const fn new(key: String, line: Option<usize>) -> Self {
         Self { key, line }
     }
 
-    /// The whole key.
+    /// Returns the full key, such as `joint[2].torque_curve`.
     pub fn key(&self) -> &str {
         &self.key
     }
 
-    /// The line, from 1.
+    /// Returns the line, from 1, if known.
     pub const fn line(&self) -> Option<usize> {
         self.line
     }
 
-    /// The last part of the key.
+    /// Returns the last component of the key.
     pub fn name(&self) -> &str {
         self.key.rsplit('.').next().unwrap_or_default()
     }
 }
 
-/// Something that knows where it stands.
-pub trait Placed {
-    /// Returns where.
+/// Value, section or table with a place in the file.
+pub trait HasPlace {
+    /// Returns key and line.
     fn place(&self) -> &Place;
 }
 
-impl Placed for Place {
+impl HasPlace for Place {
     fn place(&self) -> &Place {
         self
     }
 }
 
-/// Value at a key. A key that is `NEEDED` and absent is noted as a problem.
+/// Value at a key. Reading an absent key is a problem if it is `NEEDED`.
 #[derive(Clone, Debug)]
 pub struct Value<T, const NEEDED: bool = true> {
     place: Place,
-    found: Found<T>,
+    found: KeyState<T>,
 }
 
-/// The same of a key that may be absent.
+/// Value at an optional key.
 pub type Optional<T> = Value<T, false>;
 
 #[derive(Clone, Debug)]
-enum Found<T> {
+enum KeyState<T> {
     Value(T),
-    /// A value of another type, or a needed key that is absent: noted as a problem, once.
+    /// Value of another type, or absent required key; already noted as a problem.
     Noted,
     Absent,
 }
 
 impl<T, const NEEDED: bool> Value<T, NEEDED> {
     pub const fn new(place: Place, value: T) -> Self {
-        Self { place, found: Found::Value(value) }
+        Self { place, found: KeyState::Value(value) }
     }
 
-    /// A value that cannot be used, for which a problem has been noted.
+    /// Returns an unusable value that was noted as a problem.
     pub const fn noted(place: Place) -> Self {
-        Self { place, found: Found::Noted }
+        Self { place, found: KeyState::Noted }
     }
 
-    /// A key that is not in the file, and need not be.
+    /// Returns the value of an absent optional key.
     pub const fn absent(place: Place) -> Self {
-        Self { place, found: Found::Absent }
+        Self { place, found: KeyState::Absent }
     }
 
-    /// The value, if there is one.
+    /// Returns a reference to the value; `None` if it is absent or was noted as a problem.
     pub const fn as_ref(&self) -> Option<&T> {
         match &self.found {
-            Found::Value(value) => Some(value),
-            Found::Noted | Found::Absent => None,
+            KeyState::Value(value) => Some(value),
+            KeyState::Noted | KeyState::Absent => None,
         }
     }
 }
 
 impl<T: Copy, const NEEDED: bool> Value<T, NEEDED> {
-    /// The value, if there is one.
+    /// Returns the value; `None` if it is absent or was noted as a problem.
     pub const fn get(&self) -> Option<T> {
         match self.found {
-            Found::Value(value) => Some(value),
-            Found::Noted | Found::Absent => None,
+            KeyState::Value(value) => Some(value),
+            KeyState::Noted | KeyState::Absent => None,
         }
     }
 }
 
 impl<T> Optional<T> {
-    /// Returns whether the key is not in the file.
+    /// Returns whether the key is absent from the file.
     pub const fn is_absent(&self) -> bool {
-        matches!(self.found, Found::Absent)
+        matches!(self.found, KeyState::Absent)
     }
 }
 
 impl<T: Clone> Optional<T> {
-    /// The same with what is `usual` where the key is absent.
-    pub fn or(&self, usual: T) -> Value<T> {
+    /// Returns the value, or `default` if the key is absent. A noted problem remains noted.
+    pub fn or(&self, default: T) -> Value<T> {
         let found = match &self.found {
-            Found::Absent => Found::Value(usual),
-            found @ (Found::Value(_) | Found::Noted) => found.clone(),
+            KeyState::Absent => KeyState::Value(default),
+            found @ (KeyState::Value(_) | KeyState::Noted) => found.clone(),
         };
         Value { place: self.place.clone(), found }
     }
 }
 
-impl<T, const NEEDED: bool> Placed for Value<T, NEEDED> {
+impl<T, const NEEDED: bool> HasPlace for Value<T, NEEDED> {
     fn place(&self) -> &Place {
         &self.place
     }

@@ -1,22 +1,22 @@
-//! Values of a plan against the limits of a data sheet (LowLimit, HighLimit), before anything is wired.
+//! Check of planned values against the limits of the EDS (LowLimit and HighLimit, CiA 306).
 
 use std::fmt;
 
 use crate::parameters::Parameters;
 use crate::problem::Problems;
-use crate::value::Placed;
+use crate::value::HasPlace;
 use canopen::eds::{Eds, OutsideLimits};
 use canopen::load::lacks;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::sdo::bytes;
 
-/// A planned value that a drive may refuse, by its data sheet. It is written all the same.
+/// Planned value outside the limits of the EDS, which the boot nevertheless writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Caution {
     /// Name of the node.
     pub name: String,
-    /// Value and limits.
+    /// Object, value and limits.
     pub outside: OutsideLimits,
 }
 
@@ -33,7 +33,7 @@ impl fmt::Display for Caution {
 }
 
 impl Parameters {
-    /// Planned values of the drives that their data sheets exclude, but that are written.
+    /// Returns the planned values of the drives that are outside the limits of their EDS, but are written nevertheless.
     pub fn cautions(&self) -> Vec<Caution> {
         let plans = self.node_plans();
         let drives = plans.iter().zip(&self.joints);
@@ -46,15 +46,15 @@ fn cautions(eds: &Eds, plan: &NodePlan) -> impl Iterator<Item = Caution> {
     passing.map(|(_, outside)| Caution { name: plan.name.clone(), outside })
 }
 
-/// Refuses values without which a drive cannot boot. Those of PDOs are part of their layout.
-pub(super) fn check(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+/// Refuses values outside the limits if the boot needs them. PDO parameters belong to the layout check.
+pub(super) fn check(at: &impl HasPlace, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     let fatal = outside(eds, plan).into_iter().filter(|(is_fatal, _)| *is_fatal);
     for (_, outside) in fatal.filter(|(_, outside)| !lacks::is_parameter(outside.object)) {
         problems.add_of(plan.name.clone(), at, outside);
     }
 }
 
-/// Values outside of their limits, and whether the boot fails if the drive keeps to these.
+/// Returns the values outside their limits, each with whether the boot fails if the drive refuses it.
 fn outside(eds: &Eds, plan: &NodePlan) -> Vec<(bool, OutsideLimits)> {
     let mut found: Vec<(bool, OutsideLimits)> = Vec::new();
     for setting in plan.settings() {

@@ -2,8 +2,8 @@
 
 use canopen::frame::{Channel, Telegram};
 
-/// FNV-1a, 32 bits, over each frame: channel u8, COB-ID u16, flag of a remote frame u8, length u8, data. It finds
-/// differences, and protects against none.
+/// FNV-1a, 32 bits, over each frame: channel u8, COB-ID u16, flag of a remote frame u8, length u8, data. It detects
+/// differences, but is no protection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checksum {
     value: u32,
@@ -28,7 +28,7 @@ impl Checksum {
         self.frames = self.frames.saturating_add(1);
     }
 
-    /// Returns its value.
+    /// Returns the checksum.
     pub const fn value(&self) -> u32 {
         self.value
     }

@@ -1,4 +1,4 @@
-//! One input of a node, and where inputs go.
+//! Inputs of a node, and the interface of their destination.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -28,15 +28,15 @@ pub enum Call {
     Stop,
 }
 
-/// Input of a node. Calls come from its owner, all others are answers to the node.
+/// Input of a node: a call of its owner, or an answer to the node.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
     /// A call begins.
     Call(Call),
     /// The call has returned, after it has sent frames of this [checksum](crate::Checksum).
     Returned(u32),
-    /// Digest of the control law in the cycle of this number: no input, but what a replay is compared with. It comes some
-    /// cycles before or behind the inputs of its cycle.
+    /// Digest of the control law in the cycle of this number. It is no input, but a replay is compared with it. It precedes
+    /// or follows the inputs of its cycle by some cycles.
     Intermediates(u64, Digest),
     /// Clock of the bus.
     Now(Instant),
@@ -44,13 +44,13 @@ pub enum Input {
     Wall(Duration),
     /// Total time of host suspension.
     Suspended(Duration),
-    /// Time of the last SYNC seen on the wire.
+    /// Time of the last SYNC confirmed on the wire.
     Confirmed(Channel, Option<Instant>),
-    /// The bus has not accepted a frame: its number among those of the call, from 1. Frames without this were accepted.
+    /// The bus has not accepted a frame, identified by its number within the call, from 1. All others were accepted.
     NotSent(u32, SendError),
     /// End of a wait.
     Woken(Wake),
-    /// Answer of the buses to being opened again.
+    /// Answer of the buses to a reopening.
     Reopened(Result<(), ReopenError>),
     /// Answer of the commanded side to a command.
     Sensed(Option<RemoteSample>),
@@ -58,15 +58,15 @@ pub enum Input {
     SideFault(Option<SideFault>),
     /// Reasons against arming with this commanded side, as text.
     Misfits(Vec<String>),
-    /// Answer of the owner to "is this to end?": in a boot, a reset's boot, or a stop.
+    /// Answer of the owner whether to end: in a boot, a reset's boot, or a stop.
     Polled(bool),
-    /// This many inputs were lost, because the recording could not keep up.
+    /// Number of inputs lost because the recording was too slow.
     Lost(u64),
 }
 
 /// Destination of recorded inputs. Never waits.
 pub trait InputSink {
-    /// Returns whether inputs are recorded at all.
+    /// Returns whether inputs are recorded.
     fn is_recording(&self) -> bool;
 
     /// Records an input.

@@ -1,5 +1,5 @@
-//! Intermediates of the control law, in the order of Fig. 3, each reduced to one byte: enough to name the first that differs
-//! in a replay.
+//! Digest of the control law's intermediates, in the order of Fig. 3. One byte for each is enough to name the first that
+//! differs in a replay.
 
 use nalgebra::Isometry3;
 
@@ -12,18 +12,18 @@ use units::spatial::{Motion, Twist, Wrench};
 /// Number of intermediates.
 pub const COUNT: usize = 20;
 
-/// One byte for each intermediate of a cycle. Equal bits give equal bytes; other bits give another byte with a probability of
-/// 255 in 256.
+/// One byte for each intermediate of a cycle. Equal bits give equal bytes; different bits give different bytes with a
+/// probability of 255 in 256.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest(pub [u8; COUNT]);
 
 impl Digest {
     /// Returns the digest of a cycle.
-    pub fn of(output: &Output) -> Self {
+    pub fn from_output(output: &Output) -> Self {
         Self(each(output).map(|(_, mix)| mix.byte()))
     }
 
-    /// Returns the name, as in STYLE.md, of the first intermediate of `output` that this is no digest of.
+    /// Returns the name, as in STYLE.md, of the first intermediate of `output` that differs from the digest.
     pub fn first_difference(&self, output: &Output) -> Option<&'static str> {
         let found = each(output).into_iter().zip(self.0);
         found.into_iter().find_map(|((name, mix), byte)| (mix.byte() != byte).then_some(name))
@@ -60,7 +60,8 @@ fn each(output: &Output) -> [(&'static str, Mix); COUNT] {
     ]
 }
 
-/// Mixture of the bits of an intermediate: multiplications by an odd constant, after each the upper half onto the lower.
+/// Hash of the bits of an intermediate: multiplications by an odd constant, each followed by an XOR of the upper half onto
+/// the lower.
 #[derive(Clone, Copy, Debug)]
 struct Mix(u64);
 
@@ -69,7 +70,7 @@ impl Mix {
         Self(0)
     }
 
-    /// Returns eight of its bits.
+    /// Returns eight bits of the hash.
     fn byte(self) -> u8 {
         let [first, ..] = self.0.to_be_bytes();
         first

@@ -1,8 +1,8 @@
 //! Inputs of a node, recorded in call order.
 //!
-//! A [`Node`](node::Node) computes from four things only: its configuration, the calls of its owner, the answers of its
-//! buses, and the answers of its commanded side. Wrappers record the last three where they enter. So a recorded session
-//! can be replayed without drives: the same node, given the same answers, sends the same frames.
+//! A [`Node`](node::Node) depends on four inputs only: its configuration, the calls of its owner, and the answers of its
+//! buses and of its commanded side. Wrappers record the last three where they enter. A recorded session can thus be
+//! replayed without drives: with the same answers the same node sends the same frames.
 //!
 //! ```text
 //!  owner's calls ──► RecordedNode ──► Node ──► RecordedBus ──► Bus
@@ -10,8 +10,8 @@
 //!                        └── InputSink ◄──── every answer, in call order
 //! ```
 //!
-//! Sent frames are not inputs: they are what a replay has to find again. Their checksum is recorded with each call, so that
-//! a replay says in which call they differ first; [`intermediates`] says which quantity of the control law did.
+//! Sent frames are not inputs, but a replay must reproduce them. Their checksum is recorded with each call, so that a
+//! replay names the first call in which they differ. [`intermediates`] names the first quantity of the control law.
 #![forbid(unsafe_code)]
 
 mod checksum;

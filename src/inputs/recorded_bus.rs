@@ -1,4 +1,4 @@
-//! A bus whose answers are recorded.
+//! Bus whose answers are recorded.
 
 use std::time::Duration;
 
@@ -77,7 +77,7 @@ impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
         outcome
     }
 
-    /// Passes an event to the observer of the bus, whose answer changes nothing that the node sends.
+    /// Passes an event to the observer of the bus. Its answer does not affect the frames that the node sends.
     fn report(&mut self, at: Instant, event: Event) -> Option<Event> {
         self.bus.report(at, event)
     }

@@ -1,4 +1,4 @@
-//! A node whose inputs are recorded.
+//! Node whose inputs are recorded.
 
 use crate::input::{Call, Input, InputSink};
 use crate::recorded_bus::RecordedBus;
@@ -10,14 +10,14 @@ use config::facts::Facts;
 use node::cause::{Cause, ResetReason};
 use node::proof_test::ProofTestReport;
 use node::record::{Mode, Record};
-use node::{BringUpError, Node, NotConfirmed, Request, RequestError};
+use node::{BringUpError, Node, PowerOffError, Request, RequestError};
 use remote::Remote;
 use units::time::Instant;
 
-/// The node inside.
+/// Wrapped node.
 type Inner<B, R, S> = Node<RecordedBus<B, S>, RecordedRemote<R, S>>;
 
-/// A [`Node`] whose inputs go to `S`. Every call that changes the node passes through here.
+/// [`Node`] whose inputs are sent to `S`. Every call that changes the node passes through here.
 #[derive(Clone, Debug)]
 pub struct RecordedNode<B, R, S = ()> {
     node: Inner<B, R, S>,
@@ -82,11 +82,11 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
     ///
     /// # Errors
     /// As [`Node::stop`].
-    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), NotConfirmed> {
+    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
         self.recorded(Call::Stop, is_urgent, |node, is_urgent| node.stop(is_urgent))
     }
 
-    /// Records a call, and the answers of its owner, around what the node does.
+    /// Records a call of the node, its return, and the answers of its owner.
     fn recorded<T>(
         &mut self,
         call: Call,
@@ -104,7 +104,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         result
     }
 
-    /// Records that a call has returned, and what it has sent.
+    /// Records that a call has returned, with the checksum of its frames.
     fn returned(&mut self) {
         let sent = self.node.bus_mut().take_sent();
         self.sink.on_input(Input::Returned(sent.value()));
@@ -145,12 +145,12 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         self.node.facts()
     }
 
-    /// Returns the bus itself: its answers to others than the node are not recorded.
+    /// Returns the bus. Its answers to callers other than the node are not recorded.
     pub const fn bus(&self) -> &B {
         &self.node.bus().bus
     }
 
-    /// Returns the bus itself, as [`bus`](Self::bus).
+    /// Returns the bus, as [`bus`](Self::bus).
     pub const fn bus_mut(&mut self) -> &mut B {
         &mut self.node.bus_mut().bus
     }
@@ -167,7 +167,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
 }
 
 impl<B: Bus, R: Remote, S: InputSink> RecordedNode<B, R, S> {
-    /// Returns the clock of the bus, for the owner: the reading is not recorded.
+    /// Reads the clock of the bus for the owner, without recording it.
     pub fn now(&self) -> Instant {
         self.node.bus().bus.now()
     }

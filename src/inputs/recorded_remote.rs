@@ -1,11 +1,11 @@
-//! A commanded side whose answers are recorded.
+//! Commanded side whose answers are recorded.
 
 use crate::input::{Input, InputSink};
 use remote::stated::Misfit;
 use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
 use units::time::Instant;
 
-/// Commanded side `R`; its answers go to `S`.
+/// Commanded side `R`, whose answers are recorded by `S`.
 #[derive(Clone, Debug)]
 pub struct RecordedRemote<R, S> {
     pub(super) remote: R,

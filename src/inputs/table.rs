@@ -1,9 +1,9 @@
-//! Tags of the entries in a file of inputs. docs/sessions.md has the table with their bytes; a test holds both equal.
+//! Tags of the entries in a file of inputs. docs/sessions.md has the table with their bytes; a test compares both.
 
 /// Version of the format.
 pub const FORMAT: u16 = 2;
 
-/// Version of files without the number of their part, which are a first part.
+/// Version of files without a part number, which are first parts.
 pub const FORMAT_OF_ONE_PART: u16 = 1;
 
 /// First bytes of each file, before the version.

@@ -1,4 +1,4 @@
-//! Writes inputs, as docs/sessions.md describes them.
+//! Writer of inputs in the format of docs/sessions.md.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::input::{Call, Input};
 use crate::intermediates::Digest;
 use crate::table::{self, FORMAT, MAGIC};
-use bus::{BusEvent, BusFault, Received, ReopenError, SendError, Wake};
+use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
 use controller::switches::Mode as CommandMode;
 use node::Request;
@@ -20,27 +20,27 @@ pub struct InputWriter<W> {
     to: W,
     last: Last,
     entry: Vec<u8>,
-    /// Entries written, those of earlier parts included.
+    /// Number of entries written, including earlier parts.
     entries: u64,
     /// Bytes written.
     written: u64,
 }
 
-/// Values that entries are written relative to.
+/// Previous values, relative to which entries are written.
 #[derive(Clone, Copy, Debug)]
 pub struct Last {
     /// Last reading of the bus's clock, in µs.
     pub now: u64,
     /// Last time of host suspension.
     pub suspended: Duration,
-    /// Sample time of the last sample, in µs, its numbers as bits, and whether it has a gripper.
+    /// Time of the last sample, in µs, its numbers as bits, and whether it has a gripper.
     pub sensed: (u64, [u64; NUMBERS], bool),
 }
 
 /// Numbers of a sample: wrench (force, moment), position, quaternion (i, j, k, w), opening and force of the gripper.
 pub const NUMBERS: usize = 15;
 
-/// Bit of a sample's mask that says that it has a gripper; the bits below stand for its numbers.
+/// Bit in the mask of a sample that marks a gripper. Each lower bit marks one of the numbers.
 pub const HAS_GRIPPER: u16 = 1 << NUMBERS;
 
 impl Default for Last {
@@ -50,18 +50,18 @@ impl Default for Last {
 }
 
 impl<W: Write> InputWriter<W> {
-    /// Begins the only file, or that of the first part.
+    /// Starts the file of the first or only part.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the write fails.
     pub fn begin(to: W) -> io::Result<Self> {
         Self::begin_part(to, 1, 0)
     }
 
-    /// Begins the file of a part, behind this number of entries in the parts before.
+    /// Starts the file of a part, after `entries` entries in earlier parts.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the write fails.
     pub fn begin_part(mut to: W, part: u32, entries: u64) -> io::Result<Self> {
         let mut header = MAGIC.to_vec();
         header.extend_from_slice(&FORMAT.to_le_bytes());
@@ -72,7 +72,7 @@ impl<W: Write> InputWriter<W> {
         Ok(Self { to, last: Last::default(), entry, entries, written: length(header.len()) })
     }
 
-    /// Returns the number of entries written, those of earlier parts included.
+    /// Returns the number of entries written, including earlier parts.
     pub const fn entries(&self) -> u64 {
         self.entries
     }
@@ -108,7 +108,7 @@ impl<W: Write> InputWriter<W> {
         self.to.flush()
     }
 
-    /// Returns what was written to.
+    /// Returns the destination.
     pub fn into_inner(self) -> W {
         self.to
     }
@@ -200,7 +200,7 @@ impl<W: Write> InputWriter<W> {
     }
 
     fn woken(&mut self, Wake { now, received }: &Wake) {
-        let Some(Received { at, channel: Channel(channel), event }) = received else {
+        let Some(ReceivedEvent { at, channel: Channel(channel), event }) = received else {
             self.tag(table::WOKEN);
             return self.reading(*now);
         };
@@ -274,7 +274,7 @@ impl<W: Write> InputWriter<W> {
         }
     }
 
-    /// Writes a reading of the clock, which later times are relative to.
+    /// Writes a reading of the clock, to which later times are relative.
     fn reading(&mut self, now: Instant) {
         self.time(now);
         self.last.now = now.as_micros();
@@ -296,7 +296,7 @@ impl<W: Write> InputWriter<W> {
         self.bytes(text.as_bytes());
     }
 
-    /// Writes seven bits a byte, the lowest first; bit 7 says that more follow.
+    /// Writes seven bits per byte, the lowest first; bit 7 is set if more bytes follow.
     fn varint(&mut self, mut value: u64) {
         loop {
             let [low, ..] = (value & 0x7F).to_le_bytes();

@@ -10,8 +10,8 @@ use crate::cause::Cause;
 use crate::mode_check::WrongMode;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
-use crate::stop::NotConfirmed;
-use bus::{Bus, BusEvent, BusFault, Received, ReopenError};
+use crate::stop::PowerOffError;
+use bus::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
@@ -53,7 +53,7 @@ pub enum BringUpError {
     GivenUp,
     /// `give_up` returned true while drives were enabled, and one of them did not confirm that it is off.
     #[error("boot given up: {0}")]
-    LeftOn(NotConfirmed),
+    LeftOn(PowerOffError),
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -97,7 +97,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Receives for [`LISTEN_TIME`] before the first frame is sent, and fails if another master is on the bus.
     fn listen_before_boot(&mut self) -> Result<(), BringUpError> {
         let until = self.wire.read_clock() + LISTEN_TIME;
-        while let Some(Received { channel, event, .. }) = self.wire.receive(until) {
+        while let Some(ReceivedEvent { channel, event, .. }) = self.wire.receive(until) {
             match event {
                 BusEvent::Frame(frame) => {
                     // A boot would reset the nodes of a running master.

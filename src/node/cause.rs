@@ -8,7 +8,7 @@ use std::fmt;
 use derive_more::Display;
 
 use crate::joint_reading::JointReading;
-use crate::reaction::{Initiator, Reaction, Row, always, armed};
+use crate::reaction::{FaultTableRow, Initiator, Reaction, always, armed};
 use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
 use contract::Reason;
@@ -96,7 +96,7 @@ macro_rules! causes {
             }
 
             /// Returns its reactions and reset.
-            pub const fn row(self) -> Row {
+            pub const fn row(self) -> FaultTableRow {
                 use Initiator::{Drive, Node, Timers};
                 use Reaction::{DrivesOff, ReflectionOff, ZeroTorque};
                 match self {

@@ -67,15 +67,15 @@ impl Control {
     /// Takes a change of scales, locks or alignment.
     ///
     /// # Errors
-    /// A change out of bounds, or not possible now.
+    /// When the change is out of bounds, or not possible now.
     pub(super) fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentError> {
         self.controller.adjust(adjustment)
     }
 
-    /// Takes the press of a button: a scale and 1, a lock and its release in turn.
+    /// Takes the press of a button. Presses alternate between a scale and 1, or between a lock and its release.
     ///
     /// # Errors
-    /// A change that is not possible now.
+    /// When the change is not possible now.
     pub(super) fn press(&mut self, button: Adjustment) -> Result<(), RefusedPress> {
         let AdjustmentState { scale, locked, .. } = self.controller.adjusted();
         let adjustment = match button {

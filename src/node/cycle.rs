@@ -118,8 +118,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.raise(now, [controller, operator, beyond, samples]);
     }
 
-    /// Keeps off a drive that no longer takes its targets, and one whose torque does not follow the zero torque of a
-    /// stop, instead of waiting for the end of the stop.
+    /// Keeps off a drive that does not take its targets, or whose torque does not follow the zero torque of a stop. This
+    /// does not wait for the end of the stop.
     pub(super) fn keep_off_unfollowing(&mut self, cause: Option<Cause>) {
         let is_stopping = self.safety.mode() == Mode::ZeroTorque;
         if let Some(joint) = cause.and_then(|cause| cause.unfollowing(is_stopping)) {
@@ -127,7 +127,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Returns the first joint whose drive is to be enabled and is not, with its statusword.
+    /// Returns the first joint whose drive should be enabled and is not, with its statusword.
     pub(super) fn not_enabled(&self) -> Option<(Joint, u16)> {
         let joints = Joint::each(self.samples.latest());
         let (joint, sample) = joints

@@ -1,4 +1,4 @@
-//! Times of the steps of a cycle, from clock readings and frame stamps that the cycle has anyway.
+//! Times of the steps of a cycle, from clock readings and frame stamps that the cycle takes anyway.
 
 use std::time::Duration;
 
@@ -7,11 +7,11 @@ use units::time::Instant;
 /// Times of the steps of one cycle. Resolution: 1 µs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CycleTimes {
-    /// From the last target of the cycle before until the wait for SYNC: services, record, requests.
+    /// From the last target of the previous cycle to the wait for SYNC: services, record, requests.
     pub rest: Duration,
     /// From the time at which SYNC was due to the wake-up.
     pub wake_up: Duration,
-    /// From SYNC to the sample of each joint; `None` where it is missing.
+    /// From SYNC to the sample of each joint; `None` for a missing sample.
     pub samples: [Option<Duration>; 6],
     /// From SYNC to the end of its window.
     pub window: Duration,
@@ -19,14 +19,14 @@ pub struct CycleTimes {
     pub step: Duration,
     /// From SYNC to the last target accepted by its bus.
     pub targets: Duration,
-    /// From SYNC to its transmit confirmation, the latest of all buses; `None` where it was not confirmed.
+    /// From SYNC to its transmit confirmation, the latest of all buses; `None` without a confirmation.
     pub confirmed: Option<Duration>,
 }
 
-/// Clock readings of the cycle under way.
+/// Clock readings of the current cycle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Readings {
-    /// Wait for SYNC begun, SYNC due, and woken up for it.
+    /// Start of the wait for SYNC, due time of SYNC, and wake-up.
     pub(super) wait_from: Instant,
     pub(super) due: Instant,
     pub(super) woken: Instant,
@@ -35,7 +35,7 @@ pub(super) struct Readings {
     /// Before the first target, and after the last.
     pub(super) first_target: Option<Instant>,
     pub(super) last_target: Instant,
-    /// After the last target of the cycle before.
+    /// After the last target of the previous cycle.
     before: Instant,
 }
 

@@ -21,11 +21,11 @@ pub(super) struct CycleTiming {
     pub(super) max_late_frames: u64,
     pub(super) schedule: Schedule,
     pub(super) lateness: Lateness,
-    /// Clock readings of the cycle under way.
+    /// Clock readings of the current cycle.
     pub(super) readings: Readings,
     /// Number of completed cycles.
     pub(super) cycle: u64,
-    /// No cycle was completed since the last [`restart`](Self::restart).
+    /// Set if no cycle was completed since the last [`restart`](Self::restart).
     is_restarted: bool,
 }
 

@@ -1,7 +1,7 @@
-//! Requests of node guarding (remote frames; CiA 301, 7.2.8.2.2.1), a few in each cycle, behind its targets.
+//! Requests of node guarding (remote frames; CiA 301, 7.2.8.2.2.1), a few in each cycle, after its targets.
 //!
-//! All nodes are guarded from the same time on, so their requests fall due together. Sent at once, and before the targets
-//! of a cycle with a missing sample, they and their answers would hold back the targets and the next SYNC.
+//! All nodes are guarded from the same time on, so their requests become due together. Sent at once, they and their
+//! answers would delay the targets of a cycle with a missing sample, and the next SYNC.
 
 use std::collections::VecDeque;
 use std::time::Duration;

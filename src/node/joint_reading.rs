@@ -24,7 +24,7 @@ impl JointReading {
         Self { ten_thousandths, is_sliding: kind == JointKind::Prismatic }
     }
 
-    /// Keys of `[[joint]]` whose errors move the whole range.
+    /// Returns the keys of `[[joint]]` whose errors shift the range.
     pub(crate) const fn keys(self) -> &'static str {
         if self.is_sliding {
             "zero_counts, gear_ratio (and its sign) and limit_m"

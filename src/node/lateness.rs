@@ -20,7 +20,7 @@ const LATE_LIMIT: usize = 10;
 /// Time for which a late cycle counts.
 const LATE_WINDOW: Duration = Duration::from_secs(1);
 
-/// Minimum growth of the suspension time that is a suspension, as two clocks are read in turn.
+/// Minimum growth of the suspension time that counts as a suspension. Two clocks are read one after the other.
 pub(super) const MIN_SUSPENSION: Duration = Duration::from_millis(1);
 
 /// Watch for late cycles, stalls and host suspension.

@@ -59,7 +59,7 @@ pub use bring_up::BringUpError;
 pub use mode_check::WrongMode;
 pub use request::{Request, RequestError, Unfit};
 pub use rest::NotAtRest;
-pub use stop::NotConfirmed;
+pub use stop::PowerOffError;
 
 use crate::boot_failures::ExpectedDrives;
 use crate::cause::Cause;

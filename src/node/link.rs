@@ -1,8 +1,8 @@
 //! Validation and age of the samples from the commanded side.
 //!
-//! Samples are validated before the controller uses them. One that is out of a sensor's range, from the future, or
-//! older than the newest one is dropped, and the newest one ages on. A gripper that is out of range is dropped alone.
-//! The age counts from the sample's own time stamp, not from its reception.
+//! Samples are validated before the controller uses them. A sample that is out of a sensor's range, from the future, or
+//! older than the newest one is dropped, and the newest one continues to age. Of a sample whose gripper is out of range
+//! only the gripper is dropped. The age counts from the time stamp of the sample, not from its reception.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Returns a link without a sample, whose samples may be `timeout` old.
+    /// Returns a link without a sample. `timeout` is the maximum age of a sample.
     pub(super) const fn new(timeout: Duration) -> Self {
         Self { timeout, newest: None }
     }
@@ -63,7 +63,7 @@ impl Link {
         self.newest.map_or_else(Isometry3::identity, |newest| newest.x_b_m)
     }
 
-    /// Returns opening and force of the gripper; `None` where the newest sample has none.
+    /// Returns opening and force of the gripper; `None` if the newest sample has no gripper.
     pub(super) fn gripper(&self) -> Option<Gripper> {
         self.newest.and_then(|newest| newest.gripper)
     }

@@ -5,7 +5,7 @@
 //!                                                        └ not 10 within 10 ms: disable, bring-up fails
 //! ```
 //!
-//! Targets are zero throughout. A drive that obeys positions or speeds instead pushes with 5 % of its torque, for 10 ms.
+//! Targets are zero throughout. A drive in a position or speed mode pushes with at most 5 % of its torque, for 10 ms.
 
 mod run;
 
@@ -30,8 +30,9 @@ const POWER_OFF_TIMEOUT: Duration = Duration::from_millis(500);
 /// Maximum time until all planned limits are written and read back.
 const RAISE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A drive that did not display its mode when enabled, and was disabled: `joint 3 (elbow), node 3: 6061h is 8 when
-/// enabled, although 6060h = 10 was read back; the drive is disabled again`.
+/// Error of a drive that did not display its mode when enabled, and was disabled.
+///
+/// `joint 3 (elbow), node 3: 6061h is 8 when enabled, although 6060h = 10 was read back; the drive is disabled again`
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name}, node {}: {}; the drive is disabled again", node.raw(), seen(*shown, *commanded))]
 pub struct WrongMode {
@@ -45,7 +46,7 @@ pub struct WrongMode {
     pub shown: Option<i8>,
 }
 
-/// Returns what the drive displayed.
+/// Describes the mode that the drive displayed.
 fn seen(shown: Option<i8>, commanded: i8) -> String {
     let within = LOOK_TIME.as_millis();
     let unread = || format!("6061h could not be read within {within} ms of enabling");
@@ -64,7 +65,7 @@ enum Enabling {
     None,
 }
 
-/// Check of the mode, and what it awaits.
+/// Progress of the check of the mode.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ModeCheck {
     /// Drives that display their mode only when enabled.
@@ -95,7 +96,7 @@ impl ModeCheck {
         Self { drives, ..Self::default() }
     }
 
-    /// Returns whether the drive of this joint is to be enabled now.
+    /// Returns whether the drive of this joint must be enabled now.
     pub(super) fn is_enabling(&self, joint: Joint) -> bool {
         match self.enabling {
             Enabling::All => true,

@@ -14,8 +14,8 @@ use canopen::{NmtState, heartbeat, sync, time_stamp};
 use config::Config;
 use units::time::Instant;
 
-/// Time after the start of a boot before which no node is reset: a master that sends SYNC four times a second is detected until
-/// then, and its nodes are left as they are.
+/// Minimum time from the start of a boot to the first reset of a node. Within it another master that sends SYNC four
+/// times a second is detected, and its nodes are not changed.
 const RESET_DELAY: Duration = Duration::from_millis(250);
 
 /// Maximum number of queued notices; further ones are dropped.
@@ -31,9 +31,9 @@ pub(super) struct Network {
     pub(super) time_stamp: Option<time_stamp::Producer>,
     pub(super) sdo_pacer: SdoPacer,
     pub(super) guard_requests: GuardRequests,
-    /// Turn of the drives whose target torque is read.
+    /// Order in which the target torques of the drives are read.
     pub(super) targets: TargetReadings,
-    /// Heartbeat and guarding have ended for all nodes, until the next boot.
+    /// Set once heartbeat and guarding have ended for all nodes, until the next boot.
     is_silent: bool,
     /// Network events for the log, oldest first.
     notices: VecDeque<Event>,
@@ -72,7 +72,7 @@ impl Network {
         self.guard_requests.clear();
     }
 
-    /// Stops guarding the drives: they must miss their master.
+    /// Stops guarding the drives, so that they must miss their master.
     pub(super) fn pause_guarding(&mut self) {
         self.master.pause_guarding();
         self.guard_requests.clear();

@@ -15,6 +15,6 @@ pub struct Permit {
     pub reflection_share: f64,
     /// True while commands are sent and reflection acts.
     pub engaged: bool,
-    /// True while the drives are to be enabled.
+    /// True while the drives must be enabled.
     pub drives_on: bool,
 }

@@ -7,7 +7,7 @@ use crate::record::Mode;
 use canopen::drive::{Controlword, Goal, PowerStage, State, Statusword};
 use units::numbering::Joint;
 
-/// Returns whether a drive with this statusword may apply torque. An invalid state counts as one that may.
+/// Returns whether a drive with this statusword may apply torque; true for an invalid state.
 pub(super) const fn may_apply_torque(statusword: Statusword) -> bool {
     match statusword.state() {
         Some(
@@ -26,15 +26,15 @@ pub(super) const fn may_apply_torque(statusword: Statusword) -> bool {
     }
 }
 
-/// The power stages of the six drives.
+/// Power stages of the six drives.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PowerStages {
     stages: [PowerStage; 6],
-    /// The next fault while the drive is enabled is reset.
+    /// Set if the next fault while the drive is being enabled is reset.
     may_reset: [bool; 6],
     /// Drives that stay off while others may be on.
     kept_off: [bool; 6],
-    /// Drives of which the newest controlword disables voltage.
+    /// Drives whose newest controlword disables voltage.
     must_be_off: [bool; 6],
 }
 
@@ -50,7 +50,7 @@ impl PowerStages {
         *joint.entry_mut(&mut self.kept_off) = true;
     }
 
-    /// Returns the drives of which the newest controlword disables voltage.
+    /// Returns the drives whose newest controlword disables voltage.
     pub(super) const fn must_be_off(&self) -> [bool; 6] {
         self.must_be_off
     }

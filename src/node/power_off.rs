@@ -12,8 +12,8 @@
 //!  heartbeat and guarding end         for all nodes; 6041h is read once a second
 //! ```
 //!
-//! An RPDO may be lost, or may wait for a SYNC that the drive does not receive, so "sent" is no confirmation. A drive
-//! that does not answer counts as one that is on.
+//! An RPDO may be lost, or may wait for a SYNC that the drive does not receive, so sending it is no confirmation. A drive
+//! that does not answer counts as on.
 
 mod run;
 
@@ -38,25 +38,25 @@ const FAULT_REACTION_TIME: Duration = Duration::from_millis(100);
 /// Time between two readings of the statusword after the last step.
 const READ_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Minimum time between two steps, and between two readings: a request and its reply outlast what a cycle of 1 ms has
-/// left, and several in a row would delay the SYNCs and then crowd them.
+/// Minimum time between two steps, and between two readings. A request and its reply take longer than the rest of a 1 ms
+/// cycle, so consecutive ones would delay SYNCs and then bunch them.
 const MIN_INTERVAL: Duration = Duration::from_millis(3);
 
 /// View of a drive in one cycle.
 #[derive(Clone, Copy, Debug)]
 struct View {
-    /// Disable voltage is set in its RPDO.
+    /// Set if disable voltage is in its RPDO.
     must_be_off: bool,
     /// Newest statusword.
     statusword: Statusword,
-    /// Its sample was received in this cycle.
+    /// Set if its sample was received in this cycle.
     is_fresh: bool,
 }
 
 /// Progress of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// It may be on, or reports that it is off.
+    /// No confirmation is pending: the drive may be on, or has reported that it is off.
     Settled,
     /// Disable voltage is in its RPDO since this SYNC.
     Commanded(Instant),
@@ -76,7 +76,7 @@ enum Action {
 pub(super) struct PowerOff {
     /// Maximum time from disable voltage in the RPDO to the statusword.
     follow_times: [Duration; 6],
-    /// Cycles without a sample from which an RPDO is not trusted to act.
+    /// Number of cycles without a sample from which an RPDO is not trusted to act.
     max_missed: u32,
     missed: [u32; 6],
     stages: [Stage; 6],
@@ -89,7 +89,7 @@ pub(super) struct PowerOff {
 }
 
 impl PowerOff {
-    /// Returns confirmations of drives that may be on. After `max_missed` cycles without a sample, the first step follows
+    /// Returns confirmations for drives that may be on. After `max_missed` cycles without a sample the first step is taken
     /// at once.
     pub(super) fn new(exchange: &Exchange, period: Duration, max_missed: u32) -> Self {
         let follow_time = |joint: Joint| exchange.power_off_time(joint.into(), period);
@@ -110,7 +110,7 @@ impl PowerOff {
         self.stages = [Stage::Settled; 6];
     }
 
-    /// Returns the joints whose drives were taken a step for, and do not report that they are off.
+    /// Returns the joints whose drives have not reported power off after a step.
     pub(super) fn not_off(&self) -> [bool; 6] {
         self.stages.map(|stage| matches!(stage, Stage::Taken(..)))
     }
@@ -229,9 +229,9 @@ const fn duration(step: PowerOffStep) -> Duration {
     }
 }
 
-/// Drives that did not confirm power off, before a boot that may fail.
+/// Stages and statuswords of the confirmation, kept over a boot that may fail.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Unconfirmed {
+pub(super) struct PowerOffState {
     stages: [Stage; 6],
     statuswords: [Statusword; 6],
 }
@@ -247,7 +247,7 @@ mod tests {
     const ENABLED: Statusword = Statusword(0x1237);
     const OFF: Statusword = Statusword(0x0250);
 
-    /// Confirmations at 500 Hz with one PDO each way.
+    /// Confirmations at 500 Hz with one PDO in each direction.
     fn confirmations() -> PowerOff {
         let config = Config::load(Path::new("config/kraft_like_500hz.toml")).unwrap();
         PowerOff::new(config.exchange(), config.period, 3)
@@ -260,7 +260,7 @@ mod tests {
         views
     }
 
-    /// Runs for so many cycles of 2 ms; returns the steps with their times in ms.
+    /// Runs `cycles` cycles of 2 ms; returns the steps with their times in ms.
     fn steps(power_off: &mut PowerOff, cycles: u64, views: &[View; 6]) -> Vec<(u64, PowerOffStep)> {
         let mut steps = Vec::new();
         for cycle in 0..cycles {

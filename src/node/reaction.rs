@@ -67,7 +67,7 @@ impl Initiator {
 
 /// A row of the fault table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Row {
+pub struct FaultTableRow {
     /// Reaction in `Boot` and `Ready`, where torque is zero.
     pub unarmed: Reaction,
     /// Reaction in `Armed` and `Engaged`, where gravity compensation and reflection may act.
@@ -86,13 +86,13 @@ pub(crate) const fn always(
     initiator: Initiator,
     reset_boots: bool,
     hazards: &'static [u8],
-) -> Row {
-    Row { unarmed: reaction, armed: reaction, initiator, reset_boots, hazards }
+) -> FaultTableRow {
+    FaultTableRow { unarmed: reaction, armed: reaction, initiator, reset_boots, hazards }
 }
 
 /// A row that stops only modes with torque.
-pub(crate) const fn armed(reaction: Reaction, hazards: &'static [u8]) -> Row {
-    Row {
+pub(crate) const fn armed(reaction: Reaction, hazards: &'static [u8]) -> FaultTableRow {
+    FaultTableRow {
         unarmed: Reaction::None,
         armed: reaction,
         initiator: Initiator::Node,

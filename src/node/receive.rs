@@ -5,7 +5,7 @@ use crate::proof_test::Relation;
 use crate::safety::causes;
 use crate::schedule::Due;
 use crate::{Node, lateness};
-use bus::{Bus, BusEvent, Received};
+use bus::{Bus, BusEvent, ReceivedEvent};
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use canopen::object::Object;
@@ -44,7 +44,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             late += u64::from(self.wire.now() >= until);
             self.watch_stall(until);
             self.on_received(received);
-            // The time that this took must not delay what is due at `until`.
+            // The time that this took must not delay actions due at `until`.
             self.wire.read_clock();
         }
     }
@@ -74,8 +74,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Takes a frame or a fault of a bus. Raises the cause of each at once, because their number is not bounded.
-    pub(super) fn on_received(&mut self, received: Received) {
-        let Received { at, channel, event } = received;
+    pub(super) fn on_received(&mut self, received: ReceivedEvent) {
+        let ReceivedEvent { at, channel, event } = received;
         let cause = match event {
             BusEvent::Frame(frame) => self.on_frame(at, &Telegram { channel, frame }),
             BusEvent::Fault(fault) => self.wire.on_fault(channel, fault),

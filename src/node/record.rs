@@ -114,7 +114,7 @@ pub struct Record {
     pub times: CycleTimes,
     /// Joints whose sample arrived in time.
     pub sampled: [bool; 6],
-    /// The configuration has a switch box, without which nothing can be armed.
+    /// Set if a switch box is configured, which arming requires.
     pub has_switch_box: bool,
     /// Inputs of the switch box; `None` if they are missing.
     pub inputs: Option<u8>,
@@ -124,11 +124,11 @@ pub struct Record {
     pub x_b_m: Isometry3<f64>,
     /// Age of the newest sample of the commanded side at SYNC; `None` before the first.
     pub sample_age: Option<Duration>,
-    /// Joint positions of the robot in rad, where they are known in this process; zero for joints that it does not have.
+    /// Joint positions of the robot in rad, if known in this process; zero for joints that it does not have.
     pub q_r: Option<RobotJoints>,
-    /// Difference of the predicted pose of the robot to the sensed one; `None` without a model or a sample.
+    /// Difference between predicted and sensed pose of the robot; `None` without a model or a sample.
     pub model: Option<Difference>,
-    /// Gripper; `None` where the switch box has no input for one.
+    /// Gripper; `None` if the switch box has no input for one.
     pub gripper: Option<GripperRecord>,
     /// Press of a button in this cycle that was refused.
     pub refused_press: Option<RefusedPress>,
@@ -147,7 +147,7 @@ pub struct Record {
 pub struct GripperRecord {
     /// Opening and maximum force that the operator commands; `None` before the first engagement after an arming.
     pub command: Option<Gripper>,
-    /// Opening and force in the newest sample of the commanded side; `None` where it has no gripper.
+    /// Opening and force in the newest sample of the commanded side; `None` if it has no gripper.
     pub measured: Option<Gripper>,
 }
 

@@ -62,8 +62,8 @@ impl<R: Remote> RemoteSide<R> {
         }
     }
 
-    /// Sends a command and takes the sample received with it, if any. Ends the epoch with the first command of a node that
-    /// is no longer armed.
+    /// Sends a command and takes the sample received with it, if any. The first command after the node has left the armed
+    /// modes ends the epoch.
     pub(super) fn exchange(&mut self, now: Instant, command: &Command, mode: Mode) {
         if std::mem::replace(&mut self.was_armed, is_armed(mode)) && !self.was_armed {
             self.remote.end_epoch();

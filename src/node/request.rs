@@ -7,7 +7,7 @@ use crate::rest::NotAtRest;
 use crate::safety::Refusal;
 use crate::{BringUpError, Node};
 use bus::Bus;
-use config::facts::FactsRefused;
+use config::facts::FactsError;
 use config::force_cap::ForceAboveCap;
 use controller::adjustment::AdjustmentError;
 use controller::switches::Mode as CommandMode;
@@ -52,9 +52,9 @@ pub enum RequestError {
 /// Reason against arming that no change of mode ends.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Unfit {
-    /// Facts of drives are stated only, by what the boot found.
+    /// Facts of drives are stated only, by the values that the boot read.
     #[error(transparent)]
-    Facts(#[from] FactsRefused),
+    Facts(#[from] FactsError),
     /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
     Force(#[from] ForceAboveCap),
@@ -70,8 +70,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Executes a request and returns the mode after it. A reset may boot the network, until `give_up` returns true.
     ///
     /// # Errors
-    /// When the mode does not allow it, a fact of a drive is stated only, the force exceeds its cap, the arm is
-    /// not at rest, or the boot of a reset fails or is given up.
+    /// When the mode does not allow the request, or the boot of a reset fails or is given up. Arming also fails if a fact
+    /// of a drive is stated only, the force exceeds its cap, or the arm is not at rest.
     pub fn request(
         &mut self,
         request: Request,

@@ -1,9 +1,9 @@
-//! Newest TPDO contents of the drives and the switch box, and which of them were received in this cycle.
+//! Newest TPDO contents of the drives and the switch box, and their reception in the current cycle.
 
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::{Filtered, SampleFilter, Sampled};
+use crate::plausibility::{FilterResult, SampleFilter, SampleSet};
 use canopen::drive::Statusword;
 use canopen::exchange::{TpdoMap, TpdoSample};
 use canopen::frame::{Channel, Telegram};
@@ -16,7 +16,7 @@ use units::time::Instant;
 /// Maximum age of the switch inputs: three periods of 5 ms.
 const SWITCH_INPUT_TIMEOUT: Duration = Duration::from_millis(15);
 
-/// Maximum age of a statusword in a TPDO of its own, in repetition periods of that TPDO.
+/// Maximum age of a statusword in a separate TPDO, in repetition periods of that TPDO.
 const MAX_MISSED_STATUSWORDS: u32 = 3;
 
 /// The newest sample of each joint.
@@ -44,7 +44,7 @@ pub(super) struct Samples {
     torques: [bool; 6],
     /// Torque demands received since the last call of [`sampled`](Self::sampled).
     demands: [Option<PerMille>; 6],
-    /// Cycles in a row without a sample of each joint.
+    /// Consecutive cycles without a sample of each joint.
     missing: [u32; 6],
     /// Cause of the first position that the filters rejected as a fault.
     implausible: Option<Cause>,
@@ -56,7 +56,7 @@ pub(super) struct Samples {
 
 impl Samples {
     /// Returns samples before the first frame. The nodes of `tpdos` are the joints, then the switch box. `max_missed`
-    /// cycles in a row without a sample of a joint are a fault.
+    /// consecutive cycles without a sample of a joint are a fault.
     pub(super) fn new(
         tpdos: TpdoMap,
         filters: [SampleFilter; 6],
@@ -136,12 +136,12 @@ impl Samples {
         }
         if let Some(position) = tpdo.position {
             match joint.entry_mut(&mut self.filters).on_position(position) {
-                Filtered::Sample => {
+                FilterResult::Sample => {
                     sample.position = position;
                     *joint.entry_mut(&mut self.received_at) = Some(at);
                 }
-                Filtered::Ignored => {}
-                Filtered::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
+                FilterResult::Ignored => {}
+                FilterResult::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
             }
         }
     }
@@ -234,10 +234,10 @@ impl Samples {
     }
 
     /// Returns the samples of this window, with the torques received since the last call.
-    pub(super) fn sampled(&mut self) -> Sampled<'_> {
+    pub(super) fn sampled(&mut self) -> SampleSet<'_> {
         let torques = std::mem::take(&mut self.torques);
         let demands = std::mem::take(&mut self.demands);
-        Sampled { at: self.sync_at, latest: &self.latest, fresh: self.fresh(), torques, demands }
+        SampleSet { at: self.sync_at, latest: &self.latest, fresh: self.fresh(), torques, demands }
     }
 
     /// Returns the joints whose sample was received in this window.
@@ -273,8 +273,8 @@ mod tests {
     use config::Config;
     use units::drive::Counts;
 
-    /// Returns samples of `config/{name}.toml`: `kraft_like_500hz` has one TPDO per drive, `kraft_like` sends the
-    /// statusword in a TPDO of its own.
+    /// Returns samples of `config/{name}.toml`. `kraft_like_500hz` has one TPDO per drive; `kraft_like` sends the statusword
+    /// in a separate TPDO.
     fn samples(name: &str) -> Samples {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
         Samples::new(

@@ -2,16 +2,16 @@
 
 use crate::Node;
 use crate::record::Mode;
-use crate::wire::NotSent;
+use crate::wire::SendRefusal;
 use bus::Bus;
 use canopen::frame::{Frame, Telegram};
 use remote::Remote;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Sends the SYNC that was due at `due`, and returns its time, from which the age of samples and targets counts. The
-    /// process may stall between two buses: where half a period has passed, the other buses get none, since the next one
-    /// would follow too closely.
+    /// Sends the SYNC that was due at `due`, and returns its time, from which the age of samples and targets counts. If the
+    /// process stalls between two buses for half a period, the other buses get no SYNC, because the next would follow too
+    /// closely.
     pub(super) fn send_sync(&mut self, due: Instant) -> Instant {
         let now = self.wire.now();
         self.samples.start_window(now);
@@ -99,8 +99,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn send(&mut self, telegram: Telegram) -> bool {
         match self.wire.send(telegram) {
             Ok(()) => true,
-            Err(NotSent::Closed) => false,
-            Err(NotSent::NotAccepted(at, cause)) => {
+            Err(SendRefusal::Closed) => false,
+            Err(SendRefusal::NotAccepted(at, cause)) => {
                 self.raise(at, [cause]);
                 false
             }

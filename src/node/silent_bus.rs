@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::Node;
-use bus::{Bus, BusEvent, BusFault, Received, SendError, Wake};
+use bus::{Bus, BusEvent, BusFault, ReceivedEvent, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
@@ -52,15 +52,15 @@ impl Bus for SilentBus {
 
 impl SilentBus {
     /// Waits until `until` for a planned event.
-    fn next(&mut self, until: Instant) -> Option<Received> {
+    fn next(&mut self, until: Instant) -> Option<ReceivedEvent> {
         if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
             self.now = self.now.max(at);
-            return Some(Received { at, channel: Channel(0), event: BusEvent::Fault(fault) });
+            return Some(ReceivedEvent { at, channel: Channel(0), event: BusEvent::Fault(fault) });
         }
         if self.received.first().is_some_and(|(at, _)| *at <= until) {
             let (at, Telegram { channel, frame }) = self.received.remove(0);
             self.now = self.now.max(at);
-            return Some(Received { at, channel, event: BusEvent::Frame(frame) });
+            return Some(ReceivedEvent { at, channel, event: BusEvent::Frame(frame) });
         }
         self.now = self.now.max(until) + std::mem::take(&mut self.stall);
         if self.sent.last().is_some_and(|(_, telegram)| telegram.frame.cob_id == sync::COB_ID) {

@@ -31,7 +31,7 @@ const MAX_RECEIVE_WAIT: Duration = Duration::from_millis(1);
 /// Drives that did not confirm that their power stages are off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{}; all drives keep their watchdogs and end in fault 8130h", lines(.statuswords))]
-pub struct NotConfirmed {
+pub struct PowerOffError {
     /// Last statusword of each such joint.
     pub statuswords: [Option<u16>; 6],
 }
@@ -53,12 +53,12 @@ fn lines(statuswords: &[Option<u16>; 6]) -> String {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Stops in order: torque ramps to zero, drives off and confirmed by their statuswords, NMT pre-operational, then the
-    /// end of the nodes' monitoring of this master. Its last step is skipped once `is_urgent` returns true.
+    /// Stops in order. Torque ramps to zero, the drives are switched off and confirm it by statusword, and the nodes are set
+    /// pre-operational. Then their monitoring of this master ends, unless `is_urgent` returns true.
     ///
     /// # Errors
     /// When a drive does not confirm in time. Disable voltage was sent to it, and the watchdogs of all drives still run.
-    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), NotConfirmed> {
+    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
         self.safety.disarm();
         while self.safety.allows_torque() {
             self.cycle();
@@ -73,7 +73,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn switch_off(
         &mut self,
         is_urgent: &mut dyn FnMut() -> bool,
-    ) -> Result<(), NotConfirmed> {
+    ) -> Result<(), PowerOffError> {
         self.safety.shut_down(self.wire.read_clock());
         let until = self.wire.read_clock() + POWER_OFF_TIMEOUT;
         while !self.is_off() && self.wire.read_clock() < until {
@@ -82,7 +82,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let statuswords = self.powered();
         self.enter_pre_operational();
         if statuswords != [None; 6] {
-            return Err(NotConfirmed { statuswords });
+            return Err(PowerOffError { statuswords });
         }
         self.end_monitoring(is_urgent);
         Ok(())
@@ -151,7 +151,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Logs a node that keeps its monitoring. Returns the number of nodes whose end of monitoring this event reports.
-    /// Other events, such as the reports of pre-operational, no longer matter.
+    /// Ignores other events, such as reports of pre-operational.
     fn note_end(&mut self, event: Event) -> usize {
         let is_kept = matches!(event, Event::MonitoringKept { .. });
         let is_ended = is_kept || matches!(event, Event::MonitoringEnded { .. });

@@ -165,7 +165,7 @@ mod tests {
             assert_eq!(limiter.limit(true, &none, &full), next);
             assert_eq!(limiter.revert_unsent([true; 6]), next);
             limiter.withdraw(Joint::ALL[2]);
-            // From zero where it was withdrawn, and to the other side.
+            // From zero after it was withdrawn, and in the opposite direction.
             let other_side = signed([-60, -60, -60, -60, -30, -100]);
             let mut from_zero = limiter;
             assert_eq!(from_zero.limit(true, &none, &full), signed([240, 180, 60, 180, 90, 300]));

@@ -1,7 +1,7 @@
 //! Reading of the target torque (6071h) that a drive has taken, by SDO while the node runs.
 //!
-//! Drives without an RPDO timer are read in turn, one request per gap that the bus load assumes, unless they send their
-//! torque demand (6074h) by TPDO. A drive whose torque actual (6077h) differs, or whose last reply did, comes first.
+//! Drives without an RPDO timer are read one after the other, unless they send their torque demand (6074h) by TPDO. The
+//! interval is the SDO gap assumed for the bus load. A drive whose actual torque (6077h) or last reply differs comes first.
 //! `plausibility::held_target` judges the replies. Other requests precede them.
 
 mod run;
@@ -32,7 +32,7 @@ impl TargetReadings {
         Self { sends_demand, next: 0, is_unread: [false; 6] }
     }
 
-    /// Returns the joints without a TPDO of their torque demand: `suspects` first, the others in turn.
+    /// Returns the joints without a TPDO of their torque demand: `suspects` first, then the others in rotation.
     fn turn(&self, suspects: [bool; 6]) -> impl Iterator<Item = Joint> + use<> {
         let sends_demand = self.sends_demand;
         let all = || Joint::ALL.into_iter().cycle().skip(self.next).take(Joint::ALL.len());

@@ -1,13 +1,13 @@
-//! Sending of target torques and controlwords: in time, or not at all.
+//! Sending of target torques and controlwords. Late ones are not sent.
 //!
 //! A target is as old as the SYNC of its samples. The process may stall between any two frames, so the clock is read
-//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods, and on a bus that got no SYNC in
-//! this cycle; zero targets and disable voltage are sent at any age.
+//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods, and on a bus without a SYNC in
+//! this cycle. Zero targets and disable voltage are sent at any age.
 //!
-//! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire: also
-//! those whose new target is zero, where a frame has the targets of several drives.
+//! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire. In a
+//! frame with the targets of several drives, this includes drives whose new target is zero.
 //!
-//! No accepted frame can be recalled. So the clock is read once more after the last one: if it was too late, zero
+//! An accepted frame cannot be recalled. The clock is therefore read again after the last one. If that was too late, zero
 //! targets follow in the same cycle, and act at the next SYNC in place of the late ones.
 
 use crate::Node;
@@ -81,7 +81,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         was_sent
     }
 
-    /// Replaces all target torques by zero if any was sent: the process has stalled before the last of them, or since.
+    /// Replaces all target torques by zero if any was sent, because the process has stalled before the last one or since.
     fn withdraw_targets(&mut self, was_sent: [bool; 6]) {
         let mut out = std::mem::take(&mut self.wire.out);
         self.drives.rpdos.cyclic(&mut out);
@@ -119,7 +119,8 @@ mod tests {
     use crate::silent_bus::{NoRemote, SilentBus, node};
     use controller::JointVector;
 
-    /// Limits and sends these targets `periods` tenths of a period after their SYNC; returns what the drives hold then.
+    /// Limits and sends these targets `periods` tenths of a period after their SYNC; returns the targets that the drives
+    /// then hold.
     fn sent(node: &mut Node<SilentBus, NoRemote>, targets: [i16; 6], tenths: u32) -> [i16; 6] {
         let sync_at = node.bus().now;
         node.bus_mut().now = sync_at + node.timing.period / 10 * tenths;

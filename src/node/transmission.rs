@@ -1,10 +1,10 @@
 //! Permission to send on each bus: no frame may be transmitted late.
 //!
 //! After a frame that the bus does not accept, the rest of its cycle is not sent. After a SYNC without transmit
-//! confirmation the next cycle sends nothing, so that frames held by the adapter meet no SYNC and do not act.
+//! confirmation the next cycle sends nothing. Frames held by the adapter then meet no SYNC and do not act.
 //!
-//! The second such cycle, bus off and an interface that is down end all transmission on the bus, the heartbeat
-//! included: the drives' timers stop them. Only a boot of the network permits sending again.
+//! The second such cycle, bus-off, or an interface that is down ends all transmission on the bus, including the heartbeat.
+//! The drives' timers then stop them. Only a boot of the network permits sending again.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use units::time::Instant;
 /// Number of failed cycles after which a bus is shut.
 const MAX_FAILED_CYCLES: u32 = 2;
 
-/// Maximum time by which a transmit confirmation may precede its SYNC, as the two clocks are read in turn.
+/// Maximum time by which a transmit confirmation may precede its SYNC. The two clocks are read one after the other.
 const CLOCK_TOLERANCE: Duration = Duration::from_micros(100);
 
 /// Permission to send on each bus.
@@ -110,7 +110,7 @@ impl Transmission {
         }
     }
 
-    /// Returns the time at which the last SYNC was confirmed on all buses; `None` where it was not.
+    /// Returns the time at which the last SYNC was confirmed on all buses; `None` if it was not.
     pub(super) fn confirmed_at(&self) -> Option<Instant> {
         let is_confirmed = self.buses.iter().all(BusState::is_confirmed);
         self.buses.iter().filter_map(|bus| bus.confirmed_at).max().filter(|_| is_confirmed)

@@ -6,7 +6,7 @@ use crate::cause::Cause;
 use crate::lateness::MIN_SUSPENSION;
 use crate::safety::causes;
 use crate::transmission::Transmission;
-use bus::{Bus, BusFault, Received, ReopenError};
+use bus::{Bus, BusFault, ReceivedEvent, ReopenError};
 use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
 use units::time::Instant;
@@ -30,7 +30,7 @@ pub(super) struct Wire<B> {
 
 /// Reason why a frame was not sent.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum NotSent {
+pub(super) enum SendRefusal {
     /// Sending on its bus is not permitted.
     Closed,
     /// Its bus did not accept it at this time.
@@ -77,7 +77,7 @@ impl<B: Bus> Wire<B> {
     }
 
     /// Waits until `until` for a frame or a fault.
-    pub(super) fn receive(&mut self, until: Instant) -> Option<Received> {
+    pub(super) fn receive(&mut self, until: Instant) -> Option<ReceivedEvent> {
         let wake = self.bus.wait(self.now, until);
         self.now = wake.now;
         wake.received
@@ -97,14 +97,14 @@ impl<B: Bus> Wire<B> {
     ///
     /// # Errors
     /// When sending on its bus is not permitted, or the bus does not accept it.
-    pub(super) fn send(&mut self, telegram: Telegram) -> Result<(), NotSent> {
+    pub(super) fn send(&mut self, telegram: Telegram) -> Result<(), SendRefusal> {
         if !self.transmission.is_open(telegram.channel) {
-            return Err(NotSent::Closed);
+            return Err(SendRefusal::Closed);
         }
         let at = self.now;
         let outcome = self.bus.send_at(at, telegram);
         let cause = self.transmission.on_send(at, &telegram, outcome);
-        outcome.map_err(|_| NotSent::NotAccepted(at, cause))
+        outcome.map_err(|_| SendRefusal::NotAccepted(at, cause))
     }
 
     /// Returns whether an open bus was left without the SYNC sent at `sync_at` on others.
@@ -130,7 +130,7 @@ impl<B: Bus> Wire<B> {
         causes::of_bus(channel, fault)
     }
 
-    /// Reopens the buses if one of them is shut, and permits sending on all.
+    /// Reopens all buses if one is shut, and permits sending on them.
     ///
     /// # Errors
     /// When an interface is missing, or not fit for torques.

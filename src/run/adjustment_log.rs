@@ -1,4 +1,4 @@
-//! Log of adjustments: scales, locks and the alignment as they change, by console or button, and refused presses of buttons.
+//! Log of adjustments: changes of scales, locks and alignment by console or button, and refused presses of buttons.
 
 use std::time::Duration;
 
@@ -9,13 +9,13 @@ use telemetry::token_bucket::TokenBucket;
 use units::adjustment::{LockAxis, Quantity};
 use units::time::Instant;
 
-/// Mean interval between lines, which a bouncing contact could fill a disk with.
+/// Mean interval between lines, so that a bouncing contact cannot fill a disk.
 const LINE_EVERY: Duration = Duration::from_millis(500);
 
 /// Burst of lines.
 const LINES_AT_ONCE: u32 = 20;
 
-/// Log with the state that it last wrote.
+/// Log of adjustments, with the last logged state.
 #[derive(Debug)]
 pub(super) struct AdjustmentLog {
     before: Option<AdjustmentState>,
@@ -27,7 +27,7 @@ impl AdjustmentLog {
         Self { before: None, bucket: TokenBucket::new(LINE_EVERY, LINES_AT_ONCE) }
     }
 
-    /// Logs what a cycle changed.
+    /// Logs the changes of a cycle.
     pub(super) fn log(&mut self, record: &Record) {
         let now = record.output.adjusted;
         let before = self.before.replace(now).unwrap_or(now);

@@ -1,4 +1,4 @@
-//! Batches of entries for the disk writers, made of memory that is used again: a steady state allocates nothing.
+//! Batches of entries for the disk writers. Their memory is reused, so a steady state does not allocate.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ const KEPT: usize = 16;
 pub(super) struct Batch {
     entries: Vec<Entry>,
     records: Vec<Record>,
-    /// Inputs of the node, in an order of their own.
+    /// Inputs of the node, in their own order.
     inputs: Vec<Input>,
 }
 
@@ -74,11 +74,11 @@ impl Batch {
     }
 }
 
-/// The batch being filled, and those handed out.
+/// Batch being filled, and batches in use by the writers.
 #[derive(Debug, Default)]
 pub(super) struct Batches {
     pub(super) filling: Batch,
-    /// Those handed out last, oldest first. Free again when no writer has it any more.
+    /// Batches handed out, oldest first. A batch is free when no writer holds it.
     handed_out: VecDeque<Arc<Batch>>,
 }
 

@@ -76,14 +76,14 @@ fn robot(arm: &RobotArm) -> String {
     )
 }
 
-/// Logs a warning if there is no switch box, so that nothing can be armed.
+/// Logs a warning if no switch box is configured, without which arming is refused.
 pub(super) fn warn_no_switch_box(config: &Config) {
     if let Err(reason) = config.switch_box() {
         tracing::warn!("{reason}");
     }
 }
 
-/// Refuses a link that only a simulation has, for a `command` on real buses.
+/// Refuses a simulated link for a `command` on real buses.
 pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<(), Failure> {
     if config.link.simulated.is_none() {
         return Ok(());
@@ -99,7 +99,7 @@ pub(super) fn refuse_simulated_link(config: &Config, command: &str) -> Result<()
 /// Refuses a commanded side in another process, for a `command` that simulates it.
 ///
 /// # Errors
-/// `remote.kind` is `link` (exit 3).
+/// When `remote.kind` is `link` (exit 3).
 pub fn refuse_far_side(config: &Config, command: &str) -> Result<(), Failure> {
     if config.far_side.agreement.is_none() {
         return Ok(());
@@ -112,7 +112,7 @@ pub fn refuse_far_side(config: &Config, command: &str) -> Result<(), Failure> {
     Err(Failure::new(Kind::Configuration, reason))
 }
 
-/// Loads and thereby validates the configuration, and prints bus load, joints and findings.
+/// Loads and validates the configuration, and prints bus load, joints and findings.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;
     if json {
@@ -123,7 +123,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns bus load, findings and what stops the drives as one object.
+/// Returns bus load, findings and the drives' timers as one JSON object.
 fn report(config: &Config) -> serde_json::Value {
     let buses = config.buses.iter().zip(config.loads()).map(|(bus, load)| {
         serde_json::json!({
@@ -151,7 +151,7 @@ fn report(config: &Config) -> serde_json::Value {
     })
 }
 
-/// Returns the same, and the joints, as lines.
+/// Returns bus load, findings, timers and joints as lines.
 fn lines(file: &Path, config: &Config) -> Vec<String> {
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);

@@ -1,4 +1,4 @@
-//! The commands of the rack.
+//! Commands of the rack: dispatch and help.
 
 use clap::Subcommand;
 
@@ -40,7 +40,7 @@ impl Command {
     /// Executes the command.
     ///
     /// # Errors
-    /// The failure, with its exit code.
+    /// Returns the failure, with its exit code.
     pub fn execute(&self) -> Result<(), Failure> {
         match self {
             Self::Run(args) => run::run(args),

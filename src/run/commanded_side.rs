@@ -1,4 +1,4 @@
-//! The commanded side of `frhc run`: a virtual object in this process, or a robot in another one.
+//! Commanded side of `frhc run`: a virtual object in this process, or a robot in another process.
 
 use std::path::PathBuf;
 
@@ -13,10 +13,10 @@ use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
 use units::time::Instant;
 use unix_socket::SocketFile;
 
-/// Group whose members may be the far side, where the system has it.
+/// Group whose members may connect as the far side, if the system has this group.
 const GROUP: &str = "frhc-link";
 
-/// Connections that may wait to be refused.
+/// Maximum number of connections waiting to be accepted or refused.
 const BACKLOG: i32 = 4;
 
 /// Receiver of the commands.
@@ -35,10 +35,10 @@ pub fn socket_of(config: &Config) -> PathBuf {
     given.unwrap_or_else(|| console().with_file_name("link.sock"))
 }
 
-/// Opens the commanded side of a configuration; of a link also its thread, not started yet, and the file of its socket.
+/// Opens the commanded side of a configuration. A link also has a thread, which is not started yet, and a socket file.
 ///
 /// # Errors
-/// The link's socket cannot be created.
+/// When the socket of the link cannot be created.
 pub(crate) fn open(
     config: &Config,
 ) -> Result<(CommandedSide, Option<(LinkThread, SocketFile)>), Failure> {

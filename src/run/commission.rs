@@ -11,10 +11,10 @@ use crate::exit::{Failure, Kind, OrFail};
 use crate::interfaces::{self, Interfaces};
 use crate::{check, print, signal_flag};
 use canopen::master::check::Check;
-use canopen::nameplate::Held;
+use canopen::nameplate::StoredValue;
 use canopen::plan::NodePlan;
 use config::Config;
-use node::proof_test::{DriveResult, ProofTestReport, Trip};
+use node::proof_test::{DriveResult, Expiry, ProofTestReport};
 use node::{BringUpError, Node};
 use remote::site::VirtualSite;
 
@@ -49,9 +49,9 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     // --prove overrides `safety.prove_drives = false`.
     let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let stop = signal_flag::of([SIGINT, SIGTERM])?;
+    let stop = signal_flag::register([SIGINT, SIGTERM])?;
     // A closed terminal does not stop the drives.
-    signal_flag::of([SIGHUP])?;
+    signal_flag::register([SIGHUP])?;
     let bus = interfaces::open(&config, &names)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));
@@ -93,7 +93,7 @@ fn drives(config: &Config) -> Vec<NodePlan> {
     config.node_plans().into_iter().map(|(_, plan)| plan).filter(NodePlan::is_drive).collect()
 }
 
-/// Result of the proof test, with the configuration it belongs to.
+/// Report on the proof test of a configuration.
 struct Report<'c> {
     config: &'c Config,
     plans: Vec<NodePlan>,
@@ -111,7 +111,7 @@ impl Report<'_> {
             let [rpdo, heartbeat, guarding] =
                 [drive.rpdo, drive.heartbeat, drive.guarding].map(cell);
             lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18} {guarding:>18}", drive.name));
-            let stops_by: Vec<_> = drive.trips().map(|trip| trip.watchdog.to_string()).collect();
+            let stops_by: Vec<_> = drive.expiries().map(|one| one.watchdog.to_string()).collect();
             lines.push(match drive.reaction_time() {
                 None => "  stops by: nothing".to_owned(),
                 Some(time) => {
@@ -121,7 +121,7 @@ impl Report<'_> {
             });
             let held = plan.protections().into_iter().map(|check| read_back(drive, &check));
             lines.push(format!("  read back: {}", held.collect::<Vec<_>>().join(", ")));
-            let holds: Vec<_> = drive.held.iter().map(Held::to_string).collect();
+            let holds: Vec<_> = drive.held.iter().map(StoredValue::to_string).collect();
             lines.push(format!("  holds: {}", holds.join(", ")));
         }
         lines.push(self.verdict());
@@ -160,7 +160,7 @@ impl Report<'_> {
                 "heartbeat": drive.heartbeat.map(timer),
                 "guarding": drive.guarding.map(timer),
                 "read_back": held.collect::<serde_json::Map<_, _>>(),
-                "holds": drive.held.iter().map(Held::to_string).collect::<Vec<_>>(),
+                "holds": drive.held.iter().map(StoredValue::to_string).collect::<Vec<_>>(),
             })
         };
         let lasting = self.proof.reaction_time();
@@ -182,14 +182,16 @@ fn read_back(drive: &DriveResult, check: &Check) -> String {
     }
 }
 
-fn cell(trip: Option<Trip>) -> String {
-    trip.map_or_else(
+fn cell(expiry: Option<Expiry>) -> String {
+    expiry.map_or_else(
         || "-".to_owned(),
-        |Trip { watchdog, measured, .. }| format!("{} / {:.1}", watchdog.millis, millis(measured)),
+        |Expiry { watchdog, measured, .. }| {
+            format!("{} / {:.1}", watchdog.millis, millis(measured))
+        },
     )
 }
 
-fn timer(Trip { watchdog, measured, .. }: Trip) -> serde_json::Value {
+fn timer(Expiry { watchdog, measured, .. }: Expiry) -> serde_json::Value {
     serde_json::json!({
         "object": watchdog.object.to_string(),
         "said_ms": watchdog.millis,

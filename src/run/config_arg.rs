@@ -33,7 +33,7 @@ impl TrustedConfigArg {
         &self.configured.config
     }
 
-    /// Loads and validates the configuration. Returns the contents of all files that were read, too.
+    /// Loads and validates the configuration. Also returns the contents of all files that were read.
     pub(super) fn load(&self) -> Result<(Config, Copies), Failure> {
         if self.insecure {
             tracing::warn!("--insecure: any user who can write the configuration controls the arm");

@@ -163,7 +163,7 @@ fn command(request: &CtlRequest) -> Result<ConsoleCommand, Failure> {
     words.parse().map(ConsoleCommand::Adjust).or_fail(Kind::Usage)
 }
 
-/// Returns the paths to try: the one that is given or configured, else the default ones.
+/// Returns the paths to try: that of the option or the configuration, else the default ones.
 fn socket_paths(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
     if let Some(socket) = &args.socket {
         return Ok(vec![socket.clone()]);
@@ -194,8 +194,8 @@ async fn wait_for_boot(paths: &[PathBuf], seconds: u64) -> anyhow::Result<()> {
     })
 }
 
-/// Sends one request; returns the line of the response. A node with too many clients may close the connection: a
-/// request that may be executed twice is then sent again.
+/// Sends one request; returns the line of the response. A node with too many clients may close the connection. The
+/// request is then sent again, if it may be executed twice.
 async fn send(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<String> {
     let is_repeatable = matches!(ask, ConsoleCommand::Disarm | ConsoleCommand::Status);
     let attempts = if is_repeatable { MAX_ATTEMPTS } else { 1 };
@@ -291,7 +291,7 @@ const UNITS: [(&str, &str); 4] = [
     ("joints", "position, torque, target torque of rated"),
 ];
 
-/// Members that the rows of the joints repeat with names and units.
+/// Members that are omitted, because the rows of the joints contain them with names and units.
 const IN_JOINTS: [&str; 3] = ["q", "tau", "targets"];
 
 /// Formats a status as rows of name and value; members of an object follow it, indented.
@@ -320,7 +320,7 @@ fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value])
             let values = members.iter().map(value).collect::<Vec<_>>().join(", ");
             vec![format!("{:26} {values}", headed())]
         } else if let Some(members) = value.as_object() {
-            // A list is of all joints.
+            // Each list contains all joints.
             let has_lists = members.values().any(serde_json::Value::is_array);
             let joints_shown = if has_lists { joints } else { &[] };
             let names = joints_shown.iter().filter_map(|joint| joint.get("name")?.as_str());
@@ -335,7 +335,7 @@ fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value])
     members.flat_map(of_member).collect()
 }
 
-/// Returns whether these are percentiles of one time: they fit into a row.
+/// Returns whether these are percentiles of one time, which fit into a row.
 fn is_percentiles(members: &serde_json::Map<String, serde_json::Value>) -> bool {
     members.get("p50").is_some_and(serde_json::Value::is_u64)
 }

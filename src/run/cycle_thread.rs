@@ -1,4 +1,4 @@
-//! The thread of the cycle: priority, bring-up, cycles, stop.
+//! Cycle thread: priority, bring-up, cycles, stop.
 
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -11,48 +11,48 @@ use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
 use crate::stopping;
 use crate::{print, threads};
-use bus::realtime::{self, Granted};
-use bus::{Bus, Traced};
+use bus::realtime::{self, GrantedSettings};
+use bus::{Bus, TappedBus};
 use inputs::{InputSink, RecordedNode};
 use node::{BringUpError, Request};
 use remote::Remote;
 
-/// Time allowed for the end of the latch, so that a disk that hangs does not keep the process.
+/// Time allowed for the end of the latch, so that a stalled disk does not keep the process alive.
 const LATCH_TIMEOUT: Duration = Duration::from_millis(300);
 
-/// The node of a run, whose frames and inputs go to the recorder thread.
-type TracedNode<B, R, S> = RecordedNode<Traced<B, EntryProducer>, R, S>;
+/// Node of a run, whose frames and inputs are sent to the recorder thread.
+type TappedNode<B, R, S> = RecordedNode<TappedBus<B, EntryProducer>, R, S>;
 
 /// Result of the cycle thread.
 #[derive(Debug)]
-pub struct Ended {
-    /// Every drive is confirmed disabled, and no stop is latched.
+pub struct RunEnd {
+    /// Set if every drive has confirmed that it is disabled, and no stop is latched.
     pub is_orderly: bool,
-    /// The failure, with its exit code.
+    /// Failure of the run, with its exit code.
     pub outcome: Result<(), Failure>,
 }
 
-impl Ended {
-    fn of(is_orderly: bool, outcome: Result<(), Failure>) -> Self {
+impl RunEnd {
+    fn new(is_orderly: bool, outcome: Result<(), Failure>) -> Self {
         Self { is_orderly, outcome }
     }
 }
 
 /// Runs the cycle thread: priority, bring-up, cycles, stop. Removes the latch after an orderly end.
 pub(super) fn run<B: Bus, R: Remote, S: InputSink + Clone>(
-    mut node: TracedNode<B, R, S>,
+    mut node: TappedNode<B, R, S>,
     mut requests: RequestReceiver,
     signals: &StopSignals,
     mut latch: Latch,
     realtime: &RealtimeArgs,
 ) -> Result<(), Failure> {
-    // Lives as long as the cycle: so does the limit of the processors' latency.
+    // Held until the cycle ends, because the limit of the processors' latency ends with it.
     let granted = realtime::ask_for(realtime.settings());
     let stopping = || signals.is_stop_requested();
     let is_urgent = || signals.is_urgent();
-    let Ended { is_orderly, outcome } = match warning(&granted) {
+    let RunEnd { is_orderly, outcome } = match warning(&granted) {
         Some(refused) if realtime.require_realtime => {
-            Ended::of(true, Err(Failure::new(Kind::Bus, refused)))
+            RunEnd::new(true, Err(Failure::new(Kind::Bus, refused)))
         }
         warning => {
             match warning {
@@ -74,8 +74,8 @@ pub(super) fn run<B: Bus, R: Remote, S: InputSink + Clone>(
     outcome
 }
 
-/// Returns the warning of real-time settings that the kernel refused.
-fn warning(granted: &Granted) -> Option<String> {
+/// Returns the warning about real-time settings that the kernel refused.
+fn warning(granted: &GrantedSettings) -> Option<String> {
     let warning = || {
         format!(
             "real-time settings refused, so cycles may be late: {granted}; LimitRTPRIO=80 and \
@@ -85,7 +85,7 @@ fn warning(granted: &Granted) -> Option<String> {
     (!granted.is_all()).then(warning)
 }
 
-/// Runs `task` on a thread of its own; returns `None` if it takes longer than `limit`.
+/// Runs `task` on a separate thread; returns `None` if it takes longer than `limit`.
 fn within<T: Send + 'static>(
     limit: Duration,
     task: impl FnOnce() -> T + Send + 'static,
@@ -99,12 +99,12 @@ fn within<T: Send + 'static>(
 
 /// Boots the node and runs cycles until `stopping` returns true, then stops the drives in order unless it `is_urgent`.
 pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
-    node: &mut TracedNode<B, R, S>,
+    node: &mut TappedNode<B, R, S>,
     requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
     is_urgent: &impl Fn() -> bool,
-) -> Ended {
+) -> RunEnd {
     let mut give_up = || {
         requests.answer_during_boot();
         stopping()
@@ -135,39 +135,39 @@ pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     let off = node.stop(&mut || is_urgent());
     match (stopped_by, off) {
-        (None, confirmed) => Ended::of(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
-        (Some(cause), Ok(())) => Ended::of(false, Err(stop(format!("stopped by {cause}")))),
+        (None, confirmed) => RunEnd::new(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
+        (Some(cause), Ok(())) => RunEnd::new(false, Err(stop(format!("stopped by {cause}")))),
         (Some(cause), Err(error)) => {
-            Ended::of(false, Err(stop(format!("stopped by {cause}; {error}"))))
+            RunEnd::new(false, Err(stop(format!("stopped by {cause}; {error}"))))
         }
     }
 }
 
 /// Returns the result of a failed boot. If no drive was enabled, the end is orderly and latches nothing.
 fn boot_failure<B: Bus, R: Remote, S: InputSink + Clone>(
-    node: &mut TracedNode<B, R, S>,
+    node: &mut TappedNode<B, R, S>,
     error: BringUpError,
-) -> Ended {
+) -> RunEnd {
     match error {
-        BringUpError::GivenUp => Ended::of(true, Ok(())),
+        BringUpError::GivenUp => RunEnd::new(true, Ok(())),
         BringUpError::Bus(_) | BringUpError::Unfit(_) => {
-            Ended::of(true, Err(error).or_fail(Kind::Bus))
+            RunEnd::new(true, Err(error).or_fail(Kind::Bus))
         }
-        BringUpError::Boot(_) => Ended::of(true, Err(error).or_fail(Kind::Drive)),
+        BringUpError::Boot(_) => RunEnd::new(true, Err(error).or_fail(Kind::Drive)),
         BringUpError::Mode(_) | BringUpError::ProofTest(_) => {
-            Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive))
+            RunEnd::new(node.is_off(), Err(error).or_fail(Kind::Drive))
         }
-        BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
+        BringUpError::LeftOn(_) => RunEnd::new(false, Err(error).or_fail(Kind::Drive)),
         BringUpError::NotEnabled(_) => {
             // Records the trip.
             run_cycle(node);
-            Ended::of(false, Err(error).or_fail(Kind::Drive))
+            RunEnd::new(false, Err(error).or_fail(Kind::Drive))
         }
     }
 }
 
 /// Runs one cycle and queues its record.
-fn run_cycle<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TracedNode<B, R, S>) {
+fn run_cycle<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TappedNode<B, R, S>) {
     let record = node.cycle();
     node.bus_mut().tap_mut().push_record(&record);
 }
@@ -205,7 +205,7 @@ pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
         match &outcome {
             Ok(_) => latch.release(),
             Err(_) if node.is_off() => latch.restore(),
-            // A drive may be enabled: the latch says that this run has not ended in order.
+            // A drive may be enabled, so the latch records that this run has not ended in order.
             Err(_) => {}
         }
     }
@@ -216,7 +216,7 @@ pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
 }
 
 /// Queues events on the network for the recorder thread.
-fn forward_events<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TracedNode<B, R, S>) {
+fn forward_events<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TappedNode<B, R, S>) {
     while let Some(event) = node.notice() {
         node.bus_mut().tap_mut().push_event(event);
     }
@@ -228,8 +228,12 @@ mod tests {
 
     #[test]
     fn refused_real_time_setting_is_a_warning() {
-        let all =
-            |is_locked| Granted { is_fifo: true, is_locked, is_exact: true, ..Granted::default() };
+        let all = |is_locked| GrantedSettings {
+            is_fifo: true,
+            is_locked,
+            is_exact: true,
+            ..GrantedSettings::default()
+        };
         assert_eq!(warning(&all(true)), None);
         let warned = warning(&all(false)).unwrap();
         assert!(

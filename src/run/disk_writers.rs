@@ -1,11 +1,11 @@
-//! One writer thread for the session and one for the fault records: a stalled disk delays only its own recording.
+//! Writer threads of session and fault records, one each, so that a stalled disk delays only its own recording.
 //!
-//! The recorder thread hands every entry to both in batches, to the fault records first. The fault records' thread
-//! keeps the last 2 s in memory, so a trip is complete even when the session's disk stalls. After about 5 s of
-//! stall the queue is full; further batches are dropped and counted.
+//! The recorder thread sends every entry to both in batches, to the fault records first. The thread of the fault records
+//! keeps the last 2 s in memory, so a trip is complete even if the session's disk stalls. After about 5 s of stall the
+//! queue is full, and further batches are dropped and counted.
 //!
-//! Each thread closes its recording itself at the end of the run, so that a disk that hangs keeps no other thread, and
-//! the process for a limited time only.
+//! Each thread closes its own recording at the end of the run. A stalled disk thus delays no other thread, and the
+//! process only for a limited time.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -67,7 +67,7 @@ impl DiskWriters {
         self.batches.filling.push_input(input);
     }
 
-    /// Hands the batch to the writers, to the fault records first. Never blocks.
+    /// Sends the batch to the writers, to the fault records first. Never blocks.
     pub(super) fn flush(&mut self) {
         let Some(batch) = self.batches.take() else { return };
         let lost = |writer: &Result<(), u64>| writer.err().unwrap_or(0);
@@ -92,7 +92,7 @@ impl DiskWriters {
     /// names the fault records of this run.
     ///
     /// # Errors
-    /// When a recording is incomplete, or its disk did not respond in time: it is given up then.
+    /// When a recording is incomplete, or its disk did not respond in time. Such a recording is abandoned.
     pub(super) fn finish(
         mut self,
         summary: &Summary,
@@ -126,7 +126,7 @@ impl DiskWriters {
 /// Outcome of a recording.
 #[derive(Debug)]
 struct Outcome {
-    /// Line for people.
+    /// Line about the recording, to be printed.
     line: Option<String>,
     result: anyhow::Result<()>,
 }
@@ -137,9 +137,9 @@ impl Default for Outcome {
     }
 }
 
-/// A recording that can be closed with the summary of its run.
+/// Recording that is closed with the summary of its run.
 trait Recording: RecordSink {
-    /// Returns its name for people, with its folder.
+    /// Returns the displayed name, with the folder.
     fn name(&self) -> String;
     fn close(self, summary: &Summary) -> Outcome;
 }
@@ -164,7 +164,7 @@ impl Recording for Session {
     }
 }
 
-/// A thread that closes its recording.
+/// Thread that is closing its recording.
 #[derive(Debug)]
 struct ClosingThread {
     /// Name of its recording.
@@ -189,7 +189,7 @@ impl ClosingThread {
     }
 }
 
-/// A thread that writes batches to its recording, and the queue to it.
+/// Thread that writes batches to its recording, and the queue to it.
 #[derive(Debug)]
 struct Writer<T> {
     /// Name of its recording.
@@ -229,7 +229,7 @@ impl<T: Recording> Writer<T> {
         self.messages.try_recv().ok()
     }
 
-    /// Lets the thread write what is queued, and then close its recording.
+    /// Lets the thread write all queued batches, and then close its recording.
     fn close(self, summary: &Summary) -> ClosingThread {
         // The thread is gone after a panic; its receiver reports that.
         self.summary.send(summary.clone()).ok();
@@ -279,7 +279,7 @@ mod tests {
     }
 
     fn session_onto(file: File, folder: &Path) -> Session {
-        Session::of(SessionFiles::onto(file, folder, &provenance()), folder)
+        Session::new(SessionFiles::onto(file, folder, &provenance()), folder)
     }
 
     /// Pushes cycles of 1 ms with their frames, and flushes every fifth, as the recorder thread does.
@@ -374,7 +374,7 @@ mod tests {
         fs::remove_dir_all(&folder).ok();
     }
 
-    /// Closes the recordings within `limit` on the wall clock; the clock of the run stands still.
+    /// Closes the recordings within `limit` on the wall clock; the clock of the run is constant.
     fn finish(writers: DiskWriters, limit: Duration) -> (Option<String>, anyhow::Result<()>) {
         writers.finish(&Summary::default(), Instant::ZERO + limit, || Instant::ZERO)
     }

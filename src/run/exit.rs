@@ -1,4 +1,4 @@
-//! Failures of commands: an exit code for scripts and one line of text for people.
+//! Failures of commands, with exit code and one line of text.
 
 use std::fmt;
 use std::process::ExitCode;
@@ -62,7 +62,7 @@ pub trait OrFail<T> {
     /// Returns the value, or the error as a failure of this kind.
     ///
     /// # Errors
-    /// The error, as a failure of this kind.
+    /// Returns the error as a failure of this kind.
     fn or_fail(self, kind: Kind) -> Result<T, Failure>;
 }
 

@@ -1,7 +1,7 @@
 //! Fault records: one folder `NNN-CYCLE-CAUSE/` per trip, with `bus.log` in the session's format and `fault.json`.
-//! Readable by their owner only; the newest 50 are kept.
 //!
-//! A record that cannot be written is reported once; the run goes on.
+//! They are readable by their owner only, and the newest 50 are kept. A record that cannot be written is reported once,
+//! and the run continues.
 
 use std::fs;
 use std::io::{self, BufWriter};
@@ -18,7 +18,7 @@ use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use node::safety::table;
-use telemetry::fault_record::{FaultWatch, Observation, Trip};
+use telemetry::fault_record::{Observation, Trip, TripDetector};
 use telemetry::losses::Losses;
 use telemetry::session::{Brief, SessionLog};
 use telemetry::status::{Status, joints};
@@ -42,7 +42,7 @@ pub(super) fn default_folder() -> Option<PathBuf> {
 pub(super) struct FaultRecords {
     folder: PathBuf,
     provenance: Provenance,
-    watch: FaultWatch,
+    watch: TripDetector,
     open: Option<Open>,
     has_failed: bool,
     /// Records that this run has written.
@@ -50,7 +50,7 @@ pub(super) struct FaultRecords {
     message: Option<String>,
 }
 
-/// A record of the last second, still being written.
+/// Record of the last trip, still being written.
 #[derive(Debug)]
 struct Open {
     folder: PathBuf,
@@ -63,7 +63,7 @@ struct Open {
 }
 
 impl FaultRecords {
-    /// Opens or creates `folder`, so that one that cannot be written is reported at the start.
+    /// Opens or creates `folder`, so that missing permissions are reported at the start.
     ///
     /// # Errors
     /// When the folder cannot be created or read.
@@ -73,7 +73,7 @@ impl FaultRecords {
         Ok(Self {
             folder: folder.to_path_buf(),
             provenance: provenance.clone(),
-            watch: FaultWatch::default(),
+            watch: TripDetector::default(),
             open: None,
             has_failed: false,
             written: Vec::new(),
@@ -139,7 +139,7 @@ impl FaultRecords {
         Ok(Open { folder, log, document, tripped: at, latest: at, not_off })
     }
 
-    /// Removes the oldest records, also those of other runs. Files of other origin in them stay.
+    /// Removes the oldest records, also those of other runs. Keeps files of other origin in them.
     fn make_room(&self) {
         let Ok(entries) = fs::read_dir(&self.folder) else { return };
         let entries = entries.flatten();
@@ -202,8 +202,8 @@ impl RecordSink for FaultRecords {
     }
 }
 
-/// Returns `fault.json` as written at the trip. A run that ends within the second leaves it so, with
-/// `is_complete: false`.
+/// Returns `fault.json` as written at the trip, with `is_complete: false`. A run that ends within the second leaves it
+/// unchanged.
 fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_before: f64) -> Value {
     let kind = trip.cause.kind();
     let row = kind.row();
@@ -232,7 +232,7 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
         "not_off": joints(&record.not_off),
         "is_complete": false,
         "joints": names,
-        "status": Status::of(record, 0, Losses::default()).with_joints(&provenance.joints),
+        "status": Status::from_record(record, 0, Losses::default()).with_joints(&provenance.joints),
     })
 }
 
@@ -302,7 +302,7 @@ mod tests {
     fn provenance() -> Provenance {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let origin = Origin::from_micros(1_795_331_563_123_456);
-        Provenance::of(&config, &["can0".to_owned()], origin)
+        Provenance::new(&config, &["can0".to_owned()], origin)
     }
 
     fn mode_of(path: &Path) -> u32 {

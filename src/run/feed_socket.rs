@@ -1,10 +1,10 @@
-//! The socket of the telemetry, `telemetry.sock`: its path, and the thread that sends the lines.
+//! Socket of the telemetry, `telemetry.sock`: its path, and the thread that sends the lines.
 //!
 //! ```text
 //!  cycle ─ ring ─► recorder ─ Publisher: lines, while there are readers ─ bounded queue ─► frhc-feed ─► readers
 //! ```
 //!
-//! Lines are made on the recorder's thread and sent by another one, so that no reader delays a recording.
+//! The recorder's thread makes the lines, and another thread sends them, so that no reader delays a recording.
 
 use std::io;
 use std::os::unix::net::UnixListener;
@@ -23,20 +23,20 @@ use telemetry::feed::{Feed, FeedLine, Scarce};
 use units::time::Instant;
 use unix_socket::{Audience, SocketFile};
 
-/// Group whose members may look, where the system has it.
+/// Group whose members may read the telemetry, if the system has this group.
 const GROUP: &str = "frhc-view";
 
 /// Name of the socket.
 pub const NAME: &str = "telemetry.sock";
 
-/// Lines that may wait for the thread; beyond, they are dropped.
+/// Capacity of the queue to the thread, in lines. Further lines are dropped.
 const QUEUE: usize = 64;
 
-/// Interval in which new readers are accepted while there are no lines.
+/// Interval at which new readers are accepted while no lines are sent.
 const ACCEPT_EVERY: Duration = Duration::from_millis(50);
 
-/// Returns the path of the telemetry beside a control socket: in a folder of its own, whose group may differ. `None` is the default
-/// control socket.
+/// Returns the path of the telemetry socket for a control socket, `None` for the default one. It is in a separate folder,
+/// whose group may differ.
 pub fn beside(socket: Option<&Path>) -> PathBuf {
     match socket {
         Some(socket) => socket.with_file_name("view").join(NAME),
@@ -44,7 +44,7 @@ pub fn beside(socket: Option<&Path>) -> PathBuf {
     }
 }
 
-/// Returns the paths that a viewer tries if none is given: that of the user's own node, then that of the service.
+/// Returns the default paths of a viewer: that of the user's own node, then that of the service.
 pub fn default_sockets() -> Vec<PathBuf> {
     let mut places: Vec<_> =
         crate::console::default_sockets().iter().map(|socket| of_default(socket)).collect();
@@ -58,7 +58,8 @@ fn of_default(socket: &Path) -> PathBuf {
     folder.with_file_name(GROUP).join(NAME)
 }
 
-/// Makes lines of what the cycle's thread passes on, and gives them to the thread that sends them. Ends that thread when dropped.
+/// Publisher of telemetry: converts entries of the cycle thread to lines, and queues them for the thread that sends them.
+/// Ends that thread when dropped.
 #[derive(Debug)]
 pub struct Publisher {
     feed: Feed,
@@ -71,7 +72,7 @@ impl Publisher {
     /// Listens at `path`, and starts the thread `frhc-feed`.
     ///
     /// # Errors
-    /// As [`unix_socket::listen`]; or the thread cannot be started.
+    /// As [`unix_socket::listen`], and when the thread cannot be started.
     pub fn start(path: &Path, feed: Feed) -> io::Result<Self> {
         let bind = |path: &Path| UnixListener::bind(path);
         let (listener, file) = unix_socket::listen(path.to_path_buf(), Some(GROUP), bind)?;
@@ -97,7 +98,7 @@ impl Publisher {
         self.send(line);
     }
 
-    /// Takes the record of a cycle; `scarce` is called for what changes slowly, every half second.
+    /// Takes the record of a cycle; `scarce` is called for slowly changing values, every half second.
     pub fn on_record(&mut self, record: &Record, scarce: impl FnOnce() -> Scarce) {
         self.feed.set_read(self.is_read.load(Ordering::Relaxed));
         for line in self.feed.on_record(record, scarce) {
@@ -105,7 +106,7 @@ impl Publisher {
         }
     }
 
-    /// Gives a line to the thread; drops it where the thread is behind.
+    /// Queues a line for the thread; drops it if the queue is full.
     fn send(&self, line: Option<FeedLine>) {
         if let (Some(line), Some(lines)) = (line, &self.lines) {
             lines.try_send(line).ok();
@@ -122,7 +123,7 @@ impl Drop for Publisher {
     }
 }
 
-/// The thread's part.
+/// State of the thread that sends the lines.
 #[derive(Debug)]
 struct Sender {
     audience: Audience,

@@ -11,8 +11,7 @@ const MAX_LINE: usize = 120;
 /// Characters in front of a line of the log: its level and "gains: ".
 const PREFIX: usize = 13;
 
-/// Logs one short warning for all inequalities that warn, and one for all that refuse. The inequalities themselves are
-/// logged for `-v`.
+/// Logs one short warning for all inequalities that warn, and one for all that refuse. `-v` logs each inequality.
 pub fn warn(config: &Config) {
     let findings = config.findings();
     for verdict in [Verdict::Refuses, Verdict::Warns] {
@@ -27,7 +26,7 @@ pub fn warn(config: &Config) {
     }
 }
 
-/// Returns the names of the inequalities with this verdict, each with its number of axes, in one line; as many as fit.
+/// Returns the names of the inequalities with this verdict, each with its number of axes, as far as they fit one line.
 fn summary(findings: &[Finding], verdict: Verdict) -> Option<String> {
     const ROOM: usize = MAX_LINE - PREFIX;
     let groups = groups(findings);
@@ -50,8 +49,8 @@ fn counted(group: &[&Finding]) -> Option<String> {
     group.first().map(|first| format!("{} ({axes} {plural})", first.name))
 }
 
-/// Returns the findings as lines, the worst verdict first. An inequality with the same verdict on several axes is one
-/// line, for the axis with the least margin, which names the others.
+/// Returns the findings as lines, the worst verdict first. An inequality with the same verdict on several axes gets one
+/// line, for the axis with the smallest margin, which names the other axes.
 pub(super) fn lines(findings: &[Finding]) -> Vec<(Verdict, String)> {
     let mut lines: Vec<_> = groups(findings).iter().filter_map(|group| line(group)).collect();
     lines.sort_by_key(|(verdict, _)| Reverse(*verdict));

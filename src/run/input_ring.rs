@@ -1,7 +1,7 @@
 //! Lock-free ring of the node's inputs, from the cycle thread to the recorder thread. Only a recorded session has one.
 //!
-//! As with the [rings](crate::rings) of frames and records, the producer never waits: inputs that do not fit are counted,
-//! and the count is an input itself, so that a replay ends where its inputs do.
+//! As with the [rings](crate::rings) of frames and records, the producer never waits. Inputs that do not fit are counted.
+//! The count is recorded as an input, so that a replay ends at the first loss.
 
 use std::cell::{Cell, RefCell};
 
@@ -13,7 +13,7 @@ use inputs::{Input, InputSink};
 /// Capacity in inputs: a second of two buses at 1 kHz.
 const CAPACITY: usize = 1 << 15;
 
-/// The producer, owned by the cycle thread.
+/// Producer of inputs, owned by the cycle thread.
 #[derive(Debug, Default)]
 pub struct InputProducer {
     ring: Option<RefCell<Producer<Input>>>,
@@ -22,11 +22,11 @@ pub struct InputProducer {
     counters: LossCounters,
 }
 
-/// The consumer, which the recorder thread polls.
+/// Consumer of inputs, which the recorder thread polls.
 #[derive(Debug, Default)]
 pub struct InputConsumer(Option<Consumer<Input>>);
 
-/// Returns both ends of a ring; of none if nothing is recorded. Allocates all memory.
+/// Returns producer and consumer, without a ring if nothing is recorded. Allocates all memory.
 pub fn input_ring(is_recorded: bool, counters: LossCounters) -> (InputProducer, InputConsumer) {
     if !is_recorded {
         return Default::default();

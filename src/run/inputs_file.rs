@@ -1,4 +1,5 @@
-//! The inputs of a session, `inputs.bin` and its further parts. The first failed write ends them: what is there stays readable.
+//! Inputs of a session, `inputs.bin` and its further parts. The first failed write ends them, so that they remain
+//! readable.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -9,22 +10,22 @@ use inputs::{Call, Input, InputWriter};
 #[derive(Debug)]
 pub(super) struct InputsFile {
     writer: InputWriter<BufWriter<File>>,
-    /// The file of the next part, which begins before the next call.
+    /// File of the next part, which starts before the next call.
     next: Option<(u32, File)>,
-    /// Bytes of the parts before.
+    /// Size of the earlier parts, in bytes.
     finished: u64,
     is_in_cycle: bool,
-    /// Nothing more is to be written once the cycle has returned.
+    /// Set if writing ends once the cycle has returned.
     is_ending: bool,
     has_ended: bool,
     failed: Option<io::Error>,
 }
 
 impl InputsFile {
-    /// Begins `file`, which must be empty.
+    /// Starts the first part in `file`, which must be empty.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the header cannot be written.
     pub(super) fn onto(file: File) -> io::Result<Self> {
         let mut writer = InputWriter::begin(BufWriter::new(file))?;
         // A run that is killed at once leaves a file that is one.
@@ -67,13 +68,13 @@ impl InputsFile {
         }
     }
 
-    /// Goes on in the empty `file` of the next part, between two cycles.
+    /// Continues in the empty `file` of the next part, between two cycles.
     pub(super) fn begin_part(&mut self, number: u32, file: File) {
         self.next = Some((number, file));
         self.begin_next();
     }
 
-    /// Writes nothing more, from the end of this cycle.
+    /// Ends writing at the end of this cycle.
     pub(super) fn end(&mut self) {
         self.is_ending = true;
         self.end_if_due();
@@ -105,7 +106,7 @@ impl InputsFile {
         self.writer.flush()
     }
 
-    /// Writes this part to the disk.
+    /// Syncs this part to the disk.
     fn sync(&mut self) -> io::Result<()> {
         self.writer.flush()?;
         self.writer.get_ref().get_ref().sync_data()
@@ -116,7 +117,7 @@ impl InputsFile {
         self.next.is_some()
     }
 
-    /// Returns the bytes written, those of earlier parts included.
+    /// Returns the number of bytes written, including earlier parts.
     pub(super) const fn written(&self) -> u64 {
         self.finished + self.writer.written()
     }
@@ -126,10 +127,10 @@ impl InputsFile {
         self.failed.as_ref()
     }
 
-    /// Writes the last part to the disk.
+    /// Syncs the last part to the disk.
     ///
     /// # Errors
-    /// The write that failed.
+    /// Returns the error of the write that failed.
     pub(super) fn finish(mut self) -> io::Result<()> {
         match self.failed.take() {
             Some(error) => Err(error),

@@ -17,7 +17,7 @@ pub struct Interfaces {
 /// Returns the interface of each bus, in the configuration's order, with the overrides applied.
 ///
 /// # Errors
-/// An override of a bus that is not in the configuration.
+/// When an override names a bus that is not in the configuration.
 pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Failure> {
     let mut interfaces: Vec<String> =
         config.buses.iter().map(|bus| bus.interface.clone()).collect();
@@ -38,7 +38,7 @@ pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Fai
     Ok(interfaces)
 }
 
-/// Refuses an interface for two buses: each would receive its own frames as those of another master.
+/// Refuses one interface for two buses, where each would receive the frames of the other as those of a foreign master.
 fn each_once(config: &Config, interfaces: &[String]) -> Result<(), Failure> {
     for (place, (interface, bus)) in interfaces.iter().zip(&config.buses).enumerate() {
         let mut others = interfaces.iter().zip(&config.buses).skip(place + 1);

@@ -1,4 +1,5 @@
-//! SIGINT and SIGTERM of a command that writes files, or works for long: the first sets a flag, a second ends the process at once.
+//! SIGINT and SIGTERM of a command that writes files or runs long. The first sets a flag; a second ends the process at
+//! once.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +10,7 @@ use signal_hook::flag;
 
 use crate::exit::INTERRUPTED;
 
-/// The process's flag: one for all work in it, so that a signal between two pieces of work ends the second.
+/// Flag of the process, shared by all tasks, so that a signal between two tasks ends the second.
 static FLAG: LazyLock<io::Result<Arc<AtomicBool>>> = LazyLock::new(watched);
 
 /// Flag that the first SIGINT or SIGTERM sets.
@@ -17,11 +18,11 @@ static FLAG: LazyLock<io::Result<Arc<AtomicBool>>> = LazyLock::new(watched);
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Replaces the default actions of both signals and of SIGXFSZ for the rest of the process; the write that exceeds the
+    /// Replaces the default actions of both signals and of SIGXFSZ for the rest of the process. A write beyond the file size
     /// limit then returns an error.
     ///
     /// # Errors
-    /// A signal cannot be caught.
+    /// When a signal cannot be caught.
     pub fn watch() -> io::Result<Self> {
         let flag = FLAG.as_ref().map_err(|error| error.kind())?;
         Ok(Self(Arc::clone(flag)))
@@ -32,7 +33,7 @@ impl Interrupt {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Sets it, as a signal does.
+    /// Sets the flag, as a signal does.
     pub fn set(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

@@ -1,10 +1,9 @@
-//! The persistent latch: a file that exists while drives may be enabled (ADR 17, 30).
+//! Persistent latch: a file that exists while drives may be enabled (ADR 17, 30).
 //!
-//! It is on disk before the first controlword that enables a drive, and only an orderly end removes it. A node that
-//! finds it, or cannot write it, enables no drive before a reset; without a latch that can be written a reset is refused.
+//! It is on disk before the first controlword that enables a drive, and only an orderly end removes it. A node that finds
+//! it, or cannot write it, enables no drive before a reset. A reset is refused while the latch cannot be written.
 //!
-//! All users share its folder. Its name contains the interfaces, which identify the arm: nodes on other interfaces have
-//! other latches.
+//! All users share its folder. Its name contains the interfaces, which identify the arm.
 
 use std::fmt::Write as _;
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
@@ -21,7 +20,7 @@ use node::cause::ResetReason;
 /// Group whose members may enable drives.
 const GROUP: &str = "frhc";
 
-/// Permissions of the folder where this program creates it: new files have its group.
+/// Permissions of a folder created by this program. The setgid bit gives new files the group of the folder.
 const FOLDER_PERMISSIONS: u32 = 0o2770;
 
 /// The latch of one run.
@@ -29,11 +28,11 @@ const FOLDER_PERMISSIONS: u32 = 0o2770;
 pub struct Latch {
     folder: PathBuf,
     name: String,
-    /// Latch that an earlier release left in the user's home.
+    /// Latch of an earlier release in the user's home, if present.
     earlier: Option<PathBuf>,
     /// Reason why the node starts in a stop, if it does.
     awaits: Option<ResetReason>,
-    /// The same as text: content of the latch until a reset succeeds.
+    /// That reason as text, which is the content of the latch until a reset succeeds.
     reason: String,
     /// Description of that reason, with the path.
     remark: Option<String>,
@@ -45,10 +44,10 @@ impl Latch {
         Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces)
     }
 
-    /// Does the same in `folder`, and looks for one in the `earlier` folder, too.
+    /// Creates or finds the latch in `folder`, or finds one in the folder `earlier`.
     pub fn set_in(folder: PathBuf, earlier: Option<PathBuf>, interfaces: &[String]) -> Self {
         let name = name(interfaces);
-        // One that cannot be inspected counts as left.
+        // A latch that cannot be inspected counts as present.
         let is_left = |path: &PathBuf| match fs::symlink_metadata(path) {
             Err(error) => ![ErrorKind::NotFound, ErrorKind::NotADirectory].contains(&error.kind()),
             Ok(_) => true,
@@ -75,7 +74,7 @@ impl Latch {
         }
     }
 
-    /// Awaits a reset because of the latch at `path`. One that cannot be read counts as well.
+    /// Awaits a reset because of the latch at `path`, even if it cannot be read.
     fn left_at(self, path: &Path) -> Self {
         let left = fs::read_to_string(path).unwrap_or_else(|error| format!("unreadable: {error}"));
         let left = left.lines().next().unwrap_or("empty").to_owned();
@@ -100,11 +99,11 @@ impl Latch {
         self.remark.as_deref()
     }
 
-    /// Makes the latch that of this run, when a reset is requested with the drives off. Retries one that could not be
-    /// created at the start.
+    /// Takes over the latch for this run, when a reset is requested with the drives off. Retries to create it if that failed
+    /// at the start.
     ///
     /// # Errors
-    /// The reason why no drive may be enabled: the latch cannot be written.
+    /// When the latch cannot be written; no drive may then be enabled.
     pub fn before_reset(&self) -> Result<(), String> {
         if self.awaits.is_none() {
             return Ok(());
@@ -168,7 +167,7 @@ impl Latch {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(false),
             file => file?,
         };
-        // Whatever the umask: each member of the group may reset.
+        // Each member of the group may reset, regardless of the umask.
         file.set_permissions(Access::Group.permissions())?;
         file.write_all(running_text().as_bytes())?;
         file.sync_all()?;
@@ -181,14 +180,14 @@ impl Latch {
         results::replace(&self.path(), text.as_bytes(), Access::Group)
     }
 
-    /// Creates the folder for the group, where this user may; keeps an existing one as it is.
+    /// Creates the folder, with the group if this user may set it; does not change an existing folder.
     fn create_folder(&self) -> io::Result<()> {
         if self.folder.is_dir() {
             return Ok(());
         }
         DirBuilder::new().recursive(true).mode(0o700).create(&self.folder)?;
         if let Ok(Some(group)) = Group::from_name(GROUP) {
-            // Only root and members of the group may; for others the folder is theirs alone.
+            // Only root and members of the group may set it. For other users the folder is private.
             chown(&self.folder, None, Some(group.gid.as_raw())).ok();
         }
         fs::set_permissions(&self.folder, Permissions::from_mode(FOLDER_PERMISSIONS))
@@ -203,7 +202,7 @@ impl Latch {
         format!("the latch {} cannot be written: {error}", self.path().display())
     }
 
-    /// Describes how to get a folder that this user may write.
+    /// Returns the remedy for a folder that this user cannot write.
     fn remedy(&self) -> String {
         format!(
             "its folder must be writable for users who may enable drives; once, as root: groupadd --system --force {GROUP} && \

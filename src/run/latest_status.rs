@@ -1,4 +1,4 @@
-//! The newest record and the timing of all cycles, shared with the console: a status is made when a client asks for it.
+//! Newest record and timing of all cycles, shared with the console. A status is computed when a client requests it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -12,7 +12,7 @@ use telemetry::status::{JointLabel, Status};
 use telemetry::timing::{Overrun, Timing, TimingReport};
 use units::time::Instant;
 
-/// The newest record, for the console.
+/// Newest record and timing, for the console.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LatestStatus {
     latest: Arc<Mutex<Latest>>,
@@ -26,13 +26,13 @@ pub(super) struct LatestStatus {
 
 #[derive(Debug, Default)]
 struct Latest {
-    /// The newest record, with the missed samples and the losses until then.
+    /// Newest record, with the missed samples and losses up to its cycle.
     newest: Option<(Record, u64, Losses)>,
     timing: Timing,
 }
 
 impl LatestStatus {
-    /// Returns a status before the first cycle of these joints.
+    /// Creates the state before the first cycle.
     pub(super) fn new(joints: Vec<JointLabel>, recording: Option<RecordingState>) -> Self {
         Self { latest: Arc::default(), joints: joints.into(), recording, link: None }
     }
@@ -42,15 +42,15 @@ impl LatestStatus {
         Self { link, ..self }
     }
 
-    /// Returns the newest status, `None` before the first cycle.
+    /// Returns the newest status; `None` before the first cycle.
     pub(super) fn get(&self) -> Option<Status> {
         let (record, missing_samples, lost) = self.lock().newest?;
-        let status = Status::of(&record, missing_samples, lost).with_joints(&self.joints);
+        let status = Status::from_record(&record, missing_samples, lost).with_joints(&self.joints);
         let Scarce { recording, timing, link, .. } = self.scarce();
         Some(Status { recording, timing, link, ..status })
     }
 
-    /// Returns what changes slowly.
+    /// Returns the slowly changing values of the telemetry.
     pub(super) fn scarce(&self) -> Scarce {
         let newest = self.lock().newest;
         let (missing_samples, lost) =
@@ -60,7 +60,7 @@ impl LatestStatus {
             lost,
             recording: self.recording.as_ref().map(RecordingState::get),
             timing: Some(self.timing()),
-            link: self.link.as_ref().map(|link| LinkReport::of(&link.get())),
+            link: self.link.as_ref().map(|link| LinkReport::from_status(&link.get())),
         }
     }
 
@@ -84,7 +84,7 @@ impl LatestStatus {
         self.lock().newest = Some((*record, missing_samples, lost));
     }
 
-    /// Adds the times of the next cycle; returns the step that was late, if it is over time.
+    /// Adds the times of the next cycle; returns its overrun, if any.
     pub(super) fn add_times(&self, record: &Record) -> Option<Overrun> {
         self.lock().timing.add(record)
     }

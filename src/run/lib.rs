@@ -1,4 +1,4 @@
-//! The commands that the rack needs (`run`, `commission`, `ctl`, `check`, `sessions`), with their output, recordings and exit codes.
+//! Commands of the rack (`run`, `commission`, `ctl`, `check`, `sessions`), with output, recordings and exit codes.
 //!
 //! | module | command |
 //! |---|---|

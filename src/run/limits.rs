@@ -1,17 +1,17 @@
-//! Limits of a recording: where a part ends, and where all of it does.
+//! Limits of a recording: size and time of a part, and total size.
 
 use std::time::Duration;
 
 use clap::Args;
 
-/// Smallest part, in MB and in minutes.
-const SMALLEST_PART: f64 = 0.01;
+/// Minimum limit of a part, in MB and in minutes.
+const MIN_PART: f64 = 0.01;
 
-/// Smallest limit of all parts, in GB.
-const SMALLEST_TOTAL: f64 = 0.001;
+/// Minimum limit of all parts, in GB.
+const MIN_TOTAL: f64 = 0.001;
 
-/// Largest limit, in its unit.
-const LARGEST: f64 = 1e6;
+/// Maximum limit, in its unit.
+const MAX_LIMIT: f64 = 1e6;
 
 /// Limits of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,11 +25,11 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Returns no limits: one part.
+    /// No limits, so that the recording has one part.
     pub const NONE: Self =
         Self { part_bytes: u64::MAX, part_time: Duration::MAX, total_bytes: u64::MAX };
 
-    /// Returns the reason of a recording's end at its limit.
+    /// Returns the reason of an end at the limit, in words.
     pub(super) fn reason(&self) -> String {
         let gigabytes = Duration::from_nanos(self.total_bytes).as_secs_f64();
         format!("its limit of {gigabytes} GB is reached (--record-limit)")
@@ -67,7 +67,7 @@ impl LimitArgs {
 /// It is not a number, or out of range.
 pub fn megabytes(text: &str) -> Result<u64, String> {
     // A byte is to a megabyte as a microsecond to a second.
-    number(text, SMALLEST_PART, 1.0).map(|size| u64::try_from(size.as_micros()).unwrap_or(u64::MAX))
+    number(text, MIN_PART, 1.0).map(|size| u64::try_from(size.as_micros()).unwrap_or(u64::MAX))
 }
 
 /// Parses a time in minutes.
@@ -75,19 +75,19 @@ pub fn megabytes(text: &str) -> Result<u64, String> {
 /// # Errors
 /// It is not a number, or out of range.
 pub fn minutes(text: &str) -> Result<Duration, String> {
-    number(text, SMALLEST_PART, 60.0)
+    number(text, MIN_PART, 60.0)
 }
 
 /// Parses a size in GB.
 fn gigabytes(text: &str) -> Result<u64, String> {
-    number(text, SMALLEST_TOTAL, 1.0).map(|size| u64::try_from(size.as_nanos()).unwrap_or(u64::MAX))
+    number(text, MIN_TOTAL, 1.0).map(|size| u64::try_from(size.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// Parses a number of units, as seconds.
 fn number(text: &str, smallest: f64, unit: f64) -> Result<Duration, String> {
-    let wrong = || format!("must be {smallest} to {LARGEST}, got {text}");
+    let wrong = || format!("must be {smallest} to {MAX_LIMIT}, got {text}");
     let number = text.parse::<f64>().map_err(|_| wrong())?;
-    match (smallest..=LARGEST).contains(&number) {
+    match (smallest..=MAX_LIMIT).contains(&number) {
         true => Duration::try_from_secs_f64(number * unit).map_err(|_| wrong()),
         false => Err(wrong()),
     }

@@ -1,17 +1,17 @@
-//! A log file that always ends with a whole line.
+//! Log file that always ends with a complete line.
 //!
-//! The first write that fails (full disk, file size limit, lost disk) ends the file: the partial line is removed and
-//! nothing is written after it. A reader finds whole lines and no gaps.
+//! The first failed write (full disk, file size limit, lost disk) ends the file. The partial line is removed, and nothing
+//! is written after it, so a reader finds complete lines without gaps.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 
-/// A file written from its start.
+/// Log file written from its start.
 #[derive(Debug)]
 pub(super) struct LogFile {
     file: File,
     written: u64,
-    /// Length up to the end of the last whole line, in bytes.
+    /// Length up to the end of the last complete line, in bytes.
     whole: u64,
     has_failed: bool,
 }
@@ -51,7 +51,7 @@ impl Write for LogFile {
         }
     }
 
-    /// Waits until all that was written is on disk.
+    /// Syncs the file to the disk.
     fn flush(&mut self) -> io::Result<()> {
         match self.file.sync_data() {
             // fdatasync returns EINVAL for a pipe.

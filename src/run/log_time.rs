@@ -1,5 +1,5 @@
-//! The timestamp of each log line of a command on a bus: seconds since the origin of its run, as in `fault.json`.
-//! `bus.log` has the same times with the origin added.
+//! Timestamp of log lines of a command on a bus: seconds since the origin of the run, as in `fault.json`. `bus.log` has the
+//! same times with the origin added.
 
 use std::cell::Cell;
 use std::io::{self, Write};
@@ -39,7 +39,7 @@ pub fn format_seconds(moment: Instant) -> String {
     format!("{:.6} s", moment.since(Instant::ZERO).as_secs_f64())
 }
 
-/// A writer that puts the time before each line, once [`set_clock`] was called.
+/// Writer that prefixes each line with the time, once [`set_clock`] was called.
 #[allow(missing_debug_implementations, reason = "a `dyn Write` has no Debug")]
 pub struct TimestampedWriter(pub Box<dyn Write>);
 

@@ -1,13 +1,13 @@
-//! A panic on any thread aborts the process (ADR 14).
+//! Abort of the process by a panic on any thread (ADR 14).
 //!
-//! A release build aborts by its profile; the hook does the same in every build, so that tests run what ships.
-//! Unwinding would leave the other threads alive, among them the one that sends the heartbeat.
+//! A release build aborts by its profile. The hook does so in every build, so that tests behave like a release.
+//! Unwinding would keep the other threads alive, including the one that sends the heartbeat.
 
 use std::{panic, process};
 
 use crate::{print, stderr};
 
-/// Makes every panic abort the process: SYNC, heartbeat and RPDOs end together, and the drives stop by their own
+/// Makes every panic abort the process, so that SYNC, heartbeat and RPDOs end together. The drives then stop by their own
 /// timers (promise 2).
 pub fn abort() {
     panic::set_hook(Box::new(|panic| {

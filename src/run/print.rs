@@ -1,4 +1,4 @@
-//! All output of the program: data on stdout, messages on stderr.
+//! Output of the program: data on stdout, messages on stderr.
 //!
 //! A failed write of data fails the command: nothing is written after the first error, and [`finish`] returns it. A
 //! closed pipe (`| head`) is not a failure.
@@ -41,7 +41,7 @@ pub fn record_result(written: io::Result<()>) {
     }
 }
 
-/// Returns whether a write of data has failed: a command that only prints may end.
+/// Returns whether a write of data has failed, so that a command that only prints may end.
 pub fn has_failed() -> bool {
     FAILED.get().is_some()
 }
@@ -49,7 +49,7 @@ pub fn has_failed() -> bool {
 /// Returns the result of the command's output.
 ///
 /// # Errors
-/// The first error of writing data.
+/// Returns the first error of writing data.
 pub fn finish() -> Result<(), Failure> {
     match FAILED.get() {
         Some(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -1,4 +1,4 @@
-//! Metadata that every recording of a run contains.
+//! Metadata of a run, which every recording contains.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ pub struct Provenance {
     pub(super) interfaces: Vec<String>,
     /// Names and units of the joints, base first.
     pub(super) joints: Vec<JointLabel>,
-    /// Time from which all times of the run count.
+    /// Origin of all times of the run.
     pub(super) origin: Origin,
     /// Name of the session's folder, if one is recorded.
     pub(super) session: Option<String>,
@@ -21,7 +21,7 @@ pub struct Provenance {
 
 impl Provenance {
     /// Returns the metadata of a run of `config` on these interfaces.
-    pub fn of(config: &Config, interfaces: &[String], origin: Origin) -> Self {
+    pub fn new(config: &Config, interfaces: &[String], origin: Origin) -> Self {
         Self {
             interfaces: interfaces.to_vec(),
             joints: status::labels(config),
@@ -30,7 +30,7 @@ impl Provenance {
         }
     }
 
-    /// Returns the same with the folder of a session: its name, without the folders that it lies in.
+    /// Adds the name of a session's folder, without the path to it.
     pub(super) fn in_session(&self, folder: &Path) -> Self {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
         let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());

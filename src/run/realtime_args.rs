@@ -23,7 +23,7 @@ impl RealtimeArgs {
     /// Checks that the processor exists.
     ///
     /// # Errors
-    /// It does not.
+    /// When it does not exist.
     pub(super) fn check(&self) -> Result<(), Failure> {
         match self.cpu.filter(|cpu| !realtime::has_cpu(*cpu)) {
             Some(cpu) => {

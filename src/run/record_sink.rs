@@ -1,4 +1,4 @@
-//! The interface of recordings on disk: the session and the fault records implement it.
+//! Interface of recordings on disk, implemented by session and fault records.
 
 use canopen::frame::Telegram;
 use inputs::Input;
@@ -13,6 +13,6 @@ pub(super) trait RecordSink: Send + 'static {
     fn on_cycle(&mut self, record: &Record);
     /// Records an input of the node.
     fn on_input(&mut self, _input: &Input) {}
-    /// Returns the next message to log: the place of a recording, or why one has failed.
+    /// Returns the next message to log: the path of a recording, or the reason of a failure.
     fn next_message(&mut self) -> Option<String>;
 }

@@ -1,5 +1,5 @@
-//! The recorder thread: passes the cycle thread's entries to the disk writers, the summary, the status for the console
-//! and the log.
+//! Recorder thread: passes entries of the cycle thread to the disk writers, the summary, the status for the console, the
+//! viewers and the log.
 
 use std::thread;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use canopen::master::event::Event;
 use config::Config;
 use node::record::{Mode, Record};
 use telemetry::contact_posture::ContactPostures;
-use telemetry::fidelity::{Commanded, Fidelity, Judged};
+use telemetry::fidelity::{CommandSampler, Fidelity, WrenchSource};
 use telemetry::status::{self, JointLabel};
 use telemetry::summary::Summary;
 use telemetry::timing::Overrun;
@@ -74,8 +74,8 @@ pub(super) struct Recorder<'a> {
     nodes: Vec<String>,
     /// Names of the joints with their units, base first.
     joints: Vec<JointLabel>,
-    /// Judges the commanded wrench, because the drives' truth is unknown.
-    commanded: Commanded,
+    /// Samples the commanded wrench, because the wrench at the hand is unknown on drives.
+    commanded: CommandSampler,
     fidelity: Fidelity,
     summary: Summary,
     mode: Mode,
@@ -133,15 +133,15 @@ impl EntryHandler for Recorder<'_> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Creates a recorder of no entries yet.
+    /// Creates a recorder without entries.
     pub(super) fn new(config: &Config, writers: &'a mut DiskWriters, latest: LatestStatus) -> Self {
         let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
         Self {
             writers,
             nodes: config.node_plans().into_iter().map(|(_, plan)| plan.name).collect(),
             joints: status::labels(config),
-            commanded: Commanded::new(&config.controller),
-            fidelity: Fidelity::new(Judged::Command),
+            commanded: CommandSampler::new(&config.controller),
+            fidelity: Fidelity::new(WrenchSource::Command),
             summary: Summary::judging(postures),
             mode: Mode::Boot,
             self_driven: None,
@@ -154,12 +154,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Passes everything on to viewers, too.
+    /// Adds viewers, which also receive all entries.
     pub(super) fn with_telemetry(self, telemetry: Option<Publisher>) -> Self {
         Self { telemetry, ..self }
     }
 
-    /// Hands the entries to the disk writers, and the newest record to the console.
+    /// Sends the entries to the disk writers, and the newest record to the console.
     fn flush(&mut self, lost: &LossCounters) {
         self.writers.flush();
         if let Some(record) = self.newest.take() {
@@ -167,7 +167,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds the times of a cycle, and logs the step that made it late.
+    /// Adds the times of a cycle, and logs the longest step of an overrun.
     fn watch_timing(&mut self, record: &Record) {
         // In a boot, nodes and drives decide how long steps take.
         let overrun = if record.mode == Mode::Boot { None } else { self.latest.add_times(record) };
@@ -218,7 +218,7 @@ impl EventLog {
         }
     }
 
-    /// Logs the step that made a cycle late.
+    /// Logs the longest step of an overrun.
     fn log_overrun(&mut self, now: Instant, overrun: &Overrun) {
         if self.run.take(now) {
             self.log_suppressed();

@@ -1,4 +1,4 @@
-//! The report on a recording, shared by its writer, the console and the end of the run.
+//! Report on a recording, shared by its writer, the console and the end of the run.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

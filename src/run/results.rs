@@ -1,4 +1,4 @@
-//! Files that a command writes: atomically, never over an existing file, never through a symbolic link.
+//! Output files of commands, written atomically, never over an existing file and never through a symbolic link.
 //!
 //! Recordings (sessions, fault records) are readable by their owner only; exports have the permissions of the umask.
 //! `--force` replaces a file in one step, by renaming.
@@ -31,7 +31,7 @@ pub struct Force {
 pub enum Access {
     /// Owner only: 0600.
     Owner,
-    /// Owner and group, whatever the umask: 0660.
+    /// Owner and group, regardless of the umask: 0660.
     Group,
     /// 0666 less the umask.
     Umask,
@@ -47,7 +47,7 @@ impl Access {
     }
 }
 
-/// Creates a folder and its parents for their owner only; keeps an existing one as it is.
+/// Creates a folder and its parents for their owner only; does not change an existing one.
 ///
 /// # Errors
 /// When it cannot be created.
@@ -91,7 +91,7 @@ pub(super) fn number(name: &OsStr) -> Option<u64> {
 /// Returns an error if the path exists, unless forced. Devices and pipes are accepted.
 ///
 /// # Errors
-/// The path exists, or cannot be inspected.
+/// When the path exists, or cannot be inspected.
 pub fn ensure_free(path: &Path, force: Force) -> Result<(), Failure> {
     if force.force || is_stream(path) {
         return Ok(());
@@ -111,7 +111,7 @@ fn exists(path: &Path) -> Failure {
     )
 }
 
-/// Writes a file atomically: writes and syncs a temporary one beside it, and renames that. Replaces an existing file.
+/// Writes a file atomically, by writing, syncing and renaming a temporary file beside it. Replaces an existing file.
 pub(super) fn replace(path: &Path, content: &[u8], access: Access) -> io::Result<()> {
     let file = prepare(path, content, access)?;
     file.persist(path).map_err(|error| error.error)?;
@@ -132,7 +132,7 @@ pub fn export(path: &Path, content: &[u8], force: Force) -> Result<(), Failure> 
     export_all(&[(path.to_path_buf(), content)], force)
 }
 
-/// Writes several files: prepares all of them before renaming the first, so that a failure leaves none.
+/// Writes several files. All are prepared before the first is renamed, so that a failure leaves none.
 ///
 /// # Errors
 /// As [`export`].
@@ -197,7 +197,7 @@ pub fn beside(path: &Path, access: Access) -> io::Result<NamedTempFile> {
     builder.prefix(".frhc-").permissions(access.permissions()).tempfile_in(folder_of(path))
 }
 
-/// Syncs the folder of `path`: a renaming is durable only then.
+/// Syncs the folder of `path`, which makes a renaming durable.
 ///
 /// # Errors
 /// When it cannot be synced.

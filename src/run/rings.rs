@@ -1,8 +1,8 @@
 //! Lock-free rings from the cycle thread to the recorder thread: three, with one producer and one consumer each.
 //!
-//! The producer makes no system call, takes no lock, allocates nothing and never waits: an entry that does not fit is
-//! dropped and counted by its kind. One ring holds the order of all entries and the frames themselves. The others
-//! hold the records and events, which are a hundred and four times as large as a frame.
+//! The producer makes no system call, takes no lock, does not allocate and never waits. An entry that does not fit is
+//! dropped and counted by its kind. One ring holds the order of all entries, and the frames. The others hold records and
+//! events, which are a hundred and four times as large as a frame, respectively.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,7 +16,7 @@ use node::record::Record;
 use telemetry::losses::Losses;
 use units::time::Instant;
 
-/// Capacity in frames: more than 1.2 s of two buses at 1 Mbit/s with frames of usual length.
+/// Capacity in frames: more than 1.2 s of two buses at 1 Mbit/s with frames of typical length.
 const FRAME_CAPACITY: usize = 3 << 13;
 
 /// Capacity in records: three quarters of a second at 1 kHz. The memory of all rings is locked, and a record has 2 kB.
@@ -25,7 +25,7 @@ const RECORD_CAPACITY: usize = 768;
 /// Capacity in events.
 const EVENT_CAPACITY: usize = 1 << 10;
 
-/// A slot of the ring that orders all entries. Frames are stored inline; records and events have rings of their own.
+/// Slot of the ring that orders all entries. Frames are stored inline; records and events have separate rings.
 #[derive(Debug)]
 enum Slot {
     Frame(Instant, Telegram),
@@ -43,7 +43,7 @@ pub trait EntryHandler {
     fn on_event(&mut self, event: &Event);
 }
 
-/// The producer, owned by the cycle thread. As the [`Tap`] of the buses it also receives every frame.
+/// Producer of entries, owned by the cycle thread. As the [`Tap`] of the buses it also receives every frame.
 #[derive(Debug)]
 pub struct EntryProducer {
     order: Producer<Slot>,
@@ -54,7 +54,7 @@ pub struct EntryProducer {
     lost: LossCounters,
 }
 
-/// The consumer, which the recorder thread polls.
+/// Consumer of entries, which the recorder thread polls.
 #[derive(Debug)]
 pub struct EntryConsumer {
     order: Consumer<Slot>,
@@ -91,17 +91,17 @@ impl LossCounters {
         }
     }
 
-    /// Adds an input that the recorder thread was too slow for.
+    /// Adds an input that was dropped because the recorder thread was too slow.
     pub(super) fn add_input(&self) {
         self.0.inputs.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Adds entries that the session's disk was too slow for.
+    /// Adds entries that were dropped because the disk of the session was too slow.
     pub(super) fn add_session(&self, entries: u64) {
         self.0.of_session.fetch_add(entries, Ordering::Relaxed);
     }
 
-    /// Adds entries that the disk of the fault records was too slow for.
+    /// Adds entries that were dropped because the disk of the fault records was too slow.
     pub(super) fn add_fault_records(&self, entries: u64) {
         self.0.of_faults.fetch_add(entries, Ordering::Relaxed);
     }
@@ -123,12 +123,12 @@ impl EntryProducer {
     /// Pushes the record of a cycle.
     pub fn push_record(&mut self, record: &Record) {
         let is_pushed = self.order.slots() > 0 && self.records.push(*record).is_ok();
-        // The free slot is still free: this is the only producer.
+        // The free slot is still free, because this is the only producer.
         let is_pushed = is_pushed && self.order.push(Slot::Record).is_ok();
         self.lost.0.records.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
     }
 
-    /// Sets whether events are pushed when the node detects them, or left to it.
+    /// Sets whether events are pushed when the node detects them, or remain with the node.
     pub(super) const fn takes_events(&mut self, takes_events: bool) {
         self.takes_events = takes_events;
     }

@@ -1,5 +1,5 @@
-//! `frhc run`: the node on SocketCAN. Separate threads run the cycle, the recorder, stderr and signals; the main thread
-//! serves the console.
+//! `frhc run`: the node on SocketCAN. The main thread serves the console; separate threads run the cycle, the recorder,
+//! stderr and signals.
 
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -34,7 +34,7 @@ use crate::{
     check, commanded_side, commission, cycle_thread, gains, log_time, print, rings, session,
     threads,
 };
-use bus::Traced;
+use bus::TappedBus;
 use config::Config;
 use config::files::Copies;
 use inputs::RecordedNode;
@@ -46,10 +46,10 @@ use telemetry::status;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
-/// Time from the stop signal to the end of the recordings: the process ends within a second, its last lines included.
+/// Maximum time from the stop signal to the end of the recordings, so that the process ends within a second.
 const END_LIMIT: Duration = Duration::from_millis(900);
 
-/// Time allowed for the recordings to end, however late the drives have stopped.
+/// Minimum time allowed for the recordings to end, even if the drives stop late.
 const MIN_CLOSE_TIME: Duration = Duration::from_millis(100);
 
 /// `frhc run`.
@@ -75,7 +75,7 @@ pub struct Run {
 /// Runs the node until a stop signal.
 ///
 /// # Errors
-/// The reason why the node could not start, or was stopped; its kind gives the exit code.
+/// Returns the reason why the node could not start, or was stopped. Its kind gives the exit code.
 pub fn run(args: &Run) -> Result<(), Failure> {
     args.realtime.check()?;
     let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
@@ -95,7 +95,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let origin = Origin::from_micros(bus.epoch_micros());
     tracing::info!("time counts from {origin}");
     let telemetry = offer_telemetry(&config, origin)?;
-    let recorder = open_recorder(args, copies, &Provenance::of(&config, &names, origin))?;
+    let recorder = open_recorder(args, copies, &Provenance::new(&config, &names, origin))?;
 
     let recording = recorder.recording();
     let (producer, entries, lost) = rings::rings();
@@ -121,7 +121,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         link.map(|link| spawn_link(threads, link, clock, has_ended)).transpose()?;
         let config = &config;
         spawn(threads, "cycle", move || {
-            let bus = Traced::new(bus, producer);
+            let bus = TappedBus::new(bus, producer);
             let node = RecordedNode::new(config, bus, side, Rc::new(input_producer));
             let outcome = cycle_thread::run(node, requests, signals, latch, &args.realtime);
             has_ended.store(true, Ordering::Relaxed);
@@ -142,7 +142,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     outcome.and(finished)
 }
 
-/// Warns of what keeps no node from starting, and an operator from what they expect.
+/// Logs warnings about settings with which the node starts, but an operator may not get the expected behaviour.
 fn warn(config: &Config) {
     gains::warn(config);
     commission::warn(config);
@@ -163,7 +163,7 @@ fn bind_socket(config: &Config, runtime: &Runtime) -> Result<Socket, Failure> {
     socket.with_context(|| format!("control socket {}", path.display())).or_fail(Kind::Bus)
 }
 
-/// Offers the telemetry at the path of the configuration, or at the default one. A node does not need the latter: it warns.
+/// Starts telemetry at the configured path, or at the default one. A failure at the default path is only a warning.
 fn offer_telemetry(config: &Config, origin: Origin) -> Result<Option<Publisher>, Failure> {
     let path = config.telemetry_socket.clone();
     let path = path.unwrap_or_else(|| feed_socket::beside(config.socket.as_deref()));
@@ -199,7 +199,7 @@ fn spawn_link<'scope>(
     spawn(threads, "link", move || link.run(clock, || has_ended.load(Ordering::Relaxed)))
 }
 
-/// Ends the recordings of a run that was stopped then, and prints its summary and the fault records' folder.
+/// Ends the recordings of a stopped run, and prints its summary and the folder of fault records.
 fn close(
     writers: DiskWriters,
     mut summary: Summary,
@@ -214,10 +214,10 @@ fn close(
         print::note(&summary.to_string());
     }
     records.iter().for_each(|line| print::note(line));
-    finished.or_fail(Kind::Bus)
+    finished.or_fail(Kind::File)
 }
 
-/// Opens the recordings: fault records and, if one is asked for, a session in a numbered folder, with these copies of files.
+/// Opens the recordings: fault records and, with `--record`, a session in a numbered folder with copies of all files.
 fn open_recorder(
     args: &Run,
     copies: Copies,
@@ -226,7 +226,7 @@ fn open_recorder(
     let Some(parent) = &args.record else {
         return Ok(RunRecorder::fault_records_only(provenance));
     };
-    let folder = session::create_numbered(parent, provenance.origin).or_fail(Kind::Bus)?;
+    let folder = session::create_numbered(parent, provenance.origin).or_fail(Kind::File)?;
     tracing::info!("recording in {}", folder.display());
     let sources = Sources {
         kind: SessionKind::Run,
@@ -239,7 +239,7 @@ fn open_recorder(
         is_anonymous: args.anonymise,
     };
     RunRecorder::with_session(&folder, provenance, &sources, args.limits.limits())
-        .or_fail(Kind::Bus)
+        .or_fail(Kind::File)
 }
 
 /// Serves the console until the cycle thread ends.

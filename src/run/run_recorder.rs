@@ -1,4 +1,4 @@
-//! The recordings of one run: the session, if `--record` or `--out` asks for it, and a fault record for each trip.
+//! Recordings of one run: the session, with `--record` or `--out`, and a fault record for each trip.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use node::record::Record;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
-/// Records a session, fault records, both or neither.
+/// Recorder of a session, of fault records, of both or neither.
 #[derive(Debug, Default)]
 pub struct RunRecorder {
     pub(super) session: Option<Session>,
@@ -96,7 +96,7 @@ impl RunRecorder {
         }
     }
 
-    /// Returns the next message to log: the place of a fault record, or why a recording has failed.
+    /// Returns the next message to log: the path of a fault record, or the reason of a failure.
     pub fn next_message(&mut self) -> Option<String> {
         let message = self.message.take();
         let message = message.or_else(|| self.session.as_mut().and_then(Session::next_message));

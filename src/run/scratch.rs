@@ -25,7 +25,7 @@ pub(crate) fn path(name: &str) -> PathBuf {
     path
 }
 
-/// A bus on which nothing is received, and no time passes but what is waited for.
+/// Bus that receives nothing, and on which time passes only in waits.
 #[derive(Debug)]
 struct SilentBus(Instant);
 

@@ -1,5 +1,5 @@
-//! The folder of a session, readable by its owner only: `session.json` and the copied files, the parts of `bus.log` and
-//! `inputs.bin`, `summary.json`, `timing.json` and fault records. A session never overwrites another.
+//! Folder of a session: `session.json` and the copied files, the parts of `bus.log` and `inputs.bin`, `summary.json`,
+//! `timing.json` and fault records. It is readable by its owner only, and never overwrites another session.
 
 use std::fs;
 use std::io;
@@ -32,12 +32,12 @@ pub(super) const SUMMARY: &str = "summary.json";
 const TIMING: &str = "timing.json";
 pub(super) const FAULTS: &str = "faults";
 
-/// A session being written.
+/// Session being written.
 #[derive(Debug)]
 pub(super) struct Session {
     folder: PathBuf,
     files: SessionFiles,
-    /// The early end of the recording was reported.
+    /// Set once an early end of the recording was reported.
     is_reported: bool,
     state: RecordingState,
 }
@@ -60,11 +60,11 @@ impl Session {
             Ok(files)
         };
         let files = create().with_context(|| format!("session {}", folder.display()))?;
-        Ok(Self::of(files, folder))
+        Ok(Self::new(files, folder))
     }
 
     /// Returns a session of these files.
-    pub(super) fn of(files: SessionFiles, folder: &Path) -> Self {
+    pub(super) fn new(files: SessionFiles, folder: &Path) -> Self {
         let folder = folder.to_path_buf();
         let state = RecordingState::default();
         let session = Self { folder, files, is_reported: false, state };
@@ -72,7 +72,7 @@ impl Session {
         session
     }
 
-    /// Returns its folder.
+    /// Returns the folder of the session.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
@@ -129,7 +129,7 @@ pub(super) fn create_numbered(parent: &Path, origin: Origin) -> anyhow::Result<P
 /// Ensures that `folder` has no session. Removes an earlier one if forced.
 ///
 /// # Errors
-/// An earlier session exists and `--force` is not given, or cannot be removed.
+/// When an earlier session exists and `--force` is not given, or it cannot be removed.
 pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
     let parts = match Parts::find(folder, None) {
         Ok(parts) => parts.files().iter().map(Part::name).collect(),
@@ -169,7 +169,7 @@ impl RecordSink for Session {
         self.files.input(input);
     }
 
-    /// Returns why the recording has ended early, once.
+    /// Returns the reason of an early end, once.
     fn next_message(&mut self) -> Option<String> {
         if self.is_reported {
             return None;
@@ -259,7 +259,7 @@ mod tests {
         let (unread, disk) = pipe().unwrap();
         drop(unread);
         let disk = File::from(OwnedFd::from(disk));
-        let mut session = Session::of(SessionFiles::onto(disk, &folder, &provenance()), &folder);
+        let mut session = Session::new(SessionFiles::onto(disk, &folder, &provenance()), &folder);
         // More than the buffer holds.
         (0..10_000).for_each(|at| session.on_frame(Instant::from_micros(at), &sync()));
         assert!(session.next_message().unwrap().contains("the recording has stopped: "));

@@ -1,8 +1,8 @@
-//! The two streams of a session on disk, in parts: `bus.log` and `inputs.bin`, then `bus-002.log` and `inputs-002.bin`.
+//! Streams of a session on disk, in parts: `bus.log` and `inputs.bin`, then `bus-002.log` and `inputs-002.bin`.
 //!
-//! A part ends by size or time, whichever is first, between two cycles: the log behind the lines of a cycle, the inputs before
-//! their next call, which is a few cycles off where inputs come earlier or later. Where no cycles run, as in a boot, a part
-//! ends between two frames.
+//! A part ends by size or time, whichever is first, between two cycles. The log ends after the lines of a cycle, the
+//! inputs before their next call. Both may differ by a few cycles, because inputs are recorded earlier or later. Without
+//! cycles, as during a boot, a part ends between two frames.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -23,7 +23,7 @@ use telemetry::parts::Stream;
 use telemetry::session::{Brief, SessionLog};
 use units::time::Instant;
 
-/// Time without a cycle after which no cycle is running.
+/// Time without a cycle after which the node is considered not to run cycles.
 const MAX_CYCLE: Duration = Duration::from_secs(1);
 
 /// Streams being written.
@@ -36,18 +36,18 @@ pub(super) struct SessionFiles {
     inputs: Option<InputsFile>,
     /// Number of this part.
     part: u32,
-    /// Time at which it began.
+    /// Start time of this part.
     begun: Instant,
-    /// Size of the log's parts before, in bytes.
+    /// Size of the earlier parts of the log, in bytes.
     finished: u64,
     last_cycle: Instant,
     end: Option<End>,
 }
 
-/// Reason why nothing is written any more.
+/// Reason why writing has ended.
 #[derive(Debug)]
 enum End {
-    /// The limit of the recording.
+    /// The limit of the recording is reached.
     Limit,
     /// The next part cannot be created.
     Failed(io::Error),
@@ -57,7 +57,7 @@ impl SessionFiles {
     /// Creates the first part in `folder`.
     ///
     /// # Errors
-    /// A file cannot be created, or is there already.
+    /// When a file cannot be created, or exists.
     pub(super) fn create(
         folder: &Path,
         provenance: &Provenance,
@@ -69,7 +69,7 @@ impl SessionFiles {
         Ok(Self { inputs: Some(inputs), limits, ..Self::onto(log, folder, provenance) })
     }
 
-    /// Returns streams that write only the log, to `file`, without limits.
+    /// Creates streams that write only the log, to `file`, without limits.
     pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
         Self {
             folder: folder.to_path_buf(),
@@ -104,7 +104,7 @@ impl SessionFiles {
     pub(super) fn cycle(&mut self, record: &Record) {
         if self.end.is_none() {
             self.log.cycle(&Brief::from(record));
-            self.input(&Input::Intermediates(record.cycle, Digest::of(&record.output)));
+            self.input(&Input::Intermediates(record.cycle, Digest::from_output(&record.output)));
             self.last_cycle = record.at;
             self.end_part_if_due(record.at);
         }
@@ -115,7 +115,7 @@ impl SessionFiles {
         self.inputs.iter_mut().for_each(|inputs| inputs.write(input));
     }
 
-    /// Returns the reason of an end before that of the run: a failure, or the limit.
+    /// Returns the reason of an end before the end of the run: the limit, or a failure.
     pub(super) fn ended_early(&self) -> Option<Result<String, &io::Error>> {
         let of_inputs = self.inputs.as_ref().and_then(InputsFile::failure);
         match &self.end {
@@ -128,7 +128,7 @@ impl SessionFiles {
     /// Closes the files.
     ///
     /// # Errors
-    /// The write that has ended one of them.
+    /// Returns the error of the write that has ended a stream.
     pub(super) fn finish(self) -> io::Result<()> {
         let inputs = self.inputs.map_or(Ok(()), InputsFile::finish);
         let log = self.log.finish();

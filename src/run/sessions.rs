@@ -14,7 +14,7 @@ use clap::{Args, Subcommand};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::interrupt::Interrupt;
 use crate::print;
-use crate::sessions::pack::Packed;
+use crate::sessions::pack::PackReport;
 use crate::sources::DESCRIPTION;
 
 /// `frhc sessions`.
@@ -54,7 +54,7 @@ pub struct Pack {
 /// Executes the command.
 ///
 /// # Errors
-/// A folder has no session, a file cannot be read or written, or a signal was received.
+/// When a folder has no session, a file cannot be read or written, or a signal was received.
 pub fn run(command: &Sessions) -> Result<(), Failure> {
     match command {
         Sessions::List(args) => list(args),
@@ -80,7 +80,7 @@ fn list(args: &List) -> Result<(), Failure> {
 
 fn pack(args: &Pack) -> Result<(), Failure> {
     let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
-    let mut total = Packed::default();
+    let mut total = PackReport::default();
     for given in &args.sessions {
         for folder in sessions_in(given)? {
             let packed = pack::pack(&folder, &|| interrupt.is_set());
@@ -102,7 +102,7 @@ fn pack(args: &Pack) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the session in `folder`, or those in the folders below, by name.
+/// Returns the session in `folder`, or the sessions in its subfolders, by name.
 fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let is_session = |folder: &Path| folder.join(DESCRIPTION).symlink_metadata().is_ok();
     if is_session(folder) {
@@ -110,7 +110,7 @@ fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     }
     let found = fs::read_dir(folder).with_context(|| folder.display().to_string());
     let found = found.or_fail(Kind::File)?.flatten();
-    // Not behind symbolic links.
+    // Symbolic links are not followed.
     let folders = found.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
     let mut sessions: Vec<_> = folders.map(|entry| entry.path()).collect();
     sessions.retain(|folder| is_session(folder));

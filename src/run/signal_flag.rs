@@ -1,4 +1,4 @@
-//! A flag that signals set, in place of their default action. For `run` see [`stop_signals`](crate::stop_signals).
+//! Flag set by signals in place of their default action. For `run` see [`stop_signals`](crate::stop_signals).
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -8,11 +8,11 @@ use signal_hook::flag;
 
 use crate::exit::{Failure, Kind, OrFail};
 
-/// Returns a flag that each of these signals sets from now on.
+/// Registers a flag that each of these signals sets, in place of its default action.
 ///
 /// # Errors
 /// When a signal cannot be caught.
-pub fn of(signals: impl IntoIterator<Item = i32>) -> Result<Arc<AtomicBool>, Failure> {
+pub fn register(signals: impl IntoIterator<Item = i32>) -> Result<Arc<AtomicBool>, Failure> {
     let set = Arc::new(AtomicBool::new(false));
     let mut signals = signals.into_iter();
     let caught = signals.try_for_each(|signal| flag::register(signal, Arc::clone(&set)).map(drop));

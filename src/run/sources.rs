@@ -1,4 +1,4 @@
-//! Sources of a session: copies of the files that its node was configured by, and the description of the session.
+//! Sources of a session: copies of the files that configured its node, and the description of the session.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io, thread};
@@ -15,7 +15,7 @@ use telemetry::manifest::{self, CampaignCase, FileCopy, Host, Manifest, SessionK
 pub(super) const DESCRIPTION: &str = "session.json";
 pub(super) const FILES: &str = "files";
 
-/// Files and command that a session is recorded of.
+/// Files and command of a recorded session.
 #[derive(Clone, Debug)]
 pub struct Sources {
     /// Command that records it.
@@ -28,11 +28,11 @@ pub struct Sources {
     pub scenario: Option<PathBuf>,
     /// Case of a campaign.
     pub case: Option<CampaignCase>,
-    /// The passivity layer of the configuration is left out.
+    /// Set if the passivity layer of the configuration is disabled.
     pub without_passivity: bool,
-    /// All these files, and those that they name.
+    /// Contents of all these files, and of the files that they name.
     pub copies: Copies,
-    /// Drops host name and folders.
+    /// Set to omit host name and folders.
     pub is_anonymous: bool,
 }
 
@@ -40,7 +40,7 @@ impl Sources {
     /// Writes the copies and the description into the folder of a session.
     ///
     /// # Errors
-    /// A file cannot be written, or is there already.
+    /// When a file cannot be written, or exists.
     pub(super) fn write(&self, folder: &Path, provenance: &Provenance) -> io::Result<()> {
         let copies_folder = folder.join(FILES);
         results::private_folder(&copies_folder)?;
@@ -79,13 +79,13 @@ impl Sources {
         }
     }
 
-    /// Returns a path as text; of an anonymous session, without the folders that all files share.
+    /// Returns a path as text; in an anonymous session, without the folders common to all files.
     fn shown(&self, path: &Path) -> String {
         let shared = if self.is_anonymous { shared_folder(&self.copies) } else { PathBuf::new() };
         path.strip_prefix(shared).unwrap_or(path).to_string_lossy().into_owned()
     }
 
-    /// Returns facts about this host; no serial numbers.
+    /// Returns facts about this host, without serial numbers.
     fn host(&self) -> Host {
         let system = utsname::uname().ok();
         let text = |of: fn(&utsname::UtsName) -> &std::ffi::OsStr| {
@@ -125,7 +125,7 @@ fn processor() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-/// Returns the longest path that all files lie in.
+/// Returns the deepest folder that contains all files.
 fn shared_folder(copies: &Copies) -> PathBuf {
     let mut folders = copies.keys().filter_map(|path| path.parent());
     let Some(first) = folders.next() else { return PathBuf::new() };

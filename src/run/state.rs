@@ -4,16 +4,16 @@ use std::env;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// Folder of the service's state, in which every user who may enable drives writes the latches.
+/// Folder of the service's state. Every user who may enable drives writes the latches there.
 const SHARED: &str = "/var/lib/frhc";
 
-/// Returns the folder of the latches: `STATE_DIRECTORY`, else `/var/lib/frhc`. It depends on no user.
+/// Returns the folder of the latches: `STATE_DIRECTORY`, else `/var/lib/frhc`. It is the same for all users.
 pub(super) fn latch_folder() -> PathBuf {
     Variables(env::var_os).latch_folder()
 }
 
-/// Returns the folder in which earlier releases left the latches of this user: that in the home. `None` if no variable
-/// is set, or if `STATE_DIRECTORY` was and is the folder.
+/// Returns the folder in which earlier releases wrote this user's latches, in the home. `None` if no variable is set, or
+/// if that folder is `STATE_DIRECTORY`.
 pub(super) fn earlier_latch_folder() -> Option<PathBuf> {
     Variables(env::var_os).earlier_latch_folder()
 }

@@ -1,4 +1,4 @@
-//! Messages on stderr from a program that must not block on it.
+//! Messages on stderr that never block the program.
 //!
 //! A terminal stopped with Ctrl-S, or a pipe without a reader, blocks its writer. `run` therefore writes from a thread
 //! with a bounded queue, and drops and counts messages that do not fit. Other commands write directly.
@@ -20,10 +20,10 @@ const FLUSH_TIMEOUT: Duration = Duration::from_millis(200);
 /// The queue of this process, once [`detach`] was called.
 static QUEUE: OnceLock<StderrQueue> = OnceLock::new();
 
-/// Starts the writer thread: from now on no message blocks its sender.
+/// Starts the writer thread, after which no message blocks its sender.
 ///
 /// # Errors
-/// When the thread cannot be started. Messages are written directly then.
+/// When the thread cannot be started. Messages are then written directly.
 pub fn detach() -> io::Result<()> {
     let queue = StderrQueue::start(io::stderr())?;
     QUEUE.set(queue).ok();
@@ -51,7 +51,7 @@ pub struct StderrQueue {
 
 #[derive(Debug)]
 enum Message {
-    /// One or more whole lines.
+    /// One or more complete lines.
     Text(Vec<u8>),
     /// Request for a reply once all earlier messages are written.
     Flush(SyncSender<()>),
@@ -116,13 +116,13 @@ mod tests {
 
     use super::*;
 
-    /// A stopped terminal: writes block until the other end of `go` is dropped.
-    struct Stopped {
+    /// Stopped terminal, whose writes block until the other end of `go` is dropped.
+    struct StoppedTerminal {
         go: Receiver<()>,
         shown: Arc<Mutex<Vec<u8>>>,
     }
 
-    impl Write for Stopped {
+    impl Write for StoppedTerminal {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.go.recv().ok();
             self.shown.lock().unwrap().extend_from_slice(bytes);
@@ -138,7 +138,7 @@ mod tests {
     fn hazard_32_stopped_terminal_blocks_no_sender_and_is_counted() {
         let (release, go) = sync_channel(1);
         let shown = Arc::new(Mutex::new(Vec::new()));
-        let queue = StderrQueue::start(Stopped { go, shown: Arc::clone(&shown) }).unwrap();
+        let queue = StderrQueue::start(StoppedTerminal { go, shown: Arc::clone(&shown) }).unwrap();
         let sent = QUEUE_CAPACITY + 100;
         for number in 0..sent {
             queue.send(format!("line {number}\n").as_bytes());

@@ -1,7 +1,7 @@
-//! Signals to a running node: some stop it in order, the others are ignored.
+//! Signals to a running node. Some stop it in order, the others are ignored.
 //!
 //! Every signal whose default action ends or stops a process is blocked in all threads and read here from a signalfd.
-//! So none interrupts a system call or has its default action. Exceptions are SIGKILL and SIGSTOP, which cannot be
+//! None of them interrupts a system call or has its default action. Exceptions are SIGKILL and SIGSTOP, which cannot be
 //! blocked, signals of a program error, and 32 and 33, which the C library reserves.
 
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ const PROGRAM_ERRORS: [Signal; 7] = [
     Signal::SIGTRAP,
 ];
 
-/// Signals whose default action neither ends nor stops a process.
+/// Signals whose default action does not end or stop a process.
 const IGNORED_BY_DEFAULT: [Signal; 4] =
     [Signal::SIGCHLD, Signal::SIGCONT, Signal::SIGURG, Signal::SIGWINCH];
 
@@ -96,7 +96,7 @@ impl StopSignals {
         self.0.stopped_at.get().copied()
     }
 
-    /// Returns whether a second stop signal was received: the stop waits for nothing but the drives' power.
+    /// Returns whether a second stop signal was received. The stop then waits only for the drives' power to be off.
     pub(super) fn is_urgent(&self) -> bool {
         self.0.is_urgent.load(Ordering::Acquire)
     }

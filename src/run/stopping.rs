@@ -1,10 +1,10 @@
-//! Timers that stop each drive without its master, and planned values that a data sheet excludes: as text and as JSON.
+//! Timers that stop each drive without its master, and planned values outside the limits of an EDS, as text and JSON.
 
 use canopen::fact::Fact;
 use config::facts::Facts;
 use config::{Caution, Config, HeldTorque, JointParameters, Stopping};
 
-/// Returns one line for each joint, and one for each planned value beyond the limits of a data sheet.
+/// Returns one line for each joint, and one for each planned value outside the limits of its EDS.
 pub fn lines(config: &Config) -> Vec<String> {
     let cap = config.force_cap();
     let mut lines = Vec::new();
@@ -35,12 +35,12 @@ pub fn lines(config: &Config) -> Vec<String> {
     lines
 }
 
-/// Returns one line for each joint: which facts its drive verifies, and which are stated only.
+/// Returns one line for each joint, with the facts that its drive verifies and those that are stated only.
 pub fn facts(facts: &[Facts]) -> Vec<String> {
     facts.iter().map(|facts| format!("facts {:16} {facts}", facts.joint)).collect()
 }
 
-/// Returns the facts of each joint.
+/// Returns the facts of each joint as JSON.
 pub fn facts_json(facts: &[Facts]) -> serde_json::Value {
     let one = |facts: &Facts| {
         let stated = facts.stated_only().into_iter().map(Fact::key);
@@ -53,12 +53,12 @@ pub fn facts_json(facts: &[Facts]) -> serde_json::Value {
     facts.iter().map(one).collect()
 }
 
-/// Returns one line for each planned value beyond the limits of a data sheet.
+/// Returns one line for each planned value outside the limits of its EDS.
 pub fn cautions(config: &Config) -> Vec<String> {
     config.cautions().iter().map(|caution| format!("value {caution}")).collect()
 }
 
-/// Returns the timers of each joint, with the sum of forces that follows.
+/// Returns the timers of each joint, with the resulting maximum sum of forces, as JSON.
 pub fn json(config: &Config) -> serde_json::Value {
     let cap = config.force_cap();
     let one = |((joint, stopping), held): ((&JointParameters, Stopping), HeldTorque)| {
@@ -74,7 +74,7 @@ pub fn json(config: &Config) -> serde_json::Value {
     stopping.zip(config.held_torques()).map(one).collect()
 }
 
-/// Returns the planned values beyond the limits of a data sheet.
+/// Returns the planned values outside the limits of their EDS, as JSON.
 pub fn cautions_json(config: &Config) -> serde_json::Value {
     config.cautions().iter().map(Caution::to_string).collect()
 }

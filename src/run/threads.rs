@@ -1,4 +1,4 @@
-//! Threads of a run: their names, and stacks of a stated size, because all memory is locked.
+//! Threads of a run: names, and small stacks, because all memory is locked.
 
 use std::thread::Builder;
 

@@ -1,6 +1,6 @@
 //! Quality of contact: reversals of the hand, and energy balance at the grip.
 //!
-//! From the records alone, independent of the controller's own monitoring.
+//! Computed from the records, independently of the controller's own monitoring.
 
 use serde::Serialize;
 
@@ -8,10 +8,10 @@ use controller::JointVector;
 use node::record::{Mode, Record};
 use units::spatial::Wrench;
 
-/// Speed below which the hand is at standstill, in m/s: no reversal.
+/// Speed below which the hand is at standstill, in m/s. Slower motion does not count as a reversal.
 const STANDSTILL_SPEED: f64 = 5e-3;
 
-/// Force on the object below which there is no contact, in N.
+/// Minimum force on the object that counts as contact, in N.
 const CONTACT_FORCE: f64 = 0.5;
 
 /// Counters of all contacts of a session.
@@ -42,7 +42,7 @@ impl Contact {
         let ledger = &output.ledger;
         let let_through = ledger.rest_scale * ledger.share;
         self.held = [(ledger.task + ledger.passivity) * let_through, last];
-        // Without reflection the hand feels no contact, and the last wrench may be old.
+        // Without reflection contact is not rendered, and the last wrench may be stale.
         if record.mode != Mode::Engaged || record.f_s.force.norm() < CONTACT_FORCE {
             self.way = 0.0;
             return;
@@ -54,7 +54,7 @@ impl Contact {
         self.turn(v_g.dot(&direction(&output.f_g_task)));
     }
 
-    /// Handles the speed of the hand along the reflected force.
+    /// Counts a reversal by the speed of the hand along the reflected force, in m/s.
     fn turn(&mut self, speed: f64) {
         if speed.abs() > STANDSTILL_SPEED {
             self.reversals += u32::from(self.way * speed < 0.0);

@@ -1,4 +1,4 @@
-//! Postures of the arm in contact, against the bounds in which contact is rendered well.
+//! Check of the arm's postures in contact against the bounds within which contact is rendered well.
 
 use std::fmt;
 
@@ -8,20 +8,20 @@ use controller::JointVector;
 use controller::contact_posture::{ContactPosture, PostureBounds};
 use node::record::{Mode, Record};
 
-/// Force on the object below which there is no contact, in N.
+/// Minimum force on the object that counts as contact, in N.
 const CONTACT_FORCE: f64 = 0.5;
 
-/// Cycles of contact per judged one: postures change slowly.
-const EVERY: u32 = 20;
+/// Cycles of contact per checked posture. Postures change slowly.
+const CHECK_CYCLES: u32 = 20;
 
 /// Postures outside the bounds so far.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct ContactPostures {
     /// Time of contact in postures outside the bounds, in s.
     pub poor_seconds: f64,
-    /// Smallest singular value of the Jacobian there (m, rad).
+    /// Smallest singular value of the Jacobian in these postures, in m and rad.
     pub smallest_singular_value: Option<f64>,
-    /// Largest dry friction of the joints along the push there, in N.
+    /// Largest Coulomb friction of the joints along the contact force in these postures, in N.
     pub largest_friction_n: Option<f64>,
     #[serde(skip)]
     bounds: PostureBounds,
@@ -34,7 +34,7 @@ pub struct ContactPostures {
 }
 
 impl ContactPostures {
-    /// Creates a judge for joints with the dry friction `coulomb`, in N·m or N.
+    /// Creates a check for joints with the Coulomb friction `coulomb`, in N·m or N.
     pub fn new(bounds: PostureBounds, coulomb: JointVector) -> Self {
         Self { bounds, coulomb, ..Self::default() }
     }
@@ -45,7 +45,7 @@ impl ContactPostures {
             self.cycles = 0;
             return;
         }
-        if self.cycles.is_multiple_of(EVERY) {
+        if self.cycles.is_multiple_of(CHECK_CYCLES) {
             self.judge(record);
         }
         self.cycles = self.cycles.wrapping_add(1);

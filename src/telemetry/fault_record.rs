@@ -1,7 +1,7 @@
 //! Fault records: everything on the buses and every cycle from 2 s before a trip to 1 s after it.
 //!
-//! No I/O, and not on the cycle's thread. Observes all events, keeps the last 2 s in a ring of constant size, and
-//! reports the begin of a trip and the end of its last second.
+//! Performs no I/O, and does not run on the cycle's thread. Keeps the events of the last 2 s in a ring of constant size,
+//! and reports a trip and the end of its record.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -18,8 +18,8 @@ pub const PRE_TRIGGER: Duration = Duration::from_secs(2);
 /// Time after a trip in its record.
 pub const POST_TRIGGER: Duration = Duration::from_secs(1);
 
-/// Capacity of the ring. Two buses at 1 Mbit/s carry some 36,000 frames of usual length in 2 s, plus the cycles. In a
-/// flood of the shortest frames the ring covers less time.
+/// Capacity of the ring. Two buses at 1 Mbit/s carry some 36,000 frames of typical length in 2 s, plus the cycles. In a
+/// flood of the shortest frames the ring covers less than 2 s.
 const CAPACITY: usize = 1 << 16;
 
 /// Capacity reserved for cycles: more than 2 s at 1 kHz. At a higher rate it grows once.
@@ -34,7 +34,7 @@ pub enum Observation<'a> {
     Cycle(&'a Brief),
 }
 
-/// A place in the order of events. Cycles have a ring of their own: they are rare, and four times as large.
+/// Entry in the order of events. Cycles are in a separate ring, because they are rare and four times as large.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Frame(Instant, Telegram),
@@ -65,9 +65,9 @@ pub struct Trip {
 
 /// Ring of recent events, and the trip in progress.
 #[derive(Debug)]
-pub struct FaultWatch {
+pub struct TripDetector {
     past: VecDeque<Place>,
-    /// The cycles among them, in their order.
+    /// Cycles of these events, oldest first.
     cycles: VecDeque<Brief>,
     capacity: usize,
     mode: Mode,
@@ -76,20 +76,20 @@ pub struct FaultWatch {
     until: Option<Instant>,
 }
 
-impl Default for FaultWatch {
+impl Default for TripDetector {
     fn default() -> Self {
         Self::with_capacity(CAPACITY)
     }
 }
 
-impl FaultWatch {
+impl TripDetector {
     fn with_capacity(capacity: usize) -> Self {
         let past = VecDeque::with_capacity(capacity);
         let cycles = VecDeque::with_capacity(CYCLES);
         Self { past, cycles, capacity, mode: Mode::Boot, cause: None, until: None }
     }
 
-    /// Returns once whether the record of the last trip ends by `now`. Call it before each event.
+    /// Returns true once, when the record of the last trip has ended by `now`. Call it before each event.
     pub fn is_over(&mut self, now: Instant) -> bool {
         let is_over = self.until.is_some_and(|until| now >= until);
         if is_over {
@@ -162,13 +162,13 @@ mod tests {
         Brief { cycle: millis, at, mode, cause, inputs: None, sampled: [true; 6], f_s }
     }
 
-    fn shown(watch: &mut FaultWatch, brief: &Brief) -> (bool, Option<Trip>) {
+    fn shown(watch: &mut TripDetector, brief: &Brief) -> (bool, Option<Trip>) {
         (watch.is_over(brief.at), watch.cycle(brief))
     }
 
     #[test]
     fn promise_15_trip_has_its_cause_and_the_2_s_before() {
-        let mut watch = FaultWatch::default();
+        let mut watch = TripDetector::default();
         for millis in 0..5_000 {
             let (over, trip) = shown(&mut watch, &brief(millis, Mode::Engaged, None));
             assert_eq!((over, trip), (false, None));
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn promise_15_events_within_1_s_belong_to_the_first_trip() {
-        let mut watch = FaultWatch::default();
+        let mut watch = TripDetector::default();
         assert!(watch.cycle(&brief(100, Mode::ZeroTorque, Some(LEFT))).is_some());
         for (millis, mode, cause) in [
             (200, Mode::DrivesOff, Some(LEFT)),
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn failed_reset_with_another_cause_is_a_new_trip() {
-        let mut watch = FaultWatch::default();
+        let mut watch = TripDetector::default();
         assert!(watch.cycle(&brief(0, Mode::DrivesOff, Some(LEFT))).is_some());
         let timeout = Cause::EnableTimeout { joint: Joint::of::<1>(), statusword: 0 };
         let (over, trip) = shown(&mut watch, &brief(9_000, Mode::DrivesOff, Some(timeout)));
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn flood_shortens_the_ring_but_not_its_capacity() {
-        let mut watch = FaultWatch::with_capacity(100);
+        let mut watch = TripDetector::with_capacity(100);
         let room = watch.past.capacity();
         let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
         for micros in 0..10_000 {
@@ -223,7 +223,7 @@ mod tests {
         fn promise_15_latched_modes_are_recorded_within_1_s(
             steps in proptest::collection::vec((1..800_u64, 0..Mode::ALL.len()), 1..60),
         ) {
-            let mut watch = FaultWatch::with_capacity(64);
+            let mut watch = TripDetector::with_capacity(64);
             let (mut millis, mut mode, mut tripped) = (0, Mode::Boot, None);
             for (step, to) in steps {
                 millis += step;

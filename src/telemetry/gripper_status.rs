@@ -8,7 +8,7 @@ use remote::Gripper;
 /// Status of the gripper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GripperStatus {
-    /// State in words: commanded or not yet; without a report of the commanded side there is nothing to command.
+    /// State in words. Nothing is commanded before the commanded side has reported its gripper.
     pub state: &'static str,
     /// Commanded opening, in m.
     pub commanded_m: Option<f64>,
@@ -22,7 +22,7 @@ pub struct GripperStatus {
 
 impl GripperStatus {
     /// Returns the status of a cycle.
-    pub fn of(GripperRecord { command, measured }: GripperRecord) -> Self {
+    pub fn from_record(GripperRecord { command, measured }: GripperRecord) -> Self {
         let state = match (command, measured) {
             (None, None) => "the commanded side reports none",
             (None, Some(_)) => "not commanded before the deadman is pressed",
@@ -54,7 +54,7 @@ mod tests {
             (gripper, None, "commanded; the commanded side reports none"),
             (gripper, gripper, "commanded"),
         ] {
-            let status = GripperStatus::of(GripperRecord { command, measured });
+            let status = GripperStatus::from_record(GripperRecord { command, measured });
             assert_eq!(status.state, state);
             assert_eq!(status.commanded_m, command.map(|it| it.position));
             assert_eq!(status.force_n, measured.map(|it| it.force));

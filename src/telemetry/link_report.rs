@@ -1,4 +1,4 @@
-//! The link to a robot in another process, for `frhc ctl status`.
+//! Report on the link to a robot in another process, for `frhc ctl status`.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -7,26 +7,26 @@ use serde::Serialize;
 
 use remote::link::LinkStatus;
 
-/// The link in figures.
+/// State and figures of the link.
 #[derive(Clone, Debug, Serialize)]
 pub struct LinkReport {
-    /// A process is connected.
+    /// Set if a process is connected.
     pub connected: bool,
     /// Session of this node, as 16 hexadecimal digits.
     pub session: String,
-    /// Session of the far side; `None` before the first message that counts.
+    /// Session of the far side; `None` before the first valid message.
     pub far_session: Option<String>,
-    /// Node that the far side follows: `this node`, the session of another one, or `None`.
+    /// Node that the far side follows: `this node`, the session of another node, or `None`.
     pub leader: Option<String>,
     /// State of the far side, with its reason to hold.
     pub far_side: Option<String>,
     /// Median of the newest round trips, in ms.
     pub round_trip_p50_ms: Option<f64>,
-    /// 99th percentile of them, in ms.
+    /// 99th percentile of the newest round trips, in ms.
     pub round_trip_p99_ms: Option<f64>,
-    /// Messages of the far side that did not arrive.
+    /// Lost messages of the far side.
     pub lost: u64,
-    /// Commands that the far side's queue had no room for.
+    /// Commands dropped because the far side's queue was full.
     pub dropped: u64,
     /// Messages that had no effect, by reason.
     pub rejects: BTreeMap<String, u64>,
@@ -34,7 +34,7 @@ pub struct LinkReport {
 
 impl LinkReport {
     /// Creates the report of a status.
-    pub fn of(status: &LinkStatus) -> Self {
+    pub fn from_status(status: &LinkStatus) -> Self {
         let session = |session: u64| (session != 0).then(|| format!("{session:016x}"));
         let leader = match session(status.leader) {
             Some(_) if status.leader == status.session => Some("this node".to_owned()),

@@ -7,17 +7,17 @@ use serde::Serialize;
 /// Numbers of lost entries by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Losses {
-    /// Frames lost before the recorder: in no log.
+    /// Frames lost before the recorder, and absent from every log.
     pub frames: u64,
-    /// Records of cycles lost before the recorder: in no log and no summary.
+    /// Records of cycles lost before the recorder, and absent from log and summary.
     pub records: u64,
-    /// Inputs of the node lost before the recorder: a replay ends at the first.
+    /// Inputs of the node lost before the recorder. A replay ends at the first.
     pub inputs: u64,
-    /// Network events lost before the recorder: not shown.
+    /// Network events lost before the recorder, and not logged.
     pub events: u64,
-    /// Frames and cycles that the session's disk was too slow for.
+    /// Frames and cycles dropped because the disk of the session was too slow.
     pub of_session: u64,
-    /// Frames and cycles that the disk of the fault records was too slow for.
+    /// Frames and cycles dropped because the disk of the fault records was too slow.
     pub of_faults: u64,
 }
 

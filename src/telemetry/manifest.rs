@@ -1,12 +1,11 @@
-//! Description of a recorded session, `session.json`: what it is a recording of, and copies of all files that the node's
-//! configuration consists of.
+//! Description of a recorded session, `session.json`: program, host and time, and copies of all files of the configuration.
 
 use serde::{Deserialize, Serialize};
 
 /// Version of a session's folder; docs/sessions.md describes it.
 pub const FORMAT: u16 = 2;
 
-/// Oldest version that is read: its sessions have one part.
+/// Oldest version that can be read, whose sessions have one part.
 pub const OLDEST_FORMAT: u16 = 1;
 
 /// Description of a session.
@@ -33,7 +32,7 @@ pub struct Manifest {
     /// Case of a campaign.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub case: Option<CampaignCase>,
-    /// The passivity layer of the configuration was left out.
+    /// Set if the passivity layer of the configuration was disabled.
     pub without_passivity: bool,
     /// Copies of the files.
     pub files: Vec<FileCopy>,

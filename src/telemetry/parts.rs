@@ -20,11 +20,11 @@ const PACKED: &str = ".gz";
 /// One file of a session.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its stream.
+    /// Stream of the part.
     pub stream: Stream,
-    /// Its number, from 1.
+    /// Number in the stream, from 1.
     pub number: u32,
-    /// It is packed.
+    /// Set if the file is compressed (gzip).
     pub is_packed: bool,
     /// Size of the file, in bytes.
     pub size: u64,
@@ -33,7 +33,7 @@ pub struct Part {
 /// Parts in the folder of a session, and those that are missing.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
-    /// By stream and number; a packed one before a plain one of the same number.
+    /// Parts by stream and number; a packed one precedes a plain one of the same number.
     found: Vec<Part>,
     count: u32,
 }
@@ -42,7 +42,7 @@ impl Stream {
     /// Both streams.
     pub const ALL: [Self; 2] = [Self::BusLog, Self::Inputs];
 
-    /// Returns the name of a part that is not packed.
+    /// Returns the file name of a part that is not packed.
     pub fn part(self, number: u32) -> String {
         let (name, extension) = match self {
             Self::BusLog => ("bus", "log"),
@@ -56,7 +56,7 @@ impl Stream {
 }
 
 impl Part {
-    /// Returns the part of this name and size; `None` for any other file.
+    /// Parses a file name; `None` for a file that is not a part.
     fn parse(name: &str, size: u64) -> Option<Self> {
         let plain = name.strip_suffix(PACKED);
         let is_packed = plain.is_some();
@@ -67,7 +67,7 @@ impl Part {
         (number > 0).then_some(Self { stream, number, is_packed, size })
     }
 
-    /// Returns the name of its file.
+    /// Returns the file name.
     pub fn name(&self) -> String {
         let packed = if self.is_packed { PACKED } else { "" };
         format!("{}{packed}", self.stream.part(self.number))
@@ -75,10 +75,10 @@ impl Part {
 }
 
 impl Parts {
-    /// Finds the parts in `folder`. `stated` is their number as `summary.json` has it; `None` without a summary.
+    /// Finds the parts in `folder`. `stated` is their number in `summary.json`; `None` without a summary.
     ///
     /// # Errors
-    /// The folder cannot be read.
+    /// When the folder cannot be read.
     pub fn find(folder: &Path, stated: Option<u32>) -> io::Result<Self> {
         let mut found = Vec::new();
         for entry in fs::read_dir(folder)? {
@@ -89,7 +89,7 @@ impl Parts {
         found.sort_by_key(|part| (part.stream, part.number, !part.is_packed));
         let last = |found: &[Part]| found.iter().map(|part| part.number).max().unwrap_or(0);
         let mut count = last(&found);
-        // A writer that is killed while it begins a part leaves the empty file of the inputs alone.
+        // A writer that is killed while it starts a part leaves only the empty file of the inputs.
         let begun: Vec<_> = found.iter().filter(|part| part.number == count).collect();
         let is_begun = matches!(*begun, [Part { stream: Stream::Inputs, size: 0, .. }]);
         if is_begun && stated.is_none() {
@@ -99,7 +99,7 @@ impl Parts {
         Ok(Self { found, count: count.max(stated.unwrap_or(1)) })
     }
 
-    /// Returns the number of parts, those that are missing included.
+    /// Returns the number of parts, including missing ones.
     pub const fn count(&self) -> u32 {
         self.count
     }
@@ -109,8 +109,8 @@ impl Parts {
         &self.found
     }
 
-    /// Returns each part of a stream in order; the name of a plain one where it is missing.
-    pub fn of(&self, stream: Stream) -> impl Iterator<Item = Result<&Part, String>> {
+    /// Returns each part of a stream in order; `Err` with its plain file name for a missing one.
+    pub fn stream(&self, stream: Stream) -> impl Iterator<Item = Result<&Part, String>> {
         let mut numbers = 1..=self.count;
         iter::from_fn(move || {
             let number = numbers.next()?;
@@ -121,7 +121,7 @@ impl Parts {
 
     /// Returns the names of the missing parts.
     pub fn missing(&self) -> Vec<String> {
-        Stream::ALL.into_iter().flat_map(|stream| self.of(stream)).filter_map(Result::err).collect()
+        Stream::ALL.into_iter().flat_map(|one| self.stream(one)).filter_map(Result::err).collect()
     }
 }
 
@@ -185,7 +185,7 @@ mod tests {
             ("notes", 1),
         ];
         let parts = found("parts-order", &files, None);
-        let names: Vec<_> = parts.of(Stream::BusLog).flatten().map(Part::name).collect();
+        let names: Vec<_> = parts.stream(Stream::BusLog).flatten().map(Part::name).collect();
         assert_eq!(names, ["bus.log.gz", "bus-002.log.gz", "bus-1000.log"]);
         assert_eq!(parts.count(), 1_000);
     }

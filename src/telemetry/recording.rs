@@ -4,12 +4,12 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Parts of a recording, and why it has ended.
+/// Number of parts of a recording, and the reason of its end.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordingReport {
     /// Number of parts so far.
     pub parts: u32,
-    /// Reason why it ended before the run; `None` if it did not.
+    /// Reason why the recording ended before the run; `None` if it did not.
     pub ended_early: Option<String>,
 }
 

@@ -1,14 +1,14 @@
 //! Log of a session: one candump file of all buses and cycles.
 //!
-//! Lines of pseudo-interfaces, as CAN FD frames, stand between the frames of the buses: one file holds the whole run,
-//! and candump readers accept it.
+//! CAN FD frames of pseudo-interfaces are interleaved with the frames of the buses. One file thus contains the complete
+//! run, and candump readers accept it.
 //!
 //! | interface | identifier | bytes                                                                 |
 //! |-----------|------------|-----------------------------------------------------------------------|
 //! | `wrench0` | 18FF0000h  | wrench on the object at {S} used in this cycle: six f64, N and N·m     |
 //! | `node0`   | 18FF0001h  | mode u8, inputs u8 (FFh: silent), sampled joints as bits u8, 0, cycle u32 |
 //!
-//! Numbers are little-endian, as in CANopen. Both lines come at the end of their cycle.
+//! Numbers are little-endian, as in CANopen. Both lines are written at the end of their cycle.
 
 use std::io::{self, Write};
 
@@ -32,7 +32,7 @@ pub struct Brief {
     pub cycle: u64,
     /// Time of its SYNC.
     pub at: Instant,
-    /// Mode.
+    /// Mode of the node.
     pub mode: Mode,
     /// Cause of the stop, while stopped.
     pub cause: Option<Cause>,
@@ -51,11 +51,11 @@ impl From<&Record> for Brief {
     }
 }
 
-/// Writer of a session log. The first failed write ends the log, but not the session: the log has no gaps.
+/// Writer of a session log. The first failed write ends the log, so that it has no gaps, but not the session.
 #[derive(Debug)]
 pub struct SessionLog<W: Write> {
     log: LogWriter<W>,
-    /// Newest stamp; earlier events are written with it, so stamps never decrease.
+    /// Newest time stamp. Earlier events are written with it, so stamps never decrease.
     latest: Instant,
     failed: Option<io::Error>,
 }
@@ -86,8 +86,7 @@ impl<W: Write> SessionLog<W> {
         self.log.written()
     }
 
-    /// Flushes this part of the log, and goes on in `next`, where stamps never decrease either. A log that has ended stays
-    /// ended.
+    /// Flushes this part of the log, and continues in `next` with non-decreasing stamps. A log that has ended remains ended.
     pub fn begin_part(&mut self, next: LogWriter<W>) {
         self.flush();
         if self.failed.is_none() {
@@ -109,7 +108,7 @@ impl<W: Write> SessionLog<W> {
     /// Flushes the log.
     ///
     /// # Errors
-    /// The write that failed.
+    /// Returns the error of the write that failed.
     pub fn finish(mut self) -> io::Result<()> {
         self.flush();
         self.failed.map_or(Ok(()), Err)

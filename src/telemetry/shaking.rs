@@ -1,7 +1,7 @@
-//! A robot that shakes in free motion: the sensed force alternates from cycle to cycle.
+//! Detection of a robot that shakes in free motion: the sensed force alternates from cycle to cycle.
 //!
-//! From K_FA m = T/2 coth(T/2τ_s) on, accommodation yields to the inertia of the payload `m` faster than the servo follows, and
-//! the arm shakes with half its cycle rate (docs/adr/0025). Contact pushes one way; this force has no mean.
+//! From K_FA m = T/2 coth(T/2τ_s), accommodation yields to the inertia of the payload m faster than the servo follows.
+//! The arm then shakes at half its cycle rate (docs/adr/0025). Unlike contact, this force has zero mean.
 
 use derive_more::Display;
 use nalgebra::Vector3;
@@ -12,13 +12,13 @@ use units::spatial::Wrench;
 /// Cycles over which the force is averaged.
 const CYCLES: f64 = 50.0;
 
-/// Alternating force that counts as shaking, in N.
+/// Minimum amplitude of an alternating force that counts as shaking, in N.
 const SHAKING_FORCE: f64 = 0.2;
 
-/// Time of shaking that is reported, in s.
+/// Minimum time of shaking that is reported, in s; longer than an impact.
 const REPORTED_FROM: f64 = 0.1;
 
-/// Shaking so far.
+/// Time and amplitude of shaking.
 #[derive(Clone, Copy, Debug, Display, Default, PartialEq, Serialize)]
 #[display(
     "shakes in free motion, {peak_n:.1} N at half the cycle rate for {seconds:.1} s: lower K_FA or the payload"
@@ -37,7 +37,7 @@ pub struct Shaking {
 }
 
 impl Shaking {
-    /// Adds the wrench sensed in the next cycle, which lasts `dt` s. One that is not finite is left out.
+    /// Adds the wrench sensed in the next cycle, which lasts `dt` s. A wrench that is not finite is ignored.
     pub fn add(&mut self, f_s: &Wrench, dt: f64) {
         let force = f_s.force;
         self.is_odd = !self.is_odd;
@@ -54,12 +54,12 @@ impl Shaking {
         }
     }
 
-    /// Returns whether it is worth a word: longer than an impact.
+    /// Returns whether the shaking is long enough to be reported.
     pub fn is_reported(&self) -> bool {
         self.seconds > REPORTED_FROM
     }
 
-    /// Returns itself, if it is worth a word.
+    /// Returns `Some` if the shaking is long enough to be reported.
     pub fn reported(self) -> Option<Self> {
         self.is_reported().then_some(self)
     }

@@ -17,29 +17,29 @@ use node::record::{Mode, Record};
 use remote::model::Difference;
 use units::numbering::Joint;
 
-/// A snapshot of the node.
+/// Status of the node in one cycle.
 #[derive(Clone, Debug, Serialize)]
 pub struct Status {
     /// Mode.
     pub mode: &'static str,
     /// Cause of the stop, while stopped.
     pub stopped_by: Option<String>,
-    /// Joints whose drives do not report that they are off, although disable voltage was sent to them: do not touch the arm.
+    /// Joints whose drives have not confirmed power off after "disable voltage". Do not touch the arm.
     pub not_off: Vec<u8>,
     /// Cycles run.
     pub cycle: u64,
-    /// Cycles over time: torques too late to be sent, or a skipped SYNC.
+    /// Cycles whose torques were too late to be sent, or whose SYNC was skipped.
     pub overruns: u64,
     /// Missed samples.
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk.
     pub lost: Losses,
-    /// Parts of the session, and why its recording ended early; `None` where none is recorded.
+    /// Parts of the recorded session, and the reason of an early end; `None` without a recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingReport>,
     /// SDO uploads of other clients.
     pub foreign_uploads: u32,
-    /// Objects verified at boot that could not be read again, at present.
+    /// Number of objects verified at boot that currently cannot be read back.
     pub unread_settings: u32,
     /// Reflection of the wrench: `off` and `on` by its switch; `on when engaged` before it acts.
     pub reflection: &'static str,
@@ -47,9 +47,9 @@ pub struct Status {
     pub scale: Scale,
     /// Axes of the command that the operator locked: `x`, `rz`.
     pub locked: Vec<String>,
-    /// The object is being turned to the orientation of the grip.
+    /// Set while the object is being aligned with the orientation of the grip.
     pub aligning: bool,
-    /// Joints with their names and units; empty where these are not known.
+    /// Joints with their names and units; empty if these are unknown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointStatus>,
     /// Joint positions, in rad (m for a prismatic joint).
@@ -64,18 +64,18 @@ pub struct Status {
     pub f_g_task: [f64; 6],
     /// Position of the object in its base, in m.
     pub p_b_m: [f64; 3],
-    /// Difference of the robot to its model; `None` without a model or a sample.
+    /// Difference between robot and model; `None` without a model or a sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelDifference>,
-    /// Gripper; `None` where the switch box has no input for one.
+    /// Gripper; `None` if the switch box has no input for one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gripper: Option<GripperStatus>,
-    /// Inputs of the switch box are up to date; `None` if none is configured, so that nothing can be armed.
+    /// Set if the inputs of the switch box are fresh; `None` without a switch box, which arming requires.
     pub switches_online: Option<bool>,
     /// Timing of the cycles, boot included.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,
-    /// Link to a robot in another process; `None` where the commanded side is in this one.
+    /// Link to a robot in another process; `None` if the commanded side is in this process.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkReport>,
 }
@@ -83,20 +83,20 @@ pub struct Status {
 /// Name of a joint, and its kind, which decides its units.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JointLabel {
-    /// Name for people.
+    /// Displayed name.
     pub name: String,
-    /// True for a prismatic joint: m and N instead of rad and N·m.
+    /// Set for a prismatic joint, with m and N instead of rad and N·m.
     pub is_prismatic: bool,
 }
 
 impl JointLabel {
     /// Returns name and kind of a joint.
-    pub fn of(joint: &JointParameters) -> Self {
+    pub fn from_parameters(joint: &JointParameters) -> Self {
         let is_prismatic = joint.plant.link.kind == JointKind::Prismatic;
         Self { name: joint.name.clone(), is_prismatic }
     }
 
-    /// Returns the units of its position and its torque.
+    /// Returns the units of position and torque.
     pub const fn units(&self) -> [&'static str; 2] {
         if self.is_prismatic { ["m", "N"] } else { ["rad", "N·m"] }
     }
@@ -104,10 +104,10 @@ impl JointLabel {
 
 /// Returns names and units of the joints of a configuration, base first.
 pub fn labels(config: &Config) -> Vec<JointLabel> {
-    config.joints.iter().map(JointLabel::of).collect()
+    config.joints.iter().map(JointLabel::from_parameters).collect()
 }
 
-/// Difference of the predicted pose of a robot to the sensed one.
+/// Difference between predicted and sensed pose of a robot.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct ModelDifference {
     /// Distance, in mm.
@@ -117,12 +117,12 @@ pub struct ModelDifference {
 }
 
 impl ModelDifference {
-    /// Returns a difference in the units of people.
-    pub(crate) fn of(Difference { distance, angle }: Difference) -> Self {
+    /// Converts a difference to mm and degrees.
+    pub(crate) fn new(Difference { distance, angle }: Difference) -> Self {
         Self { distance_mm: distance * 1e3, angle_deg: angle.to_degrees() }
     }
 
-    /// Returns the greater distance and the greater angle of two.
+    /// Returns the larger distance and the larger angle of two differences.
     pub(crate) const fn max(self, other: Self) -> Self {
         Self {
             distance_mm: self.distance_mm.max(other.distance_mm),
@@ -136,7 +136,7 @@ impl ModelDifference {
 pub struct JointStatus {
     /// Number, from 1 at the base.
     pub joint: u8,
-    /// Name for people.
+    /// Displayed name.
     pub name: String,
     /// Position, in `position_unit`.
     pub position: f64,
@@ -152,7 +152,7 @@ pub struct JointStatus {
 
 impl Status {
     /// Creates the status from the newest record, and the numbers of missed samples and lost entries.
-    pub fn of(record: &Record, missing_samples: u64, lost: Losses) -> Self {
+    pub fn from_record(record: &Record, missing_samples: u64, lost: Losses) -> Self {
         let p_b_m = record.x_b_m.translation.vector;
         Self {
             mode: record.mode.name(),
@@ -176,15 +176,15 @@ impl Status {
             budget: record.output.ledger,
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
-            model: record.model.map(ModelDifference::of),
-            gripper: record.gripper.map(GripperStatus::of),
+            model: record.model.map(ModelDifference::new),
+            gripper: record.gripper.map(GripperStatus::from_record),
             switches_online: record.has_switch_box.then_some(record.inputs.is_some()),
             timing: None,
             link: None,
         }
     }
 
-    /// Names the joint of the cause; the joints have these names, base first.
+    /// Adds the joint's name to the cause. `labels` are those of the joints, base first.
     #[must_use]
     pub fn with_cause_named(mut self, labels: &[JointLabel]) -> Self {
         let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();
@@ -192,7 +192,7 @@ impl Status {
         self
     }
 
-    /// Adds the joints with these names and units, base first.
+    /// Adds the joints with names and units of `labels`, base first.
     #[must_use]
     pub fn with_joints(self, labels: &[JointLabel]) -> Self {
         let mut named = self.with_cause_named(labels);
@@ -219,7 +219,7 @@ impl Status {
     }
 }
 
-/// Returns the state of reflection: its switch, and the deadman that lets it act.
+/// Returns the state of reflection, by its switch and the deadman.
 fn reflection(record: &Record) -> &'static str {
     let permissions = record.output.permissions;
     match (permissions.reflects, permissions.task && record.mode == Mode::Engaged) {

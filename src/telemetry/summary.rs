@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::contact::Contact;
 use crate::contact_posture::ContactPostures;
-use crate::fidelity::{Judged, Report};
+use crate::fidelity::{Report, WrenchSource};
 use crate::losses::Losses;
 use crate::origin::Origin;
 use crate::recording::RecordingReport;
@@ -20,7 +20,7 @@ use units::numbering::Joint;
 use units::spatial::Motion;
 use units::time::Instant;
 
-/// Contact force below which the object moves freely and should follow its command, in N.
+/// Maximum contact force of free motion, in which the object should follow its command, in N.
 const FREE_MOTION_FORCE: f64 = 0.5;
 
 /// Counters and extremes of a session.
@@ -28,13 +28,13 @@ const FREE_MOTION_FORCE: f64 = 0.5;
 pub struct Summary {
     /// Origin of time of `bus.log`, fault records and messages.
     pub origin: Origin,
-    /// The user ended the session before its time.
+    /// Set if the user ended the session early.
     pub is_interrupted: bool,
     /// Cycles run.
     pub cycles: u64,
     /// Time from the first SYNC to the last, in s.
     pub seconds: f64,
-    /// Cycles over time: torques too late to be sent, or a skipped SYNC.
+    /// Cycles whose torques were too late to be sent, or whose SYNC was skipped.
     pub overruns: u64,
     /// Cycles in which at least one joint's sample was missing.
     pub cycles_with_missing_samples: u64,
@@ -42,7 +42,7 @@ pub struct Summary {
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk. The other figures exclude lost records.
     pub lost: Losses,
-    /// Parts of the session, and why its recording ended early; `None` where none is recorded.
+    /// Parts of the recorded session, and the reason of an early end; `None` without a recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingReport>,
     /// Time engaged, in s.
@@ -59,15 +59,15 @@ pub struct Summary {
     pub contact_seconds: f64,
     /// Quality of contact.
     pub contact: Contact,
-    /// Contact in postures that render it badly.
+    /// Contact in postures outside the bounds.
     pub contact_posture: ContactPostures,
     /// Shaking of a robot in free motion.
     pub shaking: Shaking,
-    /// The felt wrench against K_T times the sensed one: at the hand in a simulation, as commanded on drives.
+    /// Fidelity of wrench reflection, measured at the hand in a simulation, and by the commanded torques on drives.
     pub fidelity: Option<Report>,
     /// Cycles in which torque was scaled down to the limits of the joints.
     pub saturated_cycles: u64,
-    /// Joint, from 1, that friction compensation drove last without a hand: the compensation was withdrawn.
+    /// Last joint, from 1, that friction compensation drove without a hand. The compensation was then withdrawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_driven_joint: Option<u8>,
     /// RMS of commanded minus actual speed in rate mode and free motion, in m/s.
@@ -76,15 +76,15 @@ pub struct Summary {
     pub pose_tracking_rms_m: f64,
     /// Distance travelled by the object, in m.
     pub object_travel_m: f64,
-    /// Greatest difference of a robot to its model; `None` without a model.
+    /// Maximum difference between robot and model; `None` without a model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelDifference>,
     /// Load of each bus, in percent of its bitrate.
     pub bus_load_percent: Vec<f64>,
-    /// Timing of the cycles, where they have run in real time.
+    /// Timing of the cycles; `None` in virtual time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingReport>,
-    /// The histograms of these times, a file of their own.
+    /// Histograms of these times, written to a separate file.
     #[serde(skip)]
     pub histograms: Option<Timing>,
     /// Number of frames on each bus.
@@ -107,7 +107,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Creates an empty summary; `postures` judges its contacts.
+    /// Creates an empty summary; `postures` checks its contacts.
     #[must_use]
     pub fn judging(postures: ContactPostures) -> Self {
         Self { contact_posture: postures, ..Self::default() }
@@ -125,8 +125,8 @@ impl Summary {
         self.self_driven_joint = self_driven.or(self.self_driven_joint);
         self.contact.add(record);
         let most = self.model.unwrap_or_default();
-        self.model = record.model.map(|model| most.max(ModelDifference::of(model))).or(self.model);
-        // In words only where they change: no cycle of a steady state allocates.
+        self.model = record.model.map(|model| most.max(ModelDifference::new(model))).or(self.model);
+        // Formatted only at a change, so that cycles of a steady state do not allocate.
         let ended = Some((record.mode, record.cause));
         if std::mem::replace(&mut self.ended, ended) != ended {
             self.final_mode = record.mode.to_string();
@@ -237,7 +237,7 @@ impl fmt::Display for Summary {
 }
 
 impl Summary {
-    /// Formats what the hand felt in contact.
+    /// Formats the quality of contact.
     fn fmt_contact(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -252,8 +252,8 @@ impl Summary {
         }
         if let Some(fidelity) = &self.fidelity {
             let place = match fidelity.judged {
-                Judged::Hand => "felt at the hand ",
-                Judged::Command => "commanded forces ",
+                WrenchSource::Hand => "felt at the hand ",
+                WrenchSource::Command => "commanded forces ",
             };
             writeln!(f, "{place} {fidelity}")?;
         }

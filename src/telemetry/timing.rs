@@ -1,6 +1,6 @@
-//! Timing of the cycles as histograms, and the step that made a cycle late.
+//! Histograms of the cycles' timing, and the step that made a cycle late.
 //!
-//! Values are whole µs, kept with two significant digits, up to a second. A histogram has a fixed size and never allocates.
+//! Values are in µs, with two significant digits, up to a second. A histogram has a fixed size and never allocates.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,8 +12,8 @@ use serde::Serialize;
 use node::cycle_times::CycleTimes;
 use node::record::Record;
 
-/// Largest value kept apart, in µs; what is longer counts as this.
-const LARGEST: u64 = 1_000_000;
+/// Maximum value of a histogram, in µs. Longer times count as this.
+const MAX_US: u64 = 1_000_000;
 
 /// Histograms of the times of all cycles so far.
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ pub struct Timing {
     last_target: Histogram<u32>,
     confirmed: Histogram<u32>,
     joints: [Histogram<u32>; 6],
-    /// Overruns until the cycle before, and its times.
+    /// Number of overruns until the previous cycle, and its times.
     before: Option<(u64, CycleTimes)>,
 }
 
@@ -42,7 +42,7 @@ pub struct Percentiles {
 
 /// Percentiles of one time of each joint, base first, in µs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct OfJoints {
+pub struct PerJoint {
     pub p50: [u64; 6],
     pub p99: [u64; 6],
     #[serde(rename = "p99.9")]
@@ -53,7 +53,7 @@ pub struct OfJoints {
 /// Timing of a run, in µs.
 #[derive(Clone, Debug, Serialize)]
 pub struct TimingReport {
-    /// From the time at which SYNC was due to the wake-up for it.
+    /// Delay from the due time of SYNC to the wake-up for it.
     pub wake_up_late_us: Percentiles,
     /// From SYNC to the last sample of the joints, in cycles with all of them.
     pub sync_to_last_sample_us: Percentiles,
@@ -61,10 +61,10 @@ pub struct TimingReport {
     pub step_us: Percentiles,
     /// From SYNC to the last target accepted by its bus.
     pub sync_to_last_target_us: Percentiles,
-    /// From SYNC to its transmit confirmation; no values where the bus has none.
+    /// From SYNC to its transmit confirmation; no values if the bus does not confirm.
     pub sync_to_confirmation_us: Percentiles,
     /// From SYNC to the sample of each joint.
-    pub sync_to_sample_us: OfJoints,
+    pub sync_to_sample_us: PerJoint,
 }
 
 /// One class of a histogram.
@@ -78,10 +78,10 @@ pub struct Class {
     pub count: u64,
 }
 
-/// Histograms of a run: the classes that have values, in µs, smallest first. The names are those of [`TimingReport`].
+/// Histograms of a run: all classes with values, in µs, smallest first. The names are those of [`TimingReport`].
 #[derive(Clone, Debug, Serialize)]
 pub struct HistogramReport {
-    /// Time, in µs, that longer ones count as.
+    /// Maximum value of a histogram, in µs. Longer times count as this.
     pub largest_us: u64,
     pub wake_up_late_us: Vec<Class>,
     pub sync_to_last_sample_us: Vec<Class>,
@@ -92,13 +92,13 @@ pub struct HistogramReport {
     pub sync_to_sample_us: [Vec<Class>; 6],
 }
 
-/// Step that took longest in a cycle over time.
+/// Longest step of a cycle with an overrun.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum LateStep {
-    /// The kernel woke the cycle's thread late.
+    /// Wake-up of the cycle's thread by the kernel.
     #[display("wake-up")]
     WakeUp,
-    /// The samples.
+    /// SYNC window, in which samples are awaited.
     #[display("wait for samples")]
     Window,
     /// Watches and controller.
@@ -112,15 +112,15 @@ pub enum LateStep {
     Rest,
 }
 
-/// A cycle over time.
+/// Overrun of a cycle, with its longest step.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 #[display("overrun in cycle {cycle}: {step} took {} µs", took.as_micros())]
 pub struct Overrun {
     /// Number of the cycle.
     pub cycle: u64,
-    /// The step.
+    /// Longest step.
     pub step: LateStep,
-    /// Its time.
+    /// Duration of that step.
     pub took: Duration,
 }
 
@@ -139,12 +139,12 @@ impl Default for Timing {
 }
 
 impl Timing {
-    /// Adds the next cycle; returns the step that was late, if it is over time.
+    /// Adds the next cycle; returns its overrun, if any.
     pub fn add(&mut self, record: &Record) -> Option<Overrun> {
         self.add_times(&record.times);
         let (overruns, before) = self.before.replace((record.overruns, record.times))?;
         let is_over = record.overruns > overruns;
-        is_over.then(|| Overrun::of(record.cycle, &record.times, &before))
+        is_over.then(|| Overrun::from_times(record.cycle, &record.times, &before))
     }
 
     fn add_times(&mut self, times: &CycleTimes) {
@@ -163,12 +163,12 @@ impl Timing {
     /// Returns the percentiles.
     pub fn report(&self) -> TimingReport {
         TimingReport {
-            wake_up_late_us: Percentiles::of(&self.wake_up),
-            sync_to_last_sample_us: Percentiles::of(&self.last_sample),
-            step_us: Percentiles::of(&self.step),
-            sync_to_last_target_us: Percentiles::of(&self.last_target),
-            sync_to_confirmation_us: Percentiles::of(&self.confirmed),
-            sync_to_sample_us: OfJoints::of(self.joints.each_ref().map(Percentiles::of)),
+            wake_up_late_us: Percentiles::new(&self.wake_up),
+            sync_to_last_sample_us: Percentiles::new(&self.last_sample),
+            step_us: Percentiles::new(&self.step),
+            sync_to_last_target_us: Percentiles::new(&self.last_target),
+            sync_to_confirmation_us: Percentiles::new(&self.confirmed),
+            sync_to_sample_us: PerJoint::new(self.joints.each_ref().map(Percentiles::new)),
         }
     }
 }
@@ -177,7 +177,7 @@ impl Timing {
     /// Returns the histograms.
     pub fn histograms(&self) -> HistogramReport {
         HistogramReport {
-            largest_us: LARGEST,
+            largest_us: MAX_US,
             wake_up_late_us: classes(&self.wake_up),
             sync_to_last_sample_us: classes(&self.last_sample),
             step_us: classes(&self.step),
@@ -189,8 +189,8 @@ impl Timing {
 }
 
 impl Overrun {
-    /// Finds the longest step between the SYNC of the cycle before and the last target of this one.
-    fn of(cycle: u64, times: &CycleTimes, before: &CycleTimes) -> Self {
+    /// Finds the longest step between the SYNC of the previous cycle and the last target of this one.
+    fn from_times(cycle: u64, times: &CycleTimes, before: &CycleTimes) -> Self {
         let of_cycle = |times: &CycleTimes| {
             let sending = times.targets.saturating_sub(times.window + times.step);
             [
@@ -208,15 +208,15 @@ impl Overrun {
 }
 
 impl Percentiles {
-    fn of(histogram: &Histogram<u32>) -> Self {
-        let at = |quantile| histogram.value_at_quantile(quantile).min(LARGEST);
+    fn new(histogram: &Histogram<u32>) -> Self {
+        let at = |quantile| histogram.value_at_quantile(quantile).min(MAX_US);
         let (count, max) = (histogram.len(), at(1.0));
         Self { count, p50: at(0.5), p99: at(0.99), p99_9: at(0.999), max }
     }
 }
 
-impl OfJoints {
-    fn of(joints: [Percentiles; 6]) -> Self {
+impl PerJoint {
+    fn new(joints: [Percentiles; 6]) -> Self {
         Self {
             p50: joints.map(|of| of.p50),
             p99: joints.map(|of| of.p99),
@@ -252,14 +252,14 @@ impl TimingReport {
 /// Returns an empty histogram.
 #[expect(clippy::expect_used, reason = "the bounds are constants, and every test here makes one")]
 fn histogram() -> Histogram<u32> {
-    Histogram::new_with_max(LARGEST, 2).expect("valid bounds")
+    Histogram::new_with_max(MAX_US, 2).expect("valid bounds")
 }
 
 /// Returns the classes that have values.
 fn classes(histogram: &Histogram<u32>) -> Vec<Class> {
     let class = |value: u64, count: u32| {
         let from = histogram.lowest_equivalent(value);
-        Class { from, to: histogram.highest_equivalent(value).min(LARGEST), count: count.into() }
+        Class { from, to: histogram.highest_equivalent(value).min(MAX_US), count: count.into() }
     };
     let recorded = histogram.iter_recorded();
     recorded.map(|it| class(it.value_iterated_to(), it.count_at_value())).collect()
@@ -267,7 +267,7 @@ fn classes(histogram: &Histogram<u32>) -> Vec<Class> {
 
 fn add(histogram: &mut Histogram<u32>, time: Option<Duration>) {
     if let Some(time) = time {
-        histogram.saturating_record(u64::try_from(time.as_micros()).unwrap_or(LARGEST));
+        histogram.saturating_record(u64::try_from(time.as_micros()).unwrap_or(MAX_US));
     }
 }
 
@@ -279,7 +279,7 @@ mod tests {
         Duration::from_micros(micros)
     }
 
-    /// Times of a cycle in time: its last target 480 µs after SYNC.
+    /// Times of a cycle without an overrun: its last target is sent 480 µs after SYNC.
     const USUAL: CycleTimes = CycleTimes {
         rest: Duration::from_micros(40),
         wake_up: Duration::from_micros(3),
@@ -310,7 +310,7 @@ mod tests {
             ),
             (usual, CycleTimes { targets: micros(1_600), ..usual }, LateStep::Targets, 1_220),
         ] {
-            let overrun = Overrun::of(9, &now, &before);
+            let overrun = Overrun::from_times(9, &now, &before);
             assert_eq!((overrun.step, overrun.took), (step, micros(took)), "{overrun}");
         }
     }
@@ -344,7 +344,7 @@ mod tests {
         let expected = [class(3, 3, 3), class(250, 250, 1), class(251, 251, 1)];
         let (last, classes) = report.wake_up_late_us.split_last().unwrap();
         assert_eq!(classes, expected);
-        assert!(last.from <= LARGEST && last.to == LARGEST && last.count == 1, "{last:?}");
+        assert!(last.from <= MAX_US && last.to == MAX_US && last.count == 1, "{last:?}");
         let of_samples = report.sync_to_sample_us.each_ref().map(|of| of.iter().map(|it| it.count));
         assert_eq!(of_samples.map(Iterator::sum::<u64>), [6; 6]);
     }

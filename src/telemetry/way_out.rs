@@ -1,4 +1,4 @@
-//! Steps that lead on from a mode, as sentences: for the report on a session, and for viewers of a running node (docs/operation.md).
+//! Steps that lead on from a mode, in sentences for reports on sessions and viewers of a running node (docs/operation.md).
 
 use node::cause::Kind;
 use node::reaction::Initiator;
@@ -8,8 +8,8 @@ use node::record::Mode;
 const PRESS_DEADMAN: &str =
     "release the deadman and press it again: both contacts open for 25 ms, then closed for 25 ms.";
 
-/// Returns the steps that lead out of a stop. `joint` is the name of the cause's joint, if it has one; `not_off` names joints whose
-/// drives did not report that they are off.
+/// Returns the steps that lead out of a stop. `joint` is the name of the cause's joint, if any. `not_off` are the names of
+/// joints whose drives have not confirmed power off.
 pub fn of_stop(
     kind: Option<Kind>,
     joint: Option<&str>,
@@ -41,7 +41,7 @@ pub fn of_stop(
     steps
 }
 
-/// Returns the steps that lead on from a mode without a stop; none while engaged. Nothing can be armed without a switch box.
+/// Returns the steps that lead on from a mode without a stop; empty while engaged. Arming requires a switch box.
 pub fn onwards(mode: Mode, has_switch_box: bool) -> Vec<String> {
     let step = match mode {
         Mode::Boot => {

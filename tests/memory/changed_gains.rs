@@ -77,7 +77,7 @@ fn recorded(config: &Config) -> Vec<u8> {
     bench.bring_up().unwrap();
     for _ in 0..cycles {
         let record = bench.cycle();
-        recording.on_input(Input::Intermediates(record.cycle, Digest::of(&record.output)));
+        recording.on_input(Input::Intermediates(record.cycle, Digest::from_output(&record.output)));
     }
     drop(bench);
     Rc::into_inner(recording.0).unwrap().into_inner().into_inner()

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bus::{Bus, Traced};
+use bus::{Bus, TappedBus};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen_device::station::Station;
 use config::Config;
@@ -17,7 +17,7 @@ use node::Request;
 use node::record::Mode;
 use remote::site::VirtualSite;
 use run::console::request_queue::{self, Phase, RequestReceiver, RequestSender};
-use run::cycle_thread::{self, Ended};
+use run::cycle_thread::{self, RunEnd};
 use run::exit::{Failure, Kind};
 use run::latch::Latch;
 use run::rings::{self, EntryConsumer, EntryProducer};
@@ -28,7 +28,7 @@ use units::time::Instant;
 
 /// A node without threads, on an in-memory bus.
 struct Bench<S> {
-    node: RecordedNode<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
+    node: RecordedNode<TappedBus<Memory<S, ()>, EntryProducer>, VirtualSite>,
     sender: RequestSender,
     requests: RequestReceiver,
     latch: Latch,
@@ -49,7 +49,7 @@ impl<S: Station> Bench<S> {
         let latch = set();
         let config = config();
         let (producer, consumer, _) = rings::rings();
-        let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), producer);
+        let bus = TappedBus::new(Memory::new(&[1_000_000], stations, ()), producer);
         let side = VirtualSite::new(&config.remote, config.period);
         let node = RecordedNode::new(&config, bus, side, ());
         let (sender, requests) = request_queue::channel();
@@ -57,7 +57,7 @@ impl<S: Station> Bench<S> {
     }
 
     /// Runs until `stopping` returns true; it is called at least once a cycle and during boots.
-    fn run(&mut self, stopping: &impl Fn() -> bool) -> Ended {
+    fn run(&mut self, stopping: &impl Fn() -> bool) -> RunEnd {
         cycle_thread::run_node(
             &mut self.node,
             &mut self.requests,

@@ -119,7 +119,7 @@ fn analogue_lever_closes_the_gripper_on_its_object() {
     let closed = until(&mut bench, 5.0);
     assert_at(gripper(&closed).command, 0.0, 15.0);
     assert_at(gripper(&closed).measured, 0.027, 15.0);
-    let status = Status::of(&closed, 0, Losses::default()).gripper.unwrap();
+    let status = Status::from_record(&closed, 0, Losses::default()).gripper.unwrap();
     assert_eq!((status.state, closed.cause), ("commanded", None));
     assert!(status.force_n.is_some_and(|force| (force - 15.0).abs() < 1e-3));
 }
@@ -205,7 +205,7 @@ fn hazard_50_silent_input_releases_the_deadman_with_it() {
     let kept = gripper(&silent).command;
     assert!(kept.is_some());
     assert_eq!(gripper(&until(&mut bench, 1.99)).command, kept);
-    let status = Status::of(&silent, 0, Losses::default());
+    let status = Status::from_record(&silent, 0, Losses::default());
     assert_eq!(status.switches_online, Some(false));
 }
 
@@ -215,7 +215,7 @@ fn commanded_side_without_a_gripper_is_armed_all_the_same() {
     let record = until(&mut bench, 3.0);
     assert_eq!((record.mode, record.cause), (Mode::Engaged, None));
     assert_eq!(record.gripper, Some(GripperRecord::default()));
-    let status = Status::of(&record, 0, Losses::default()).gripper.unwrap();
+    let status = Status::from_record(&record, 0, Losses::default()).gripper.unwrap();
     assert_eq!(status.state, "the commanded side reports none");
 }
 

@@ -253,7 +253,7 @@ fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
     assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::Late));
     assert_eq!(stopped.targets, [0; 6]);
     assert_eq!(stopped.overruns - before, 10);
-    assert_eq!(Status::of(stopped, 0, Losses::default()).overruns, stopped.overruns);
+    assert_eq!(Status::from_record(stopped, 0, Losses::default()).overruns, stopped.overruns);
     let mut summary = Summary::default();
     run.records.iter().for_each(|record| summary.add(record));
     assert_eq!(summary.overruns, stopped.overruns);

@@ -8,7 +8,7 @@ use crate::common::drive::{drive, node};
 use crate::sdo_queue::{Queue, Request, Task};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen::object::Object;
-use canopen::sdo::{Block, Outcome, Terms};
+use canopen::sdo::{Block, Outcome, SdoOptions};
 use canopen_device::station::Station;
 use sim::drive::Drive;
 use units::time::Instant;
@@ -57,8 +57,8 @@ impl Lossy {
         };
         lossy.drive.on_time(lossy.now, &mut Vec::new());
         let block = Block::default().every(Duration::ZERO);
-        let terms = Terms::block(Duration::from_secs(10), block);
-        lossy.carry(Task::Write(value.to_vec()), terms, ErrorRates::default()).unwrap();
+        let options = SdoOptions::block(Duration::from_secs(10), block);
+        lossy.carry(Task::Write(value.to_vec()), options, ErrorRates::default()).unwrap();
         lossy
     }
 
@@ -73,10 +73,10 @@ impl Lossy {
     }
 
     /// Runs one request to its end, which must come within [`TIMEOUT`].
-    pub(crate) fn carry(&mut self, task: Task, terms: Terms, rates: ErrorRates) -> Outcome {
+    pub(crate) fn carry(&mut self, task: Task, options: SdoOptions, rates: ErrorRates) -> Outcome {
         let (mut queue, start) = (Queue::default(), self.now);
         self.sent = 0;
-        let request = Request { object: Object::SAMPLE_BUFFER, task, terms, within: TIMEOUT };
+        let request = Request { object: Object::SAMPLE_BUFFER, task, options, within: TIMEOUT };
         let ticket = queue.submit(self.now, node(), request);
         let (mut requests, mut replies) = (Vec::new(), Vec::new());
         loop {

@@ -59,7 +59,7 @@ fn drives_without_switch_box_are_proven_and_never_armed() {
         assert!(refused.contains("nothing can be armed: there is no deadman"), "{refused}");
         assert!(refused.contains("add [switches]"), "{refused}");
         let record = bench.cycle();
-        assert_eq!(Status::of(&record, 0, Losses::default()).switches_online, None);
+        assert_eq!(Status::from_record(&record, 0, Losses::default()).switches_online, None);
         // The script of the operator arms and holds the deadman.
         for _ in 0..2_000 {
             let record = bench.cycle();
@@ -85,5 +85,5 @@ fn silent_switch_box_is_another_refusal() {
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();
     assert_eq!(refused, "no inputs from the switch box: check its power and cable");
     let record = bench.cycle();
-    assert_eq!(Status::of(&record, 0, Losses::default()).switches_online, Some(false));
+    assert_eq!(Status::from_record(&record, 0, Losses::default()).switches_online, Some(false));
 }

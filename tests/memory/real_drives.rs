@@ -65,7 +65,7 @@ fn every_drive_is_proven_by_the_timers_of_its_maker() {
         let proven = bench.node().proof_test_report().clone();
         let planned = config.stopping();
         for (drive, planned) in proven.drives.iter().zip(planned) {
-            let tripped: Vec<_> = drive.trips().map(|trip| trip.watchdog).collect();
+            let tripped: Vec<_> = drive.expiries().map(|expiry| expiry.watchdog).collect();
             assert_eq!(tripped, planned.watchdogs, "{name}: {}", drive.name);
         }
         let awaited =

@@ -19,7 +19,7 @@ use crate::sdo_queue::Task;
 use bus::{Bus, Tap};
 use canopen::abort::AbortCode;
 use canopen::object::Object;
-use canopen::sdo::{Block, Content, Outcome, SdoError, Terms, Transfer};
+use canopen::sdo::{Block, Content, Outcome, SdoError, SdoOptions, Transfer};
 use memory_bus::Memory;
 use sim::drive::Drive;
 
@@ -50,9 +50,9 @@ fn bus<T: Tap>(tap: T) -> Memory<Drive, T> {
     bus
 }
 
-fn read<T: Tap>(bus: &mut Memory<Drive, T>, object: Object, terms: Terms) -> Outcome {
+fn read<T: Tap>(bus: &mut Memory<Drive, T>, object: Object, options: SdoOptions) -> Outcome {
     let mut out = Vec::new();
-    let transfer = Transfer::read_on(terms, node(), object, bus.now(), &mut out);
+    let transfer = Transfer::read_with(options, node(), object, bus.now(), &mut out);
     carry(bus, transfer, out)
 }
 
@@ -60,21 +60,21 @@ fn write<T: Tap>(
     bus: &mut Memory<Drive, T>,
     object: Object,
     bytes: &[u8],
-    terms: Terms,
+    options: SdoOptions,
 ) -> Outcome {
     let mut out = Vec::new();
     let now = bus.now();
     let transfer =
-        Transfer::write_on(terms, node(), object, bytes.to_vec(), now, &mut out).unwrap();
+        Transfer::write_with(options, node(), object, bytes.to_vec(), now, &mut out).unwrap();
     carry(bus, transfer, out)
 }
 
-fn every_protocol(block: Block) -> [Terms; 4] {
+fn every_protocol(block: Block) -> [SdoOptions; 4] {
     [
-        Terms::segmented(TIMEOUT),
-        Terms::best(TIMEOUT, block),
-        Terms::block(TIMEOUT, block),
-        Terms::block(TIMEOUT, block.without_crc()),
+        SdoOptions::segmented(TIMEOUT),
+        SdoOptions::best(TIMEOUT, block),
+        SdoOptions::block(TIMEOUT, block),
+        SdoOptions::block(TIMEOUT, block.without_crc()),
     ]
 }
 
@@ -84,8 +84,8 @@ fn values_of_every_size_pass_by_every_protocol() {
     for size in 0..=1000 {
         let value = bytes(size, 7);
         let block_size = u8::try_from(size % 127 + 1).unwrap();
-        let terms = every_protocol(block(block_size));
-        for (down, up) in terms.into_iter().zip(terms.into_iter().cycle().skip(size % 4)) {
+        let options = every_protocol(block(block_size));
+        for (down, up) in options.into_iter().zip(options.into_iter().cycle().skip(size % 4)) {
             assert_eq!(write(&mut bus, BUFFER, &value, down), Ok(Content::default()), "{size}");
             let content = read(&mut bus, BUFFER, up).unwrap();
             assert_eq!(content.bytes(), value, "{size}");
@@ -99,7 +99,7 @@ fn every_protocol_gives_the_same_abort_codes() {
     let mut bus = bus(());
     let node = Object { index: BUFFER.index, sub: 9 };
     let nowhere = Object { index: BUFFER.index + 0xFFF, sub: 0 };
-    for terms in every_protocol(block(127)) {
+    for options in every_protocol(block(127)) {
         for (object, value, code) in [
             (node, 1, AbortCode::NO_SUB_INDEX),
             (nowhere, 1, AbortCode::NO_OBJECT),
@@ -108,11 +108,11 @@ fn every_protocol_gives_the_same_abort_codes() {
             (Object::TARGET_TORQUE, 1, AbortCode::LENGTH_TOO_LOW),
             (Object::MODE_OF_OPERATION, 1, AbortCode::VALUE_TOO_HIGH),
         ] {
-            let refused = write(&mut bus, object, &bytes(value, 1), terms);
-            assert_eq!(refused, Err(SdoError::AbortedByServer(code)), "{object} by {terms:?}");
+            let refused = write(&mut bus, object, &bytes(value, 1), options);
+            assert_eq!(refused, Err(SdoError::AbortedByServer(code)), "{object} by {options:?}");
         }
         for (object, code) in [(node, AbortCode::NO_SUB_INDEX), (nowhere, AbortCode::NO_OBJECT)] {
-            assert_eq!(read(&mut bus, object, terms), Err(SdoError::AbortedByServer(code)));
+            assert_eq!(read(&mut bus, object, options), Err(SdoError::AbortedByServer(code)));
         }
     }
 }
@@ -128,27 +128,27 @@ fn transcript(talk: impl FnOnce(&mut Memory<Drive, Wire>)) -> String {
 
 #[test]
 fn golden_expedited() {
-    let terms = Terms::segmented(TIMEOUT);
+    let options = SdoOptions::segmented(TIMEOUT);
     let text = transcript(|bus| {
-        read(bus, Object::DEVICE_TYPE, terms).unwrap();
-        read(bus, Object::ERROR_REGISTER, terms).unwrap();
-        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], terms).unwrap();
-        write(bus, BUFFER, &[1, 2, 3], terms).unwrap();
-        read(bus, Object { index: BUFFER.index, sub: 1 }, terms).unwrap_err();
-        write(bus, Object::DEVICE_TYPE, &[0; 4], terms).unwrap_err();
+        read(bus, Object::DEVICE_TYPE, options).unwrap();
+        read(bus, Object::ERROR_REGISTER, options).unwrap();
+        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], options).unwrap();
+        write(bus, BUFFER, &[1, 2, 3], options).unwrap();
+        read(bus, Object { index: BUFFER.index, sub: 1 }, options).unwrap_err();
+        write(bus, Object::DEVICE_TYPE, &[0; 4], options).unwrap_err();
     });
     compare("sdo_expedited.log", &text);
 }
 
 #[test]
 fn golden_segmented() {
-    let terms = Terms::segmented(TIMEOUT);
+    let options = SdoOptions::segmented(TIMEOUT);
     let text = transcript(|bus| {
-        read(bus, Object::DEVICE_NAME, terms).unwrap();
-        write(bus, BUFFER, &(1..=21).collect::<Vec<_>>(), terms).unwrap();
-        read(bus, BUFFER, terms).unwrap();
-        write(bus, BUFFER, &[], terms).unwrap();
-        read(bus, BUFFER, terms).unwrap();
+        read(bus, Object::DEVICE_NAME, options).unwrap();
+        write(bus, BUFFER, &(1..=21).collect::<Vec<_>>(), options).unwrap();
+        read(bus, BUFFER, options).unwrap();
+        write(bus, BUFFER, &[], options).unwrap();
+        read(bus, BUFFER, options).unwrap();
     });
     compare("sdo_segmented.log", &text);
 }
@@ -156,12 +156,12 @@ fn golden_segmented() {
 #[test]
 fn golden_block_upload() {
     let text = transcript(|bus| {
-        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), Terms::block(TIMEOUT, block(127)))
+        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), SdoOptions::block(TIMEOUT, block(127)))
             .unwrap();
-        read(bus, BUFFER, Terms::block(TIMEOUT, block(4))).unwrap();
-        read(bus, BUFFER, Terms::block(TIMEOUT, block(127).without_crc())).unwrap();
-        read(bus, Object::DEVICE_NAME, Terms::best(TIMEOUT, block(127))).unwrap();
-        read(bus, Object::DEVICE_TYPE, Terms::best(TIMEOUT, block(127))).unwrap();
+        read(bus, BUFFER, SdoOptions::block(TIMEOUT, block(4))).unwrap();
+        read(bus, BUFFER, SdoOptions::block(TIMEOUT, block(127).without_crc())).unwrap();
+        read(bus, Object::DEVICE_NAME, SdoOptions::best(TIMEOUT, block(127))).unwrap();
+        read(bus, Object::DEVICE_TYPE, SdoOptions::best(TIMEOUT, block(127))).unwrap();
     });
     compare("sdo_block_upload.log", &text);
 }
@@ -169,12 +169,13 @@ fn golden_block_upload() {
 #[test]
 fn golden_block_download() {
     let text = transcript(|bus| {
-        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), Terms::block(TIMEOUT, block(127)))
+        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), SdoOptions::block(TIMEOUT, block(127)))
             .unwrap();
         let more = bytes(1_000, 3);
-        write(bus, BUFFER, &more, Terms::best(TIMEOUT, block(127).without_crc())).unwrap();
-        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], Terms::block(TIMEOUT, block(1))).unwrap();
-        let refused = Terms::block(TIMEOUT, block(127));
+        write(bus, BUFFER, &more, SdoOptions::best(TIMEOUT, block(127).without_crc())).unwrap();
+        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], SdoOptions::block(TIMEOUT, block(1)))
+            .unwrap();
+        let refused = SdoOptions::block(TIMEOUT, block(127));
         write(bus, Object::DEVICE_NAME, &[0; 30], refused).unwrap_err();
     });
     compare("sdo_block_download.log", &text);
@@ -191,11 +192,11 @@ fn block_transfer_of_a_mebibyte_is_limited_by_the_bit_rate() {
     let value = bytes(1 << 20, 11);
     let mut timed = |is_read: bool| {
         let (start, before) = (bus.now(), bus.carried().next().unwrap().1);
-        let terms = Terms::block(TIMEOUT, block(127));
+        let options = SdoOptions::block(TIMEOUT, block(127));
         if is_read {
-            assert!(read(&mut bus, BUFFER, terms).unwrap().bytes() == value);
+            assert!(read(&mut bus, BUFFER, options).unwrap().bytes() == value);
         } else {
-            write(&mut bus, BUFFER, &value, terms).unwrap();
+            write(&mut bus, BUFFER, &value, options).unwrap();
         }
         let bits = bus.carried().next().unwrap().1 - before;
         (bus.now().since(start), Duration::from_micros(bits))
@@ -218,8 +219,8 @@ proptest! {
         (loss, repeated, delayed) in (0_u32..200, 0_u32..200, 0_u32..200),
     ) {
         let rates = ErrorRates { loss, repeated, delayed, nth: None };
-        let terms = Terms::block(TIMEOUT, block(block_size).every(Duration::from_micros(100)));
-        assert_transfer(seed, size, terms, is_read, rates)?;
+        let options = SdoOptions::block(TIMEOUT, block(block_size).every(Duration::from_micros(100)));
+        assert_transfer(seed, size, options, is_read, rates)?;
     }
 
     /// Lost frames.
@@ -233,7 +234,7 @@ proptest! {
     ) {
         let rates = ErrorRates { loss, ..ErrorRates::default() };
         let block = block(block_size).every(Duration::from_micros(100)).without_crc();
-        assert_transfer(seed, size, Terms::best(TIMEOUT, block), is_read, rates)?;
+        assert_transfer(seed, size, SdoOptions::best(TIMEOUT, block), is_read, rates)?;
     }
 
     /// Lost frames, and frames repeated back to back, as on CAN.
@@ -245,7 +246,7 @@ proptest! {
         (loss, repeated) in (0_u32..50, 0_u32..50),
     ) {
         let rates = ErrorRates { loss, repeated, ..ErrorRates::default() };
-        assert_transfer(seed, size, Terms::segmented(TIMEOUT), is_read, rates)?;
+        assert_transfer(seed, size, SdoOptions::segmented(TIMEOUT), is_read, rates)?;
     }
 }
 
@@ -253,7 +254,7 @@ proptest! {
 fn assert_transfer(
     seed: u64,
     size: usize,
-    terms: Terms,
+    options: SdoOptions,
     is_read: bool,
     rates: ErrorRates,
 ) -> Result<(), TestCaseError> {
@@ -261,7 +262,7 @@ fn assert_transfer(
     let before = if is_read { &new } else { &old };
     let task = if is_read { Task::Read } else { Task::Write(new.clone()) };
     let mut lossy = Lossy::new(seed, before);
-    let outcome = lossy.carry(task, terms, rates);
+    let outcome = lossy.carry(task, options, rates);
     let buffer = lossy.buffer();
     match (&outcome, is_read) {
         (Ok(content), true) => prop_assert_eq!(content.bytes(), new),
@@ -274,11 +275,11 @@ fn assert_transfer(
 
 #[test]
 fn block_transfer_survives_any_lost_frame_but_first_and_last() {
-    let terms = Terms::block(TIMEOUT, block(5).every(Duration::from_micros(100)));
+    let options = SdoOptions::block(TIMEOUT, block(5).every(Duration::from_micros(100)));
     let value = bytes(100, 1);
     for task in [Task::Read, Task::Write(value.clone())] {
         let mut lossy = Lossy::new(1, &value);
-        lossy.carry(task.clone(), terms, ErrorRates::default()).unwrap();
+        lossy.carry(task.clone(), options, ErrorRates::default()).unwrap();
         let frames = lossy.sent();
         // The end of an upload is not confirmed, so its loss has no effect.
         let last = if task == Task::Read { frames } else { frames - 1 };
@@ -286,7 +287,7 @@ fn block_transfer_survives_any_lost_frame_but_first_and_last() {
             let mut lossy = Lossy::new(1, &value);
             let outcome = lossy.carry(
                 task.clone(),
-                terms,
+                options,
                 ErrorRates { nth: Some(lost), ..ErrorRates::default() },
             );
             let is_vital = lost < 2 || lost >= last;

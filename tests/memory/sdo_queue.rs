@@ -10,7 +10,7 @@ use std::time::Duration;
 use canopen::NodeId;
 use canopen::frame::Frame;
 use canopen::object::Object;
-use canopen::sdo::{Outcome, SdoError, Terms, Transfer};
+use canopen::sdo::{Outcome, SdoError, SdoOptions, Transfer};
 use units::time::Instant;
 
 /// Request to a node.
@@ -21,7 +21,7 @@ pub(crate) struct Request {
     /// Read or write.
     pub(crate) task: Task,
     /// Protocol, and timeout of each reply.
-    pub(crate) terms: Terms,
+    pub(crate) options: SdoOptions,
     /// Maximum time from the request to its outcome.
     pub(crate) within: Duration,
 }
@@ -202,10 +202,10 @@ impl Line {
 
     /// Starts the next request. Returns its outcome if it cannot be started.
     fn start(&mut self, now: Instant, waiting: Waiting, out: &mut Vec<Frame>) -> Option<Done> {
-        let Waiting { ticket, request: Request { object, task, terms, .. }, until } = waiting;
+        let Waiting { ticket, request: Request { object, task, options, .. }, until } = waiting;
         let started = match task {
-            Task::Read => Ok(Transfer::read_on(terms, self.node, object, now, out)),
-            Task::Write(bytes) => Transfer::write_on(terms, self.node, object, bytes, now, out),
+            Task::Read => Ok(Transfer::read_with(options, self.node, object, now, out)),
+            Task::Write(bytes) => Transfer::write_with(options, self.node, object, bytes, now, out),
         };
         match started {
             Ok(transfer) => {
@@ -242,8 +242,8 @@ mod tests {
     }
 
     fn reading(object: Object) -> Request {
-        let terms = Terms::segmented(Duration::from_millis(100));
-        Request { object, task: Task::Read, terms, within: WITHIN }
+        let options = SdoOptions::segmented(Duration::from_millis(100));
+        Request { object, task: Task::Read, options, within: WITHIN }
     }
 
     /// Calls `on_time` for everything that is due at `now`.
@@ -364,13 +364,13 @@ mod tests {
     #[test]
     fn oversized_write_fails_before_it_is_started() {
         let mut queue = Queue::default();
-        let terms = Terms { limit: 1, ..Terms::segmented(WITHIN) };
+        let options = SdoOptions { limit: 1, ..SdoOptions::segmented(WITHIN) };
         let task = Task::Write(vec![1, 2]);
-        queue.submit(NOW, node(5), Request { object: TYPE, task, terms, within: WITHIN });
+        queue.submit(NOW, node(5), Request { object: TYPE, task, options, within: WITHIN });
         queue.submit(
             NOW,
             node(5),
-            Request { task: Task::Write(vec![1]), terms, ..reading(ERRORS) },
+            Request { task: Task::Write(vec![1]), options, ..reading(ERRORS) },
         );
         let (over, out) = due(&mut queue, NOW);
         assert_eq!(over[0].outcome, Err(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY)));

@@ -14,7 +14,7 @@ use crate::common::cli::folder;
 use crate::common::rest::{KRAFT_LIKE, at_rest};
 use canopen::fact::Fact;
 use canopen::object::Object;
-use config::facts::FactsRefused;
+use config::facts::FactsError;
 use config::{Config, StatedLimit, TorqueLimit};
 use node::record::Mode;
 use node::{Request, RequestError, Unfit};
@@ -169,7 +169,7 @@ fn fact_that_the_drive_aborts_is_stated_only_after_the_boot() {
     let listed = parse(&weak(TEXT)).unwrap();
     let mut bench = booted(&world, &listed);
     let Err(RequestError::Unfit(refused)) = bench.ask(Request::Arm) else { panic!("armed") };
-    let [Unfit::Facts(FactsRefused::NotAccepted { joints, facts })] = &refused[..] else {
+    let [Unfit::Facts(FactsError::NotAccepted { joints, facts })] = &refused[..] else {
         panic!("{refused:?}")
     };
     assert_eq!((joints.len(), &facts[..]), (6, &[Fact::Sign][..]));

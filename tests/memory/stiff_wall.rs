@@ -5,7 +5,7 @@ use crate::common::bench::{config, scenario};
 use config::Config;
 use experiments::comparison::{self, Comparison, Verdict};
 use remote::site::Virtual;
-use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::fidelity::{Fidelity, WrenchSource};
 use telemetry::summary::Summary;
 use testbench::bench::Bench;
 use testbench::truth::Truth;
@@ -15,7 +15,7 @@ fn played(config: &Config) -> Summary {
     let mut bench = Bench::new(config, scenario("stiff-wall"), 1, ());
     bench.bring_up().unwrap();
     let mut summary = Summary::default();
-    let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
+    let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(WrenchSource::Hand));
     while bench.elapsed().as_secs_f64() < 16.0 {
         let record = bench.cycle();
         summary.add(&record);

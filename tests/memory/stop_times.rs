@@ -63,9 +63,9 @@ fn proof_test_without_emergencies_keeps_to_the_planned_time() {
             Bench::new(&config, Scenario::parse("seconds = 5").unwrap(), 1, Wire::default());
         bench.bring_up().unwrap();
         let report = bench.node().proof_test_report();
-        for trip in report.drives.iter().flat_map(|drive| drive.trips()) {
-            assert!(trip.measured <= trip.planned, "{trip:?}");
-            assert_eq!(trip.reaction_time(), trip.planned, "{trip:?}");
+        for expiry in report.drives.iter().flat_map(|drive| drive.expiries()) {
+            assert!(expiry.measured <= expiry.planned, "{expiry:?}");
+            assert_eq!(expiry.reaction_time(), expiry.planned, "{expiry:?}");
         }
         let longest = report.reaction_time().unwrap();
         assert_eq!(longest, config.planned_reaction_time());

@@ -17,7 +17,7 @@ use crate::common::devices::{Devices, session};
 use canopen::abort::AbortCode;
 use canopen::nmt::Order;
 use canopen::object::Object;
-use canopen::sdo::{SdoError, Terms};
+use canopen::sdo::{SdoError, SdoOptions};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
 use canopen_tools::diagnostics::scan::{NodeReport, Scan};
@@ -36,7 +36,7 @@ fn node(raw: u8) -> NodeId {
 }
 
 fn at(node_id: u8, object: Object) -> Target {
-    Target { node: node(node_id), object, terms: Terms::segmented(TIMEOUT) }
+    Target { node: node(node_id), object, options: SdoOptions::segmented(TIMEOUT) }
 }
 
 fn scan(session: &mut TestSession) -> Vec<NodeReport> {

@@ -17,7 +17,7 @@ use proptest::prelude::*;
 
 use crate::common::cli::{folder, frhc};
 use canopen::NodeId;
-use canopen::eds::{Access, Described, Eds, Severity};
+use canopen::eds::{Access, Eds, EdsObject, Severity};
 use canopen::layout::Direction;
 use canopen::object::Object;
 use canopen_tools::concise;
@@ -36,7 +36,7 @@ fn node(raw: u8) -> NodeId {
     NodeId::new(raw).unwrap()
 }
 
-fn object(eds: &Eds, index: u16, sub: u8) -> &Described {
+fn object(eds: &Eds, index: u16, sub: u8) -> &EdsObject {
     eds.object(Object { index, sub }).unwrap()
 }
 

@@ -29,7 +29,7 @@ use config::Config;
 use memory_bus::Memory;
 use node::cause::{Cause, ResetReason};
 use node::record::Mode;
-use node::{BringUpError, Node, NotConfirmed, Request};
+use node::{BringUpError, Node, PowerOffError, Request};
 use remote::site::VirtualSite;
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
@@ -279,7 +279,7 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
     assert_eq!(refused.to_string(), "boot given up");
     assert!(node.mode().is_stopped(), "latched as before");
     // No statusword of that drive was received since it was unplugged.
-    let NotConfirmed { statuswords } = node.stop(&mut || false).unwrap_err();
+    let PowerOffError { statuswords } = node.stop(&mut || false).unwrap_err();
     let named = statuswords.map(|statusword| statusword.is_some());
     assert_eq!(named, [false, false, true, false, false, false]);
     assert!(node.bus().now().since(requested) <= STOP_LIMIT);

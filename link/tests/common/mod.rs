@@ -1,4 +1,4 @@
-//! Certificates, sessions of zenoh that are no `frhc-link`, and the program with the test at its local socket.
+//! Certificates, sessions of zenoh other than `frhc-link`, and the program with the test at its local socket.
 #![allow(
     clippy::disallowed_methods,
     clippy::indexing_slicing,
@@ -21,10 +21,10 @@ use rcgen::{
 };
 use time::OffsetDateTime;
 
-/// Longest wait for a line, or for a message that is to arrive.
+/// Maximum wait for a line, or for an expected message.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// An authority of a test.
+/// Authority of a test.
 pub(crate) struct Authority {
     issuer: Issuer<'static, KeyPair>,
     pem: String,
@@ -73,7 +73,7 @@ fn named(name: &str) -> DistinguishedName {
     distinguished
 }
 
-/// Keys of a peer: the authority that it trusts, and the folder of its own, if it has any.
+/// Keys of a peer: the authority that it trusts, and the folder of its own keys, if any.
 pub(crate) struct PeerKeys {
     pub(crate) authority: PathBuf,
     pub(crate) own: Option<PathBuf>,

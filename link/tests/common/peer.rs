@@ -1,4 +1,4 @@
-//! A session of zenoh without access control, which publishes and receives what it likes.
+//! Session of zenoh without access control, which can publish and receive anything.
 
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
@@ -13,7 +13,7 @@ use zenoh::{Config, Session, Wait};
 use super::program::Local;
 use super::{PATIENCE, PeerKeys, free_port};
 
-/// A peer of an end.
+/// Peer of an end.
 pub(crate) struct Peer {
     session: Session,
     pub(crate) port: u16,
@@ -105,22 +105,22 @@ impl Peer {
         self.far.lock().unwrap().feedback(Instant::from_micros(1), &measured).to_vec()
     }
 
-    /// Returns how many messages have come so far.
+    /// Returns the number of messages received so far.
     pub(crate) fn received(&self) -> usize {
         self.received.try_iter().count()
     }
 
-    /// Sends a feedback at the local socket of the far end; returns whether it comes.
+    /// Sends a feedback at the local socket of the far end; returns whether it is received.
     pub(crate) fn takes_feedback_of(&self, robot: &mut Local) -> bool {
         self.takes(&self.feedback(), robot)
     }
 
-    /// Sends a command at the local socket of the near end; returns whether it comes.
+    /// Sends a command at the local socket of the near end; returns whether it is received.
     pub(crate) fn takes_command_of(&self, node: &mut Local) -> bool {
         self.takes(&self.command(), node)
     }
 
-    /// Sends a message at the local socket of an end that may be lost on its way.
+    /// Sends a command and a feedback at the local socket of an end, which may be lost.
     pub(crate) fn sends_first(&self, local: &mut Local) {
         local.send(&self.command());
         local.send(&self.feedback());

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::{PATIENCE, free_port};
 
-/// A process and its log.
+/// Process with its log.
 pub(crate) struct Running {
     child: Child,
     lines: Receiver<String>,
@@ -36,7 +36,7 @@ impl Running {
         Self { child, lines, seen: Vec::new() }
     }
 
-    /// Waits for a line with these words, also among those that were read before.
+    /// Waits for a line with these words, which may have been read before.
     pub(crate) fn wait_for(&mut self, words: &str) {
         while !self.seen.iter().any(|line| line.contains(words)) {
             let line = self.lines.recv_timeout(PATIENCE);
@@ -75,14 +75,14 @@ impl Drop for Running {
     }
 }
 
-/// The local socket of an end.
+/// Local socket of an end.
 pub(crate) struct Local {
     socket: Socket,
     others: usize,
 }
 
 impl Local {
-    /// Returns whether this message arrives; counts others.
+    /// Returns whether this message is received; counts others.
     pub(crate) fn receives(&mut self, expected: &[u8]) -> bool {
         let mut buffer = [0; 512];
         self.socket.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -100,7 +100,7 @@ impl Local {
         self.socket.write_all(message).unwrap();
     }
 
-    /// Returns how many messages came that were not expected.
+    /// Returns the number of unexpected messages.
     pub(crate) const fn others(&self) -> usize {
         self.others
     }
@@ -114,7 +114,7 @@ pub(crate) fn settings(folder: &Path, keys: &Path, network: &str) -> PathBuf {
     file
 }
 
-/// A far end that listens.
+/// Far end that listens.
 pub(crate) struct FarEnd {
     pub(crate) end: Running,
     pub(crate) port: u16,
@@ -139,7 +139,7 @@ impl FarEnd {
     }
 }
 
-/// A near end, with the test as the node.
+/// Near end, with the test as the node.
 pub(crate) struct NearEnd {
     pub(crate) end: Running,
     pub(crate) port: u16,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::criterion::Criterion;
 use crate::expectation;
 use crate::situation::Situation;
-use canopen::watchdog::Awaited;
+use canopen::watchdog::LifeSign;
 use config::Config;
 use faults::{Fault, Kind, Target};
 use sim::quirks::Quirk;
@@ -68,7 +68,7 @@ impl Conditions<'_> {
     pub(super) fn has_rpdo_timer(&self, joint: Joint) -> bool {
         let plans = self.config.node_plans();
         let plan = plans.get(joint.index()).map(|(_, plan)| plan);
-        plan.is_some_and(|plan| plan.watchdog(Awaited::Rpdo).is_some())
+        plan.is_some_and(|plan| plan.watchdog(LifeSign::Rpdo).is_some())
     }
 
     /// Returns the limit of another hazard; zero if not stated.

@@ -13,7 +13,7 @@ use node::cause::Cause;
 use sim::quirks::Quirk;
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry, Problem, Scenario};
-use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::fidelity::{Fidelity, WrenchSource};
 use testbench::bench::Bench;
 use testbench::threads::each;
 use testbench::truth::Truth;
@@ -105,7 +105,7 @@ fn lap(
     let mut bench = Bench::new(config, scenario, random.bits(), Monitor::new(config));
     stage::bring_up(&mut bench)?;
     let mut truth = Truth::new(config);
-    let at_hand = Fidelity::new(Judged::Hand);
+    let at_hand = Fidelity::new(WrenchSource::Hand);
     let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None, at_hand };
     while lap.cycles < most && lap.trip.is_none() {
         stage::make_requests(&mut bench);

@@ -10,7 +10,7 @@
 use std::time::Duration;
 
 use canopen::plan::NodePlan;
-use canopen::watchdog::{Awaited, Watchdog};
+use canopen::watchdog::{LifeSign, Watchdog};
 use config::{Config, Layout, timer_tolerance};
 
 /// Returns the time from the last frame of the master until the slowest drive exerts no torque, by the shortest timer of
@@ -22,14 +22,14 @@ pub fn slowest(config: &Config) -> Duration {
 
 /// Returns the time from the last RPDO until the slowest drive exerts no torque; `None` if a drive has no RPDO timer.
 pub fn rpdo(config: &Config) -> Option<Duration> {
-    let times = each(config, |plan| plan.watchdog(Awaited::Rpdo).map(within));
+    let times = each(config, |plan| plan.watchdog(LifeSign::Rpdo).map(within));
     times.into_iter().try_fold(Duration::ZERO, |slowest, time| Some(slowest.max(time?)))
 }
 
 /// Returns the maximum age at which a torque can begin to act after a delay by an adapter, or in a drive without SYNC. It is
 /// the time of the RPDO timer, else of the shortest other timer with its tolerance, plus a period.
 pub fn oldest_torque(config: &Config) -> Duration {
-    let age = |plan: &NodePlan| match plan.watchdog(Awaited::Rpdo) {
+    let age = |plan: &NodePlan| match plan.watchdog(LifeSign::Rpdo) {
         Some(timer) => Some(Duration::from_millis(u64::from(timer.millis))),
         None => plan.watchdogs().map(within).min(),
     };

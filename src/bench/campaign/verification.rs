@@ -40,7 +40,7 @@ impl Recording {
 
     /// Records the digest of a cycle's control law, which a replay compares.
     pub(super) fn on_cycle(&self, record: &Record) {
-        self.on_input(Input::Intermediates(record.cycle, Digest::of(&record.output)));
+        self.on_input(Input::Intermediates(record.cycle, Digest::from_output(&record.output)));
     }
 
     /// Replays the recording, and compares the verdict of its case with that of the clone.

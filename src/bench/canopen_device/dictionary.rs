@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use crate::dictionary::places::Places;
 use canopen::NodeId;
 use canopen::data_type::{self, Kind};
-use canopen::eds::{Access, Described, Eds, value};
+use canopen::eds::{Access, Eds, EdsObject, value};
 use canopen::object::Object;
 
 /// Object with its value.
@@ -63,7 +63,7 @@ impl Entry {
 
     /// Length in a PDO, in bits; `None` if it cannot be mapped.
     pub fn bits(&self) -> Option<u8> {
-        data_type::of(self.data_type)?.bits.filter(|bits| *bits <= 64)
+        data_type::find(self.data_type)?.bits.filter(|bits| *bits <= 64)
     }
 
     /// Checks the range of `value`, which has the right length.
@@ -71,7 +71,7 @@ impl Entry {
     /// # Errors
     /// Returns the exceeded limit.
     pub fn in_range(&self, value: &[u8]) -> Result<(), OutOfRange> {
-        let number = match data_type::of(self.data_type).map(|data_type| data_type.kind) {
+        let number = match data_type::find(self.data_type).map(|data_type| data_type.kind) {
             Some(Kind::Boolean | Kind::Unsigned) => value::unsigned(value),
             Some(Kind::Signed) => value::signed(value),
             Some(Kind::Real | Kind::Text | Kind::UnicodeText | Kind::Octets) | None => {
@@ -247,7 +247,7 @@ fn places(entries: &[Entry]) -> Places {
     Places::new(entries.iter().map(|entry| entry.object))
 }
 
-fn entry(described: &Described, node: NodeId) -> Entry {
+fn entry(described: &EdsObject, node: NodeId) -> Entry {
     let value = described.initial(node);
     Entry {
         object: described.object,

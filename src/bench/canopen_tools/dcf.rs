@@ -116,7 +116,7 @@ fn settings(eds: &Eds, plan: &NodePlan) -> Result<BTreeMap<Object, Vec<u8>>, Dcf
 fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
     let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
     let planned = content.len();
-    let data_type = data_type::of(described.data_type);
+    let data_type = data_type::find(described.data_type);
     let data_type =
         data_type.ok_or(DcfError::Length { object, planned, described: "of an unknown type" })?;
     let wrong = DcfError::Length { object, planned, described: data_type.name };
@@ -173,7 +173,7 @@ mod tests {
         let dcf = written(&eds, &plan).unwrap();
         let identities = |eds: &Eds| {
             let one =
-                |one: &canopen::eds::Described| (one.object, one.data_type, one.access, one.number);
+                |one: &canopen::eds::EdsObject| (one.object, one.data_type, one.access, one.number);
             eds.objects().iter().map(one).collect::<Vec<_>>()
         };
         assert_eq!(identities(&dcf), identities(&eds));

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 
 use canopen::eds::ini::Section;
-use canopen::eds::title::{Named, Title};
-use canopen::eds::{self, Described, Eds, keys};
+use canopen::eds::title::{Heading, Title};
+use canopen::eds::{self, Eds, EdsObject, keys};
 use canopen::object::Object;
 
 /// Sections of a file.
@@ -30,22 +30,22 @@ impl<'t> Sheet<'t> {
 
     /// Sets a key of `[FileInfo]`.
     pub fn set_file_info(&mut self, key: &str, value: &str) {
-        self.set(Title::Named(Named::FileInfo), key, value);
+        self.set(Title::Named(Heading::FileInfo), key, value);
     }
 
     /// Returns the value of a key of `[FileInfo]`.
     pub fn file_info(&self, key: &str) -> Option<&str> {
-        self.get(Title::Named(Named::FileInfo), key)
+        self.get(Title::Named(Heading::FileInfo), key)
     }
 
     /// Sets a key of `[DeviceComissioning]`.
     pub fn set_commissioning(&mut self, key: &str, value: &str) {
-        self.set(Title::Named(Named::Commissioning), key, value);
+        self.set(Title::Named(Heading::Commissioning), key, value);
     }
 
     /// Sets the value of an object wherever the file describes it. An object described by `CompactPDO` alone gets
     /// sections first, from `all`.
-    pub fn set_value(&mut self, object: Object, value: &str, all: &[Described]) {
+    pub fn set_value(&mut self, object: Object, value: &str, all: &[EdsObject]) {
         let Object { index, sub } = object;
         let is_compact = self.get(Title::Object(index), "CompactSubObj").is_some();
         let has = |title| self.find(title).is_some();
@@ -74,7 +74,7 @@ impl<'t> Sheet<'t> {
         let Object { index, sub } = object;
         let own = if sub == 0 { Title::Object(index) } else { Title::Sub(index, sub) };
         for part in &mut self.sections {
-            if [own, Title::Sub(index, sub)].contains(&Title::of(&part.name)) {
+            if [own, Title::Sub(index, sub)].contains(&Title::parse(&part.name)) {
                 let is_limit = |key: &str| {
                     key.eq_ignore_ascii_case("LowLimit") || key.eq_ignore_ascii_case("HighLimit")
                 };
@@ -84,7 +84,7 @@ impl<'t> Sheet<'t> {
     }
 
     /// Adds sections for both parameters of the PDO that `CompactPDO` describes at `index`.
-    fn expand_compact_pdo(&mut self, index: u16, all: &[Described]) {
+    fn expand_compact_pdo(&mut self, index: u16, all: &[EdsObject]) {
         let communication = index & !0x0200;
         for index in [communication, communication | 0x0200] {
             let objects = all.iter().filter(|described| described.object.index == index);
@@ -102,7 +102,7 @@ impl<'t> Sheet<'t> {
 
     /// Adds an object to its list.
     fn list(&mut self, index: u16) {
-        let list = Title::Named(Named::list_of(index));
+        let list = Title::Named(Heading::list_of(index));
         let listed = self.get(list, "SupportedObjects").and_then(|count| count.parse().ok());
         let count = listed.unwrap_or(0_u16).saturating_add(1).to_string();
         self.set(list, &count, &format!("0x{index:04X}"));
@@ -110,7 +110,7 @@ impl<'t> Sheet<'t> {
     }
 
     /// Adds a section for an object without one.
-    fn describe(&mut self, described: &Described) {
+    fn describe(&mut self, described: &EdsObject) {
         let Object { index, sub } = described.object;
         let section = Title::Sub(index, sub);
         self.set(section, "ParameterName", &described.name);
@@ -122,7 +122,7 @@ impl<'t> Sheet<'t> {
     }
 
     fn find(&self, title: Title<'_>) -> Option<&Part<'t>> {
-        self.sections.iter().find(|part| Title::of(&part.name) == title)
+        self.sections.iter().find(|part| Title::parse(&part.name) == title)
     }
 
     fn get(&self, title: Title<'_>, key: &str) -> Option<&str> {
@@ -134,7 +134,7 @@ impl<'t> Sheet<'t> {
     /// Sets a key, in a new section if needed. Control characters become blanks.
     fn set(&mut self, title: Title<'_>, key: &str, value: &str) {
         let value = value.replace(char::is_control, " ").trim().to_owned();
-        let place = self.sections.iter().position(|part| Title::of(&part.name) == title);
+        let place = self.sections.iter().position(|part| Title::parse(&part.name) == title);
         let place = place.unwrap_or_else(|| {
             self.sections.push(Part { name: title.to_string(), entries: Vec::new() });
             self.sections.len() - 1
@@ -149,13 +149,13 @@ impl<'t> Sheet<'t> {
     /// Writes the file: ASCII, or Latin-1 where names require it.
     pub fn write(&self) -> Vec<u8> {
         let mut parts: Vec<_> = self.sections.iter().collect();
-        parts.sort_by_cached_key(|part| order(Title::of(&part.name)));
+        parts.sort_by_cached_key(|part| order(Title::parse(&part.name)));
         let mut text = String::new();
         for (place, part) in parts.into_iter().enumerate() {
             text.push_str(if place == 0 { "[" } else { "\r\n[" });
             text.push_str(&part.name);
             text.push_str("]\r\n");
-            let title = Title::of(&part.name);
+            let title = Title::parse(&part.name);
             let mut entries: Vec<_> = part.entries.iter().collect();
             entries.sort_by_key(|(key, _)| keys::place(title, key).unwrap_or(usize::MAX));
             for (key, value) in entries {
@@ -180,8 +180,8 @@ fn part<'t>(section: &Section<'t>) -> Part<'t> {
 }
 
 /// Order of a section: objects after their list, sub-indices after their object.
-fn order(title: Title<'_>) -> (Named, u8, u16, u8, u8) {
-    let of_object = |index, part, sub| (Named::list_of(index), 1, index, part, sub);
+fn order(title: Title<'_>) -> (Heading, u8, u16, u8, u8) {
+    let of_object = |index, part, sub| (Heading::list_of(index), 1, index, part, sub);
     match title {
         Title::Named(named) => (named, 0, 0, 0, 0),
         Title::Object(index) => of_object(index, 0, 0),
@@ -190,7 +190,7 @@ fn order(title: Title<'_>) -> (Named, u8, u16, u8, u8) {
         Title::Values(index) => of_object(index, 3, 0),
         Title::Denotations(index) => of_object(index, 4, 0),
         Title::Links(index) => of_object(index, 5, 0),
-        Title::Other(_) => (Named::Manufacturer, 2, 0, 0, 0),
+        Title::Other(_) => (Heading::Manufacturer, 2, 0, 0, 0),
     }
 }
 

@@ -9,7 +9,7 @@ use canopen_rs::NodeId;
 use crate::object_text;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
-use canopen::layout::{Direction, Mapped, Pdo, Service};
+use canopen::layout::{Direction, MappedObject, Pdo, Service};
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::sync::Transmission;
@@ -271,8 +271,8 @@ fn signals(authors: &[&Part<'_>]) -> Vec<Signal> {
     signals
 }
 
-fn signal(part: &Part<'_>, mapped: Mapped, start: u8) -> Signal {
-    let Mapped { object, bits } = mapped;
+fn signal(part: &Part<'_>, mapped: MappedObject, start: u8) -> Signal {
+    let MappedObject { object, bits } = mapped;
     let of_object = part.of.measures.iter().find(|(measured, _)| *measured == object);
     let measure = of_object.map(|(_, measure)| measure.clone());
     let described = part.of.eds.as_ref().and_then(|eds| eds.object(object));
@@ -307,7 +307,7 @@ pub(crate) mod tests {
 
     use super::*;
     use canopen::layout;
-    use canopen::testing::plans::{IDENTITY, watch};
+    use canopen::testing::plans::{IDENTITY, heartbeats};
 
     fn node(id: u8) -> NodeId {
         NodeId::new(id).unwrap()
@@ -335,7 +335,7 @@ pub(crate) mod tests {
         Member {
             name: name.to_owned(),
             channel: Channel(0),
-            plan: NodePlan::drive(title, node(id), IDENTITY, pdos, &watch(), 1_000),
+            plan: NodePlan::drive(title, node(id), IDENTITY, pdos, &heartbeats(), 1_000),
             measures: vec![
                 (Object::POSITION_ACTUAL, position()),
                 (Object::TARGET_TORQUE, torque()),
@@ -349,7 +349,13 @@ pub(crate) mod tests {
         Member {
             name: "switch_box".to_owned(),
             channel: Channel(0),
-            plan: NodePlan::switches("switch box".to_owned(), node(16), IDENTITY, None, &watch()),
+            plan: NodePlan::switches(
+                "switch box".to_owned(),
+                node(16),
+                IDENTITY,
+                None,
+                &heartbeats(),
+            ),
             measures: Vec::new(),
             eds: None,
         }
@@ -373,7 +379,8 @@ pub(crate) mod tests {
         transmission: Transmission,
         mapping: &[(Object, u8)],
     ) -> Pdo {
-        let mapping = mapping.iter().map(|(object, bits)| Mapped { object: *object, bits: *bits });
+        let mapping =
+            mapping.iter().map(|(object, bits)| MappedObject { object: *object, bits: *bits });
         let service = Service {
             transmission,
             inhibit_100us: None,

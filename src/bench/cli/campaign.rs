@@ -32,7 +32,7 @@ use run::check::refuse_far_side;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::{self, Force};
-use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::fidelity::{Fidelity, WrenchSource};
 use units::time::Instant;
 
 /// Maximum number of failed cases with a log.
@@ -329,7 +329,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
             print::line(&format!("lap {} ({file}): {violation}", lap.number));
         });
     }
-    let mut at_hand = Fidelity::new(Judged::Hand);
+    let mut at_hand = Fidelity::new(WrenchSource::Hand);
     laps.iter().for_each(|lap| at_hand.join(&lap.at_hand));
     let fidelity = at_hand.report();
     if args.json {

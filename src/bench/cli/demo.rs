@@ -33,7 +33,7 @@ use run::sources::Sources;
 use run::{gains, print, session};
 use sim::scenario::Scenario;
 use telemetry::contact_posture::ContactPostures;
-use telemetry::fidelity::{Fidelity, Judged};
+use telemetry::fidelity::{Fidelity, WrenchSource};
 use telemetry::manifest::SessionKind;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
@@ -180,7 +180,7 @@ impl Play<'_> {
     fn recorded(&self, folder: Option<&Path>, scenario: Scenario) -> Result<Summary, Failure> {
         let Self { config, sources, .. } = self;
         let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-        let provenance = Provenance::of(config, &interfaces, Origin::default());
+        let provenance = Provenance::new(config, &interfaces, Origin::default());
         let part_bytes = self.args.part_size.unwrap_or(u64::MAX);
         let limits = Limits { part_bytes, ..Limits::NONE };
         let recorder =
@@ -217,7 +217,7 @@ impl Play<'_> {
         narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let postures = ContactPostures::new(config.contact_bounds, config.dry_friction());
         let mut summary = Summary::judging(postures);
-        let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(Judged::Hand));
+        let (mut truth, mut at_hand) = (Truth::new(config), Fidelity::new(WrenchSource::Hand));
         let mut was_too_fast = false;
         for cycle in 1..=cycles {
             let record = bench.cycle();

@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 
 use node::cause::Kind;
-use node::reaction::{Initiator, Reaction, Row};
+use node::reaction::{FaultTableRow, Initiator, Reaction};
 use node::record::Mode;
 use node::safety::table;
 use run::print;
@@ -101,7 +101,7 @@ const fn short(reaction: Reaction) -> &'static str {
 }
 
 /// Returns the condition under which a reset ends the stop.
-const fn reset(row: Row) -> &'static str {
+const fn reset(row: FaultTableRow) -> &'static str {
     match (row.reset_boots, row.initiator) {
         (true, _) => "by a boot",
         (false, Initiator::Drive) => "in the drive",

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use canopen::eds::Described;
+use canopen::eds::EdsObject;
 use config::Config;
 use run::exit::{Failure, Kind};
 use sim::quirks::{Quirk, QuirkAssignment};
@@ -83,7 +83,7 @@ pub(super) fn check(config: &Config, assignment: &QuirkAssignment) -> Result<(),
                 Err(Failure::new(Kind::Configuration, words))
             };
             let described = joint.eds.object(object);
-            let Some(bits) = described.and_then(Described::bits) else {
+            let Some(bits) = described.and_then(EdsObject::bits) else {
                 return refuse(format!(
                     "its EDS has no integer at {object}; choose an object of the drive"
                 ));

@@ -9,9 +9,9 @@ use clap::{Args, Subcommand};
 use crate::live_bus::objects::{self, ObjectError, Target};
 use crate::live_bus::{BusArgs, ForceArg, NodeArg, SelectedBus, node_arg, parsers};
 use canopen::NodeId;
-use canopen::eds::{Described, Eds};
+use canopen::eds::{Eds, EdsObject};
 use canopen::object::Object;
-use canopen::sdo::{Block, Content, MAX_BYTES, Terms};
+use canopen::sdo::{Block, Content, MAX_BYTES, SdoOptions};
 use canopen_tools::value::gateway_type::GatewayType;
 use canopen_tools::value::{self, Octets, Value};
 use config::files;
@@ -106,8 +106,9 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
     let timeout = Duration::from_millis(args.timeout);
     // The session queues frames that the driver does not accept, so no pause between them is needed.
     let block = Block::default().every(Duration::ZERO);
-    let terms = if args.block { Terms::best(timeout, block) } else { Terms::segmented(timeout) };
-    let target = Target { node, object: *object, terms };
+    let options =
+        if args.block { SdoOptions::best(timeout, block) } else { SdoOptions::segmented(timeout) };
+    let target = Target { node, object: *object, options };
     match &args.task {
         Task::Read { data_type, out, force, .. } => {
             out.as_deref().map_or(Ok(()), |path| results::ensure_free(path, *force))?;
@@ -215,7 +216,7 @@ fn parse_value(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
 fn check_limits(
     text: &str,
     value: &Value,
-    described: Option<&Described>,
+    described: Option<&EdsObject>,
     node: NodeId,
 ) -> Result<(), Failure> {
     let (Value::Whole(number), Some(object)) = (value, described) else { return Ok(()) };

@@ -189,7 +189,7 @@ impl fmt::Display for Comparison {
 
 #[cfg(test)]
 mod tests {
-    use telemetry::fidelity::{Figures, Judged, Report, Shares};
+    use telemetry::fidelity::{Figures, Report, Shares, WrenchSource};
 
     use super::*;
 
@@ -217,7 +217,7 @@ mod tests {
         };
         let still_contact = Some(figures);
         Some(Report {
-            judged: Judged::Hand,
+            judged: WrenchSource::Hand,
             still_contact,
             moving_contact: None,
             free_motion: None,

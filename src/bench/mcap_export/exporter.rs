@@ -185,7 +185,7 @@ impl<'a, W: Write> Exporter<'a, W> {
         let task = ScrewStamped { header: header(stamp, GRIP), screw: output.f_g_task.into() };
         self.out.put(Topic::TaskCf, nanos, &task)?;
         // Near a singularity torques say little about the wrench.
-        if let Some(at_grip) = AtGrip::of(&output.j_g) {
+        if let Some(at_grip) = AtGrip::new(&output.j_g) {
             let f_g = at_grip.wrench(&(output.tau - output.ledger.carried()));
             let f_g = ScrewStamped { header: header(stamp, GRIP), screw: f_g.into() };
             self.out.put(Topic::SetpointCf, nanos, &f_g)?;

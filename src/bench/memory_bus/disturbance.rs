@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use bus::{BusFault, Received, SendError};
+use bus::{BusFault, ReceivedEvent, SendError};
 use canopen::frame::{Channel, Frame};
 use faults::{Disturbance, Fault, HostFault, Kind, Target};
 use units::time::Instant;
@@ -83,7 +83,7 @@ impl Schedule {
 #[derive(Clone, Debug)]
 pub(super) struct Adapter {
     disturbance: Option<Disturbance>,
-    held: VecDeque<Received>,
+    held: VecDeque<ReceivedEvent>,
     confirmed_at: Instant,
 }
 
@@ -110,7 +110,7 @@ impl Adapter {
     pub(super) fn disturb(
         &mut self,
         disturbance: Option<Disturbance>,
-    ) -> impl Iterator<Item = Received> + '_ {
+    ) -> impl Iterator<Item = ReceivedEvent> + '_ {
         self.disturbance = disturbance;
         self.held.drain(..)
     }
@@ -139,7 +139,7 @@ impl Adapter {
     }
 
     /// Passes a received frame to the node, keeps it until the adapter goes on, or loses it.
-    pub(super) fn receive(&mut self, received: Received) -> Option<Received> {
+    pub(super) fn receive(&mut self, received: ReceivedEvent) -> Option<ReceivedEvent> {
         match (self.disturbance, self.take()) {
             (Some(Disturbance::AdapterStalled), _) => {
                 if self.held.len() < MAX_HELD {

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::disturbance::{Adapter, Change, FrameFate, Schedule, Stop, reported};
 use crate::wire::{Sender, Wire};
-use bus::{Bus, BusEvent, BusFault, Received, ReopenError, SendError, Tap, Wake, clock};
+use bus::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Tap, Wake, clock};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use canopen::sync;
@@ -42,7 +42,7 @@ pub struct Memory<S, T> {
     stations: S,
     tap: T,
     /// Events received by the node and not yet read.
-    arrived: VecDeque<Received>,
+    arrived: VecDeque<ReceivedEvent>,
     /// Frames were lost since the last received one.
     has_overrun: bool,
     schedule: Schedule,
@@ -153,14 +153,14 @@ impl<S: Station, T: Tap> Memory<S, T> {
             return;
         };
         for held in adapter.disturb(disturbance) {
-            self.arrived.push_back(Received { at, ..held });
+            self.arrived.push_back(ReceivedEvent { at, ..held });
         }
         wire.node_is_cut = !adapter.is_sending();
         if adapter.take() != Ok(FrameFate::Queued) {
             wire.forget_node();
         }
         if let Some(fault) = disturbance.and_then(reported) {
-            self.arrived.push_back(Received { at, channel, event: BusEvent::Fault(fault) });
+            self.arrived.push_back(ReceivedEvent { at, channel, event: BusEvent::Fault(fault) });
         }
         self.post();
     }
@@ -250,12 +250,12 @@ impl<S: Station, T: Tap> Memory<S, T> {
             }
             if sender == Sender::Station && !frame.is_remote() {
                 let event = BusEvent::Frame(frame);
-                let received = Received { at, channel: telegram.channel, event };
+                let received = ReceivedEvent { at, channel: telegram.channel, event };
                 match adapter.receive(received) {
                     Some(received) if self.arrived.len() < MAX_UNREAD => {
                         if std::mem::take(&mut self.has_overrun) {
                             let event = BusEvent::Fault(BusFault::Overrun);
-                            self.arrived.push_back(Received { event, ..received });
+                            self.arrived.push_back(ReceivedEvent { event, ..received });
                         }
                         self.arrived.push_back(received);
                     }
@@ -283,7 +283,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
     }
 
     /// Returns the next received event up to `until`, unless the process is stopped.
-    fn fetch(&mut self, until: Instant) -> Option<Received> {
+    fn fetch(&mut self, until: Instant) -> Option<ReceivedEvent> {
         let is_running = self.now_ns >= self.stopped_until_ns;
         let first = self.arrived.front()?;
         if is_running && first.at <= until { self.arrived.pop_front() } else { None }
@@ -349,7 +349,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 
 impl<S: Station, T: Tap> Memory<S, T> {
     /// Lets time pass until the next event, until `until` at the latest.
-    fn next_received(&mut self, until: Instant) -> Option<Received> {
+    fn next_received(&mut self, until: Instant) -> Option<ReceivedEvent> {
         loop {
             self.apply_changes();
             if let Some(received) = self.fetch(until) {

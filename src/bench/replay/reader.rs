@@ -7,7 +7,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
-use bus::{BusEvent, BusFault, Received, ReopenError, SendError, Wake};
+use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
 use contract::{Gripper, Reason};
 use controller::switches::Mode as CommandMode;
@@ -212,7 +212,7 @@ impl<R: BufRead> InputReader<R> {
         let channel = self.channel()?;
         let now = self.reading()?;
         let at = self.time()?;
-        let received = Some(Received { at, channel, event: event(self)? });
+        let received = Some(ReceivedEvent { at, channel, event: event(self)? });
         Ok(Input::Woken(Wake { now, received }))
     }
 
@@ -436,7 +436,7 @@ mod tests {
         ]
     }
 
-    fn received() -> impl Strategy<Value = Received> {
+    fn received() -> impl Strategy<Value = ReceivedEvent> {
         let fault = prop::sample::select(vec![
             BusFault::Warning,
             BusFault::Overrun,
@@ -445,7 +445,7 @@ mod tests {
             BusFault::Down,
         ]);
         let event = prop_oneof![frame().prop_map(BusEvent::Frame), fault.prop_map(BusEvent::Fault)];
-        (time(), 0..8_u8, event).prop_map(|(at, channel, event)| Received {
+        (time(), 0..8_u8, event).prop_map(|(at, channel, event)| ReceivedEvent {
             at,
             channel: Channel(channel),
             event,

@@ -129,7 +129,7 @@ impl Session {
     /// # Errors
     /// There is no part, or the first cannot be read.
     pub fn bus_log(&self) -> Result<BusLog, SessionError> {
-        let parts = self.parts.of(Stream::BusLog).flatten();
+        let parts = self.parts.stream(Stream::BusLog).flatten();
         let mut parts = parts.map(|part| self.folder.join(part.name())).peekable();
         let none = || self.folder.join(Stream::BusLog.part(1));
         let first = parts.peek().cloned().unwrap_or_else(none);
@@ -145,7 +145,7 @@ impl Session {
     /// # Errors
     /// The first part cannot be read.
     pub fn inputs(&self) -> Result<InputParts, SessionError> {
-        let parts = self.parts.of(Stream::Inputs).map(|part| part.map(Part::name));
+        let parts = self.parts.stream(Stream::Inputs).map(|part| part.map(Part::name));
         let mut inputs = InputParts::new(&self.folder, parts);
         let Err(PartError { file, error }) = inputs.begin_first() else { return Ok(inputs) };
         let file = self.folder.join(file);

@@ -185,7 +185,7 @@ impl Subject {
             };
         }
         let parts = Parts::find(&self.folder, None)?;
-        let files = parts.of(Stream::BusLog).flatten().map(Part::name);
+        let files = parts.stream(Stream::BusLog).flatten().map(Part::name);
         let mut log: Option<Box<dyn BufRead>> = None;
         for file in files {
             let part = PartFile::open(&self.folder.join(file))?;

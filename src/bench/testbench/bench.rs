@@ -17,7 +17,7 @@ use faults::{Fault, Kind, LinkFault};
 use inputs::{InputSink, RecordedNode};
 use memory_bus::Memory;
 use node::record::{Mode, Record};
-use node::{BringUpError, NotConfirmed, Request, RequestError};
+use node::{BringUpError, PowerOffError, Request, RequestError};
 use sim::fault::Notice;
 use sim::scenario::{ConsoleRequest, Scenario};
 use sim::world::World;
@@ -263,7 +263,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     ///
     /// # Errors
     /// As [`RecordedNode::stop`].
-    pub fn stop(&mut self) -> Result<(), NotConfirmed> {
+    pub fn stop(&mut self) -> Result<(), PowerOffError> {
         self.node.stop(&mut || false)
     }
 

@@ -10,12 +10,12 @@ use controller::torque_delay::TorqueDelay;
 use inputs::InputSink;
 use node::record::Record;
 use telemetry::fidelity::command::AtGrip;
-use telemetry::fidelity::{Commanded, Parts, Sample};
+use telemetry::fidelity::{CommandSampler, Parts, Sample};
 
 /// Samples of the ground truth at the hand.
 #[derive(Clone, Debug)]
 pub struct Truth {
-    commanded: Commanded,
+    commanded: CommandSampler,
     /// Commanded samples of the last two cycles.
     delay: TorqueDelay<Option<Sample>>,
 }
@@ -23,7 +23,7 @@ pub struct Truth {
 impl Truth {
     /// Creates the measurement for a bench of `config`.
     pub fn new(config: &Config) -> Self {
-        Self { commanded: Commanded::new(&config.controller), delay: TorqueDelay::new(None) }
+        Self { commanded: CommandSampler::new(&config.controller), delay: TorqueDelay::new(None) }
     }
 
     /// Returns the sample of the cycle that `bench` has just run; `None` while reflection is off or ramps.
@@ -37,7 +37,7 @@ impl Truth {
         let acted = acted?;
         let plant = bench.world().plant();
         let j_g = plant.jacobian();
-        let at_grip = AtGrip::of(&j_g)?;
+        let at_grip = AtGrip::new(&j_g)?;
         let balance = plant.balance(&j_g);
         Some(Sample {
             at: record.at,

@@ -3,10 +3,10 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::data_type::{self, UNSIGNED8, UNSIGNED32};
-use crate::eds::described::{Access, Described, Setting};
+use crate::eds::eds_object::{Access, EdsObject, Setting};
 use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::read;
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 use crate::eds::value::{self, Number};
 use crate::object::Object;
 
@@ -22,10 +22,10 @@ pub(super) fn array(
     section: &Section<'_>,
     index: u16,
     count: u8,
-    objects: &mut Vec<Described>,
+    objects: &mut Vec<EdsObject>,
 ) {
     let model = read::one(ini, section, Object { index, sub: 1 });
-    let data_type = data_type::of(model.data_type);
+    let data_type = data_type::find(model.data_type);
     let names = by_sub(ini.section(Title::Names(index)));
     let values = by_sub(ini.section(Title::Values(index)));
     let denotations = by_sub(ini.section(Title::Denotations(index)));
@@ -48,7 +48,7 @@ pub(super) fn array(
             denotation,
             ..model.setting.clone()
         };
-        objects.push(Described {
+        objects.push(EdsObject {
             object: Object { index, sub },
             name: name.unwrap_or_else(|| format!("{}{sub}", model.name)),
             setting,
@@ -71,11 +71,11 @@ pub(super) fn by_sub<'s, 't>(section: Option<&'s Section<'t>>) -> HashMap<u8, &'
 }
 
 /// Returns an object without further properties.
-fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128) -> Described {
-    let data = data_type::of(data_type);
+fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128) -> EdsObject {
+    let data = data_type::find(data_type);
     let bytes = value.to_le_bytes();
     let text = data.and_then(|data| value::text(bytes.get(..data.bytes()?)?, &data));
-    Described {
+    EdsObject {
         object,
         name: name.to_owned(),
         data_type,
@@ -114,8 +114,8 @@ const COMMUNICATION: [(u8, &str, u16); 6] = [
 
 /// Appends the PDOs that `NrOfRXPDO` and `NrOfTXPDO` count but no section describes. `CompactPDO` is a mask of
 /// the sub-indices of their communication parameters; zero means none.
-pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<Described>) {
-    let Some(device) = ini.section(Title::Named(Named::DeviceInfo)) else { return };
+pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<EdsObject>) {
+    let Some(device) = ini.section(Title::Named(Heading::DeviceInfo)) else { return };
     let mask: u8 = read::unsigned(device, "CompactPDO").unwrap_or(0);
     if mask == 0 {
         return;
@@ -149,7 +149,7 @@ fn default_cob_id(first: u32, pdo: u16) -> Number {
     }
 }
 
-fn communication_parameter(index: u16, mask: u8, cob_id: Number, objects: &mut Vec<Described>) {
+fn communication_parameter(index: u16, mask: u8, cob_id: Number, objects: &mut Vec<EdsObject>) {
     let subs = COMMUNICATION.into_iter().filter(|(sub, ..)| mask >> sub & 1 == 1);
     let highest = subs.clone().map(|(sub, ..)| sub).max().unwrap_or(0);
     objects.push(plain(
@@ -170,7 +170,7 @@ fn communication_parameter(index: u16, mask: u8, cob_id: Number, objects: &mut V
     }
 }
 
-fn mapping_parameter(index: u16, objects: &mut Vec<Described>) {
+fn mapping_parameter(index: u16, objects: &mut Vec<EdsObject>) {
     objects.push(plain(
         Object { index, sub: 0 },
         "Number of mapped objects",

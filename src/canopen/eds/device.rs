@@ -1,9 +1,9 @@
-//! Sections about the device as a whole: `[DeviceInfo]`, `[DummyUsage]`, and `[DeviceComissioning]` of a DCF.
+//! Sections that describe the device: `[DeviceInfo]`, `[DummyUsage]`, and `[DeviceComissioning]` of a DCF (CiA 306).
 
 use crate::NodeId;
 use crate::eds::ini::Ini;
 use crate::eds::read;
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 
 /// Device information (CiA 306, 4.4). Zero or empty if absent.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub(super) const BITRATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1_000];
 
 /// Reads `[DeviceInfo]`.
 pub(super) fn info(ini: &Ini<'_>) -> DeviceInfo {
-    let Some(section) = ini.section(Title::Named(Named::DeviceInfo)) else {
+    let Some(section) = ini.section(Title::Named(Heading::DeviceInfo)) else {
         return DeviceInfo::default();
     };
     let flag = |key: &str| section.value(key).is_some_and(|entry| read::is_set(entry.word()));
@@ -56,7 +56,7 @@ pub(super) fn info(ini: &Ini<'_>) -> DeviceInfo {
 
 /// Data types allowed as dummies in RPDOs, one bit each: `[DummyUsage]`.
 pub(super) fn dummies(ini: &Ini<'_>) -> u8 {
-    let Some(section) = ini.section(Title::Named(Named::DummyUsage)) else { return 0 };
+    let Some(section) = ini.section(Title::Named(Heading::DummyUsage)) else { return 0 };
     let is_set = |index: &u8| {
         section.value(&format!("Dummy{index:04}")).is_some_and(|entry| read::is_set(entry.word()))
     };
@@ -84,7 +84,7 @@ pub struct Commissioning {
 
 /// Reads `[DeviceComissioning]`; `None` for a plain EDS.
 pub(super) fn commissioning(ini: &Ini<'_>) -> Option<Commissioning> {
-    let section = ini.section(Title::Named(Named::Commissioning))?;
+    let section = ini.section(Title::Named(Heading::Commissioning))?;
     let node = read::unsigned::<u8>(section, "NodeID").and_then(|raw| NodeId::new(raw).ok());
     Some(Commissioning {
         node,

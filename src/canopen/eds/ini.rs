@@ -56,7 +56,7 @@ pub struct Stray {
 /// Reason why a line is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Oddity {
-    /// Neither a section, an entry nor a comment; skipped.
+    /// Not a section, an entry or a comment; skipped.
     NoEntry,
     /// An entry before the first section; skipped.
     Homeless,
@@ -97,7 +97,7 @@ impl<'t> Ini<'t> {
     fn open(&mut self, text: &'t str, line: usize) -> Option<Oddity> {
         let (name, behind) = text.split_once(']').map_or((text, None), |(a, b)| (a, Some(b)));
         let name = trim(name);
-        let title = Title::of(name);
+        let title = Title::parse(name);
         let is_first = match self.places.entry(title) {
             hash_map::Entry::Occupied(_) => false,
             hash_map::Entry::Vacant(place) => {

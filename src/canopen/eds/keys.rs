@@ -1,6 +1,6 @@
 //! Keys of CiA 306, in its order and spelling.
 
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 
 const FILE_INFO: &[&str] = &[
     "FileName",
@@ -78,14 +78,14 @@ const OBJECT: &[&str] = &[
 ];
 
 /// Known keys of a section; a list continues with numbers.
-pub const fn of(title: Title<'_>) -> &'static [&'static str] {
+pub const fn known(title: Title<'_>) -> &'static [&'static str] {
     match title {
-        Title::Named(Named::FileInfo) => FILE_INFO,
-        Title::Named(Named::DeviceInfo) => DEVICE_INFO,
-        Title::Named(Named::Commissioning) => COMMISSIONING,
-        Title::Named(Named::DummyUsage) => DUMMY_USAGE,
-        Title::Named(Named::Comments) => &["Lines"],
-        Title::Named(Named::Mandatory | Named::Optional | Named::Manufacturer) => {
+        Title::Named(Heading::FileInfo) => FILE_INFO,
+        Title::Named(Heading::DeviceInfo) => DEVICE_INFO,
+        Title::Named(Heading::Commissioning) => COMMISSIONING,
+        Title::Named(Heading::DummyUsage) => DUMMY_USAGE,
+        Title::Named(Heading::Comments) => &["Lines"],
+        Title::Named(Heading::Mandatory | Heading::Optional | Heading::Manufacturer) => {
             &["SupportedObjects"]
         }
         Title::Object(_) | Title::Sub(..) => OBJECT,
@@ -116,10 +116,10 @@ pub fn is_text(key: &str) -> bool {
 
 /// Returns the spelling of CiA 306 for a known key.
 pub fn canonical(title: Title<'_>, key: &str) -> Option<&'static str> {
-    place(title, key).and_then(|place| of(title).get(place).copied())
+    place(title, key).and_then(|place| known(title).get(place).copied())
 }
 
 /// Order of a key in CiA 306; `None` if it is unknown.
 pub fn place(title: Title<'_>, key: &str) -> Option<usize> {
-    of(title).iter().position(|known| known.eq_ignore_ascii_case(key))
+    known(title).iter().position(|one| one.eq_ignore_ascii_case(key))
 }

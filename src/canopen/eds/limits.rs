@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::NodeId;
 use crate::data_type::{self, Kind};
-use crate::eds::{Described, Number, value};
+use crate::eds::{EdsObject, Number, value};
 use crate::object::Object;
 
 /// Error of a value outside the limits of its object.
@@ -26,11 +26,11 @@ pub struct OutsideLimits {
     pub high: i128,
 }
 
-impl Described {
+impl EdsObject {
     /// Returns the values that the object takes in `node`: its limits, or else the range of its data type.
     /// `None` for other types than integers and BOOLEAN.
     pub fn limits(&self, node: NodeId) -> Option<RangeInclusive<i128>> {
-        let range = data_type::of(self.data_type)?.range()?;
+        let range = data_type::find(self.data_type)?.range()?;
         let limit = |limit: Option<Number>| limit.map(|limit| limit.resolve(node));
         let low = limit(self.low).unwrap_or(*range.start());
         let high = limit(self.high).unwrap_or(*range.end());
@@ -57,7 +57,7 @@ impl Described {
     /// # Errors
     /// Returns an error if it is outside the limits.
     pub fn check_content(&self, content: &[u8], node: NodeId) -> Result<(), OutsideLimits> {
-        match data_type::of(self.data_type).map(|data_type| data_type.kind) {
+        match data_type::find(self.data_type).map(|data_type| data_type.kind) {
             Some(Kind::Signed) => self.check_number(value::signed(content), node),
             Some(Kind::Boolean | Kind::Unsigned) => {
                 self.check_number(value::unsigned(content), node)
@@ -76,7 +76,7 @@ mod tests {
         NodeId::new(3).unwrap()
     }
 
-    fn described(data_type: u16, limits: &str) -> Described {
+    fn described(data_type: u16, limits: &str) -> EdsObject {
         let text = format!(
             "[2000]\nParameterName=x\nObjectType=7\nDataType={data_type}\nAccessType=rw\n{limits}\n"
         );

@@ -4,8 +4,8 @@
 //! real files require: invalid parts count as absent, and [`Eds::lint`] reports them by line.
 
 mod compact;
-mod described;
 mod device;
+mod eds_object;
 pub mod ini;
 pub mod keys;
 mod limits;
@@ -17,8 +17,8 @@ mod text;
 pub mod title;
 pub mod value;
 
-pub use described::{Access, Described, Setting};
 pub use device::{Commissioning, DeviceInfo};
+pub use eds_object::{Access, EdsObject, Setting};
 pub use limits::OutsideLimits;
 pub use lint::{Finding, Gap, Severity};
 pub use pdo::PdoAbility;
@@ -64,7 +64,7 @@ pub struct Eds {
     device: DeviceInfo,
     commissioning: Option<Commissioning>,
     dummies: u8,
-    objects: Vec<Described>,
+    objects: Vec<EdsObject>,
 }
 
 impl Eds {
@@ -145,12 +145,12 @@ impl Eds {
     }
 
     /// Objects by index and sub-index.
-    pub fn objects(&self) -> &[Described] {
+    pub fn objects(&self) -> &[EdsObject] {
         &self.objects
     }
 
     /// Returns one object.
-    pub fn object(&self, object: Object) -> Option<&Described> {
+    pub fn object(&self, object: Object) -> Option<&EdsObject> {
         let found = self.objects.binary_search_by_key(&object, |described| described.object);
         self.objects.get(found.ok()?)
     }
@@ -159,7 +159,7 @@ impl Eds {
     fn bits_in_pdo(&self, object: Object) -> Option<u8> {
         match self.object(object) {
             Some(described) => described.bits(),
-            None if object.sub == 0 => data_type::of(object.index)?.bits,
+            None if object.sub == 0 => data_type::find(object.index)?.bits,
             None => None,
         }
     }

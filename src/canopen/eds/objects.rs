@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::eds::ini::Ini;
 use crate::eds::read::{is_head, one};
 use crate::eds::title::Title;
-use crate::eds::{Described, EdsError, compact};
+use crate::eds::{EdsError, EdsObject, compact};
 use crate::object::Object;
 
 /// Maximum number of objects, and maximum bytes copied for compact descriptions, which could expand to any
@@ -17,7 +17,7 @@ const MAX_COPIED: usize = 32 << 20;
 ///
 /// # Errors
 /// Returns an error for no objects, or too many.
-pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
+pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<EdsObject>, EdsError> {
     let heads = with_sub_sections(ini);
     let mut objects = Vec::new();
     let mut copied = 0;
@@ -50,7 +50,7 @@ pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
     if objects.is_empty() { Err(EdsError::Empty) } else { Ok(objects) }
 }
 
-fn check_count(objects: &[Described]) -> Result<(), EdsError> {
+fn check_count(objects: &[EdsObject]) -> Result<(), EdsError> {
     if objects.len() > MAX_OBJECTS { Err(EdsError::TooMany) } else { Ok(()) }
 }
 

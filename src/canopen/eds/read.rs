@@ -2,7 +2,7 @@
 //! [`lint`](crate::eds::lint) reports them.
 
 use crate::data_type::{self, DOMAIN, DataType};
-use crate::eds::described::{Access, Described, Setting};
+use crate::eds::eds_object::{Access, EdsObject, Setting};
 use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::title::Title;
 use crate::eds::value;
@@ -19,7 +19,7 @@ pub(super) fn is_head(section: &Section<'_>) -> bool {
     matches!(integer(section, "ObjectType"), Some(RECORD_TYPE | ARRAY | RECORD))
 }
 
-/// Parses a whole number.
+/// Parses the integer at a key; `None` if it is absent or invalid.
 pub(super) fn integer(section: &Section<'_>, key: &str) -> Option<i128> {
     value::whole(section.value(key)?.word()).map(|(value, _)| value)
 }
@@ -30,13 +30,13 @@ pub(super) fn unsigned<T: TryFrom<i128>>(section: &Section<'_>, key: &str) -> Op
 }
 
 /// Converts the object of a section.
-pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Described {
+pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> EdsObject {
     let number = data_type(ini, section);
-    let data_type = data_type::of(number);
+    let data_type = data_type::find(number);
     let default = section.value("DefaultValue");
     let as_number = |entry: &Entry<'_>| value::number(entry.word(), data_type.as_ref()?).ok();
     let access = section.value("AccessType").and_then(|entry| Access::read(entry.word()));
-    Described {
+    EdsObject {
         object,
         name: section.text("ParameterName").to_owned(),
         data_type: number,
@@ -77,15 +77,14 @@ pub(super) fn is_set(word: &str) -> bool {
     }
 }
 
-/// Returns the data type of a section by number: as stated, DOMAIN for a domain, else zero. A type defined in
-/// the file counts as the one it consists of, as CANFestival's editor writes it: `DataType=0xA0`, with the
-/// type itself as the default of `[A0sub1]`.
+/// Returns the number of a section's data type: as stated, DOMAIN for a domain, else zero. A type defined in the file
+/// is resolved to its base type. CANFestival's editor writes `DataType=0xA0` and the base type as default of `[A0sub1]`.
 fn data_type(ini: &Ini<'_>, section: &Section<'_>) -> u16 {
     let Some(number) = unsigned::<u16>(section, "DataType") else {
         let is_domain = integer(section, "ObjectType") == Some(DOMAIN_OBJECT);
         return if is_domain { DOMAIN } else { 0 };
     };
-    if data_type::of(number).is_some() {
+    if data_type::find(number).is_some() {
         return number;
     }
     let short = format!("{number:X}sub1");

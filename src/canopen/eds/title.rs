@@ -8,7 +8,7 @@ use crate::object::Object;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Title<'t> {
     /// A named section.
-    Named(Named),
+    Named(Heading),
     /// `[1A00]`: an object, or the head of an array or record.
     Object(u16),
     /// `[1A00sub1]`: an object with a sub-index.
@@ -25,9 +25,9 @@ pub enum Title<'t> {
     Other(&'t str),
 }
 
-/// Named sections, in the order they are written.
+/// Sections with a fixed name in CiA 306, in the order they are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Named {
+pub enum Heading {
     /// `[FileInfo]`.
     FileInfo,
     /// `[DeviceInfo]`.
@@ -47,21 +47,21 @@ pub enum Named {
 }
 
 /// Names of the sections. The standard misspells `DeviceComissioning`.
-const NAMES: [(Named, &str); 8] = [
-    (Named::FileInfo, "FileInfo"),
-    (Named::DeviceInfo, "DeviceInfo"),
-    (Named::Commissioning, "DeviceComissioning"),
-    (Named::DummyUsage, "DummyUsage"),
-    (Named::Comments, "Comments"),
-    (Named::Mandatory, "MandatoryObjects"),
-    (Named::Optional, "OptionalObjects"),
-    (Named::Manufacturer, "ManufacturerObjects"),
+const NAMES: [(Heading, &str); 8] = [
+    (Heading::FileInfo, "FileInfo"),
+    (Heading::DeviceInfo, "DeviceInfo"),
+    (Heading::Commissioning, "DeviceComissioning"),
+    (Heading::DummyUsage, "DummyUsage"),
+    (Heading::Comments, "Comments"),
+    (Heading::Mandatory, "MandatoryObjects"),
+    (Heading::Optional, "OptionalObjects"),
+    (Heading::Manufacturer, "ManufacturerObjects"),
 ];
 
 /// Common spelling of `DeviceComissioning`.
 const COMMISSIONING: &str = "DeviceCommissioning";
 
-impl Named {
+impl Heading {
     /// Lists of objects.
     pub const LISTS: [Self; 3] = [Self::Mandatory, Self::Optional, Self::Manufacturer];
 
@@ -84,7 +84,7 @@ impl Named {
 
 impl<'t> Title<'t> {
     /// Parses a title.
-    pub fn of(name: &'t str) -> Self {
+    pub fn parse(name: &'t str) -> Self {
         let objects = name.split_at_checked(4).and_then(|(index, rest)| {
             let index = hexadecimal(index)?;
             let is = |word: &str| rest.eq_ignore_ascii_case(word);
@@ -121,9 +121,9 @@ impl fmt::Display for Title<'_> {
     }
 }
 
-fn named(name: &str) -> Option<Named> {
+fn named(name: &str) -> Option<Heading> {
     let found = NAMES.into_iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
-    let misspelt = name.eq_ignore_ascii_case(COMMISSIONING).then_some(Named::Commissioning);
+    let misspelt = name.eq_ignore_ascii_case(COMMISSIONING).then_some(Heading::Commissioning);
     found.map(|(named, _)| named).or(misspelt)
 }
 
@@ -144,15 +144,19 @@ mod tests {
             ("1018Sub0A", Title::Sub(0x1018, 10), "1018subA"),
             ("1003value", Title::Values(0x1003), "1003Value"),
             ("2000NAME", Title::Names(0x2000), "2000Name"),
-            ("dummyusage", Title::Named(Named::DummyUsage), "DummyUsage"),
-            ("DeviceCommissioning", Title::Named(Named::Commissioning), "DeviceComissioning"),
+            ("dummyusage", Title::Named(Heading::DummyUsage), "DummyUsage"),
+            ("DeviceCommissioning", Title::Named(Heading::Commissioning), "DeviceComissioning"),
             ("Tools", Title::Other("Tools"), "Tools"),
             ("1018sub100", Title::Other("1018sub100"), "1018sub100"),
             ("1018sub", Title::Other("1018sub"), "1018sub"),
             ("+100", Title::Other("+100"), "+100"),
             ("10é", Title::Other("10é"), "10é"),
         ] {
-            assert_eq!((Title::of(name), title.to_string().as_str()), (title, written), "{name}");
+            assert_eq!(
+                (Title::parse(name), title.to_string().as_str()),
+                (title, written),
+                "{name}"
+            );
         }
     }
 }

@@ -45,7 +45,7 @@ pub enum NoValue {
     NotLatin1,
 }
 
-/// Radix of a whole number.
+/// Radix of an integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Radix {
     /// `31`; also `08`, which cannot be octal.
@@ -56,7 +56,7 @@ pub(super) enum Radix {
     Octal,
 }
 
-/// Parses a whole number, with or without a sign.
+/// Parses an integer, with or without a sign.
 pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let sign = if text.starts_with('-') { -1 } else { 1 };
@@ -241,8 +241,8 @@ mod tests {
     use super::*;
     use crate::data_type;
 
-    fn of(number: u16) -> DataType {
-        data_type::of(number).unwrap()
+    fn numbered(number: u16) -> DataType {
+        data_type::find(number).unwrap()
     }
 
     fn node() -> NodeId {
@@ -276,22 +276,22 @@ mod tests {
         for text in
             ["$NODEID+0x180", "0x180+$NODEID", "$nodeid + 384", " 0x180 + $NodeId", "$NODEID+0600"]
         {
-            let number = number(text, &of(7)).unwrap();
+            let number = number(text, &numbered(7)).unwrap();
             assert_eq!((number.value, number.plus_node_id), (0x180, true), "{text}");
             assert_eq!(number.resolve(node()), 0x183);
         }
-        assert_eq!(number("$NODEID", &of(5)).unwrap().resolve(node()), 3);
-        assert_eq!(number("$NODEID-1", &of(3)).unwrap().resolve(node()), 2);
+        assert_eq!(number("$NODEID", &numbered(5)).unwrap().resolve(node()), 3);
+        assert_eq!(number("$NODEID-1", &numbered(3)).unwrap().resolve(node()), 2);
         for text in
             ["-$NODEID", "$NODEID 5", "2*$NODEID", "$NODEID+$NODEID", "1+$NODEID+1", "$NODEID+"]
         {
-            assert_eq!(number(text, &of(7)), Err(NoValue::NotASum), "{text}");
+            assert_eq!(number(text, &numbered(7)), Err(NoValue::NotASum), "{text}");
         }
     }
 
     #[test]
     fn bits_of_a_negative_number_are_accepted() {
-        let value = |text, data_type| number(text, &of(data_type)).map(|number| number.value);
+        let value = |text, data_type| number(text, &numbered(data_type)).map(|number| number.value);
         assert_eq!(value("0xFFFFFFFF", 4), Ok(-1));
         assert_eq!(value("0x8000", 3), Ok(-32_768));
         assert_eq!(value("0x7FFF", 3), Ok(32_767));
@@ -305,7 +305,7 @@ mod tests {
 
     #[test]
     fn every_type_is_encoded() {
-        let bytes = |text, data_type| bytes(text, &of(data_type), node());
+        let bytes = |text, data_type| bytes(text, &numbered(data_type), node());
         assert_eq!(bytes("0x1234 ; why", 6), Ok(vec![0x34, 0x12]));
         assert_eq!(bytes("-2", 0x10), Ok(vec![0xFE, 0xFF, 0xFF]));
         assert_eq!(bytes("1.5", 8), Ok(1.5_f32.to_le_bytes().to_vec()));
@@ -325,7 +325,7 @@ mod tests {
             number in prop::sample::select(vec![1_u16, 2, 3, 4, 5, 6, 7, 8, 0xC, 0x10, 0x11, 0x15, 0x16, 0x1B]),
             content in prop::array::uniform8(any::<u8>()),
         ) {
-            let data_type = of(number);
+            let data_type = numbered(number);
             let mut content = content[..data_type.bytes().unwrap()].to_vec();
             if data_type.kind == Kind::Boolean {
                 content[0] &= 1;
@@ -336,7 +336,7 @@ mod tests {
 
         #[test]
         fn any_text_is_parsed_or_refused(number in 0_u16..0x20, text in ".*") {
-            if let Some(data_type) = data_type::of(number) {
+            if let Some(data_type) = data_type::find(number) {
                 bytes(&text, &data_type, node()).ok();
             }
         }

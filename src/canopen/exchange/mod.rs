@@ -1,7 +1,7 @@
 //! Cyclic exchange between master and nodes: positions of the mapped objects in the PDOs.
 //!
-//! The positions are computed once from the nodes' [layouts](crate::layout). A cycle only shifts and masks; it does not
-//! allocate or search a dictionary.
+//! The positions are computed once from the [layouts](crate::layout) of the nodes. A cycle only shifts and masks. It does
+//! not allocate or search a dictionary.
 //!
 //! ```text
 //!             per-drive                                grouped
@@ -13,8 +13,8 @@
 //!  RPDO2                                            { controlword }                   on change
 //! ```
 //!
-//! The RPDO of a group is one frame for three drives. Each maps its own target and dummy entries (CiA 301,
-//! 7.4.8) in place of the others, so the content of the frame is the union of the mappings.
+//! The RPDO of a group is one frame for three drives. Each maps its own target, and dummy entries (CiA 301, 7.4.8) in
+//! place of the others. The content of the frame is the union of the mappings.
 
 mod rpdos;
 mod slot;
@@ -73,11 +73,11 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// Maximum time from the SYNC after which "disable voltage" is set in a drive's RPDO until its statusword reports it,
-    /// if no frame is lost: 2 T with one synchronous PDO each way.
+    /// Maximum time until a drive's statusword reports "disable voltage", from the SYNC after which its RPDO carries it.
+    /// Without lost frames it is 2 T for one synchronous PDO in each direction.
     ///
-    /// A controlword in an RPDO of its own takes its turn among the n on its bus, one in every other cycle: (2 n + 1) T
-    /// more. A statusword in a TPDO of its own waits for its inhibit time.
+    /// A controlword in a separate RPDO adds (2 n + 1) T for the n such RPDOs on its bus, sent in every other cycle. A
+    /// statusword in a separate TPDO adds the inhibit time.
     pub fn power_off_time(&self, node: NodeIndex, period: Duration) -> Duration {
         let turns = self.rpdos.controlword_turns(node);
         let wait = if turns > 0 { 2 * turns + 1 } else { 0 };

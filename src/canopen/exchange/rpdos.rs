@@ -1,8 +1,8 @@
 //! RPDOs of the drives: target torques and controlwords.
 //!
-//! Synchronous RPDOs are sent every cycle. Event-driven ones, such as a controlword in an RPDO of its own, are sent
-//! on change, at most one per bus in every other cycle: a cycle has time for one such frame and the drive's TPDO in
-//! reply. More frames would delay the next SYNC, which the host queues behind them whatever its priority.
+//! Synchronous RPDOs are sent every cycle. Event-driven ones, such as a separate controlword, are sent on change, at most
+//! one per bus in every other cycle. A cycle has time for one such frame and the drive's TPDO in reply. More frames
+//! would delay the next SYNC, which the host queues behind them regardless of its priority.
 
 use crate::drive::Controlword;
 use crate::exchange::ExchangeError;
@@ -127,8 +127,8 @@ impl RpdoImage {
         out.extend(self.cyclic.iter().filter_map(Rpdo::telegram));
     }
 
-    /// Returns the [synchronous](Self::cyclic) RPDO to send when its target torques are stale: unchanged if they are
-    /// zero; with zero torque if a controlword disables operation; otherwise `None`.
+    /// Returns the [synchronous](Self::cyclic) RPDO to send when its target torques are stale. It is unchanged if they are
+    /// zero, and has zero torque if a controlword disables operation; otherwise `None`.
     pub fn late(&self, telegram: &Telegram) -> Option<Telegram> {
         let rpdo = self.cyclic_of(telegram)?;
         match (rpdo.has_torque(), rpdo.enables()) {
@@ -191,7 +191,8 @@ impl RpdoImage {
 
     /// Returns the number of event-driven RPDOs on a node's bus if its controlword is in one of them, else 0.
     pub(super) fn controlword_turns(&self, node: NodeIndex) -> u32 {
-        let has_word = |rpdo: &&Rpdo| rpdo.of(Object::CONTROLWORD).any(|field| field.node == node);
+        let has_word =
+            |rpdo: &&Rpdo| rpdo.fields_of(Object::CONTROLWORD).any(|field| field.node == node);
         let Some(channel) = self.event_driven.iter().find(has_word).map(|rpdo| rpdo.channel) else {
             return 0;
         };
@@ -268,13 +269,13 @@ impl Rpdo {
 
     /// Returns whether a target torque is not zero.
     fn has_torque(&self) -> bool {
-        let mut torques = self.of(Object::TARGET_TORQUE);
+        let mut torques = self.fields_of(Object::TARGET_TORQUE);
         torques.any(|field| field.slot.read(self.content) != [0; 8])
     }
 
     /// Returns whether no controlword disables operation; also true without a controlword.
     fn enables(&self) -> bool {
-        let mut words = self.of(Object::CONTROLWORD);
+        let mut words = self.fields_of(Object::CONTROLWORD);
         words.all(|field| {
             let [low, high, ..] = field.slot.read(self.content);
             Controlword(u16::from_le_bytes([low, high])).enables()
@@ -283,15 +284,15 @@ impl Rpdo {
 
     /// Returns the content with zero target torques.
     fn without_torque(&self) -> u64 {
-        let torques = self.of(Object::TARGET_TORQUE);
+        let torques = self.fields_of(Object::TARGET_TORQUE);
         torques.fold(self.content, |content, field| field.slot.write(content, 0))
     }
 
-    fn of(&self, object: Object) -> impl Iterator<Item = &Field> {
+    fn fields_of(&self, object: Object) -> impl Iterator<Item = &Field> {
         self.fields.iter().filter(move |field| field.object == object)
     }
 
-    /// Returns whether the content has changed, or is to be repeated.
+    /// Returns whether the content has changed, or must be repeated.
     fn is_due(&self) -> bool {
         let is_reached = self.fields.iter().all(|field| field.is_reached);
         self.sent != Some(self.content) || !is_reached && self.age >= REPEAT_CYCLES

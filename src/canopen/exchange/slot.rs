@@ -1,6 +1,6 @@
 //! Bit field in a frame. The eight bytes form one little-endian number (CiA 301, 7.2.2.5).
 
-use crate::layout::{Mapped, Service};
+use crate::layout::{MappedObject, Service};
 
 /// Position of a mapped object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ impl Slot {
 }
 
 /// Returns the mapped objects of a PDO with their fields. A field beyond 64 bits is empty.
-pub(super) fn slots(service: &Service) -> impl Iterator<Item = (Mapped, Slot)> + '_ {
+pub(super) fn slots(service: &Service) -> impl Iterator<Item = (MappedObject, Slot)> + '_ {
     let mut shift = 0;
     service.mapping.iter().map(move |mapped| {
         let bits = u32::from(mapped.bits);
@@ -55,7 +55,8 @@ mod tests {
     use crate::sync::Transmission;
 
     fn service(bits: &[u8]) -> Service {
-        let mapping = bits.iter().map(|bits| Mapped { object: Object::STATUSWORD, bits: *bits });
+        let mapping =
+            bits.iter().map(|bits| MappedObject { object: Object::STATUSWORD, bits: *bits });
         Service {
             transmission: Transmission::EVERY_SYNC,
             inhibit_100us: None,

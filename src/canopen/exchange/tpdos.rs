@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::drive::Statusword;
 use crate::exchange::slot::{Slot, content, slots};
 use crate::frame::{Channel, Telegram};
-use crate::layout::{Direction, Mapped, Pdo};
+use crate::layout::{Direction, MappedObject, Pdo};
 use crate::object::Object;
 use crate::pdo::WrongLength;
 use crate::plan::NodePlan;
@@ -77,33 +77,33 @@ impl TpdoMap {
 
     /// Returns the event timer of the TPDO with a node's statusword; `None` if it is synchronous.
     pub fn status_repeated(&self, node: NodeIndex) -> Option<Duration> {
-        self.of(node).find(|tpdo| tpdo.statusword.is_some())?.event_timer
+        self.tpdos_of(node).find(|tpdo| tpdo.statusword.is_some())?.event_timer
     }
 
     /// Returns whether a node sends its torque demand (6074h).
     pub fn has_demand(&self, node: NodeIndex) -> bool {
-        self.of(node).any(|tpdo| tpdo.demand.is_some())
+        self.tpdos_of(node).any(|tpdo| tpdo.demand.is_some())
     }
 
     /// Returns the inhibit time of the TPDO with a node's statusword; zero if it is synchronous.
     pub(super) fn status_inhibit(&self, node: NodeIndex) -> Duration {
-        let tpdo = self.of(node).find(|tpdo| tpdo.statusword.is_some());
+        let tpdo = self.tpdos_of(node).find(|tpdo| tpdo.statusword.is_some());
         tpdo.map_or(Duration::ZERO, |tpdo| tpdo.inhibit)
     }
 
     /// Returns whether a node sends its statusword periodically, by SYNC or by event timer.
     pub(super) fn has_status(&self, node: NodeIndex) -> bool {
-        self.of(node).any(|tpdo| {
+        self.tpdos_of(node).any(|tpdo| {
             tpdo.statusword.is_some() && tpdo.event_timer.is_none_or(|timer| !timer.is_zero())
         })
     }
 
     /// Returns whether a node sends its position in a synchronous TPDO.
     pub(super) fn has_sync_position(&self, node: NodeIndex) -> bool {
-        self.of(node).any(|tpdo| tpdo.position.is_some() && tpdo.event_timer.is_none())
+        self.tpdos_of(node).any(|tpdo| tpdo.position.is_some() && tpdo.event_timer.is_none())
     }
 
-    fn of(&self, node: NodeIndex) -> impl Iterator<Item = &Tpdo> {
+    fn tpdos_of(&self, node: NodeIndex) -> impl Iterator<Item = &Tpdo> {
         self.tpdos.iter().filter(move |tpdo| tpdo.node == node)
     }
 }
@@ -113,7 +113,7 @@ impl Tpdo {
     fn new(channel: Channel, node: NodeIndex, pdo: &Pdo) -> Option<Self> {
         let service = pdo.service.as_ref()?;
         let slot_of = |object: Object, bits: u8| {
-            let expected = Mapped { object, bits };
+            let expected = MappedObject { object, bits };
             slots(service).find_map(|(mapped, slot)| (mapped == expected).then_some(slot))
         };
         let analogue = slots(service)
@@ -236,7 +236,7 @@ mod tests {
         let tpdos = TpdoMap::new(&[(Channel(1), plan)]);
         assert!(
             !tpdos.has_sync_position(NodeIndex(0))
-                && tpdos.of(NodeIndex(0)).any(|tpdo| tpdo.position.is_some())
+                && tpdos.tpdos_of(NodeIndex(0)).any(|tpdo| tpdo.position.is_some())
         );
     }
 

@@ -18,7 +18,7 @@ pub struct Abilities {
 
 impl Abilities {
     /// Derives the abilities of `node` from its EDS.
-    pub fn of(eds: &Eds, node: NodeId) -> Self {
+    pub fn from_eds(eds: &Eds, node: NodeId) -> Self {
         let size = u8::try_from(Group::SIZE).unwrap_or(u8::MAX);
         // The last slot has dummies before it, and every drive of a group the same number of entries.
         let group = Group { cob_id: layout::rpdo1(node), size, slot: size.saturating_sub(1) };
@@ -27,7 +27,7 @@ impl Abilities {
         Self { no_group, moves_emergencies: emcy.is_some_and(|emcy| emcy.access.is_writable()) }
     }
 
-    /// Returns whether it can have the PDOs of the grouped layout with an RPDO of its own, which needs no dummies.
+    /// Returns whether it can have the PDOs of the grouped layout with a separate RPDO, which needs no dummies.
     pub fn can_split_states(&self) -> bool {
         self.no_group.iter().all(|lack| matches!(lack, Lack::Dummy(_) | Lack::Entries { .. }))
     }
@@ -42,7 +42,7 @@ mod tests {
     fn with(from: &str, to: &str) -> Abilities {
         assert!(DRIVE.contains(from));
         let eds = Eds::parse(DRIVE.replace(from, to).as_bytes()).unwrap();
-        Abilities::of(&eds, NodeId::new(3).unwrap())
+        Abilities::from_eds(&eds, NodeId::new(3).unwrap())
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! slots of other drives (7.4.8), declared in `[DummyUsage]` (CiA 306).
 
 use crate::NodeId;
-use crate::eds::{Described, Eds, OutsideLimits};
+use crate::eds::{Eds, EdsObject, OutsideLimits};
 use crate::layout::{Direction, Pdo, Service};
 use crate::object::Object;
 use crate::sdo::bytes;
@@ -151,7 +151,7 @@ fn is_mapped(eds: &Eds, node: NodeId, pdo: &Pdo, service: &Service) -> bool {
 /// Objects and dummies that cannot be mapped.
 fn objects(eds: &Eds, pdo: &Pdo, service: &Service) -> Vec<Lack> {
     let direction = pdo.direction;
-    let is_able = |described: &Described| {
+    let is_able = |described: &EdsObject| {
         described.is_mappable
             && match direction {
                 Direction::Receive => described.access.is_output(),

@@ -1,4 +1,4 @@
-//! Bus planning: load of each bus, response time of each frame, and alternatives where a plan does not fit.
+//! Bus planning: load of each bus, response time of each frame, and alternatives to a plan that does not fit.
 //!
 //! Computed from the node plans ([`NodePlan`](crate::plan::NodePlan)) before any frame is sent.
 //!

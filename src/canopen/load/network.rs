@@ -81,7 +81,7 @@ pub fn is_late(stream: &Stream, response: Option<Duration>) -> bool {
 impl Network {
     /// Worst-case load of each bus.
     pub fn loads(&self) -> Vec<BusLoad> {
-        let load = |bus| BusLoad::of(&self.planned(bus), bus.bitrate, self.period_us);
+        let load = |bus| BusLoad::new(&self.planned(bus), bus.bitrate, self.period_us);
         self.buses.iter().map(load).collect()
     }
 
@@ -144,7 +144,7 @@ impl Network {
     /// Maximum SYNC rates of `bus` at `load` bit/s of each frame, with a cycle of `done_us`.
     pub fn rates(&self, bus: &Bus, load: impl Fn(&Stream) -> f64, done_us: f64) -> Rates {
         let allowed = f64::from(bus.bitrate) * bus.load_limit_percent / 100.0;
-        Rates::of(&self.planned(bus), load, self.period_us, allowed, done_us)
+        Rates::new(&self.planned(bus), load, self.period_us, allowed, done_us)
     }
 }
 
@@ -170,7 +170,7 @@ impl Bus {
         let others = planned.iter().filter(|stream| !stream.is_cyclic()).chain(&sporadic);
         let longest = others.map(&length).fold(0.0, f64::max);
         let span = |stream: &Stream| length(stream) * bit_us;
-        Timeline::of(planned, span, longest * bit_us, assumed.pauses)
+        Timeline::new(planned, span, longest * bit_us, assumed.pauses)
     }
 }
 

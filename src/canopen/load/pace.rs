@@ -44,7 +44,7 @@ pub enum Pace {
 /// Kind of values in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// States and switches: rare changes, at most four in a row.
+    /// States and switches: rare changes, in bursts of at most four.
     Rare,
     /// Measured values: different at every sample.
     Varying,
@@ -90,8 +90,8 @@ impl Pace {
         }
     }
 
-    /// Maximum number of frames queued in a half-open window of `window_ns`, each up to `jitter_ns` late: the
-    /// smaller of ⌈(t + J) / T⌉ and, for rare changes, the event timer's count plus a burst of four.
+    /// Maximum number of frames queued in a half-open window of `window_ns`, each up to `jitter_ns` late. It is
+    /// ⌈(t + J) / T⌉; for rare changes at most the count of the event timer plus a burst of four.
     pub fn max_in(self, window_ns: u64, jitter_ns: u64) -> u64 {
         let span = window_ns.saturating_add(jitter_ns);
         let (gap, burst) = self.buckets();

@@ -111,14 +111,14 @@ mod tests {
         network(six_drives_and_switches(), 1_000)
     }
 
-    fn of(network: &Network) -> Vec<Proposal> {
+    fn proposed(network: &Network) -> Vec<Proposal> {
         proposals(network, &Assumptions::default())
     }
 
     #[test]
     fn overloaded_network_gets_proposals_that_fit() {
         let percent = |load: &BusLoad| format!("{:.1}", load.percent());
-        let found = of(&overloaded());
+        let found = proposed(&overloaded());
         let found = found.iter().map(|one| {
             let loads: Vec<String> = one.loads.iter().map(percent).collect();
             (one.changes.clone(), loads.join(" "), one.fits)
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn small_overload_gets_small_changes() {
         let grouped = changed(&overloaded(), &[Change::Grouped]).unwrap();
-        let found = of(&grouped);
+        let found = proposed(&grouped);
         let expected = [Change::SlowHeartbeats, Change::EmergenciesMoved];
         assert_eq!(found.first().unwrap().changes, expected);
         assert!(found.iter().all(|one| !one.changes.contains(&Change::StatesOnChange)));
@@ -147,7 +147,7 @@ mod tests {
     fn unable_drives_are_not_grouped() {
         let mut network = overloaded();
         network.buses[0].members[2].abilities.no_group = vec![Lack::Dummy(Object::DUMMY_INTEGER16)];
-        let found = of(&network);
+        let found = proposed(&network);
         assert!(found.iter().any(|one| one.fits));
         assert!(found.iter().all(|one| !one.changes.contains(&Change::Grouped)));
     }
@@ -168,16 +168,16 @@ mod tests {
     #[test]
     fn fitting_network_gets_moved_emergencies_only() {
         let slow = network(six_drives_and_switches(), 2_000);
-        let found = of(&slow);
+        let found = proposed(&slow);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].changes, [Change::EmergenciesMoved]);
         let moved = changed(&slow, &[Change::EmergenciesMoved]).unwrap();
-        assert_eq!(of(&moved), []);
+        assert_eq!(proposed(&moved), []);
     }
 
     #[test]
     fn every_proposed_rate_fits() {
-        for proposal in of(&overloaded()).into_iter().filter(|one| one.fits) {
+        for proposal in proposed(&overloaded()).into_iter().filter(|one| one.fits) {
             let mut network = changed(&overloaded(), &proposal.changes).unwrap();
             let shortest = (1e6 / proposal.highest_hz).ceil();
             network.period_us = (1..).find(|us| f64::from(*us) >= shortest).unwrap();

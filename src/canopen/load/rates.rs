@@ -17,7 +17,7 @@ pub struct Rates {
 impl Rates {
     /// Computes the rates of `planned`, now with a SYNC every `period_us`, on a bus with `allowed` bit/s and a
     /// cycle of `done_us`. `load` returns the bit/s of a stream.
-    pub fn of(
+    pub fn new(
         planned: &[Stream],
         load: impl Fn(&Stream) -> f64,
         period_us: u32,
@@ -68,7 +68,7 @@ mod tests {
             all.into_iter().filter(Stream::is_cyclic).collect()
         };
         let hz = |streams: &[Stream]| {
-            format!("{:.0}", Rates::of(streams, worst, 1_000, 1e6, 0.0).highest_hz())
+            format!("{:.0}", Rates::new(streams, worst, 1_000, 1e6, 0.0).highest_hz())
         };
         assert_eq!(hz(&silent(grouped())), "1170");
         assert_eq!(hz(&silent(drives(6))), "697");
@@ -77,13 +77,13 @@ mod tests {
     #[test]
     fn longer_cycle_lowers_the_rate() {
         let planned = streams(&grouped(), 1_000, master(), 5);
-        let rates = Rates::of(&planned, worst, 1_000, 0.9e6, 1_250.0);
+        let rates = Rates::new(&planned, worst, 1_000, 0.9e6, 1_250.0);
         assert_eq!(format!("{:.0} {:.0}", rates.load_hz, rates.highest_hz()), "1001 800");
     }
 
     #[test]
     fn empty_plan_has_an_infinite_rate() {
-        assert!(Rates::of(&[], worst, 1_000, 1e6, 0.0).highest_hz().is_infinite());
+        assert!(Rates::new(&[], worst, 1_000, 1e6, 0.0).highest_hz().is_infinite());
     }
 
     proptest! {
@@ -95,7 +95,7 @@ mod tests {
         ) {
             let plans = drives(count);
             let planned = streams(&plans, period_us, master(), 5);
-            let rates = Rates::of(&planned, worst, period_us, 1e4 * limit, 0.0);
+            let rates = Rates::new(&planned, worst, period_us, 1e4 * limit, 0.0);
             let at = |hz: f64| {
                 let others: f64 = planned.iter().filter(|s| s.syncs.is_none()).map(worst).sum();
                 let cycle: f64 = planned.iter().filter(|s| s.syncs.is_some()).map(worst).sum();

@@ -207,8 +207,8 @@ mod tests {
         bounds.into_iter().map(|bound| bound.map(|bound| bound.as_micros())).collect()
     }
 
-    /// SYNC; TPDOs and RPDOs of the given size and number at every SYNC, TPDOs up to 100 µs late; per node one
-    /// emergency and one heartbeat every 100 ms; one SDO exchange every 10 ms.
+    /// Streams of SYNC, and of TPDOs and RPDOs with this size and number at every SYNC. TPDOs are up to 100 µs late. Each
+    /// node adds an EMCY message and a heartbeat every 100 ms. An SDO request and its reply are sent every 10 ms.
     fn layout(
         period_us: u32,
         [tpdo, nodes]: [u16; 2],
@@ -227,8 +227,8 @@ mod tests {
 
     #[test]
     fn responses_match_an_independent_program() {
-        // Response of the last RPDO with emergencies at 80h + node and at 680h + node, in µs, by period and by size
-        // and number of TPDOs and RPDOs.
+        // Response of the last RPDO, in µs, with EMCY at 80h + node and at 680h + node. Rows differ in period, and in
+        // size and number of the PDOs.
         for (period_us, [tpdo, nodes], [rpdo, rpdos], expected) in [
             (2_000, [6, 6], [2, 6], [3_260, 1_330]),
             (1_250, [4, 6], [2, 6], [6_020, 1_210]),

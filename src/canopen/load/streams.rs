@@ -6,7 +6,7 @@
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::{NodeId, Value};
 
-use crate::layout::{Direction, Mapped, Pdo, Service};
+use crate::layout::{Direction, MappedObject, Pdo, Service};
 use crate::load::pace::{Pace, Values};
 use crate::object::Object;
 use crate::plan::{ErrorControl, NodePlan};
@@ -51,7 +51,7 @@ pub enum Sender {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
     /// Object; a dummy if no drive takes it.
-    pub mapped: Mapped,
+    pub mapped: MappedObject,
     /// Node that sends or takes it.
     pub node: NodeId,
 }
@@ -152,7 +152,7 @@ impl Stream {
             Pace::Clock { period_us } => Some(period_us),
             Pace::Change { .. } | Pace::Chance { .. } => None,
         };
-        let slot = |mapped: &Mapped| Slot { mapped: *mapped, node: plan.node };
+        let slot = |mapped: &MappedObject| Slot { mapped: *mapped, node: plan.node };
         Some(Self {
             cob_id: pdo.cob_id,
             role,

@@ -62,7 +62,7 @@ pub struct Timeline {
 impl Timeline {
     /// Builds the schedule of the `planned` frames, with `length` and the longest other frame `others_us` in
     /// µs.
-    pub fn of(
+    pub fn new(
         planned: &[Stream],
         length: impl Fn(&Stream) -> f64,
         others_us: f64,
@@ -97,7 +97,7 @@ mod tests {
     const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
 
     fn worst(planned: &[Stream]) -> Timeline {
-        Timeline::of(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
+        Timeline::new(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub struct BusLoad {
 
 impl BusLoad {
     /// Computes the load of `streams` on a bus of `bitrate` bit/s.
-    pub fn of(streams: &[Stream], bitrate: u32, sync_period_us: u32) -> Self {
+    pub fn new(streams: &[Stream], bitrate: u32, sync_period_us: u32) -> Self {
         let per_s: f64 = streams
             .iter()
             .map(|stream| stream.pace.planned_per_s() * f64::from(stream.worst_bits()))
@@ -72,15 +72,15 @@ mod tests {
 
     const MBIT: u32 = 1_000_000;
 
-    fn of(plans: &[NodePlan], period_us: u32, heartbeat_ms: u16) -> BusLoad {
-        BusLoad::of(&streams(plans, period_us, master(), heartbeat_ms), MBIT, period_us)
+    fn load_of(plans: &[NodePlan], period_us: u32, heartbeat_ms: u16) -> BusLoad {
+        BusLoad::new(&streams(plans, period_us, master(), heartbeat_ms), MBIT, period_us)
     }
 
     /// Load without heartbeats.
     fn cyclic(drives: &[NodePlan], period_us: u32) -> BusLoad {
         let error_control = ErrorControl::Heartbeat { period_ms: 0, lost_after: Duration::ZERO };
         let silent = drives.iter().map(|plan| NodePlan { error_control, ..plan.clone() });
-        of(&silent.collect::<Vec<_>>(), period_us, 0)
+        load_of(&silent.collect::<Vec<_>>(), period_us, 0)
     }
 
     #[test]
@@ -96,7 +96,7 @@ mod tests {
     fn two_buses_of_three_drives_carry_1_khz() {
         let mut plans = drives(3);
         plans.push(switch_box());
-        let load = of(&plans, 1_000, 5);
+        let load = load_of(&plans, 1_000, 5);
         // 745 cyclic, 65 of the switches every 5 ms, heartbeats 13 + 4 x 2.6.
         assert_eq!(load.to_string(), "781.4 of 1000 bits a cycle, 78.1 %");
         assert_eq!(load.within(90.0), Ok(load));
@@ -107,7 +107,7 @@ mod tests {
         // SYNC 55, 6 positions of 95, 2 times three targets of 115: 855. Six statuswords of 75 about every
         // 50 ms, 8.78, as many torques about every hundredth SYNC, 4.45, switches of 65 every 5 ms, 13.
         // Heartbeats of 65: the master's every 5 ms, 13; seven every 100 ms, 4.55.
-        let load = of(&grouped(), 1_000, 5);
+        let load = load_of(&grouped(), 1_000, 5);
         assert_eq!(load.to_string(), "898.8 of 1000 bits a cycle, 89.9 %");
         assert!(load.within(90.0).is_ok());
     }
@@ -127,6 +127,6 @@ mod tests {
 
     #[test]
     fn bus_without_bits_carries_nothing() {
-        assert!(BusLoad::of(&[Stream::sync(0)], MBIT, 0).within(100.0).is_err());
+        assert!(BusLoad::new(&[Stream::sync(0)], MBIT, 0).within(100.0).is_err());
     }
 }

@@ -73,7 +73,7 @@ pub enum Problem {
     /// The master aborted a transfer.
     #[error("{0} aborted by the master: {1}")]
     AbortedLocally(Object, AbortCode),
-    /// The drive was found with its power on and does not stand still without it.
+    /// The drive was found with its power on and keeps moving without it.
     #[error("still moves, {:.1} s after its power was taken off", waited.as_secs_f64())]
     Moving {
         /// Time waited.
@@ -88,7 +88,7 @@ pub enum Problem {
     /// Two nodes seem to share the node-id.
     #[error("{0}: are there two nodes with this node-id?")]
     Duplicate(Sign),
-    /// Configured, but neither a heartbeat nor an answer to guarding was received.
+    /// The node is configured, but no heartbeat or answer to guarding was received.
     #[error("no heartbeat")]
     NoHeartbeat,
     /// Started, but it did not report operational.
@@ -104,7 +104,7 @@ impl BootError {
 }
 
 impl Problem {
-    /// Returns whether the node may recover by itself, unlike a wrong node.
+    /// Returns whether a later boot may succeed without intervention; false for a wrong device.
     pub const fn is_passing(&self) -> bool {
         match self {
             Self::Absent { .. }

@@ -28,7 +28,7 @@ impl Check {
         Self { object, expected, mask: u64::MAX, or_later: false }
     }
 
-    /// Compares a COB-ID: only bit 31 where the expected one is invalid, else all but bit 30, which reports
+    /// Compares a COB-ID: only bit 31 if the expected one is invalid, else all bits except bit 30, which reports
     /// support of remote frames.
     pub const fn cob_id(object: Object, expected: Value) -> Self {
         let is_off = matches!(expected, Value::Unsigned32(raw) if raw & COB_ID_INVALID != 0);
@@ -78,7 +78,7 @@ impl Check {
         DisplayedValue::Number { bytes, mask: self.mask }
     }
 
-    /// Found value for display, cut to the expected size where the reply does not indicate its own.
+    /// Found value for display, cut to the expected size if the reply does not indicate its size.
     pub fn found_value(&self, content: &Content) -> DisplayedValue {
         let size = bytes(&self.expected).len();
         let found = content.exactly(size).unwrap_or(content.bytes()).to_vec();
@@ -105,8 +105,8 @@ const NOT_NO_RTR: u64 = !(1 << 30);
 /// Value for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DisplayedValue {
-    /// Number as CiA 301 prints it: most significant digit first, suffix `h`. `x` stands for a digit that is
-    /// not compared; a partly compared digit adds the mask.
+    /// Number in the notation of CiA 301: most significant digit first, suffix `h`. Digits that are not compared are
+    /// written `x`; a partly compared digit adds the mask.
     Number {
         /// Little-endian.
         bytes: Vec<u8>,

@@ -22,7 +22,7 @@ use crate::master::boot_error::{BootError, Problem};
 use crate::master::duplicate::{Reply, ReplyCounter, Sign};
 use crate::master::standstill::Standstill;
 use crate::master::steps::{Action, Configuration, Next, Stage, Step};
-use crate::nameplate::Held;
+use crate::nameplate::StoredValue;
 use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
@@ -33,7 +33,7 @@ use units::time::Instant;
 pub const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Period at which a node that is not ready yet is polled.
 pub const RETRY_PERIOD: Duration = Duration::from_millis(100);
-/// Time allowed for a drive to stand still after its power was switched off.
+/// Time allowed until a drive is at standstill after its power was switched off.
 pub const STANDSTILL_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Maximum repetitions of a transfer that another client disturbed.
@@ -67,13 +67,13 @@ pub struct Boot {
     standstill: Standstill,
     /// Optional objects that the node lacks, or whose value it refuses.
     missing: Vec<Object>,
-    /// Those of which it refuses the value.
+    /// Optional objects whose value the node refuses, with the abort code.
     refused: Vec<(Object, AbortCode)>,
     /// Mapping parameters that the node does not let be written, by their sub-index 0.
     fixed_mappings: Vec<(Object, AbortCode)>,
     /// Nameplate as read in its last stage with one.
-    held: Vec<Held>,
-    /// Set if the node took no mode yet, as it is not operational.
+    held: Vec<StoredValue>,
+    /// Set if the node has not accepted the mode, because it is not operational yet.
     awaits_mode: bool,
     /// NMT state in the last heartbeat.
     reported_state: Option<NmtState>,
@@ -210,7 +210,7 @@ impl Boot {
         self.is_disturbed = true;
     }
 
-    /// Does what is due. Returns the outcome once.
+    /// Handles expired timers. Returns the outcome once.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         let sent = out.len();
         let outcome = self.take_time(now, out);
@@ -364,8 +364,8 @@ impl Boot {
         Some(Err(BootError::new(&self.plan, problem)))
     }
 
-    /// Fails because two nodes share the node-id. Both get "disable voltage" first, as one of them may be an
-    /// enabled drive; no reply is awaited.
+    /// Fails because two nodes share the node-id. First sends both "disable voltage", because one may be an enabled drive,
+    /// without waiting for a reply.
     fn fail_duplicate(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         if self.plan.is_drive() {
             let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
@@ -387,7 +387,7 @@ impl Boot {
     }
 
     /// Nameplate as read.
-    pub fn held(&self) -> &[Held] {
+    pub fn held(&self) -> &[StoredValue] {
         &self.held
     }
 

@@ -1,8 +1,8 @@
-//! Stamp of a configuration (1020h): shows a master that a node still holds the configuration it was given
-//! (CiA 301, 7.5.2.23; CiA 302-2, 1F26h and 1F27h).
+//! Stamp of a configuration (1020h; CiA 301, 7.5.2.23; CiA 302-2, 1F26h and 1F27h). It shows whether a node still has the
+//! expected configuration.
 //!
-//! The standard defines the date and time of the configuration. Here they are a checksum in that format:
-//! the same writes give the same stamp on every machine, without a clock.
+//! The standard defines date and time of the configuration. Here both are a checksum in that format, so equal writes
+//! give equal stamps on every machine, without a clock.
 
 use canopen_rs::Value;
 
@@ -23,7 +23,7 @@ impl Stamp {
     ///
     /// The 64-bit FNV-1a hash h runs over index (little-endian), sub-index, length and value of every write.
     /// The date is 1 + h mod 65,535, the time ⌊h / 65,535⌋ mod 86,400,000: 5.7·10¹² different stamps.
-    pub fn of<'a>(writes: impl IntoIterator<Item = &'a (Object, Value)>) -> Self {
+    pub fn from_writes<'a>(writes: impl IntoIterator<Item = &'a (Object, Value)>) -> Self {
         let mut hash = OFFSET_BASIS;
         let mut take = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);
         for (object, value) in writes {
@@ -61,20 +61,20 @@ mod tests {
             (Object::MODE_OF_OPERATION, Value::Integer8(10)),
         ];
         // Computed by an independent program: FNV-1a of 17 10 00 02 19 00 60 60 00 01 0A.
-        assert_eq!(Stamp::of(&writes), Stamp { date: 60_297, time: 72_227_272 });
+        assert_eq!(Stamp::from_writes(&writes), Stamp { date: 60_297, time: 72_227_272 });
     }
 
     #[test]
     fn every_value_of_a_plan_changes_the_stamp() {
         let writes = elbow().writes();
-        let stamp = Stamp::of(&writes);
+        let stamp = Stamp::from_writes(&writes);
         for place in 0..writes.len() {
             let mut other = writes.clone();
             other[place].1 = Value::Unsigned32(0x1234_5678);
-            assert_ne!(Stamp::of(&other), stamp, "{}", writes[place].0);
+            assert_ne!(Stamp::from_writes(&other), stamp, "{}", writes[place].0);
             let mut fewer = writes.clone();
             fewer.remove(place);
-            assert_ne!(Stamp::of(&fewer), stamp, "{}", writes[place].0);
+            assert_ne!(Stamp::from_writes(&fewer), stamp, "{}", writes[place].0);
         }
     }
 
@@ -85,7 +85,7 @@ mod tests {
         ) {
             let write = |(index, sub, raw)| (Object { index, sub }, Value::Unsigned32(raw));
             let writes: Vec<_> = writes.into_iter().map(write).collect();
-            let Stamp { date, time } = Stamp::of(&writes);
+            let Stamp { date, time } = Stamp::from_writes(&writes);
             prop_assert!((1..=65_535).contains(&date));
             prop_assert!(u64::from(time) < DAY_MS);
         }

@@ -15,7 +15,7 @@ use units::time::Instant;
 /// Sign of two nodes with one node-id.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 pub enum Sign {
-    /// Two boot-up messages for one reset, twice in a row.
+    /// Two boot-up messages for one reset, after two consecutive resets.
     #[display("boots up twice after one reset")]
     TwoBootUps,
     /// One SDO reply more than there were requests.
@@ -78,8 +78,8 @@ impl HeartbeatMonitor {
 /// requests comes from a second node; a late reply does not.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ReplyCounter {
-    newest: Counted,
-    before: Counted,
+    newest: Tally,
+    before: Tally,
 }
 
 /// Kind of an SDO reply.
@@ -95,7 +95,7 @@ pub enum Reply {
 
 /// Requests and replies for one object.
 #[derive(Clone, Copy, Debug, Default)]
-struct Counted {
+struct Tally {
     /// Index, little-endian, and sub-index.
     object: [u8; 3],
     requests: u32,
@@ -113,7 +113,7 @@ impl ReplyCounter {
             let object = [low, high, sub];
             if self.newest.object != object {
                 self.before =
-                    std::mem::replace(&mut self.newest, Counted { object, ..Counted::default() });
+                    std::mem::replace(&mut self.newest, Tally { object, ..Tally::default() });
             }
             self.newest.requests = self.newest.requests.saturating_add(1);
         }
@@ -126,7 +126,7 @@ impl ReplyCounter {
             return Reply::Other;
         }
         let is_about =
-            |counted: &&mut Counted| counted.requests > 0 && counted.object == [low, high, sub];
+            |counted: &&mut Tally| counted.requests > 0 && counted.object == [low, high, sub];
         let is_late = self.newest.object != [low, high, sub];
         let Some(counted) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
             return Reply::Other;
@@ -143,8 +143,7 @@ impl ReplyCounter {
 
     /// Returns whether the server has started to answer an object but still owes replies for it.
     pub fn is_behind(&self) -> bool {
-        let is_behind =
-            |counted: &Counted| counted.replies > 0 && counted.replies < counted.requests;
+        let is_behind = |counted: &Tally| counted.replies > 0 && counted.replies < counted.requests;
         is_behind(&self.newest) || is_behind(&self.before)
     }
 }

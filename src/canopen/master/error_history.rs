@@ -135,10 +135,10 @@ mod tests {
 
     use super::*;
     use crate::testing::plans::elbow;
-    use crate::testing::scripted::Scripted;
+    use crate::testing::scripted::ScriptedDevice;
 
     /// Reads a device's history. Returns it with the number of frames sent.
-    fn read(device: &mut Scripted) -> (History, usize) {
+    fn read(device: &mut ScriptedDevice) -> (History, usize) {
         let (mut out, mut sent) = (Vec::new(), 0);
         let mut reading = HistoryReader::new(device.node, Instant::ZERO, &mut out);
         loop {
@@ -160,8 +160,8 @@ mod tests {
         }
     }
 
-    fn with_errors(codes: &[u32]) -> Scripted {
-        let mut device = Scripted::suiting(&elbow());
+    fn with_errors(codes: &[u32]) -> ScriptedDevice {
+        let mut device = ScriptedDevice::suiting(&elbow());
         let count = u8::try_from(codes.len()).unwrap();
         device.objects.insert(Object::ERROR_HISTORY, vec![count]);
         for (sub, code) in (1..).zip(codes) {
@@ -187,9 +187,9 @@ mod tests {
 
     #[test]
     fn absent_history_reads_as_empty() {
-        let mut device = Scripted::suiting(&elbow());
+        let mut device = ScriptedDevice::suiting(&elbow());
         assert_eq!(read(&mut device).0.to_string(), "empty");
-        let mut device = Scripted { deaf_for: u32::MAX, ..with_errors(&[1]) };
+        let mut device = ScriptedDevice { deaf_for: u32::MAX, ..with_errors(&[1]) };
         assert_eq!(read(&mut device).0.to_string(), "empty");
         assert_eq!(read(&mut with_errors(&[])).0.to_string(), "empty");
     }

@@ -166,7 +166,7 @@ pub enum Event {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node has rebooted by itself: its configuration is lost.
+    /// A node has rebooted without a command, so its configuration is lost.
     #[display("rebooted by itself")]
     Rebooted {
         /// Index of the node in the list of plans.
@@ -207,8 +207,8 @@ pub enum Event {
     ForeignMaster {
         /// Bus it is on.
         channel: Channel,
-        /// An NMT command, a SYNC, an RPDO, an SDO download or a heartbeat that only the master may send, or
-        /// the confirmation of such a download.
+        /// Frame that only the master may send: NMT command, SYNC, RPDO, SDO download or its heartbeat; or the
+        /// confirmation of such a download.
         frame: Frame,
     },
 }

@@ -1,7 +1,7 @@
-//! SDO requests to a running node, one at a time: read its error history, read its statusword, switch its
-//! power off and read its statusword, end its monitoring of the master.
+//! SDO requests to a running node, one at a time. They read its error history or its statusword, switch its power off
+//! and read its statusword, or end its monitoring of the master.
 //!
-//! The owner of the [master](crate::master) decides which and when.
+//! The owner of the [master](crate::master) chooses request and time.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use canopen_rs::{NodeId, Value};
 use crate::drive::{Controlword, Statusword};
 use crate::frame::Frame;
 use crate::master::error_history::{History, HistoryReader};
-use crate::master::monitoring_off::{Ended, MonitoringOff};
+use crate::master::monitoring_off::{EndResult, MonitoringOff};
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::{Content, Outcome, Transfer, bytes};
@@ -57,7 +57,7 @@ pub(super) enum Answer {
     /// Statusword of the drive.
     Statusword(Statusword),
     /// Outcome of the end of its monitoring.
-    Monitoring(Ended),
+    Monitoring(EndResult),
     /// No content: the node did not reply, or refused.
     Nothing,
 }
@@ -131,7 +131,7 @@ impl Inquiry {
         self.conclude(now, outcome?, out)
     }
 
-    /// Ends the wait for an overdue reply. An upload is requested once more.
+    /// Ends the wait for an overdue reply. An upload is requested again, once.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Answer> {
         let outcome = match &mut self.task {
             Task::History(reading) => {
@@ -208,7 +208,7 @@ fn of_power_off(outcome: Outcome) -> Result<Answer, Answer> {
     outcome.map(|_| Answer::Nothing).map_err(|_| Answer::Nothing)
 }
 
-const fn of_monitoring(ended: Ended) -> Result<Answer, Answer> {
+const fn of_monitoring(ended: EndResult) -> Result<Answer, Answer> {
     Ok(Answer::Monitoring(ended))
 }
 

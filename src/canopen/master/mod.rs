@@ -12,6 +12,7 @@ pub mod check;
 pub mod commission;
 pub mod configuration;
 pub mod duplicate;
+mod error_control;
 pub mod error_history;
 pub mod event;
 mod inquiry;
@@ -26,7 +27,6 @@ mod slave;
 mod standstill;
 pub mod steps;
 mod unknown_nodes;
-mod watch;
 
 use std::collections::VecDeque;
 
@@ -43,7 +43,7 @@ use crate::master::read_back::Setting;
 use crate::master::sdo_traffic::Foreign;
 use crate::master::slave::Slave;
 use crate::master::unknown_nodes::UnknownNodes;
-use crate::nameplate::Held;
+use crate::nameplate::StoredValue;
 use crate::nmt::{self, Order};
 use crate::object::Object;
 use crate::plan::NodePlan;
@@ -74,7 +74,7 @@ pub struct Master {
     events: VecDeque<Event>,
 }
 
-/// Progress of the whole network.
+/// Progress of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Booting,
@@ -109,8 +109,8 @@ impl Master {
         Self { own: Some(own), ..self }
     }
 
-    /// Boots every node again, as after power-up. None is reset before `reset_from`: until then only the power of drives is
-    /// switched off, so that the nodes of another master, if one is detected, stay as they are.
+    /// Boots every node again, as after power-up. Before `reset_from` only the power of drives is switched off, and no node
+    /// is reset. The nodes of another master, if one is detected, thus remain unchanged.
     pub fn restart(&mut self, reset_from: Instant) {
         self.slaves.iter_mut().for_each(|slave| slave.restart(reset_from));
         self.transmit_queue.clear();
@@ -118,7 +118,7 @@ impl Master {
         self.phase = Phase::Booting;
     }
 
-    /// Returns whether boot or start is under way; false after success and after failure.
+    /// Returns whether a boot or start is in progress; false after success and after failure.
     pub fn is_booting(&self) -> bool {
         match self.phase {
             Phase::Booting | Phase::Starting(_) => true,
@@ -161,7 +161,7 @@ impl Master {
         self.events.pop_front()
     }
 
-    /// Does what is due. Returns one event per call: call it until its deadline lies ahead.
+    /// Handles expired timers. Returns one event per call: call it until its deadline lies ahead.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) -> Option<Event> {
         for place in (0..self.slaves.len()).map(NodeIndex) {
             let Some(slave) = self.slaves.get_mut(place.0) else { continue };
@@ -194,7 +194,7 @@ impl Master {
     }
 
     /// Starts to read the error history (1003h) of a node, reported as [`Event::ErrorHistory`]. Does nothing
-    /// while another request to the node is under way.
+    /// while another request to the node is pending.
     pub fn read_error_history(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.read_error_history(now, &mut self.frames);
@@ -207,8 +207,8 @@ impl Master {
         self.slaves.get(node.0).map(|slave| slave.missing.as_slice()).unwrap_or_default()
     }
 
-    /// Nameplate of a drive as its boot read it; empty before, and where the plan compares none.
-    pub fn nameplate(&self, node: NodeIndex) -> &[Held] {
+    /// Nameplate of a drive as its boot read it; empty before the boot, and for a plan without a nameplate.
+    pub fn nameplate(&self, node: NodeIndex) -> &[StoredValue] {
         self.slaves.get(node.0).map(|slave| slave.held.as_slice()).unwrap_or_default()
     }
 
@@ -218,7 +218,7 @@ impl Master {
     }
 
     /// Starts to read the statusword (6041h) of a drive, reported as [`Event::Statusword`]. Does nothing
-    /// while another request to the drive is under way.
+    /// while another request to the drive is pending.
     pub fn read_statusword(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.read_statusword(now, &mut self.frames);
@@ -227,7 +227,7 @@ impl Master {
     }
 
     /// Starts to read an object of a node again, reported as [`Event::ReadBack`]. Returns false while another
-    /// request to the node is under way.
+    /// request to the node is pending.
     pub fn read_back(
         &mut self,
         now: Instant,
@@ -243,9 +243,8 @@ impl Master {
         is_requested
     }
 
-    /// Starts to write the planned torque limits of a drive whose mode was checked under reduced ones, and to read them
-    /// back; reported as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to it is
-    /// under way.
+    /// Starts to write and read back the planned torque limits of a drive whose mode was checked under reduced ones. Reported
+    /// as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to the drive is pending.
     pub fn raise_limits(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) -> bool {
         let slave = self.slaves.get_mut(node.0);
         let is_requested = slave.is_some_and(|it| it.raise_limits(now, &mut self.frames));
@@ -288,7 +287,7 @@ impl Master {
         drives.for_each(|slave| slave.resume_guarding(now));
     }
 
-    /// Starts every monitored node again: a node may have left operational by itself (1029h).
+    /// Starts every monitored node again, because a node may have left operational after a communication error (1029h).
     pub fn start_nodes(&self, out: &mut Vec<Telegram>) {
         let watched = self.slaves.iter().filter(|slave| slave.is_watched() && !slave.is_late);
         out.extend(watched.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));

@@ -1,5 +1,5 @@
-//! End of a node's monitoring of its master, before the master ends in order: heartbeat consumer (1016h:1) or life
-//! guarding (100Dh, 100Ch) set to zero by SDO.
+//! End of a node's monitoring of its master before an orderly end of the master. Sets heartbeat consumer (1016h:1) or
+//! life guarding (100Dh, 100Ch) to zero by SDO.
 //!
 //! Otherwise the node reports the end of the master as a fault (8130h). Nothing is stored (1010h): a reset restores the
 //! stored values, and every boot verifies or writes the planned ones.
@@ -19,7 +19,7 @@ use units::time::Instant;
 const REPLY_TIMEOUT: Duration = Duration::from_millis(70);
 
 /// Outcome: monitoring is off, or the object that could not be written.
-pub(super) type Ended = Result<(), (Object, SdoError)>;
+pub(super) type EndResult = Result<(), (Object, SdoError)>;
 
 /// Writes that end the monitoring of the master, one after the other. An unanswered one is repeated once.
 #[derive(Clone, Debug)]
@@ -54,13 +54,13 @@ impl MonitoringOff {
         now: Instant,
         frame: &Frame,
         out: &mut Vec<Frame>,
-    ) -> Option<Ended> {
+    ) -> Option<EndResult> {
         let written = self.transfer.on_frame(now, frame, out)?.map(|_| ());
         self.proceed(now, written, out)
     }
 
     /// Repeats an overdue request once, then ends.
-    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Ended> {
+    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<EndResult> {
         let written = self.transfer.on_time(now, out)?.map(|_| ());
         self.proceed(now, written, out)
     }
@@ -75,7 +75,7 @@ impl MonitoringOff {
         now: Instant,
         written: Result<(), SdoError>,
         out: &mut Vec<Frame>,
-    ) -> Option<Ended> {
+    ) -> Option<EndResult> {
         match written {
             Ok(()) => {
                 let Some((object, zero)) = self.later.pop_front() else { return Some(Ok(())) };

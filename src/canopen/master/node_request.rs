@@ -8,7 +8,7 @@ use crate::master::read_back::ObjectReader;
 use crate::master::report::Report;
 use units::time::Instant;
 
-/// Request under way.
+/// Pending request to a configured node.
 #[derive(Clone, Debug)]
 pub(super) enum NodeRequest {
     Inquiry(Box<Inquiry>),
@@ -18,9 +18,9 @@ pub(super) enum NodeRequest {
     Stage(Box<Boot>),
 }
 
-/// A request has ended; without a report where none is due.
+/// End of a request, with its report to the network, if any.
 #[derive(Clone, Debug)]
-pub(super) struct Ended(pub(super) Option<Report>);
+pub(super) struct Completion(pub(super) Option<Report>);
 
 impl NodeRequest {
     /// Takes one received frame. Returns its end once.
@@ -29,26 +29,26 @@ impl NodeRequest {
         now: Instant,
         frame: &Frame,
         out: &mut Vec<Frame>,
-    ) -> Option<Ended> {
+    ) -> Option<Completion> {
         match self {
             Self::Inquiry(inquiry) => inquiry.on_frame(now, frame, out).map(of_answer),
             Self::ReadBack(reader) => {
                 let object = reader.object();
                 let read = reader.on_frame(now, frame, out)?;
-                Some(Ended(Some(Report::ReadBack(object, read))))
+                Some(Completion(Some(Report::ReadBack(object, read))))
             }
             Self::Stage(stage) => stage.on_frame(now, frame, out).map(of_stage),
         }
     }
 
-    /// Does what is due. Returns its end once.
-    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Ended> {
+    /// Handles expired timers. Returns its end once.
+    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Completion> {
         match self {
             Self::Inquiry(inquiry) => inquiry.on_time(now, out).map(of_answer),
             Self::ReadBack(reader) => {
                 let object = reader.object();
                 let read = reader.on_time(now, out)?;
-                Some(Ended(Some(Report::ReadBack(object, read))))
+                Some(Completion(Some(Report::ReadBack(object, read))))
             }
             Self::Stage(stage) => stage.on_time(now, out).map(of_stage),
         }
@@ -77,14 +77,14 @@ impl NodeRequest {
         matches!(self, Self::Inquiry(inquiry) if inquiry.is_urgent())
     }
 
-    /// Returns whether another inquiry may replace it: a read-back is asked again later.
+    /// Returns whether an inquiry may replace the request. Its owner repeats a replaced read-back later.
     pub(super) const fn yields(&self) -> bool {
         matches!(self, Self::ReadBack(_))
     }
 }
 
-const fn of_answer(answer: Answer) -> Ended {
-    Ended(match answer {
+const fn of_answer(answer: Answer) -> Completion {
+    Completion(match answer {
         Answer::History(history) => Some(Report::History(history)),
         Answer::Statusword(statusword) => Some(Report::Statusword(statusword)),
         Answer::Monitoring(ended) => Some(Report::Monitoring(ended)),
@@ -92,8 +92,8 @@ const fn of_answer(answer: Answer) -> Ended {
     })
 }
 
-fn of_stage(outcome: BootOutcome) -> Ended {
-    Ended(Some(match outcome {
+fn of_stage(outcome: BootOutcome) -> Completion {
+    Completion(Some(match outcome {
         Ok(_) => Report::StageDone,
         Err(error) => Report::Failed(error),
     }))

@@ -1,4 +1,4 @@
-//! Consequences of a node's report for the whole network: frames, events, the next phase.
+//! Consequences of a node's report for the network: frames, events, the next phase.
 
 use canopen_rs::{NmtCommand, NmtState};
 

@@ -12,7 +12,7 @@ use derive_more::Display;
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::master::check::Check;
-use crate::nameplate::Held;
+use crate::nameplate::StoredValue;
 use crate::object::Object;
 use crate::sdo::{SdoError, bytes};
 use units::time::Instant;
@@ -40,7 +40,7 @@ pub struct Setting {
 
 impl Setting {
     /// Converts a check; `None` for a value that is longer or empty.
-    pub fn of(check: &Check) -> Option<Self> {
+    pub fn from_check(check: &Check) -> Option<Self> {
         let expected = bytes(&check.expected);
         let size = u8::try_from(expected.len()).ok().filter(|size| (1..=4).contains(size))?;
         let mut four = [0; 4];
@@ -52,8 +52,8 @@ impl Setting {
     }
 
     /// Returns a value that a drive holds, to be found again.
-    pub const fn held(held: &Held) -> Self {
-        let Held { object, value, size } = *held;
+    pub const fn held(held: &StoredValue) -> Self {
+        let StoredValue { object, value, size } = *held;
         Self { object, value, mask: u32::MAX, size, is_compared: true }
     }
 
@@ -62,7 +62,7 @@ impl Setting {
         Self { object, value: 0, mask: 0, size, is_compared: false }
     }
 
-    /// Compares the value of an expedited reply; `size` is absent where the reply does not indicate it.
+    /// Compares the value of an expedited reply; `size` is absent if the reply does not indicate it.
     fn compare(&self, found: u32, size: Option<u8>) -> ReadBack {
         if !self.is_compared {
             return ReadBack::Value(found);
@@ -90,7 +90,7 @@ pub enum ReadBack {
         /// Value now.
         found: u32,
     },
-    /// The object, of which no value is expected, holds this one.
+    /// Value of an object without an expected value.
     #[display("is {_0:X}h")]
     Value(u32),
     /// The object could not be read: its value is unknown.
@@ -98,7 +98,7 @@ pub enum ReadBack {
     Unread(SdoError),
 }
 
-/// Read-back under way.
+/// Read-back in progress.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObjectReader {
     node: NodeId,
@@ -228,7 +228,7 @@ mod tests {
 
     fn timer() -> Setting {
         let object = Object::rpdo_communication(1, 5);
-        Setting::of(&Check::exactly(object, Value::Unsigned16(5))).unwrap()
+        Setting::from_check(&Check::exactly(object, Value::Unsigned16(5))).unwrap()
     }
 
     fn started() -> (ObjectReader, Vec<Frame>) {
@@ -290,14 +290,14 @@ mod tests {
     #[test]
     fn only_masked_bits_are_compared() {
         let cob_id = Check::cob_id(Object::tpdo_communication(1, 1), Value::Unsigned32(0x183));
-        let setting = Setting::of(&cob_id).unwrap();
+        let setting = Setting::from_check(&cob_id).unwrap();
         assert_eq!(setting.compare(0x4000_0183, Some(4)), ReadBack::Unchanged);
         assert_ne!(setting.compare(0x8000_0183, Some(4)), ReadBack::Unchanged);
         let signed = Check::exactly(Object::FAULT_REACTION, Value::Integer16(-2));
-        let setting = Setting::of(&signed).unwrap();
+        let setting = Setting::from_check(&signed).unwrap();
         assert_eq!(setting.compare(0xFFFE, Some(2)), ReadBack::Unchanged);
         let long = Check::exactly(Object::STORED_EDS, Value::Unsigned64(1));
-        assert_eq!(Setting::of(&long), None);
+        assert_eq!(Setting::from_check(&long), None);
     }
 
     proptest! {

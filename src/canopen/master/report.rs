@@ -6,7 +6,7 @@ use crate::drive::Statusword;
 use crate::heartbeat::HeartbeatEvent;
 use crate::master::boot_error::BootError;
 use crate::master::error_history::History;
-use crate::master::monitoring_off::Ended;
+use crate::master::monitoring_off::EndResult;
 use crate::master::read_back::ReadBack;
 use crate::master::steps::Configuration;
 use crate::object::Object;
@@ -31,5 +31,5 @@ pub(super) enum Report {
     /// Outcome of a read-back.
     ReadBack(Object, ReadBack),
     /// Outcome of the end of its monitoring of the master.
-    Monitoring(Ended),
+    Monitoring(EndResult),
 }

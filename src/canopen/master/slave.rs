@@ -13,14 +13,14 @@ use crate::frame::{Channel, Frame};
 use crate::heartbeat::{Health, HeartbeatEvent};
 use crate::master::boot_error::{BootError, Problem};
 use crate::master::commission::{Boot, BootOutcome};
+use crate::master::error_control::ErrorControlMonitor;
 use crate::master::inquiry::Inquiry;
 use crate::master::node_request::{self, NodeRequest};
 use crate::master::read_back::{ObjectReader, Setting};
 use crate::master::report::Report;
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::{self, Configuration};
-use crate::master::watch::Watch;
-use crate::nameplate::Held;
+use crate::nameplate::StoredValue;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use units::time::Instant;
@@ -40,10 +40,10 @@ pub(super) struct Slave {
     pub(super) was_enabled: bool,
     /// Optional objects that its last boot found absent, or whose value was refused.
     pub(super) missing: Vec<Object>,
-    /// Those of which the value was refused, until they are reported.
+    /// Optional objects whose value the node refused, until they are reported.
     pub(super) refused: Vec<(Object, AbortCode)>,
     /// Nameplate that its last boot read.
-    pub(super) held: Vec<Held>,
+    pub(super) held: Vec<StoredValue>,
     /// Set while its mode is still to be commanded: it takes none before it is operational.
     awaits_mode: bool,
     traffic: SdoTraffic,
@@ -56,7 +56,7 @@ pub(super) struct Slave {
 enum Stage {
     Booting(Box<Boot>),
     Watched {
-        watch: Watch,
+        monitor: ErrorControlMonitor,
         request: Option<NodeRequest>,
     },
     /// Absent and optional: polled at this time, or booted at its next heartbeat.
@@ -91,11 +91,11 @@ impl Slave {
         self.is_read_by_another = false;
     }
 
-    /// Returns the NMT state, as far as it is known.
+    /// Returns the NMT state, if known.
     pub(super) const fn health(&self) -> Health {
         match &self.stage {
             Stage::Booting(_) | Stage::Awaited(_) => Health::NeverSeen,
-            Stage::Watched { watch, .. } => watch.health(),
+            Stage::Watched { monitor, .. } => monitor.health(),
             Stage::Failed => Health::Lost,
         }
     }
@@ -133,12 +133,12 @@ impl Slave {
                 let outcome = boot.on_frame(now, frame, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, request } => {
+            Stage::Watched { monitor, request } => {
                 let ended = request.as_mut().and_then(|request| request.on_frame(now, frame, out));
                 if let Some(ended) = ended {
                     return self.after_request(ended);
                 }
-                let news = watch.on_frame(now, frame)?;
+                let news = monitor.on_frame(now, frame)?;
                 if news == HeartbeatEvent::State(NmtState::Operational) {
                     self.command_mode(now, out);
                 }
@@ -187,17 +187,17 @@ impl Slave {
         !std::mem::replace(&mut self.is_read_by_another, true)
     }
 
-    /// Does what is due.
+    /// Handles expired timers.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Report> {
         match &mut self.stage {
             Stage::Booting(boot) => {
                 let outcome = boot.on_time(now, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, request } => {
+            Stage::Watched { monitor, request } => {
                 match request.as_mut().and_then(|request| request.on_time(now, out)) {
                     Some(ended) => self.after_request(ended),
-                    None => watch.on_time(now, out).map(Report::HeartbeatEvent),
+                    None => monitor.on_time(now, out).map(Report::HeartbeatEvent),
                 }
             }
             Stage::Awaited(poll_at) if now >= *poll_at => {
@@ -212,28 +212,28 @@ impl Slave {
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Booting(boot) => boot.deadline(),
-            Stage::Watched { watch, request } => {
+            Stage::Watched { monitor, request } => {
                 let request = request.as_ref().and_then(NodeRequest::deadline);
-                watch.deadline().into_iter().chain(request).min()
+                monitor.deadline().into_iter().chain(request).min()
             }
             Stage::Awaited(poll_at) => Some(*poll_at),
             Stage::Failed => None,
         }
     }
 
-    /// Starts to read the error history, unless another request is under way.
+    /// Starts to read the error history, unless another request is pending.
     pub(super) fn read_error_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let node = self.plan.node;
         self.inquire(|| Inquiry::history(node, now, out));
     }
 
-    /// Starts to read the statusword, unless another request is under way.
+    /// Starts to read the statusword, unless another request is pending.
     pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let node = self.plan.node;
         self.inquire(|| Inquiry::statusword(node, now, out));
     }
 
-    /// Starts an inquiry, in place of a read-back, unless another request is under way.
+    /// Starts an inquiry, in place of a read-back, unless another request is pending.
     fn inquire(&mut self, start: impl FnOnce() -> Inquiry) {
         if let Stage::Watched { request, .. } = &mut self.stage
             && request.as_ref().is_none_or(NodeRequest::yields)
@@ -242,7 +242,7 @@ impl Slave {
         }
     }
 
-    /// Starts to read an object again; returns false while another request is under way.
+    /// Starts to read an object again; returns false while another request is pending.
     pub(super) fn read_back(
         &mut self,
         now: Instant,
@@ -255,7 +255,7 @@ impl Slave {
         true
     }
 
-    /// Starts to write the planned torque limits; returns false while another request is under way.
+    /// Starts to write the planned torque limits; returns false while another request is pending.
     pub(super) fn raise_limits(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
         self.run_stage(steps::Stage::RaiseLimits, now, out)
     }
@@ -267,7 +267,7 @@ impl Slave {
         }
     }
 
-    /// Starts a single stage of the boot, unless another request is under way.
+    /// Starts a single stage of the boot, unless another request is pending.
     fn run_stage(&mut self, stage: steps::Stage, now: Instant, out: &mut Vec<Frame>) -> bool {
         let Stage::Watched { request: request @ None, .. } = &mut self.stage else { return false };
         let mut boot = Box::new(Boot::of_stage(&self.plan, stage));
@@ -279,19 +279,19 @@ impl Slave {
 
     /// Stops guarding the node, if it is guarded.
     pub(super) const fn pause_guarding(&mut self) {
-        if let Stage::Watched { watch, .. } = &mut self.stage {
-            watch.pause();
+        if let Stage::Watched { monitor, .. } = &mut self.stage {
+            monitor.pause();
         }
     }
 
     /// Guards the node again.
     pub(super) fn resume_guarding(&mut self, now: Instant) {
-        if let Stage::Watched { watch, .. } = &mut self.stage {
-            watch.resume(now);
+        if let Stage::Watched { monitor, .. } = &mut self.stage {
+            monitor.resume(now);
         }
     }
 
-    /// Sends "disable voltage", abandons any request under way, and reads the statusword next.
+    /// Sends "disable voltage", abandons any pending request, and reads the statusword next.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { request, .. } = &mut self.stage {
             let inquiry = Inquiry::power_off(self.plan.node, now, out);
@@ -299,7 +299,7 @@ impl Slave {
         }
     }
 
-    /// Reads the statusword ahead of all other requests, unless an urgent one is under way.
+    /// Reads the statusword ahead of all other requests, unless an urgent one is pending.
     pub(super) fn read_statusword_at_once(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { request, .. } = &mut self.stage
             && !request.as_ref().is_some_and(NodeRequest::is_urgent)
@@ -309,19 +309,19 @@ impl Slave {
         }
     }
 
-    /// Abandons any request under way: the node no longer answers.
+    /// Abandons any pending request, because the node will not answer.
     pub(super) fn abandon_requests(&mut self) {
         if let Stage::Watched { request, .. } = &mut self.stage {
             *request = None;
         }
     }
 
-    /// Returns whether an urgent request is under way.
+    /// Returns whether an urgent request is pending.
     pub(super) fn has_urgent_request(&self) -> bool {
         matches!(&self.stage, Stage::Watched { request: Some(request), .. } if request.is_urgent())
     }
 
-    /// Ends its monitoring of the master, and abandons any request under way. Returns false if there is nothing to end.
+    /// Ends the node's monitoring of the master, and abandons any pending request. Returns false if it monitors nothing.
     pub(super) fn end_monitoring(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
         let Stage::Watched { request, .. } = &mut self.stage else { return false };
         let ending = Inquiry::monitoring_off(&self.plan, &self.missing, now, out);
@@ -343,10 +343,10 @@ impl Slave {
         BootError::new(&self.plan, problem)
     }
 
-    /// Ends the request under way.
+    /// Ends the pending request.
     fn after_request(
         &mut self,
-        node_request::Ended(report): node_request::Ended,
+        node_request::Completion(report): node_request::Completion,
     ) -> Option<Report> {
         if let Stage::Watched { request, .. } = &mut self.stage {
             *request = None;
@@ -371,8 +371,8 @@ impl Slave {
         }
         match outcome {
             Ok(configuration) => {
-                let watch = Watch::new(&self.plan, now);
-                self.stage = Stage::Watched { watch, request: None };
+                let monitor = ErrorControlMonitor::new(&self.plan, now);
+                self.stage = Stage::Watched { monitor, request: None };
                 self.pause_guarding();
                 Some(Report::Configured(configuration))
             }

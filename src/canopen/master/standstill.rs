@@ -21,8 +21,8 @@ impl Standstill {
         Self { tolerance, last: None, still: 0 }
     }
 
-    /// Takes a position in counts, which may wrap. Returns whether the drive stands still; an invalid position
-    /// counts as motion.
+    /// Takes a position in counts, which may wrap. Returns whether the drive is at standstill; an invalid position counts
+    /// as motion.
     pub(super) fn on_position(&mut self, content: &Content) -> bool {
         let position = content.exactly(4).and_then(|bytes| bytes.try_into().ok());
         let position = position.map(i32::from_le_bytes);

@@ -176,7 +176,7 @@ pub enum Action {
     CompareIfPresent,
     /// Reads until the value compares: it may be changing.
     Await,
-    /// Reads the position until the drive stands still.
+    /// Reads the position until the drive is at standstill.
     AwaitStandstill,
     /// Write, read back and compare.
     Write,

@@ -12,7 +12,7 @@ use crate::master::steps::Configuration;
 use crate::object::Object;
 use crate::plan::{BOOT_TIMEOUT, ShownMode};
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
-use crate::testing::scripted::Scripted;
+use crate::testing::scripted::ScriptedDevice;
 use units::numbering::NodeIndex;
 
 const MS: Duration = Duration::from_millis(1);
@@ -20,7 +20,7 @@ const MS: Duration = Duration::from_millis(1);
 /// Nodes on two buses and their master; node-id 3 exists on both.
 struct Bench {
     master: Master,
-    devices: Vec<(Channel, Scripted)>,
+    devices: Vec<(Channel, ScriptedDevice)>,
     now: Instant,
     events: Vec<Event>,
     sent: Vec<Telegram>,
@@ -36,13 +36,13 @@ fn plans() -> Vec<(Channel, NodePlan)> {
 
 impl Bench {
     fn new() -> Self {
-        Self::of(plans())
+        Self::with_plans(plans())
     }
 
     /// A master with a scripted device for each of `plans`.
-    fn of(plans: Vec<(Channel, NodePlan)>) -> Self {
+    fn with_plans(plans: Vec<(Channel, NodePlan)>) -> Self {
         let devices =
-            plans.iter().map(|(channel, plan)| (*channel, Scripted::suiting(plan))).collect();
+            plans.iter().map(|(channel, plan)| (*channel, ScriptedDevice::suiting(plan))).collect();
         let master = Master::new(plans);
         Self { master, devices, now: Instant::ZERO, events: vec![], sent: vec![] }
     }
@@ -228,7 +228,7 @@ fn torque_limits_are_raised_in_the_running_network() {
     let reduced_limits = vec![(Object::MAX_TORQUE, Value::Unsigned16(50))];
     let mut plans = plans();
     plans[0].1.shown_mode = ShownMode::WhenEnabled { reduced_limits };
-    let mut bench = Bench::of(plans);
+    let mut bench = Bench::with_plans(plans);
     bench.run(300);
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     assert_eq!(bench.devices[0].1.objects[&Object::MAX_TORQUE], [50, 0]);
@@ -412,7 +412,7 @@ fn shutdown_sets_every_node_pre_operational() {
 #[test]
 fn origin_of_each_configuration_is_reported() {
     let mut bench = Bench::new();
-    bench.devices[1].1 = Scripted::holding(&elbow());
+    bench.devices[1].1 = ScriptedDevice::holding(&elbow());
     bench.run(300);
     for (node, configuration) in [
         (0, Configuration::Downloaded),
@@ -445,7 +445,7 @@ fn with_optional_switches() -> Vec<(Channel, NodePlan)> {
 
 #[test]
 fn absent_optional_node_joins_the_others_when_it_appears() {
-    let mut bench = Bench::of(with_optional_switches());
+    let mut bench = Bench::with_plans(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
     let absent = Event::Absent { node: NodeIndex(2), waited: BOOT_TIMEOUT };
@@ -481,7 +481,7 @@ fn absent_optional_node_joins_the_others_when_it_appears() {
 
 #[test]
 fn optional_node_with_lost_boot_up_is_polled() {
-    let mut bench = Bench::of(with_optional_switches());
+    let mut bench = Bench::with_plans(with_optional_switches());
     let switches = bench.devices.pop().unwrap();
     bench.run(2_300);
     bench.devices.push(switches);
@@ -491,7 +491,7 @@ fn optional_node_with_lost_boot_up_is_polled() {
 
 #[test]
 fn optional_node_lost_during_its_boot_is_still_awaited() {
-    let mut bench = Bench::of(with_optional_switches());
+    let mut bench = Bench::with_plans(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
     bench.events.clear();
@@ -510,7 +510,7 @@ fn optional_node_lost_during_its_boot_is_still_awaited() {
 
 #[test]
 fn wrong_optional_node_is_a_failure() {
-    let mut bench = Bench::of(with_optional_switches());
+    let mut bench = Bench::with_plans(with_optional_switches());
     bench.devices[2].1.objects.insert(Object::PRODUCT_CODE, vec![1, 0, 0, 0]);
     bench.run(2_300);
     assert_eq!(bench.failures().len(), 1);
@@ -519,7 +519,7 @@ fn wrong_optional_node_is_a_failure() {
 
 #[test]
 fn running_network_gets_one_queued_frame_per_cycle() {
-    let mut bench = Bench::of(with_optional_switches());
+    let mut bench = Bench::with_plans(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
     bench.sent.clear();
@@ -577,7 +577,7 @@ fn two_nodes_with_one_node_id_are_reported() {
 fn guarded_node_is_polled_and_can_be_lost() {
     let mut plans = plans();
     plans[0].1 = guarded_elbow();
-    let mut bench = Bench::of(plans);
+    let mut bench = Bench::with_plans(plans);
     bench.run(300);
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     bench.events.clear();
@@ -610,7 +610,7 @@ proptest! {
             0..50,
         ),
     ) {
-        let mut bench = if is_optional { Bench::of(with_optional_switches()) } else { Bench::new() };
+        let mut bench = if is_optional { Bench::with_plans(with_optional_switches()) } else { Bench::new() };
         if is_optional {
             bench.devices.pop();
         }

@@ -8,7 +8,7 @@ use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use crate::frame::{Channel, FUNCTION_CODE, Frame};
 use crate::plan::NodePlan;
 
-/// Known nodes on each bus: bit n stands for node-id n.
+/// Known nodes on each bus; bit n is set for node-id n.
 #[derive(Clone, Debug)]
 pub(super) struct UnknownNodes {
     known: Vec<(Channel, u128)>,

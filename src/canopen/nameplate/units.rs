@@ -93,7 +93,7 @@ pub const fn is_outdated(object: Object) -> bool {
 pub struct Units {
     /// Position unit (60A8h).
     pub position: SiUnit,
-    /// Velocity unit (60A9h); `None` where the plan writes no velocity.
+    /// Velocity unit (60A9h); `None` if the plan writes no velocity.
     pub velocity: Option<SiUnit>,
     /// Range of the joint in counts of 6064h, which 607Bh must contain; `None` compares no range.
     pub range: Option<[i32; 2]>,

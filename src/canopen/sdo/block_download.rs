@@ -18,9 +18,9 @@ use canopen_rs::sdo::block::{
 };
 
 use crate::sdo::content::Content;
+use crate::sdo::options::Block;
 use crate::sdo::sender::Sender;
 use crate::sdo::step::Step;
-use crate::sdo::terms::Block;
 
 /// Block download in progress.
 #[derive(Clone, Debug)]
@@ -112,7 +112,7 @@ impl BlockDownload {
         }
     }
 
-    /// Returns the value, as long as none of it is sent.
+    /// Returns the value if no byte was sent yet.
     pub(super) fn unsent(&mut self) -> Option<Vec<u8>> {
         match &mut self.state {
             State::Opening { bytes } => Some(std::mem::take(bytes)),

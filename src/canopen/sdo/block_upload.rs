@@ -20,10 +20,10 @@ use canopen_rs::sdo::block::{
 
 use crate::abort::AbortCode;
 use crate::sdo::content::{Content, Size};
-use crate::sdo::receiver::{BlockParameters, Receiver, Taken};
+use crate::sdo::options::Block;
+use crate::sdo::receiver::{BlockParameters, Receiver, SegmentEffect};
 use crate::sdo::segmented::SCS_UPLOAD;
 use crate::sdo::step::Step;
-use crate::sdo::terms::Block;
 
 /// Block upload in progress.
 #[derive(Clone, Debug)]
@@ -99,10 +99,10 @@ impl BlockUpload {
 
 fn on_segment(receiver: &mut Receiver, reply: &SdoPayload) -> Result<Step, AbortCode> {
     Ok(match receiver.take(reply)? {
-        Taken::InSequence => Step::Wait,
-        Taken::Ignored => Step::Pass,
-        Taken::EndOfBlock if receiver.has_received() => Step::Send(receiver.answer()),
-        Taken::EndOfBlock => Step::Repeat(receiver.answer()),
+        SegmentEffect::InSequence => Step::Wait,
+        SegmentEffect::Ignored => Step::Pass,
+        SegmentEffect::EndOfBlock if receiver.has_received() => Step::Send(receiver.answer()),
+        SegmentEffect::EndOfBlock => Step::Repeat(receiver.answer()),
     })
 }
 

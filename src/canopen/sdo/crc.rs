@@ -1,5 +1,5 @@
-//! CRC of a block transfer (CiA 301, 7.2.4.3.16): CRC-16 with the polynomial x¹⁶ + x¹² + x⁵ + 1, initial value
-//! zero, most significant bit first.
+//! CRC-16 of a block transfer (CiA 301, 7.2.4.3.16): polynomial x¹⁶ + x¹² + x⁵ + 1, initial value zero, most significant
+//! bit first.
 
 static CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_XMODEM);
 

@@ -1,8 +1,8 @@
 //! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and block transfer, in both directions.
 //!
-//! A reply counts only if it comes from the requested node and names the requested object. All other frames
-//! are ignored, late replies and stale aborts included; the deadline of the request ends the wait. Segments
-//! name no object, but a server replies in order, so none is left over once the transfer is initiated.
+//! A reply counts only if it comes from the requested node and names the requested object. All other frames are ignored,
+//! including late replies and stale aborts; the deadline of the request ends the wait. Segments name no object, but a
+//! server replies in order, so old ones cannot follow once the transfer is initiated.
 //!
 //! Each call appends at most one frame, and `on_time` alone sends the segments of a block: the caller limits
 //! the bus load by its calls. Segments that a server loses are sent again.
@@ -31,19 +31,19 @@ mod block_download;
 mod block_upload;
 mod content;
 mod crc;
+mod options;
 mod receiver;
 mod segmented;
 mod sender;
 mod step;
-mod terms;
 #[cfg(test)]
 mod tests;
 mod transfer;
 
 pub use content::{Content, bytes};
-pub use receiver::{BlockParameters, Receiver, Taken};
+pub use options::{Block, InvalidBlockSize, MAX_BYTES, Protocol, SEGMENTED_BYTES, SdoOptions};
+pub use receiver::{BlockParameters, Receiver, SegmentEffect};
 pub use sender::Sender;
-pub use terms::{Block, InvalidBlockSize, MAX_BYTES, Protocol, SEGMENTED_BYTES, Terms};
 pub use transfer::Transfer;
 
 use thiserror::Error;

@@ -13,7 +13,7 @@ use crate::sdo::sender::LAST;
 
 /// Effect of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Taken {
+pub enum SegmentEffect {
     /// The next segment; more follow.
     InSequence,
     /// Out of sequence: segments were lost, or it is a repetition. More follow.
@@ -89,7 +89,7 @@ impl Receiver {
     ///
     /// # Errors
     /// Returns an abort code for an invalid sequence number, or for more bytes than indicated.
-    pub fn take(&mut self, segment: &SdoPayload) -> Result<Taken, AbortCode> {
+    pub fn take(&mut self, segment: &SdoPayload) -> Result<SegmentEffect, AbortCode> {
         let &[command, ref seven @ ..] = segment;
         let (number, is_last) = (command & !LAST, command & LAST != 0);
         let is_end = is_last || number == self.block_size;
@@ -99,15 +99,15 @@ impl Receiver {
             self.arrived = number;
             self.is_complete = is_last;
             self.check_room()?;
-            return Ok(if is_end { Taken::EndOfBlock } else { Taken::InSequence });
+            return Ok(if is_end { SegmentEffect::EndOfBlock } else { SegmentEffect::InSequence });
         }
         if *segment == self.last {
-            return Ok(Taken::Ignored);
+            return Ok(SegmentEffect::Ignored);
         }
         if number == 0 || number > self.block_size {
             return Err(AbortCode::SEQUENCE_NUMBER_INVALID);
         }
-        Ok(if is_end { Taken::EndOfBlock } else { Taken::Ignored })
+        Ok(if is_end { SegmentEffect::EndOfBlock } else { SegmentEffect::Ignored })
     }
 
     /// Acknowledges the segments of this sub-block that arrived in sequence; the next starts after them.

@@ -1,5 +1,5 @@
-//! Client side of expedited and segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): up to four bytes in the
-//! initiating frame, or seven bytes per request and reply.
+//! Client side of expedited and segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8). An expedited one has up to four
+//! bytes in the initiating frame, a segmented one seven bytes per request and reply.
 
 use canopen_rs::sdo::{
     SEGMENT_DATA_MAX, SdoPayload, decode_data_segment, decode_download_response,

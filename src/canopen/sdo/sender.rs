@@ -8,7 +8,7 @@ use canopen_rs::sdo::{SEGMENT_DATA_MAX, SdoPayload};
 
 use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;
-use crate::sdo::terms::BLOCK_SIZE_MAX;
+use crate::sdo::options::BLOCK_SIZE_MAX;
 
 /// Maximum consecutive acknowledgements without progress.
 const MAX_FRUITLESS: u8 = 8;

@@ -8,7 +8,7 @@ use crate::NodeId;
 use crate::abort::AbortCode;
 use crate::frame::Frame;
 use crate::object::Object;
-use crate::sdo::{Block, Outcome, SdoError, Terms, Transfer};
+use crate::sdo::{Block, Outcome, SdoError, SdoOptions, Transfer};
 use units::time::Instant;
 
 const TIMEOUT: Duration = Duration::from_millis(100);
@@ -29,15 +29,15 @@ struct Talk {
 }
 
 impl Talk {
-    fn read(terms: Terms) -> Self {
+    fn read(options: SdoOptions) -> Self {
         let (node, mut out) = (NodeId::new(5).unwrap(), Vec::new());
-        let transfer = Transfer::read_on(terms, node, BUFFER, at(0), &mut out);
+        let transfer = Transfer::read_with(options, node, BUFFER, at(0), &mut out);
         Self { now: at(0), transfer, out }
     }
 
-    fn write(terms: Terms, bytes: &[u8]) -> Self {
+    fn write(options: SdoOptions, bytes: &[u8]) -> Self {
         let (node, mut out) = (NodeId::new(5).unwrap(), Vec::new());
-        let written = Transfer::write_on(terms, node, BUFFER, bytes.to_vec(), at(0), &mut out);
+        let written = Transfer::write_with(options, node, BUFFER, bytes.to_vec(), at(0), &mut out);
         Self { now: at(0), transfer: written.unwrap(), out }
     }
 
@@ -57,7 +57,7 @@ impl Talk {
         self.sent()
     }
 
-    /// Does what is due until `millis`; returns the outcome.
+    /// Lets time pass until `millis`; returns the outcome.
     fn wait(&mut self, millis: u64) -> Option<Outcome> {
         while let Some(due) = self.transfer.deadline().filter(|due| *due <= at(millis)) {
             self.now = self.now.max(due);
@@ -82,8 +82,8 @@ fn block(size: u8) -> Block {
     Block::new(size).unwrap()
 }
 
-fn terms(size: u8) -> Terms {
-    Terms::block(TIMEOUT, block(size))
+fn options(size: u8) -> SdoOptions {
+    SdoOptions::block(TIMEOUT, block(size))
 }
 
 fn first(count: u8) -> Vec<u8> {
@@ -110,7 +110,7 @@ fn end(unused: u8, sum: [u8; 2]) -> [u8; 8] {
 
 #[test]
 fn upload_follows_the_standard() {
-    let mut talk = Talk::read(terms(2));
+    let mut talk = Talk::read(options(2));
     assert_eq!(talk.sent(), [[0xA4, 0, 0x20, 0, 2, 0, 0, 0]]);
     assert_eq!(talk.answer(SIZE_20), [START]);
     assert_eq!(talk.answer(segment(1, 1)), [[0; 8]; 0]);
@@ -125,7 +125,7 @@ fn upload_follows_the_standard() {
 
 #[test]
 fn upload_may_omit_size_and_crc() {
-    let mut talk = Talk::read(Terms::block(TIMEOUT, block(127).without_crc()));
+    let mut talk = Talk::read(SdoOptions::block(TIMEOUT, block(127).without_crc()));
     assert_eq!(talk.sent(), [[0xA0, 0, 0x20, 0, 127, 0, 0, 0]]);
     talk.answer([0xC0, 0, 0x20, 0, 0, 0, 0, 0]);
     talk.answer(segment(0x81, 1));
@@ -137,7 +137,7 @@ fn upload_may_omit_size_and_crc() {
 
 #[test]
 fn absent_crc_is_not_compared() {
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.answer([0xC2, 0, 0x20, 0, 7, 0, 0, 0]);
     talk.answer(segment(0x81, 1));
     assert!(talk.receive(end(0, [0, 0])).unwrap().is_ok());
@@ -145,7 +145,7 @@ fn absent_crc_is_not_compared() {
 
 #[test]
 fn lost_segments_are_requested_again() {
-    let mut talk = Talk::read(terms(3));
+    let mut talk = Talk::read(options(3));
     talk.answer([0xC6, 0, 0x20, 0, 27, 0, 0, 0]);
     assert_eq!(talk.answer(segment(1, 1)), [[0; 8]; 0]);
     assert_eq!(talk.answer(segment(1, 1)), [[0; 8]; 0], "twice");
@@ -168,14 +168,14 @@ fn upload_that_differs_from_its_announcement_is_aborted() {
         ([0xC2, 0, 0x20, 0, 20, 0, 0, 0], end(0, [0; 2]), AbortCode::LENGTH_TOO_HIGH),
         ([0xC2, 0, 0x20, 0, 20, 0, 0, 0], end(2, [0; 2]), AbortCode::LENGTH_TOO_LOW),
     ] {
-        let mut talk = Talk::read(terms(127));
+        let mut talk = Talk::read(options(127));
         talk.answer(opening);
         talk.answer(segment(1, 1));
         talk.answer(segment(2, 8));
         talk.answer(segment(0x83, 15));
         talk.aborts(end, code);
     }
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.answer([0xC6, 0, 0x20, 0, 6, 0, 0, 0]);
     talk.answer(segment(1, 1));
     talk.aborts(segment(2, 8), AbortCode::LENGTH_TOO_HIGH);
@@ -184,7 +184,7 @@ fn upload_that_differs_from_its_announcement_is_aborted() {
 #[test]
 fn invalid_sequence_number_is_aborted() {
     for number in [0, 3, 0x83] {
-        let mut talk = Talk::read(terms(2));
+        let mut talk = Talk::read(options(2));
         talk.answer(SIZE_20);
         talk.aborts(segment(number, 1), AbortCode::SEQUENCE_NUMBER_INVALID);
     }
@@ -192,23 +192,23 @@ fn invalid_sequence_number_is_aborted() {
 
 #[test]
 fn memory_grows_with_received_bytes_only() {
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.aborts([0xC6, 0, 0x20, 0, 1, 0, 0, 1], AbortCode::OUT_OF_MEMORY);
-    let mut talk = Talk::read(Terms { limit: 13, ..terms(127) });
+    let mut talk = Talk::read(SdoOptions { limit: 13, ..options(127) });
     talk.answer([0xC4, 0, 0x20, 0, 0, 0, 0, 0]);
     talk.answer(segment(1, 1));
     talk.answer(segment(2, 8));
     talk.aborts(segment(3, 15), AbortCode::OUT_OF_MEMORY);
     let (node, mut out) = (NodeId::new(5).unwrap(), Vec::new());
-    let terms = Terms { limit: 13, ..terms(127) };
-    let written = Transfer::write_on(terms, node, BUFFER, first(14), at(0), &mut out);
+    let options = SdoOptions { limit: 13, ..options(127) };
+    let written = Transfer::write_with(options, node, BUFFER, first(14), at(0), &mut out);
     assert_eq!(written.err(), Some(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY)));
     assert_eq!(out, []);
 }
 
 #[test]
 fn frames_of_other_objects_and_late_frames_are_ignored() {
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.out.clear();
     for stale in [
         [0xC6, 1, 0x20, 0, 20, 0, 0, 0],
@@ -231,7 +231,7 @@ fn frames_of_other_objects_and_late_frames_are_ignored() {
 
 #[test]
 fn segment_that_looks_like_an_abort_is_accepted() {
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.answer([0xC2, 0, 0x20, 0, 7, 0, 0, 0]);
     assert_eq!(talk.answer([0x81, 0, 0x20, 0, 1, 2, 3, 4]), [answer(1, 127)]);
     let content = talk.receive(end(0, [0, 0])).unwrap().unwrap();
@@ -241,12 +241,12 @@ fn segment_that_looks_like_an_abort_is_accepted() {
 #[test]
 fn silent_server_gets_one_retry_then_an_abort() {
     let timed_out = [0x80, 0, 0x20, 0, 0, 0, 4, 5];
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.out.clear();
     assert_eq!(talk.wait(100), Some(Err(SdoError::Timeout)));
     assert_eq!(talk.sent(), [timed_out], "no segment was received");
 
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     talk.answer(SIZE_20);
     talk.out.clear();
     assert_eq!(talk.wait(150), None);
@@ -260,11 +260,11 @@ fn silent_server_gets_one_retry_then_an_abort() {
 
 #[test]
 fn server_may_answer_a_block_request_by_segments() {
-    let mut talk = Talk::read(Terms::best(TIMEOUT, block(127)));
+    let mut talk = Talk::read(SdoOptions::best(TIMEOUT, block(127)));
     assert_eq!(talk.sent(), [[0xA4, 0, 0x20, 0, 127, 21, 0, 0]], "threshold of 21 bytes");
     let content = talk.receive([0x4B, 0, 0x20, 0, 1, 2, 0, 0]).unwrap().unwrap();
     assert_eq!(content.bytes(), [1, 2]);
-    let mut talk = Talk::read(terms(127));
+    let mut talk = Talk::read(options(127));
     assert_eq!(talk.answer([0x41, 0, 0x20, 0, 7, 0, 0, 0]), [[0x60, 0, 0, 0, 0, 0, 0, 0]]);
     let content = talk.receive(segment(0x01, 1)).unwrap().unwrap();
     assert_eq!(content.bytes(), first(7));
@@ -272,7 +272,7 @@ fn server_may_answer_a_block_request_by_segments() {
 
 #[test]
 fn server_without_block_transfer_gets_segments() {
-    let best = Terms::best(TIMEOUT, block(127));
+    let best = SdoOptions::best(TIMEOUT, block(127));
     assert_eq!(Talk::read(best).answer(UNKNOWN), [[0x40, 0, 0x20, 0, 0, 0, 0, 0]]);
     let mut talk = Talk::write(best, &first(22));
     assert_eq!(talk.sent(), [[0xC6, 0, 0x20, 0, 22, 0, 0, 0]]);
@@ -280,7 +280,7 @@ fn server_without_block_transfer_gets_segments() {
     assert_eq!(talk.answer([0x60, 0, 0x20, 0, 0, 0, 0, 0]), [segment(0, 1)], "no data was lost");
     let refused = Some(Err(SdoError::AbortedByServer(AbortCode::COMMAND_UNKNOWN)));
     assert_eq!(talk.receive(UNKNOWN), refused, "once");
-    assert_eq!(Talk::read(terms(127)).receive(UNKNOWN), refused, "no fallback");
+    assert_eq!(Talk::read(options(127)).receive(UNKNOWN), refused, "no fallback");
     let mut talk = Talk::read(best);
     talk.answer(SIZE_20);
     assert_eq!(talk.receive(UNKNOWN), refused, "it was under way");
@@ -288,14 +288,14 @@ fn server_without_block_transfer_gets_segments() {
 
 #[test]
 fn short_value_is_written_by_segments() {
-    let best = Terms::best(TIMEOUT, block(127));
+    let best = SdoOptions::best(TIMEOUT, block(127));
     assert_eq!(Talk::write(best, &first(21)).sent(), [[0x21, 0, 0x20, 0, 21, 0, 0, 0]]);
-    assert_eq!(Talk::write(terms(127), &[9]).sent(), [[0xC6, 0, 0x20, 0, 1, 0, 0, 0]]);
+    assert_eq!(Talk::write(options(127), &[9]).sent(), [[0xC6, 0, 0x20, 0, 1, 0, 0, 0]]);
 }
 
 #[test]
 fn download_follows_the_standard() {
-    let mut talk = Talk::write(terms(127), &first(20));
+    let mut talk = Talk::write(options(127), &first(20));
     assert_eq!(talk.sent(), [SIZE_20]);
     assert_eq!(talk.answer(GO), [[0; 8]; 0], "segments are sent by on_time");
     assert_eq!(talk.wait(10), None);
@@ -313,7 +313,7 @@ fn download_follows_the_standard() {
 #[test]
 fn one_segment_per_call_and_interval() {
     let every = block(127).every(Duration::from_millis(2));
-    let mut talk = Talk::write(Terms::block(TIMEOUT, every), &first(70));
+    let mut talk = Talk::write(SdoOptions::block(TIMEOUT, every), &first(70));
     talk.answer([0xA4, 0, 0x20, 0, 5, 0, 0, 0]);
     for (millis, count) in [(0, 1), (1, 0), (2, 1), (9, 3), (50, 0)] {
         assert_eq!(talk.wait(millis), None);
@@ -325,7 +325,7 @@ fn one_segment_per_call_and_interval() {
     assert_eq!(talk.transfer.on_time(talk.now, &mut talk.out), None);
     assert_eq!(talk.sent().len(), 1, "one per call");
 
-    let at_once = Terms::block(TIMEOUT, block(127).every(Duration::ZERO));
+    let at_once = SdoOptions::block(TIMEOUT, block(127).every(Duration::ZERO));
     let mut talk = Talk::write(at_once, &first(70));
     talk.answer(GO);
     for count in [1, 1, 0] {
@@ -336,7 +336,7 @@ fn one_segment_per_call_and_interval() {
 
 #[test]
 fn lost_segments_are_sent_again() {
-    let mut talk = Talk::write(terms(127), &first(28));
+    let mut talk = Talk::write(options(127), &first(28));
     talk.answer([0xA4, 0, 0x20, 0, 3, 0, 0, 0]);
     talk.wait(10);
     talk.answer(answer(1, 2));
@@ -352,7 +352,7 @@ fn lost_segments_are_sent_again() {
 
 #[test]
 fn early_acknowledgement_is_followed_at_once() {
-    let mut talk = Talk::write(terms(127), &first(70));
+    let mut talk = Talk::write(options(127), &first(70));
     talk.answer([0xA4, 0, 0x20, 0, 127, 0, 0, 0]);
     talk.wait(3);
     assert_eq!(talk.sent().len(), 4);
@@ -366,7 +366,7 @@ fn invalid_acknowledgement_is_aborted() {
     for (opening, code) in
         [(0, AbortCode::BLOCK_SIZE_INVALID), (128, AbortCode::BLOCK_SIZE_INVALID)]
     {
-        let mut talk = Talk::write(terms(127), &first(28));
+        let mut talk = Talk::write(options(127), &first(28));
         talk.aborts([0xA4, 0, 0x20, 0, opening, 0, 0, 0], code);
     }
     for (sent, code) in [
@@ -374,7 +374,7 @@ fn invalid_acknowledgement_is_aborted() {
         (answer(1, 0), AbortCode::BLOCK_SIZE_INVALID),
         (answer(1, 128), AbortCode::BLOCK_SIZE_INVALID),
     ] {
-        let mut talk = Talk::write(terms(127), &first(28));
+        let mut talk = Talk::write(options(127), &first(28));
         talk.answer(GO);
         talk.wait(10);
         talk.aborts(sent, code);
@@ -383,7 +383,7 @@ fn invalid_acknowledgement_is_aborted() {
 
 #[test]
 fn server_that_never_acknowledges_is_aborted() {
-    let mut talk = Talk::write(terms(127), &first(28));
+    let mut talk = Talk::write(options(127), &first(28));
     talk.answer(GO);
     for round in 1..=8 {
         assert_eq!(talk.wait(10 * round), None);
@@ -395,7 +395,7 @@ fn server_that_never_acknowledges_is_aborted() {
 
 #[test]
 fn cancelled_transfer_is_aborted() {
-    for mut talk in [Talk::read(terms(127)), Talk::write(terms(127), &first(28))] {
+    for mut talk in [Talk::read(options(127)), Talk::write(options(127), &first(28))] {
         talk.out.clear();
         talk.transfer.cancel(&mut talk.out);
         talk.transfer.cancel(&mut talk.out);
@@ -413,10 +413,10 @@ proptest! {
         steps in proptest::collection::vec((0_u64..50_000, 0_u8..20, any::<[u8; 8]>()), 0..200),
     ) {
         let block = if has_crc { block(5) } else { block(5).without_crc() };
-        let terms = if is_best { Terms::best(TIMEOUT, block) } else { Terms::block(TIMEOUT, block) };
+        let options = if is_best { SdoOptions::best(TIMEOUT, block) } else { SdoOptions::block(TIMEOUT, block) };
         let mut talk = match write {
-            Some(bytes) => Talk::write(terms, &bytes),
-            None => Talk::read(terms),
+            Some(bytes) => Talk::write(options, &bytes),
+            None => Talk::read(options),
         };
         talk.out.clear();
         let (mut outcomes, mut number) = (0, 0);

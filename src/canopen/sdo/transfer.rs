@@ -11,9 +11,9 @@ use crate::frame::Frame;
 use crate::object::Object;
 use crate::sdo::block_download::BlockDownload;
 use crate::sdo::block_upload::BlockUpload;
+use crate::sdo::options::{BLOCK_THRESHOLD, Protocol, SEGMENTED_BYTES, SdoOptions};
 use crate::sdo::segmented::{Download, Upload};
 use crate::sdo::step::Step;
-use crate::sdo::terms::{BLOCK_THRESHOLD, Protocol, SEGMENTED_BYTES, Terms};
 use crate::sdo::{Outcome, SdoError};
 use units::time::Instant;
 
@@ -22,7 +22,7 @@ use units::time::Instant;
 pub struct Transfer {
     node: NodeId,
     object: Object,
-    terms: Terms,
+    options: SdoOptions,
     way: Way,
     /// Time to send a segment, or end of the wait for a reply; `None` once finished.
     deadline: Option<Instant>,
@@ -52,8 +52,8 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
-        Self::read_on(terms, node, object, now, out)
+        let options = SdoOptions { limit: SEGMENTED_BYTES, ..SdoOptions::segmented(timeout) };
+        Self::read_with(options, node, object, now, out)
     }
 
     /// Downloads `bytes`, little-endian, to `object` of `node`, expedited or segmented; `timeout` applies to
@@ -69,58 +69,58 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Result<Self, SdoError> {
-        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
-        Self::write_on(terms, node, object, bytes, now, out)
+        let options = SdoOptions { limit: SEGMENTED_BYTES, ..SdoOptions::segmented(timeout) };
+        Self::write_with(options, node, object, bytes, now, out)
     }
 
-    /// Uploads `object` of `node` by `terms`.
-    pub fn read_on(
-        terms: Terms,
+    /// Uploads `object` of `node` with these options.
+    pub fn read_with(
+        options: SdoOptions,
         node: NodeId,
         object: Object,
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let (about, limit) = (address(object), terms.max_bytes());
-        let way = match terms.protocol {
+        let (about, limit) = (address(object), options.max_bytes());
+        let way = match options.protocol {
             Protocol::Segmented => Way::Up(Upload::new(about, limit)),
             Protocol::Block(block) => Way::BlockUp(BlockUpload::new(about, limit, block, 0)),
             Protocol::Best(block) => {
                 Way::BlockUp(BlockUpload::new(about, limit, block, BLOCK_THRESHOLD))
             }
         };
-        Self::start(terms, node, object, way, now, out)
+        Self::start(options, node, object, way, now, out)
     }
 
-    /// Downloads `bytes`, little-endian, to `object` of `node` by `terms`.
+    /// Downloads `bytes`, little-endian, to `object` of `node` with these options.
     ///
     /// # Errors
-    /// Returns an error, and sends nothing, for more bytes than the terms allow.
-    pub fn write_on(
-        terms: Terms,
+    /// Returns an error, and sends nothing, for more bytes than the options allow.
+    pub fn write_with(
+        options: SdoOptions,
         node: NodeId,
         object: Object,
         bytes: Vec<u8>,
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Result<Self, SdoError> {
-        if bytes.len() > terms.max_bytes() {
+        if bytes.len() > options.max_bytes() {
             return Err(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY));
         }
         let about = address(object);
         let is_short = bytes.len() <= usize::from(BLOCK_THRESHOLD);
-        let way = match terms.protocol {
+        let way = match options.protocol {
             Protocol::Block(block) => Way::BlockDown(BlockDownload::new(about, bytes, block)),
             Protocol::Best(block) if !is_short => {
                 Way::BlockDown(BlockDownload::new(about, bytes, block))
             }
             Protocol::Segmented | Protocol::Best(_) => Way::Down(Download::new(about, bytes)),
         };
-        Ok(Self::start(terms, node, object, way, now, out))
+        Ok(Self::start(options, node, object, way, now, out))
     }
 
     fn start(
-        terms: Terms,
+        options: SdoOptions,
         node: NodeId,
         object: Object,
         way: Way,
@@ -128,7 +128,7 @@ impl Transfer {
         out: &mut Vec<Frame>,
     ) -> Self {
         let mut transfer =
-            Self { node, object, terms, way, deadline: None, free: now, has_retried: false };
+            Self { node, object, options, way, deadline: None, free: now, has_retried: false };
         transfer.open(now, out);
         transfer
     }
@@ -155,13 +155,13 @@ impl Transfer {
             Way::Finished => Step::Pass,
         };
         let Step::Switch = step else { return self.follow(now, step, out) };
-        let mut upload = Upload::new(address(self.object), self.terms.max_bytes());
+        let mut upload = Upload::new(address(self.object), self.options.max_bytes());
         let step = upload.on_reply(&reply);
         self.way = Way::Up(upload);
         self.follow(now, step, out)
     }
 
-    /// Does what is due: sends a segment, retries, or ends the wait for a reply.
+    /// Handles the expired timer: sends a segment, retries, or ends the wait for a reply.
     ///
     /// Block segments are sent here only, one per call, so that the caller paces them.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Outcome> {
@@ -281,13 +281,13 @@ impl Transfer {
         Some(self.finish(Err(SdoError::AbortedByServer(code))))
     }
 
-    /// Returns the segmented transfer, if the terms allow it and no data was transferred yet.
+    /// Returns the segmented transfer, if the options allow it and no data was transferred yet.
     fn fallback(&mut self) -> Option<Way> {
-        let Protocol::Best(_) = self.terms.protocol else { return None };
+        let Protocol::Best(_) = self.options.protocol else { return None };
         let about = address(self.object);
         match &mut self.way {
             Way::BlockUp(upload) if !upload.is_receiving() => {
-                Some(Way::Up(Upload::new(about, self.terms.max_bytes())))
+                Some(Way::Up(Upload::new(about, self.options.max_bytes())))
             }
             Way::BlockDown(download) => {
                 download.unsent().map(|bytes| Way::Down(Download::new(about, bytes)))
@@ -311,20 +311,20 @@ impl Transfer {
         }
     }
 
-    /// Restarts the timeout, unless segments are to be sent first.
+    /// Restarts the timeout, unless segments must be sent first.
     fn wait(&mut self, now: Instant) {
         self.has_retried = false;
         self.deadline = Some(match &self.way {
             Way::BlockDown(download) if download.has_next() => self.free.max(now),
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => {
-                now + self.terms.timeout
+                now + self.options.timeout
             }
         });
     }
 
     /// Interval between two segments.
     const fn interval(&self) -> Duration {
-        match self.terms.protocol {
+        match self.options.protocol {
             Protocol::Block(block) | Protocol::Best(block) => block.interval(),
             Protocol::Segmented => Duration::ZERO,
         }
@@ -386,7 +386,7 @@ mod tests {
         (transfer, out)
     }
 
-    /// Feeds replies in turn; returns the last outcome and all frames sent.
+    /// Feeds replies in order; returns the last outcome and all frames sent.
     fn replies(transfer: &mut Transfer, payloads: &[[u8; 8]]) -> (Option<Outcome>, Vec<Frame>) {
         let mut out = Vec::new();
         let outcome =

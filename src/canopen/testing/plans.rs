@@ -4,13 +4,13 @@ use canopen_rs::NodeId;
 
 use crate::guarding::Guarding;
 use crate::layout;
-use crate::plan::{Identity, NodePlan, Watch};
+use crate::plan::{HeartbeatSettings, Identity, NodePlan};
 
 pub const IDENTITY: Identity =
     Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
 
-pub fn watch() -> Watch {
-    Watch {
+pub fn heartbeats() -> HeartbeatSettings {
+    HeartbeatSettings {
         master: NodeId::new(127).unwrap(),
         master_lost_ms: 22,
         heartbeat_ms: 25,
@@ -22,13 +22,13 @@ pub fn watch() -> Watch {
 pub fn elbow() -> NodePlan {
     let node = NodeId::new(3).unwrap();
     let pdos = layout::per_drive(node, Some(5));
-    NodePlan::drive("joint 3 (elbow)".into(), node, IDENTITY, pdos, &watch(), 1_000)
+    NodePlan::drive("joint 3 (elbow)".into(), node, IDENTITY, pdos, &heartbeats(), 1_000)
 }
 
 /// The switch box.
 pub fn switch_box() -> NodePlan {
     let node = NodeId::new(16).unwrap();
-    NodePlan::switches("switch box".into(), node, IDENTITY, None, &watch())
+    NodePlan::switches("switch box".into(), node, IDENTITY, None, &heartbeats())
 }
 
 /// The elbow drive, guarded.

@@ -29,9 +29,9 @@ pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
     .collect()
 }
 
-/// Scripted node.
+/// Node with scripted replies and faults.
 #[derive(Debug)]
-pub struct Scripted {
+pub struct ScriptedDevice {
     pub node: NodeId,
     pub objects: HashMap<Object, Vec<u8>>,
     /// Objects whose write is aborted, with the code.
@@ -62,7 +62,7 @@ pub struct Scripted {
     pub written: Vec<Object>,
 }
 
-impl Scripted {
+impl ScriptedDevice {
     /// Returns a node that satisfies `plan` before its first configuration.
     pub fn suiting(plan: &NodePlan) -> Self {
         let mut objects = HashMap::new();

@@ -1,4 +1,4 @@
-//! The check of the mode as the node runs it in a boot.
+//! Execution of the mode check in a boot.
 
 use crate::mode_check::{Enabling, LOOK_TIME, POWER_OFF_TIMEOUT, RAISE_TIMEOUT};
 use crate::{BringUpError, Node};
@@ -104,7 +104,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let until = self.wire.read_clock() + RAISE_TIMEOUT;
         loop {
             let now = self.wire.read_clock();
-            // Refused while its last request is under way.
+            // Refused while its last request is pending.
             for joint in joints.iter().filter(|joint| !*joint.entry(&self.mode_check.raised)) {
                 self.network.master.raise_limits(now, (*joint).into(), &mut self.wire.out);
             }

@@ -1,8 +1,8 @@
 //! Command to a gripper, from an analogue or two digital inputs of the switch box.
 //!
-//! The commanded opening follows the operator while the node is engaged, with a limited speed; else it stays. With every
-//! arming it begins anew, where the gripper is: nothing is commanded to one that has not reported its opening. An input that
-//! is silent, out of range or contradictory moves nothing.
+//! The commanded opening follows the operator with limited speed while the node is engaged, and otherwise remains
+//! constant. After each arming it starts at the reported opening of the gripper; without a report nothing is commanded.
+//! An input that is silent, out of range or contradictory does not move the gripper.
 
 use std::time::Duration;
 
@@ -14,19 +14,19 @@ use config::{GripperInput, GripperTerminals};
 use remote::Gripper;
 use units::time::Instant;
 
-/// Share of its range by which an analogue input may be beyond it: tolerance of a lever's stops.
+/// Share of its range by which an analogue input may exceed it, for the tolerance of a lever's stops.
 const TOLERANCE: f64 = 0.05;
 
-/// Time for which an input must be invalid to be a fault: as long as contacts may bounce.
+/// Time for which an input must be invalid to be a fault, equal to the debounce time of contacts.
 const INVALID_TIME: Duration = DEBOUNCE_TIME;
 
-/// The operator's input for a gripper.
+/// Input of the operator for a gripper.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GripperLever {
     input: GripperInput,
     /// Motion of the commanded opening in one cycle, in m.
     travel: f64,
-    /// Opening that the operator demands, in m; `None` to stay.
+    /// Opening demanded by the operator, in m; `None` to hold.
     aim: Option<f64>,
     /// Time since which the input is invalid.
     invalid_since: Option<Instant>,
@@ -57,7 +57,7 @@ impl GripperLever {
                 inputs.map(|inputs| digital(inputs.bits(), open, close))
             }
         };
-        // A silent switch box is the deadman's to report.
+        // A silent switch box is reported by the deadman.
         let aim = aim.unwrap_or(Ok(None));
         self.aim = aim.ok().flatten().map(|share| share * self.input.stroke);
         let Err(cause) = aim else {
@@ -98,7 +98,7 @@ fn analogue(counts: i16, closed: i16, open: i16) -> Result<f64, Cause> {
     if is_within { Ok(share.clamp(0.0, 1.0)) } else { Err(cause) }
 }
 
-/// Returns the share of the stroke that two digital inputs demand; `None` to stay.
+/// Returns the share of the stroke that two digital inputs demand; `None` to hold.
 const fn digital(bits: u8, open: u8, close: u8) -> Result<Option<f64>, Cause> {
     match (bits >> open & 1 == 1, bits >> close & 1 == 1) {
         (false, false) => Ok(None),

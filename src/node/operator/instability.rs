@@ -1,11 +1,11 @@
 //! Instability of the haptic loop: oscillation of the grip that does not decay, or excess power into the hand.
 //!
-//! The passivity layer damps from the first millijoule on; this monitor stops what that cannot. A swing is the motion of
-//! the grip along an axis between two reversals. Oscillation that take energy from the torques are the operator's own. Only
-//! swings over which the torques have given energy to the hand count as instability.
+//! The passivity layer damps from the first millijoule on. This monitor stops the node if that does not suffice. A swing
+//! is the motion of the grip along an axis between two reversals. Only swings over which the torques deliver energy to the
+//! hand count as instability. In an oscillation that the operator drives, the torques absorb energy.
 //!
-//! Motions are those between cycles with a sample of every joint ([`sampled_motion`](super::sampled_motion)): a lost
-//! sample in a fast motion is no reversal.
+//! Motions are between cycles with a sample of every joint ([`sampled_motion`](super::sampled_motion)). A lost sample in a
+//! fast motion thus does not count as a reversal.
 
 use std::time::Duration;
 

@@ -9,7 +9,7 @@
 //! | `uncommanded_motion` | joint driven by gravity or friction compensation         | 41     |
 //! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
 //!
-//! `sampled_motion` is the motion that `instability` judges.
+//! `sampled_motion` is the motion that `instability` checks.
 
 mod anti_tie_down;
 mod buttons;
@@ -44,10 +44,10 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct Operator {
     period: Duration,
-    /// `None` without a switch box: nothing is ever armed or engaged.
+    /// Deadman; `None` without a switch box, so that the node can neither arm nor engage.
     deadman: Option<Deadman>,
     buttons: Buttons,
-    /// `None` where the switch box has no input for a gripper.
+    /// Input for a gripper; `None` if the switch box has none.
     gripper: Option<GripperLever>,
     anti_tie_down: AntiTieDown,
     uncommanded_motion: UncommandedMotion,
@@ -56,13 +56,13 @@ pub(super) struct Operator {
     instability: Instability,
     /// Joint positions of the last cycle.
     previous_q: Option<JointVector>,
-    /// Torques sent: all of them, and the part without gravity compensation, which the hand feels.
+    /// Torques sent: the total, and the part without gravity compensation, which acts on the hand.
     sent: TorqueDelay<[JointVector; 2]>,
 }
 
 impl Operator {
-    /// Returns monitors before the first cycle, with a cycle every `period` and the adjustments of the switch box's buttons;
-    /// `None` without a switch box, where nothing engages.
+    /// Returns monitors before the first cycle, with a cycle every `period`. `buttons` are the adjustments of the switch
+    /// box's buttons; `None` without a switch box.
     pub(super) fn new(period: Duration, buttons: Option<[Option<Adjustment>; 4]>) -> Self {
         Self {
             period,
@@ -96,7 +96,8 @@ impl Operator {
         self.gripper.as_mut()?.read(now, inputs, counts)
     }
 
-    /// Returns the command to the gripper beside what the commanded side has `measured`; `None` without an input for one.
+    /// Returns the command to the gripper, and `measured`, the report of the commanded side; `None` without an input for a
+    /// gripper.
     pub(super) fn grip(
         &mut self,
         permit: &Permit,

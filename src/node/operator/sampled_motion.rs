@@ -1,20 +1,20 @@
 //! Motion of the grip between cycles with a sample of every joint.
 //!
-//! With the sample of one joint missing, the pose of the grip mixes two times: the speed of that cycle is wrong by the
-//! joint's share of it, and that of the next by as much to the other side. Their mean is the speed of the grip.
+//! Without the sample of one joint, the pose of the grip mixes positions of two times. The speed of that cycle is wrong by
+//! the share of that joint, and the speed of the next cycle by the opposite amount. Their mean is the speed of the grip.
 
 use std::time::Duration;
 
 use units::spatial::Twist;
 
-/// Motion of the grip in a time.
+/// Motion of the grip within a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Motion {
     /// Time since the last motion.
     pub(super) dt: Duration,
     /// Displacement of the grip, in {G}, in m and rad.
     displacement: Twist,
-    /// Work of the felt torques, in J.
+    /// Work of the torques that act on the hand, in J.
     pub(super) work: f64,
 }
 
@@ -60,7 +60,7 @@ impl SampledMotion {
         }
     }
 
-    /// Forgets all motion before a cycle.
+    /// Drops all motion before a cycle.
     pub(super) fn restart(&mut self, is_complete: bool) {
         self.since_complete = is_complete.then(Motion::default);
     }

@@ -1,10 +1,10 @@
-//! Uncommanded motion: while gravity compensation ramps up, caused by a wrong mass, sign or zero; and of a joint that its
-//! friction compensation drove, if it goes on after the controller has withdrawn the compensation.
+//! Uncommanded motion. Either gravity compensation with a wrong mass, sign or zero drives the arm, or a joint that its
+//! friction compensation drove continues to move after the compensation was withdrawn.
 //!
-//! Correct gravity compensation drives no joint: it relieves the hand or the stop that carries the weight, or brakes a
-//! falling arm. So motion in the direction of the torque is checked while gravity compensation ramps up and the deadman
-//! is released. A relaxed hand rises a little as the weight leaves it, and swings: motion counts as long as it keeps its
-//! direction. An operator who lifts the arm in this second causes the same stop, and arms again.
+//! Correct gravity compensation drives no joint. It relieves the hand or the stop that carries the weight, or brakes a
+//! falling arm. Motion in the direction of the torque is therefore checked while gravity compensation ramps up and the
+//! deadman is released. A relaxed hand rises a little as the weight leaves it, and swings, so motion counts until it
+//! reverses. An operator who lifts the arm in this second causes the same stop, and must arm again.
 
 use crate::cause::Cause;
 use controller::JointVector;
@@ -13,14 +13,15 @@ use units::numbering::Joint;
 /// Minimum speed of a joint that counts as motion, in rad/s (m/s).
 const MIN_SPEED: f64 = 0.1;
 
-/// Maximum motion in one direction, in rad (m): a relaxed hand rises by 0.65 rad as the weight leaves it. The speed
-/// limit of the grip stops faster arms before.
+/// Maximum motion in one direction, in rad (m). A relaxed hand rises by 0.65 rad as the weight leaves it. The speed limit
+/// of the grip stops faster arms earlier.
 const MAX_MOTION: f64 = 0.9;
 
-/// Maximum motion of a joint that goes on without its friction compensation, in rad (m): something else drives it.
+/// Maximum motion of a joint after its friction compensation was withdrawn, in rad (m). Beyond it something else drives the
+/// joint.
 const MAX_MOTION_WITHDRAWN: f64 = 0.25;
 
-/// Monitor of the joint that its friction compensation drove.
+/// Monitor of a joint that its friction compensation drove.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct DrivenOn {
     /// Motion since the withdrawal, in rad (m); `None` before, and once the joint has stopped or turned.
@@ -89,8 +90,8 @@ impl UncommandedMotion {
     }
 }
 
-/// Returns the cause for a joint beyond its limit while gravity compensation ramps up and the deadman is released: its
-/// position is wrong, or gravity compensation drives it, and would go on if reflection alone ended.
+/// Returns the cause for a joint beyond its limit while gravity compensation ramps up and the deadman is released. Either
+/// its position is wrong, or gravity compensation drives it, which an end of reflection would not stop.
 pub(super) const fn of_limit(found: Option<Cause>, is_active: bool) -> Option<Cause> {
     match found {
         Some(Cause::BeyondLimit { .. }) if is_active => Some(Cause::UncommandedMotion),
@@ -153,8 +154,8 @@ mod tests {
         assert_eq!(of_limit(None, true), None);
     }
 
-    /// Returns the time in ms of the trip within a second of a second joint that moves on at a rate in rad/s that depends on
-    /// the time in s, its compensation withdrawn.
+    /// Returns the time in ms of the cause, within a second, for the second joint after its compensation was withdrawn. `qd`
+    /// is its rate in rad/s at a time in s.
     fn trips_withdrawn(qd: impl Fn(f64) -> f64) -> Option<u32> {
         let mut monitor = DrivenOn::default();
         let second = Some(Joint::of::<2>());

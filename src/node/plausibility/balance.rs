@@ -1,8 +1,8 @@
 //! SYNC–response balance of one joint: SYNCs sent, less responses received.
 //!
-//! A TPDO carries no SYNC number. Its position counts as a response to the SYNC whose window, up to the next SYNC, it
-//! arrives in. The *first* of a window is its sample. Another one may be older (delayed) or newer, so it never replaces
-//! the first. No sample is older than the cycles a joint may miss: that many empty windows stop the node.
+//! A TPDO carries no SYNC number. Its position counts as a response to the SYNC in whose window, up to the next SYNC, it
+//! is received. The *first* of a window is its sample. Another one may be older (delayed) or newer, so it never replaces
+//! the first. The maximum number of missed cycles bounds the age of a sample, because as many empty windows stop the node.
 //!
 //! Each empty window adds an outstanding response, and each further response of a window settles one. If none is
 //! outstanding, the response is surplus. Surplus responses of one window count once: delayed responses arrive together.
@@ -52,7 +52,7 @@ pub(super) struct ResponseBalance {
 }
 
 impl ResponseBalance {
-    /// Returns the balance before the first SYNC, where every response counts as late. `max_missed` cycles in a row
+    /// Returns the balance before the first SYNC, when every response counts as late. `max_missed` consecutive cycles
     /// without a sample stop the node.
     pub(super) const fn new(max_missed: u32) -> Self {
         let max_outstanding = max_missed.saturating_sub(1);

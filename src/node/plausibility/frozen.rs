@@ -1,19 +1,19 @@
 //! Detection of frozen encoders: a position constant to the last count although the joint must move.
 //!
-//! A joint without load, or held by friction, does stand still: with its weight carried exactly and no hand on it, for
-//! ever. A constant position is a fault only if all of this holds for its time:
+//! A joint without load, or held by friction, can remain at a constant position indefinitely. A constant position is a
+//! fault only if all of these conditions hold for its time:
 //!
-//! - the target torque exceeds a fifth of rated torque;
-//! - it has changed by more than a tenth of rated torque: several times the dry friction, and more than a hand takes up
-//!   without yielding;
-//! - an adjacent joint has moved clearly, by more than the tremor of a resting hand.
+//! - The target torque exceeds a fifth of rated torque.
+//! - It has changed by more than a tenth of rated torque. That is several times the dry friction, and more than a hand
+//!   resists without yielding.
+//! - An adjacent joint has moved clearly, by more than the tremor of a resting hand.
 //!
 //! A frozen encoder of an unloaded joint therefore stays undetected until the joint is loaded.
 
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::sampled::Sampled;
+use crate::plausibility::sample_set::SampleSet;
 use units::drive::Counts;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -59,7 +59,7 @@ impl Frozen {
     }
 
     /// Checks the samples of a cycle. `targets` acted until its SYNC, in ‰ of rated torque.
-    pub(super) fn check(&mut self, sampled: &Sampled<'_>, targets: &[i16; 6]) -> Option<Cause> {
+    pub(super) fn check(&mut self, sampled: &SampleSet<'_>, targets: &[i16; 6]) -> Option<Cause> {
         let positions = sampled.latest.map(|sample| sample.position);
         let clear = self.clear;
         let mut frozen = None;
@@ -121,7 +121,7 @@ mod tests {
             let latest = counts
                 .map(|counts| DriveSample { position: Counts(counts), ..DriveSample::default() });
             let (torques, demands) = ([false; 6], [None; 6]);
-            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques, demands };
+            let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
             let cause = frozen.check(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
             assert!(
                 cause
@@ -165,7 +165,7 @@ mod tests {
             let mut latest = [DriveSample::default(); 6];
             other.entry_mut(&mut latest).position = Counts(position(cycle));
             let (torques, demands) = ([false; 6], [None; 6]);
-            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques, demands };
+            let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
             frozen.check(&sampled, &[0, 0, changing(cycle), 0, 0, 0]).is_some()
         })
     }

@@ -1,19 +1,19 @@
 //! Comparison of the target that a drive has taken with the target torques (6071h) that were sent.
 //!
-//! A drive without an RPDO timer holds its last target for good if its RPDOs no longer arrive. The target that it has
-//! taken is its target torque (6071h), read by SDO, or its torque demand (6074h), sent by TPDO.
+//! A drive without an RPDO timer that receives no RPDOs holds its last target indefinitely. The target that it has taken
+//! is its target torque (6071h), read by SDO, or its torque demand (6074h), sent by TPDO.
 //!
-//! A target acts at the SYNC after its cycle; one lost RPDO makes the one before it act a cycle longer, and a sample may
-//! be late. So a value must lie between the minimum and the maximum of the last five targets. A reply was read by the
-//! drive at some time after the request, so the targets sent since the request count, too. The range includes the
-//! ramp of a drive from one target to the next. A value outside of it is a fault if the one before it was, too.
+//! A target acts at the SYNC after its cycle. After a lost RPDO the previous target acts a cycle longer, and a sample may be
+//! late. A valid value is therefore within the minimum and maximum of the last five targets. The drive reads a reply some
+//! time after the request, so targets sent since the request count, too. The range includes the ramp of a drive from one
+//! target to the next. Two consecutive values outside of it are a fault.
 
 use crate::cause::Cause;
 use config::TAKEN_CYCLES;
 use units::drive::PerMille;
 use units::numbering::Joint;
 
-/// Cycles before a reading in which its target may have been sent.
+/// Number of cycles before a reading whose targets the drive may have applied.
 #[expect(clippy::as_conversions, reason = "usize::try_from is not const; it always fits")]
 const TARGET_CYCLES: usize = TAKEN_CYCLES as usize;
 
@@ -75,18 +75,18 @@ impl HeldTarget {
         }
     }
 
-    /// Notes that the target torque (6071h) of a drive is requested now.
+    /// Records that the target torque (6071h) of a drive is requested now.
     pub(super) fn on_requested(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.requested) = Some(self.last_targets(joint));
     }
 
-    /// Judges the reply to a request; `None` if it has no value.
+    /// Checks the reply to a request; `taken` is `None` if it has no value.
     pub(super) fn on_reply(&mut self, joint: Joint, taken: Option<PerMille>) -> Option<Cause> {
         let range = joint.entry_mut(&mut self.requested).take()?;
         self.judge(joint, range, taken?)
     }
 
-    /// Judges the torque demands (6074h) received in this cycle.
+    /// Checks the torque demands (6074h) received in this cycle.
     pub(super) fn check(&mut self, demands: &[Option<PerMille>; 6]) -> Option<Cause> {
         let mut cause = None;
         for (joint, demand) in Joint::each(demands) {

@@ -25,8 +25,8 @@ pub(super) struct TravelLimit {
 }
 
 impl TravelLimit {
-    /// Returns the limit for a maximum speed in counts/s. A SYNC may be late by half a `period` and the next one on
-    /// time, so one cycle allows the travel of 1.5 periods, and two allow that of 2.5.
+    /// Returns the limit for a maximum speed in counts/s. A SYNC may be late by half a `period` and the next one on time.
+    /// One cycle therefore allows the travel of 1.5 periods, two cycles that of 2.5.
     pub(super) fn new(per_second: u32, period: Duration) -> Self {
         Self { per_second, sync_jitter: period / 2 }
     }
@@ -63,7 +63,7 @@ pub(super) struct Jump {
 struct PlausiblePosition {
     position: Counts,
     at: Instant,
-    /// Maximum delay: it may be sampled as much before `at`.
+    /// Maximum delay: it was sampled at most this long before `at`.
     max_delay: Duration,
 }
 
@@ -73,8 +73,8 @@ impl Jump {
         Self { limit, last: None, rejections: RepeatDetector::new(REJECTION_WINDOW) }
     }
 
-    /// Checks the position received after the SYNC of `at`, sampled up to `max_delay` before it. It may be older than
-    /// the last one, if only that one was on time.
+    /// Checks the position received after the SYNC of `at`, sampled up to `max_delay` before it. It may be older than the
+    /// last position if that was not delayed.
     pub(super) fn check(&mut self, at: Instant, position: Counts, max_delay: Duration) -> Step {
         let is_plausible = self.last.is_none_or(|last| {
             let span = at.since(last.at) + last.max_delay;

@@ -36,7 +36,7 @@ pub(super) struct MissingRate {
 }
 
 impl MissingRate {
-    /// Returns counts of zero. Of one sample every `period`, `max_percent` may be missing.
+    /// Returns counts of zero, for one sample every `period`, at most `max_percent` of them missing.
     pub(super) fn new(period: Duration, max_percent: u32) -> Self {
         let cycles = SLOT_TIME.as_micros() / period.as_micros().max(1);
         let slot_cycles =

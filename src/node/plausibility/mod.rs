@@ -20,13 +20,13 @@ mod missing_rate;
 mod overdue;
 mod repeat_detector;
 mod sample_filter;
-mod sampled;
+mod sample_set;
 mod speed;
 mod torque;
 mod torque_range;
 
-pub(super) use sample_filter::{Filtered, SampleFilter};
-pub(super) use sampled::Sampled;
+pub(super) use sample_filter::{FilterResult, SampleFilter};
+pub(super) use sample_set::SampleSet;
 
 use crate::cause::Cause;
 use crate::plausibility::frozen::Frozen;
@@ -50,7 +50,7 @@ const CLEAR_ROTATION: f64 = 0.02;
 /// Clear motion of a prismatic joint, in m.
 const CLEAR_TRANSLATION: f64 = 0.005;
 
-/// All checks of a whole cycle.
+/// All plausibility checks of a cycle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plausibility {
     initial: Checks,
@@ -113,7 +113,7 @@ impl Plausibility {
     /// compensation ramps down or is off.
     pub(super) fn check(
         &mut self,
-        sampled: &Sampled<'_>,
+        sampled: &SampleSet<'_>,
         output: &Output,
         gravity_is_on: bool,
     ) -> Option<Cause> {
@@ -136,12 +136,12 @@ impl Plausibility {
         Joint::ALL.map(|joint| *joint.entry(&suspect) || *joint.entry(&off))
     }
 
-    /// Notes that the target torque (6071h) of a drive is requested now.
+    /// Records that the target torque (6071h) of a drive is requested now.
     pub(super) fn on_target_requested(&mut self, joint: Joint) {
         self.checks.held_target.on_requested(joint);
     }
 
-    /// Judges the target torque (6071h) that a drive replied; `None` if it cannot be read.
+    /// Checks the target torque (6071h) that a drive replied; `None` if it cannot be read.
     pub(super) fn on_target_read(
         &mut self,
         joint: Joint,
@@ -153,7 +153,7 @@ impl Plausibility {
 
 impl Checks {
     /// Runs all checks. Causes of zero torque precede those that end reflection only.
-    fn check(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
+    fn check(&mut self, sampled: &SampleSet<'_>, output: &Output) -> Option<Cause> {
         let is_complete = sampled.fresh == [true; 6];
         let p_0_g = output.x_0_g.translation.vector;
         let snapshot = is_complete.then_some(Snapshot { at: sampled.at, q: output.q, p_0_g });

@@ -11,7 +11,7 @@ use units::time::Instant;
 
 /// Result for one position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Filtered {
+pub(crate) enum FilterResult {
     /// The sample of this SYNC.
     Sample,
     /// Discarded and tolerated: late, surplus, or farther away than the joint can move.
@@ -36,7 +36,7 @@ pub(crate) struct SampleFilter {
 }
 
 impl SampleFilter {
-    /// Returns a filter before the first SYNC. `max_missed` cycles in a row without a sample stop the node.
+    /// Returns a filter before the first SYNC. `max_missed` consecutive cycles without a sample stop the node.
     pub(super) const fn new(
         joint: Joint,
         period: Duration,
@@ -81,7 +81,7 @@ impl SampleFilter {
     }
 
     /// Takes a received position.
-    pub(crate) fn on_position(&mut self, position: Counts) -> Filtered {
+    pub(crate) fn on_position(&mut self, position: Counts) -> FilterResult {
         let max_delay = self.period * self.balance.max_delay();
         let overdue = self.balance.overdue().total();
         match self.balance.on_frame(self.sync_at) {
@@ -98,26 +98,26 @@ impl SampleFilter {
     }
 
     /// Returns the first position of a window as its sample, unless it is implausible.
-    fn first(&mut self, position: Counts, max_delay: Duration) -> Filtered {
+    fn first(&mut self, position: Counts, max_delay: Duration) -> FilterResult {
         match self.jump.check(self.sync_at, position, max_delay) {
-            Step::Plausible => Filtered::Sample,
-            Step::Implausible => Filtered::Ignored,
-            Step::Jumped => Filtered::Fault(Cause::PositionJumped { joint: self.joint }),
+            Step::Plausible => FilterResult::Sample,
+            Step::Implausible => FilterResult::Ignored,
+            Step::Jumped => FilterResult::Fault(Cause::PositionJumped { joint: self.joint }),
         }
     }
 
-    /// Compares a further position of a window with the first. Both were sampled within the cycles that may be missed or
-    /// are overdue, so the joint's travel in these bounds their distance. `overdue` excludes this position.
-    fn further(&self, position: Counts, overdue: u32) -> Filtered {
+    /// Compares a further position of a window with the first. Both were sampled within the tolerated or overdue cycles,
+    /// and the travel of the joint in these bounds their distance. `overdue` excludes this position.
+    fn further(&self, position: Counts, overdue: u32) -> FilterResult {
         let span = self.period * self.max_missed.saturating_add(overdue);
         let is_within = |first| self.limit.allows(first, position, span);
-        if self.first.is_none_or(is_within) { Filtered::Ignored } else { self.surplus(overdue) }
+        if self.first.is_none_or(is_within) { FilterResult::Ignored } else { self.surplus(overdue) }
     }
 
     /// Returns the fault of a surplus response: end of a delay if samples are overdue, otherwise a second node.
-    fn surplus(&self, overdue: u32) -> Filtered {
+    fn surplus(&self, overdue: u32) -> FilterResult {
         let joint = self.joint;
-        Filtered::Fault(match overdue {
+        FilterResult::Fault(match overdue {
             0 => Cause::Duplicate { node: joint.into() },
             cycles => Cause::SamplesOverdue { joint, cycles },
         })
@@ -138,12 +138,12 @@ mod tests {
         let period = Duration::from_millis(1);
         let mut filter = SampleFilter::new(ELBOW, period, 3, TravelLimit::new(1_000_000, period));
         filter.start_window(Instant::from_micros(999_000));
-        assert_eq!(filter.on_position(Counts(0)), Filtered::Sample);
+        assert_eq!(filter.on_position(Counts(0)), FilterResult::Sample);
         filter
     }
 
     /// Returns the results for the positions of consecutive windows.
-    fn filtered(windows: &[&[i32]]) -> Vec<Vec<Filtered>> {
+    fn filtered(windows: &[&[i32]]) -> Vec<Vec<FilterResult>> {
         let mut filter = filter();
         let window = |(cycle, positions): (u64, &&[i32])| {
             filter.start_window(Instant::from_micros(1_000 * cycle));
@@ -152,25 +152,25 @@ mod tests {
         (1_000..).zip(windows).map(window).collect()
     }
 
-    const DUPLICATE: Filtered = Filtered::Fault(Cause::Duplicate { node: NodeIndex(2) });
-    const JUMPED: Filtered = Filtered::Fault(Cause::PositionJumped { joint: ELBOW });
+    const DUPLICATE: FilterResult = FilterResult::Fault(Cause::Duplicate { node: NodeIndex(2) });
+    const JUMPED: FilterResult = FilterResult::Fault(Cause::PositionJumped { joint: ELBOW });
 
     #[test]
     fn hazard_06_positions_too_far_apart_in_a_window_are_two_nodes() {
-        use Filtered::{Ignored, Sample};
+        use FilterResult::{Ignored, Sample};
         assert_eq!(filtered(&[&[10, 500_000]]), [[Sample, DUPLICATE]]);
         assert_eq!(filtered(&[&[500_000, 10]]), [[Ignored, DUPLICATE]], "in either order");
     }
 
     #[test]
     fn hazard_06_two_equal_nodes_are_detected_in_the_second_window() {
-        use Filtered::{Ignored, Sample};
+        use FilterResult::{Ignored, Sample};
         assert_eq!(filtered(&[&[10, 10], &[10, 10]]), [[Sample, Ignored], [Sample, DUPLICATE]]);
     }
 
     #[test]
     fn hazard_12_implausible_position_is_dropped_and_a_second_stops() {
-        use Filtered::{Ignored, Sample};
+        use FilterResult::{Ignored, Sample};
         assert_eq!(filtered(&[&[1 << 20], &[20]]), [[Ignored], [Sample]]);
         assert_eq!(filtered(&[&[5_000], &[5_000]]), [[Ignored], [JUMPED]]);
     }
@@ -186,7 +186,7 @@ mod tests {
         windows.extend([&[10, 10][..]; 5]);
         let results = filtered(&windows).concat();
         assert!(!results.contains(&DUPLICATE), "{results:?}");
-        let delayed = |cycles| Filtered::Fault(Cause::SamplesOverdue { joint: ELBOW, cycles });
+        let delayed = |cycles| FilterResult::Fault(Cause::SamplesOverdue { joint: ELBOW, cycles });
         assert!((1..=5).any(|cycles| results.contains(&delayed(cycles))), "{results:?}");
     }
 
@@ -195,7 +195,7 @@ mod tests {
         let mut filter = filter();
         filter.restart();
         filter.start_window(Instant::from_micros(1_009_000));
-        assert_eq!(filter.on_position(Counts(i32::MIN)), Filtered::Sample);
+        assert_eq!(filter.on_position(Counts(i32::MIN)), FilterResult::Sample);
     }
 
     proptest! {
@@ -213,7 +213,7 @@ mod tests {
             }
             let windows: Vec<&[i32]> = windows.iter().map(Vec::as_slice).collect();
             for result in filtered(&windows).concat() {
-                prop_assert!(!matches!(result, Filtered::Fault(_)), "{:?}", result);
+                prop_assert!(!matches!(result, FilterResult::Fault(_)), "{:?}", result);
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Speed limits of joints and grip.
 //!
-//! Speeds are differences between cycles with a sample of every joint: with one missing, the pose of the grip and the
-//! positions of coupled joints mix two times. A fault takes two excesses in a row, because a late sample puts the motion
-//! of two cycles into one. The speed over both intervals must be above the limit, too: a single wrong sample steps away
-//! and back.
+//! Speeds are differences between cycles with a sample of every joint. With a sample missing, the pose of the grip and
+//! the positions of coupled joints would mix two times. A fault requires two consecutive excesses, because a late sample
+//! puts the motion of two cycles into one. The speed over both intervals must exceed the limit, too, because a single
+//! wrong sample steps away and back.
 
 use std::time::Duration;
 

@@ -10,7 +10,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::sampled::Sampled;
+use crate::plausibility::sample_set::SampleSet;
 use crate::plausibility::torque_range::TorqueRange;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -24,7 +24,7 @@ pub(super) struct Torque {
     max_difference_time: Duration,
     /// Start of each joint's difference.
     differs_since: [Option<Instant>; 6],
-    /// Joints whose last reading is explained by a low pass at most.
+    /// Joints whose last reading only a low pass of the drive can explain.
     is_suspect: [bool; 6],
 }
 
@@ -39,13 +39,13 @@ impl Torque {
         self.range.on_sent(targets);
     }
 
-    /// Returns the joints whose last reading is explained by a low pass at most: they may hold another target.
+    /// Returns the joints whose last reading only a low pass of the drive can explain. They may hold another target.
     pub(super) const fn is_suspect(&self) -> [bool; 6] {
         self.is_suspect
     }
 
     /// Checks the actual torques received in this cycle.
-    pub(super) fn check(&mut self, sampled: &Sampled<'_>) -> Option<Cause> {
+    pub(super) fn check(&mut self, sampled: &SampleSet<'_>) -> Option<Cause> {
         let mut differs = None;
         let readings = sampled.latest.iter().zip(sampled.torques);
         for (joint, (sample, _)) in Joint::each(readings).filter(|(_, (_, is_read))| *is_read) {
@@ -106,7 +106,7 @@ mod tests {
             let mut torques = [false; 6];
             torques[2] = cycle.is_multiple_of(every);
             let demands = [None; 6];
-            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques, demands };
+            let sampled = SampleSet { at, latest: &latest, fresh: [true; 6], torques, demands };
             let cause = torque.check(&sampled);
             torque.on_sent(&[0, 0, target(cycle), 0, 0, 0]);
             assert!(

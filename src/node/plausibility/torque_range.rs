@@ -1,24 +1,25 @@
 //! Range of torques (6077h) that a drive may report after the last target torques (6071h).
 //!
-//! A target sent in one cycle acts at the next SYNC, is reached some tenths of a millisecond later, and is sampled at the
-//! SYNC after that; the sample may be late. So a drive that reports at once reports one of the last five targets.
+//! A target sent in one cycle acts at the next SYNC, and is reached some tenths of a millisecond later. It is sampled at
+//! the SYNC after that, and the sample may be late. A drive without a filter therefore reports one of the last five
+//! targets.
 //!
-//! Others report behind a low pass. The output y of one with a time constant τ ≤ 10 ms moves towards its input x by
+//! Other drives report through a low pass. Its output y, with a time constant τ ≤ 10 ms, follows its input x by
 //! `dy/dt = (x - y) / τ`. The upper end h of the range follows rising inputs at once, and falling ones by
-//! `dh/dt = (x - h) / 10 ms`. Where y = h > x, y falls at least as fast as h: y never exceeds h. The lower end likewise.
-//! After a step of the target the range is still 5 % of the step too wide after 30 ms, and 0.3 % after 60 ms.
+//! `dh/dt = (x - h) / 10 ms`. If y = h > x, y falls at least as fast as h, so y never exceeds h. The same holds for the
+//! lower end. After a step of the target the range is 5 % of the step too wide after 30 ms, and 0.3 % after 60 ms.
 //!
-//! Sensors are off by a share of what they measure. A drive 5 % off, whose maker states 5 % more for its temperature,
-//! is off by 10 % of the larger end. 20 ‰ of rated torque stand for the rest, at any torque: an offset of the current
-//! sensor (1 % of twice the rated current), rounding of target and reading (1 ‰ each), and ripple, of which all
-//! readings of 50 ms would have to be on one side.
+//! Sensors have relative errors. A drive with an error of 5 %, and 5 % more over temperature by its maker's data, is
+//! within 10 % of the larger end. 20 ‰ of rated torque cover all errors that do not depend on torque. They are an offset
+//! of the current sensor (1 % of twice the rated current), rounding of target and reading (1 ‰ each), and ripple. Ripple
+//! counts only if all readings of 50 ms deviate to one side.
 
 use std::time::Duration;
 
 use units::math;
 use units::numbering::Joint;
 
-/// Cycles before a reading in which its target may have been sent.
+/// Number of cycles before a reading whose targets the drive may have applied.
 pub(super) const TARGET_CYCLES: usize = 5;
 
 /// Longest time constant of a drive's low pass.
@@ -39,7 +40,7 @@ pub(super) struct TorqueRange {
     oldest: usize,
     /// Lower and upper end of each joint's range before the errors of readings, in ‰ of rated torque.
     ends: [(f64, f64); 6],
-    /// Share of its way to the targets by which an end returns in a cycle.
+    /// Fraction of its distance to the targets by which an end returns per cycle.
     release: f64,
     /// Error of a reading as a share of the larger end.
     share: f64,

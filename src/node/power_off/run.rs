@@ -2,7 +2,7 @@
 
 use crate::Node;
 use crate::cause::Cause;
-use crate::power_off::{Action, Stage, Unconfirmed, View};
+use crate::power_off::{Action, PowerOffState, Stage, View};
 use bus::Bus;
 use canopen::drive::Statusword;
 use canopen::master::event::{Event, PowerOffStep};
@@ -12,14 +12,14 @@ use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns the drives that did not confirm power off, with their last statuswords.
-    pub(crate) fn unconfirmed(&self) -> Unconfirmed {
+    pub(crate) fn unconfirmed(&self) -> PowerOffState {
         let statuswords = self.samples.latest().each_ref().map(|sample| sample.statusword);
-        Unconfirmed { stages: self.power_off.stages, statuswords }
+        PowerOffState { stages: self.power_off.stages, statuswords }
     }
 
     /// Restores them after a boot that has failed, unless they have sent a statusword since. Its boot over, a node that
     /// failed is not read again: the next reset does that.
-    pub(crate) fn restore_unconfirmed(&mut self, before: &Unconfirmed) {
+    pub(crate) fn restore_unconfirmed(&mut self, before: &PowerOffState) {
         for (joint, (stage, statusword)) in
             Joint::each(before.stages.iter().zip(&before.statuswords))
         {

@@ -1,8 +1,8 @@
 //! Proof test (IEC 61508-4, 3.8.5) of the drives' watchdogs at each bring-up, before arming.
 //!
 //! The drives are enabled at zero torque. First SYNC and RPDOs are withheld while the heartbeat is sent, then the
-//! heartbeat while SYNC and RPDOs are sent, then node guarding. Each time every drive with that watchdog must switch its power stage off.
-//! Its fault is then reset, and it is enabled again. The measured times bound the reflected force: [`ForceCap`].
+//! heartbeat while SYNC and RPDOs are sent, then node guarding. Each time every drive with that watchdog must switch its
+//! power stage off. Its fault is then reset, and it is enabled again. The measured times bound the forces: [`ForceCap`].
 //!
 //! | file            | content                                               |
 //! |-----------------|-------------------------------------------------------|
@@ -17,7 +17,7 @@ mod report;
 mod run;
 mod watchdog_test;
 
-pub use report::{DriveResult, NoTrip, ProofTestFailure, ProofTestReport, Trip};
+pub use report::{DriveResult, Expiry, NoExpiry, ProofTestFailure, ProofTestReport};
 
 use crate::proof_test::recheck::Recheck;
 use crate::proof_test::watchdog_test::WatchdogTest;
@@ -28,9 +28,9 @@ use canopen::master::event::Event;
 use canopen::object::Object;
 use canopen::pdo::DriveSample;
 use canopen::plan::NodePlan;
-use canopen::watchdog::{Awaited, Watchdog};
+use canopen::watchdog::{LifeSign, Watchdog};
 use canopen::{NmtState, error_codes};
-use config::facts::{self, Facts, FactsRefused};
+use config::facts::{self, Facts, FactsError};
 use config::force_cap::{ForceAboveCap, ForceCap, UNPROVEN_REACTION_TIME};
 use config::{Config, Stopping};
 use units::numbering::{Joint, NodeIndex};
@@ -50,7 +50,7 @@ pub(super) struct ProofTest {
     /// Drives that reported another NMT state than operational.
     has_left_operational: [bool; 6],
     recheck: Recheck,
-    /// Facts of the drives: by their data sheets, and after a boot by what it read.
+    /// Facts of the drives, by their EDS, and after a boot by the values that it read.
     facts: Vec<Facts>,
     has_friction: bool,
 }
@@ -128,7 +128,7 @@ impl ProofTest {
     ///
     /// # Errors
     /// When a fact is stated only and not accepted, or friction compensation has no torque unit.
-    pub(super) fn check_facts(&self) -> Result<(), Vec<FactsRefused>> {
+    pub(super) fn check_facts(&self) -> Result<(), Vec<FactsError>> {
         facts::check(&self.facts, self.has_friction)
     }
 
@@ -161,28 +161,28 @@ impl ProofTest {
 
     /// Returns a failure for every drive without a watchdog.
     fn without_watchdog(&self) -> Vec<ProofTestFailure> {
-        let watchdogs = Awaited::ALL.map(|awaited| self.watchdogs(awaited));
+        let watchdogs = LifeSign::ALL.map(|awaited| self.watchdogs(awaited));
         let has_none =
             |joint: &Joint| watchdogs.iter().all(|of_drives| joint.entry(of_drives).is_none());
         let drives = Joint::ALL.into_iter().zip(&self.report.drives);
         drives
             .filter(|(joint, _)| has_none(joint))
-            .map(|(_, drive)| drive.failure(NoTrip::NoTimer))
+            .map(|(_, drive)| drive.failure(NoExpiry::NoTimer))
             .collect()
     }
 
     /// Returns whether a drive has a watchdog for this message.
-    fn has_any(&self, awaited: Awaited) -> bool {
+    fn has_any(&self, awaited: LifeSign) -> bool {
         self.watchdogs(awaited).iter().any(Option::is_some)
     }
 
-    /// Returns the drives that stop by themselves without RPDOs.
+    /// Returns the drives whose RPDO timers stop them without RPDOs.
     pub(super) fn has_rpdo_timer(&self) -> [bool; 6] {
-        self.watchdogs(Awaited::Rpdo).map(|watchdog| watchdog.is_some())
+        self.watchdogs(LifeSign::Rpdo).map(|watchdog| watchdog.is_some())
     }
 
     /// Returns the watchdog of each drive for this frame, if it is planned and the drive has its object.
-    fn watchdogs(&self, awaited: Awaited) -> [Option<Watchdog>; 6] {
+    fn watchdogs(&self, awaited: LifeSign) -> [Option<Watchdog>; 6] {
         let watchdog = |joint: Joint| {
             let watchdog = self.plans.get(joint.index())?.watchdog(awaited)?;
             let missing: &[Object] = &self.report.drives.get(joint.index())?.missing;
@@ -192,7 +192,7 @@ impl ProofTest {
     }
 
     /// Starts the test of the watchdogs for this frame, which is withheld from `now` on.
-    fn start_watchdog_test(&mut self, awaited: Awaited, now: Instant) {
+    fn start_watchdog_test(&mut self, awaited: LifeSign, now: Instant) {
         let watchdogs = self.watchdogs(awaited);
         let planned = |joint: Joint| {
             let watchdog = (*joint.entry(&watchdogs))?;
@@ -218,9 +218,9 @@ impl ProofTest {
         let mut failures = Vec::new();
         for (drive, outcome) in self.report.drives.iter_mut().zip(test.outcome()) {
             let result = match test.awaited() {
-                Awaited::Rpdo => &mut drive.rpdo,
-                Awaited::Heartbeat => &mut drive.heartbeat,
-                Awaited::Guarding => &mut drive.guarding,
+                LifeSign::Rpdo => &mut drive.rpdo,
+                LifeSign::Heartbeat => &mut drive.heartbeat,
+                LifeSign::Guarding => &mut drive.guarding,
             };
             *result = outcome.and_then(Result::ok);
             failures.extend(outcome.and_then(Result::err).map(|fault| drive.failure(fault)));
@@ -313,7 +313,7 @@ impl ProofTest {
         }
     }
 
-    /// Returns the next drive whose statusword is to be read by SDO now.
+    /// Returns the next drive whose statusword must be read by SDO now.
     fn next_to_read(&mut self, now: Instant) -> Option<Joint> {
         self.running_test()?.next_to_read(now)
     }
@@ -358,7 +358,7 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof_test = ProofTest::new(&config, &config.node_plans());
         proof_test.start(&Master::new(config.node_plans()));
-        proof_test.start_watchdog_test(Awaited::Rpdo, Instant::ZERO);
+        proof_test.start_watchdog_test(LifeSign::Rpdo, Instant::ZERO);
         let running = proof_test.phase.clone();
         for (phase, codes) in [
             (&Phase::Pending, [(0x8250, Unrelated), (0xFF00, Unrelated), (0x3210, Unrelated)]),

@@ -17,7 +17,7 @@ use units::time::Instant;
 /// Time between two readings.
 const READ_INTERVAL: Duration = Duration::from_secs(1);
 
-/// The settings to read back, in turn.
+/// Settings to read back, one after the other.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Recheck {
     entries: Vec<Entry>,
@@ -42,7 +42,7 @@ impl Recheck {
         let of_drive = |(node, plan): (NodeIndex, &NodePlan)| -> Vec<Entry> {
             let missing = master.missing_objects(node);
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
-            let settings = held.filter_map(|check| Setting::of(&check));
+            let settings = held.filter_map(|check| Setting::from_check(&check));
             let nameplate = master.nameplate(node).iter().filter(|held| held.may_change());
             let settings = settings.chain(nameplate.map(Setting::held));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()

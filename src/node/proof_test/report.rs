@@ -6,13 +6,13 @@ use derive_more::Display;
 use thiserror::Error;
 
 use canopen::NodeId;
-use canopen::nameplate::Held;
+use canopen::nameplate::StoredValue;
 use canopen::object::Object;
 use canopen::watchdog::Watchdog;
 
-/// A watchdog that tripped in the test.
+/// Expiry of a watchdog in the test, after which the drive's power stage was off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Trip {
+pub struct Expiry {
     /// Watchdog as written to the drive and read back.
     pub watchdog: Watchdog,
     /// Time from the last frame of the master to the first report of the drive, transmission included.
@@ -21,9 +21,9 @@ pub struct Trip {
     pub planned: Duration,
 }
 
-impl Trip {
-    /// Returns the maximum time for which the drive applies torque without its master, as limited by this watchdog: the
-    /// planned time, or the measured time if that is longer.
+impl Expiry {
+    /// Returns the maximum time for which the drive applies torque without its master, as limited by this watchdog. It is
+    /// the longer one of planned and measured time.
     pub fn reaction_time(&self) -> Duration {
         self.measured.max(self.planned)
     }
@@ -32,36 +32,36 @@ impl Trip {
 /// Results of one drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveResult {
-    /// Name for operators: `joint 3 (elbow)`.
+    /// Displayed name: `joint 3 (elbow)`.
     pub name: String,
     /// Its node-id.
     pub node: NodeId,
     /// Result without RPDOs; `None` if it has no RPDO timer.
-    pub rpdo: Option<Trip>,
+    pub rpdo: Option<Expiry>,
     /// Result without the master's heartbeat; `None` if it has no heartbeat consumer.
-    pub heartbeat: Option<Trip>,
+    pub heartbeat: Option<Expiry>,
     /// Result without node guarding; `None` if it is not guarded.
-    pub guarding: Option<Trip>,
+    pub guarding: Option<Expiry>,
     /// Planned objects that it does not have.
     pub missing: Vec<Object>,
     /// Sign, scale, units and ratings as its boot has read them.
-    pub held: Vec<Held>,
+    pub held: Vec<StoredValue>,
 }
 
 impl DriveResult {
     /// Returns the failure of this drive.
-    pub(super) fn failure(&self, fault: NoTrip) -> ProofTestFailure {
+    pub(super) fn failure(&self, fault: NoExpiry) -> ProofTestFailure {
         ProofTestFailure { name: self.name.clone(), node: self.node, fault }
     }
 
-    /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog tripped. RPDOs and
+    /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog expired. RPDOs and
     /// heartbeat end together with the master, so the faster watchdog counts.
     pub fn reaction_time(&self) -> Option<Duration> {
-        self.trips().map(Trip::reaction_time).min()
+        self.expiries().map(Expiry::reaction_time).min()
     }
 
-    /// Returns the watchdogs that tripped.
-    pub fn trips(&self) -> impl Iterator<Item = &Trip> {
+    /// Returns the expiries of its watchdogs.
+    pub fn expiries(&self) -> impl Iterator<Item = &Expiry> {
         [&self.rpdo, &self.heartbeat, &self.guarding].into_iter().flatten()
     }
 }
@@ -86,18 +86,18 @@ impl ProofTestReport {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name}, node {}: {fault}", node.raw())]
 pub struct ProofTestFailure {
-    /// Name for operators.
+    /// Displayed name.
     pub name: String,
     /// Its node-id.
     pub node: NodeId,
     /// Reason of the failure.
-    pub fault: NoTrip,
+    pub fault: NoExpiry,
 }
 
 /// Reason why a drive failed the proof test: the text behind the drive's name.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
-pub enum NoTrip {
-    /// The watchdog did not trip: `kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)`.
+pub enum NoExpiry {
+    /// The watchdog did not expire, or its power stage stayed on: `kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)`.
     #[display(
         "kept its power stage on for {} ms without {} ({} is {} ms)",
         duration.as_millis(),
@@ -122,21 +122,21 @@ pub enum NoTrip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::watchdog::Awaited;
+    use canopen::watchdog::LifeSign;
     use config::timer_tolerance;
 
-    fn trip(awaited: Awaited, millis: u16, measured: u64) -> Option<Trip> {
+    fn expiry(awaited: LifeSign, millis: u16, measured: u64) -> Option<Expiry> {
         let object = match awaited {
-            Awaited::Rpdo => Object::rpdo_communication(1, 5),
-            Awaited::Heartbeat => Object::CONSUMER_HEARTBEAT,
-            Awaited::Guarding => Object::LIFE_TIME_FACTOR,
+            LifeSign::Rpdo => Object::rpdo_communication(1, 5),
+            LifeSign::Heartbeat => Object::CONSUMER_HEARTBEAT,
+            LifeSign::Guarding => Object::LIFE_TIME_FACTOR,
         };
         let watchdog = Watchdog { awaited, object, millis };
         let planned = Duration::from_millis(millis.into()) + timer_tolerance(awaited);
-        Some(Trip { watchdog, measured: Duration::from_micros(measured), planned })
+        Some(Expiry { watchdog, measured: Duration::from_micros(measured), planned })
     }
 
-    fn drive(rpdo: Option<Trip>, heartbeat: Option<Trip>) -> DriveResult {
+    fn drive(rpdo: Option<Expiry>, heartbeat: Option<Expiry>) -> DriveResult {
         let node = NodeId::new(3).unwrap();
         let name = "joint 3 (elbow)".into();
         let (missing, held) = (Vec::new(), Vec::new());
@@ -146,11 +146,11 @@ mod tests {
     #[test]
     fn reaction_time_is_the_faster_watchdog_of_the_slowest_drive() {
         let (rpdo, heartbeat) =
-            (trip(Awaited::Rpdo, 5, 5_400), trip(Awaited::Heartbeat, 22, 22_900));
+            (expiry(LifeSign::Rpdo, 5, 5_400), expiry(LifeSign::Heartbeat, 22, 22_900));
         let both = drive(rpdo, heartbeat);
         assert_eq!(both.reaction_time(), Some(Duration::from_millis(6)));
         assert_eq!(
-            drive(trip(Awaited::Rpdo, 5, 7_300), None).reaction_time().unwrap().as_micros(),
+            drive(expiry(LifeSign::Rpdo, 5, 7_300), None).reaction_time().unwrap().as_micros(),
             7_300
         );
         let report =
@@ -163,8 +163,8 @@ mod tests {
 
     #[test]
     fn failure_names_drive_duration_and_watchdog() {
-        let watchdog = trip(Awaited::Rpdo, 5, 0).unwrap().watchdog;
-        let fault = NoTrip::KeptPower { watchdog, duration: Duration::from_millis(40) };
+        let watchdog = expiry(LifeSign::Rpdo, 5, 0).unwrap().watchdog;
+        let fault = NoExpiry::KeptPower { watchdog, duration: Duration::from_millis(40) };
         let DriveResult { name, node, .. } = drive(None, None);
         assert_eq!(
             ProofTestFailure { name, node, fault }.to_string(),

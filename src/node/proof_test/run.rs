@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::{BringUpError, Node};
 use bus::Bus;
-use canopen::watchdog::Awaited;
+use canopen::watchdog::LifeSign;
 use remote::Remote;
 use units::drive::PerMille;
 
@@ -15,7 +15,7 @@ const MAX_RECEIVE_WAIT: Duration = Duration::from_millis(1);
 const SETTLE_TIME: Duration = Duration::from_millis(10);
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Trips every watchdog of every drive once, and enables the drives again after each test. The drives are enabled at
+    /// Lets every watchdog of every drive expire once, and enables the drives again after each test. The drives are enabled at
     /// zero torque before and after it.
     ///
     /// # Errors
@@ -48,17 +48,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &mut self,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
-        for awaited in Awaited::ALL {
+        for awaited in LifeSign::ALL {
             if !self.proof_test.has_any(awaited) {
                 continue;
             }
             match awaited {
-                Awaited::Rpdo => self.withhold_rpdos(give_up)?,
-                Awaited::Heartbeat => {
+                LifeSign::Rpdo => self.withhold_rpdos(give_up)?,
+                LifeSign::Heartbeat => {
                     self.send_last_heartbeat();
                     self.withhold_error_control(awaited, give_up)?;
                 }
-                Awaited::Guarding => {
+                LifeSign::Guarding => {
                     self.network.pause_guarding();
                     let tested = self.withhold_error_control(awaited, give_up);
                     self.network.master.resume_guarding(self.wire.read_clock());
@@ -85,7 +85,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Tests the RPDO timers: withholds SYNC and RPDOs, and sends the heartbeat.
     fn withhold_rpdos(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        self.proof_test.start_watchdog_test(Awaited::Rpdo, self.wire.read_clock());
+        self.proof_test.start_watchdog_test(LifeSign::Rpdo, self.wire.read_clock());
         loop {
             let now = self.wire.read_clock();
             self.send_heartbeat(now);
@@ -114,7 +114,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// RPDOs at zero torque.
     fn withhold_error_control(
         &mut self,
-        awaited: Awaited,
+        awaited: LifeSign,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.proof_test.start_watchdog_test(awaited, self.wire.read_clock());
@@ -127,7 +127,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let sync_at = self.send_sync(due.at);
             self.gather(sync_at);
             let now = self.wire.read_clock();
-            if awaited != Awaited::Heartbeat {
+            if awaited != LifeSign::Heartbeat {
                 self.send_heartbeat(now);
             }
             self.poll_master(now);
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
     use crate::cause::Cause;
     use crate::silent_bus::{NoRemote, SilentBus, node};
-    use bus::{BusEvent, Received};
+    use bus::{BusEvent, ReceivedEvent};
     use canopen::frame::{Channel, Frame};
     use canopen::master::event::Event;
     use units::time::Instant;
@@ -165,7 +165,7 @@ mod tests {
         let [low, high] = code.to_le_bytes();
         let frame = Frame::new(0x83, [low, high, 0x10, 0, 0, 0, 0, 0]);
         let at = node.wire.read_clock();
-        node.on_received(Received { at, channel: Channel(0), event: BusEvent::Frame(frame) });
+        node.on_received(ReceivedEvent { at, channel: Channel(0), event: BusEvent::Frame(frame) });
         node.notice()
     }
 
@@ -173,7 +173,7 @@ mod tests {
     fn emergencies_of_the_test_are_logged_as_its_part() {
         let mut node = node();
         node.proof_test.start(&node.network.master);
-        node.proof_test.start_watchdog_test(Awaited::Rpdo, Instant::ZERO);
+        node.proof_test.start_watchdog_test(LifeSign::Rpdo, Instant::ZERO);
         let event = emergency(&mut node, 0x8250);
         assert!(matches!(event, Some(Event::Tested { .. })), "{event:?}");
         assert_eq!(emergency(&mut node, 0x0000), None, "the error is reset");
@@ -184,7 +184,7 @@ mod tests {
     fn unexpected_emergency_in_the_test_is_a_warning_and_ends_it() {
         let mut node = node();
         node.proof_test.start(&node.network.master);
-        node.proof_test.start_watchdog_test(Awaited::Rpdo, Instant::ZERO);
+        node.proof_test.start_watchdog_test(LifeSign::Rpdo, Instant::ZERO);
         let event = emergency(&mut node, 0x3210);
         assert!(matches!(event, Some(Event::Emergency { .. })), "{event:?}");
         assert!(matches!(node.cause(), Some(Cause::Emergency { .. })), "{:?}", node.cause());

@@ -1,4 +1,4 @@
-//! Test of one watchdog on all drives: a frame of the master is withheld, and every drive that awaits it must switch its
+//! Test of one watchdog on all drives. A frame of the master is withheld, and every drive that awaits it must switch its
 //! power stage off.
 //!
 //! ```text
@@ -8,15 +8,15 @@
 //!      │              └ 6041h is read by SDO every 2 ms                      │
 //! ```
 //!
-//! An emergency gives the time of the trip. Only a statusword confirms it, because a drive may report a fault and stay
+//! An EMCY message gives the time of the expiry. Only a statusword confirms it, because a drive may report a fault and stay
 //! enabled. The test does no input or output: received data goes in, the next statusword to read comes out.
 
 use std::time::Duration;
 
 use crate::power;
-use crate::proof_test::report::{NoTrip, Trip};
+use crate::proof_test::report::{Expiry, NoExpiry};
 use canopen::drive::Statusword;
-use canopen::watchdog::{Awaited, Watchdog};
+use canopen::watchdog::{LifeSign, Watchdog};
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -30,7 +30,7 @@ const READ_INTERVAL: Duration = Duration::from_millis(2);
 /// Test of one watchdog on all drives.
 #[derive(Clone, Debug)]
 pub(crate) struct WatchdogTest {
-    awaited: Awaited,
+    awaited: LifeSign,
     started_at: Instant,
     drives: [Option<DriveTest>; 6],
 }
@@ -39,7 +39,7 @@ pub(crate) struct WatchdogTest {
 #[derive(Clone, Copy, Debug)]
 struct DriveTest {
     watchdog: Watchdog,
-    /// Maximum time until it is known to have tripped, by the plan.
+    /// Maximum time until the node detects the expiry, by the plan.
     planned: Duration,
     /// Time of its first emergency.
     reported_at: Option<Instant>,
@@ -60,10 +60,10 @@ enum StatuswordRead {
 }
 
 impl WatchdogTest {
-    /// Starts the test of these watchdogs, each with the maximum time until its trip is known, by the plan. The last
-    /// frame was sent at `started_at`.
+    /// Starts the test of these watchdogs, each with the maximum time until the node detects its expiry, by the plan. The
+    /// last frame was sent at `started_at`.
     pub(crate) fn new(
-        awaited: Awaited,
+        awaited: LifeSign,
         started_at: Instant,
         watchdogs: [Option<(Watchdog, Duration)>; 6],
     ) -> Self {
@@ -75,7 +75,7 @@ impl WatchdogTest {
     }
 
     /// Returns the withheld frame.
-    pub(crate) const fn awaited(&self) -> Awaited {
+    pub(crate) const fn awaited(&self) -> LifeSign {
         self.awaited
     }
 
@@ -114,7 +114,7 @@ impl WatchdogTest {
         }
     }
 
-    /// Returns the next drive whose statusword is to be read now, and marks it as requested.
+    /// Returns the next drive whose statusword must be read now, and marks it as requested.
     pub(crate) fn next_to_read(&mut self, now: Instant) -> Option<Joint> {
         let mut drives = Joint::each(&mut self.drives);
         drives.find_map(|(joint, tested)| {
@@ -138,18 +138,18 @@ impl WatchdogTest {
     }
 
     /// Returns the result of each drive that has the watchdog.
-    pub(crate) fn outcome(&self) -> [Option<Result<Trip, NoTrip>>; 6] {
+    pub(crate) fn outcome(&self) -> [Option<Result<Expiry, NoExpiry>>; 6] {
         self.drives.map(|drive| drive.map(|drive| self.verdict(&drive)))
     }
 
-    fn verdict(&self, drive: &DriveTest) -> Result<Trip, NoTrip> {
+    fn verdict(&self, drive: &DriveTest) -> Result<Expiry, NoExpiry> {
         let watchdog = drive.watchdog;
         let Some(off_at) = drive.off_at else {
-            return Err(NoTrip::KeptPower { watchdog, duration: timeout(watchdog) + GRACE_TIME });
+            return Err(NoExpiry::KeptPower { watchdog, duration: timeout(watchdog) + GRACE_TIME });
         };
         let first = drive.reported_at.map_or(off_at, |reported_at| reported_at.min(off_at));
         let planned = drive.planned;
-        Ok(Trip { watchdog, measured: first.since(self.started_at), planned })
+        Ok(Expiry { watchdog, measured: first.since(self.started_at), planned })
     }
 
     /// Returns the drives without a final result.
@@ -186,20 +186,20 @@ mod tests {
 
     fn timer(millis: u16) -> Option<Watchdog> {
         let object = Object::rpdo_communication(1, 5);
-        Some(Watchdog { awaited: Awaited::Rpdo, object, millis })
+        Some(Watchdog { awaited: LifeSign::Rpdo, object, millis })
     }
 
-    /// Returns a test of six drives, of which only the first has a watchdog: 5 ms.
+    /// Returns a test of six drives. Only the first has a watchdog, of 5 ms.
     fn one() -> WatchdogTest {
-        WatchdogTest::new(Awaited::Rpdo, at(0), [planned(5), None, None, None, None, None])
+        WatchdogTest::new(LifeSign::Rpdo, at(0), [planned(5), None, None, None, None, None])
     }
 
     fn planned(millis: u16) -> Option<(Watchdog, Duration)> {
         Some((timer(millis)?, Duration::from_millis(u64::from(millis) + 1)))
     }
 
-    fn outcome(test: &WatchdogTest) -> Result<u128, NoTrip> {
-        test.outcome()[0].unwrap().map(|trip| trip.measured.as_micros())
+    fn outcome(test: &WatchdogTest) -> Result<u128, NoExpiry> {
+        test.outcome()[0].unwrap().map(|expiry| expiry.measured.as_micros())
     }
 
     #[test]
@@ -229,7 +229,7 @@ mod tests {
         let duration = Duration::from_millis(40);
         assert_eq!(
             outcome(&test),
-            Err(NoTrip::KeptPower { watchdog: timer(5).unwrap(), duration })
+            Err(NoExpiry::KeptPower { watchdog: timer(5).unwrap(), duration })
         );
     }
 
@@ -266,7 +266,7 @@ mod tests {
         fn any_input_ends_the_test_and_only_drives_without_power_pass(
             inputs in proptest::collection::vec((0_u64..300_000, 0_usize..6, any::<u16>(), 0..3), 0..50),
         ) {
-            let mut test = WatchdogTest::new(Awaited::Rpdo, at(0), [planned(5); 6]);
+            let mut test = WatchdogTest::new(LifeSign::Rpdo, at(0), [planned(5); 6]);
             let mut off = [false; 6];
             for (micros, drive, word, kind) in inputs {
                 let (joint, word) = (Joint::at(drive).unwrap(), Statusword(word));

@@ -1,4 +1,4 @@
-//! The mode of the node, and the only place that changes it.
+//! Mode of the node, which only this module changes.
 //!
 //! ```text
 //!          all enabled         arm               deadman closes
@@ -15,7 +15,7 @@
 //! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. After a
 //! disarm request gravity compensation ramps to zero before the mode changes. After a cause the [`table`] applies.
 //!
-//! A latched stop becomes stricter by itself or by another cause, never milder. Only a reset ends it. The reset is
+//! A latched stop becomes stricter with time or by another cause, never milder. Only a reset ends it. The reset is
 //! refused while the cause is active, and the deadman must then be released and pressed again.
 //!
 //! | file            | content                                             |
@@ -194,8 +194,8 @@ impl Safety {
     /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
     ///
     /// # Errors
-    /// When there is no switch box, the mode is not `Ready`, the deadman is not known to be released, or a cause is active that would
-    /// stop the armed node.
+    /// When the mode is not `Ready`, there is no switch box, or the deadman is not known to be released. Also when an active
+    /// cause would stop the armed node.
     pub fn arm(&mut self, now: Instant, enable_state: Option<EnableState>) -> Result<(), Refusal> {
         if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
             return Err(Refusal::Stopped(cause));

@@ -51,9 +51,9 @@ impl Ramp {
     }
 }
 
-/// Returns `elapsed` as a fraction of `whole`, at most 1; 1 if `whole` is zero.
-fn fraction(elapsed: Duration, whole: Duration) -> f64 {
-    if elapsed >= whole { 1.0 } else { elapsed.as_secs_f64() / whole.as_secs_f64() }
+/// Returns `elapsed` as a fraction of `duration`, at most 1; 1 if `duration` is zero.
+fn fraction(elapsed: Duration, duration: Duration) -> f64 {
+    if elapsed >= duration { 1.0 } else { elapsed.as_secs_f64() / duration.as_secs_f64() }
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
-//! Posture in which the hand meets the wall, as `frhc check` reports it.
+//! Contact posture at the wall, as `frhc check` reports it.
 
 use config::Config;
 use controller::contact_posture::{ContactPosture, PostureBounds};
 
-/// Logs a wall that the hand cannot meet as one should: out of its reach, or with the object in it from the start.
+/// Logs a warning if the wall is out of reach of the hand, or the object starts in it.
 pub fn warn(config: &Config) {
     let is_missed = config.wall_contact().is_some_and(|met| met.posture.is_err());
     if is_missed || config.wall_depth_at_start().is_some() {
@@ -11,13 +11,13 @@ pub fn warn(config: &Config) {
     }
 }
 
-/// Returns the line on the wall; `None` without one.
+/// Returns the line about the wall; `None` without a wall.
 pub(super) fn line(config: &Config) -> Option<String> {
     if let Some(depth) = config.wall_depth_at_start() {
         return Some(format!("contact warning   the object starts {depth:.3} m in the wall"));
     }
     let met = config.wall_contact()?;
-    let away = met.way.norm();
+    let away = met.displacement.norm();
     Some(match met.posture {
         Ok(posture) => {
             let is_poor = !config.contact_bounds.permit(&posture);
@@ -46,13 +46,13 @@ fn remark(PostureBounds { min_sigma, max_friction_n }: &PostureBounds) -> String
     )
 }
 
-/// Returns the same for scripts.
+/// Returns the contact as JSON, `null` without a wall.
 pub(super) fn json(config: &Config) -> serde_json::Value {
     if let Some(depth_m) = config.wall_depth_at_start() {
         return serde_json::json!({ "starts_in_the_wall_m": depth_m });
     }
     let Some(met) = config.wall_contact() else { return serde_json::Value::Null };
-    let way_m = met.way.norm();
+    let way_m = met.displacement.norm();
     match met.posture {
         Ok(posture) => serde_json::json!({
             "way_m": way_m,

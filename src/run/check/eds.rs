@@ -19,11 +19,11 @@ struct Report {
     findings: Vec<Finding>,
 }
 
-/// Maximum number of missing parts that are listed for a file.
+/// Maximum number of gaps listed for a file.
 const MAX_GAPS: usize = 3;
 
-/// Returns one line for each miscount of a file's maker, and one for each file with other errors. Each file is named once,
-/// however many nodes have it.
+/// Returns one line for each gap in an EDS, and one for each EDS with other errors. A file that several nodes share is
+/// named once.
 pub(super) fn lines(config: &Config) -> Vec<String> {
     let mut lines = Vec::new();
     for EdsFile { path, errors, gaps, .. } in &config.eds_files {
@@ -40,7 +40,7 @@ pub(super) fn lines(config: &Config) -> Vec<String> {
     lines
 }
 
-/// Returns the nodes whose EDS has errors; its readable objects are used.
+/// Returns the nodes whose EDS has errors; the readable objects of such an EDS are used.
 pub(super) fn faulty_json(config: &Config) -> serde_json::Value {
     let faulty = config.data_sheets().filter_map(|(node, eds)| {
         let file = config.eds_files.iter().find(|file| Arc::ptr_eq(&file.eds, eds))?;

@@ -6,7 +6,7 @@ use crate::commanded_side;
 use config::{Agreement, Config};
 use remote::model::Difference;
 
-/// Returns the lines on the figures that it must have; none where the commanded side is in this process.
+/// Returns lines about the figures that the robot must have; empty if the commanded side is in this process.
 pub(super) fn lines(config: &Config) -> impl Iterator<Item = String> {
     let agreed = config.far_side.agreement.map(|Agreement { round_trip, stated }| {
         format!(
@@ -24,7 +24,7 @@ pub(super) fn lines(config: &Config) -> impl Iterator<Item = String> {
     agreed.into_iter().chain(model)
 }
 
-/// Returns the same for scripts. A figure for which anything will do is null.
+/// Returns the figures as JSON. A figure without a requirement is `null`.
 pub(super) fn json(config: &Config) -> Value {
     let Some(Agreement { round_trip, stated }) = config.far_side.agreement else {
         return Value::Null;

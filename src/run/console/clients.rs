@@ -1,4 +1,4 @@
-//! One task per client: a client that stays connected, does not read or sends half a line delays no other.
+//! One task per client, so that a client that stays connected, does not read or sends half a line does not delay others.
 
 use std::io;
 use std::sync::Arc;
@@ -54,7 +54,7 @@ impl Socket {
     }
 }
 
-/// The connected clients.
+/// Connected clients.
 #[derive(Debug, Default)]
 struct Clients {
     tasks: JoinSet<()>,
@@ -67,14 +67,14 @@ struct Client {
     activity: Arc<Activity>,
 }
 
-/// State that decides which client to close.
+/// Activity of a client, by which the one to close is chosen.
 #[derive(Debug, Default)]
 struct Activity {
     /// True from the first byte of a request to the end of its response.
     is_busy: AtomicBool,
     /// True from the receipt of a disarm to the end of its response.
     is_disarming: AtomicBool,
-    /// Time since when it waits for a request, in µs of the bus clock.
+    /// Time at which the client became idle, in µs of the bus clock.
     idle_since: AtomicU64,
 }
 
@@ -95,8 +95,8 @@ impl Clients {
         self.open.push(Client { task, activity });
     }
 
-    /// Closes the client that has been idle longest; if all are busy, the one that has been busy longest. One that
-    /// disarms, which takes little more than a second, is closed only if all do.
+    /// Closes the client that has been idle longest; if all are busy, the one that has been busy longest. A client that
+    /// disarms, which takes little more than a second, is closed only if all clients disarm.
     fn close_one(&mut self) {
         let rank = |(_, client): &(usize, &Client)| {
             let Activity { is_busy, is_disarming, idle_since } = &*client.activity;
@@ -159,7 +159,8 @@ async fn line(read: &mut BufReader<ReadHalf<'_>>) -> io::Result<String> {
     }
 }
 
-/// Waits until the client has closed the connection. One that only shut down its sending side may still wait.
+/// Waits until the client has closed the connection. A client that only shut down its sending side may still wait for a
+/// response.
 async fn hang_up(write: &WriteHalf<'_>) -> io::Error {
     loop {
         match write.ready(Interest::WRITABLE).await {
@@ -186,7 +187,7 @@ mod tests {
     use telemetry::losses::Losses;
     use units::time::Instant;
 
-    /// A console without a node, in a folder of its own.
+    /// Console without a node, in a separate folder.
     struct Bench {
         folder: PathBuf,
         handler: Arc<RequestHandler>,

@@ -1,7 +1,8 @@
-//! The control socket of a running node: one JSON object a line in, one a line out.
+//! Control socket of a running node. Requests and responses are JSON objects, one per line.
 //!
-//! `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
-//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}`, `{"ask":"align"}`; answered by `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
+//! Requests are `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
+//! `{"ask":"mode pose"}`, `{"ask":"scale motion 0.5"}`, `{"ask":"lock rz on"}` and `{"ask":"align"}`. Responses are
+//! `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
 //!
 //! | file              | content                                                         |
 //! |-------------------|-----------------------------------------------------------------|

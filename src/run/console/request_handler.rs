@@ -1,5 +1,5 @@
-//! Execution of requests: passes them to the cycle, logs them with the client's user id, and withdraws those of a client
-//! that disconnects.
+//! Execution of requests: passes them to the cycle, logs them with the client's user id, and withdraws them if the client
+//! disconnects.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::{sleep, timeout};
 
-use crate::console::request_queue::{Denied, Outcome, Phase, RequestSender};
+use crate::console::request_queue::{Denial, Outcome, Phase, RequestSender};
 use crate::console::{ConsoleCommand, Response};
 use crate::latest_status::LatestStatus;
 use controller::switches::Mode as CommandMode;
@@ -75,7 +75,7 @@ impl fmt::Debug for RequestHandler {
     }
 }
 
-/// Sets a flag when dropped: withdraws the request of a client that disconnects.
+/// Guard that sets a flag when dropped, to withdraw the request of a client that disconnects.
 struct WithdrawOnDrop(Arc<AtomicBool>);
 
 impl Drop for WithdrawOnDrop {
@@ -141,7 +141,7 @@ impl RequestHandler {
         let (reply, concluded) = oneshot::channel();
         let handler = Arc::clone(self);
         tokio::spawn(async move {
-            let outcome = answered.await.unwrap_or(Err(Denied::Ending));
+            let outcome = answered.await.unwrap_or(Err(Denial::Ending));
             // The receiver is gone when the client has disconnected.
             reply.send(handler.conclude(uid, request, outcome)).ok();
         });
@@ -177,25 +177,25 @@ impl RequestHandler {
         outcome
     }
 
-    /// Updates the remarks on the status after a reset. A request that was never executed leaves them as they are.
+    /// Updates the remarks on the status after a reset. A request that was never executed does not change them.
     fn on_reset(&self, outcome: &Outcome) {
         let mut journal = self.journal();
         match outcome {
             // Without a stop there is nothing to remark.
-            Ok(_) | Err(Denied::Refused(RequestError::Mode(Refusal::NotStopped(_)))) => {
+            Ok(_) | Err(Denial::Refused(RequestError::Mode(Refusal::NotStopped(_)))) => {
                 journal.remark = None;
                 journal.failed_reset = None;
             }
-            Err(Denied::Refused(_) | Denied::Latch(_)) => {
+            Err(Denial::Refused(_) | Denial::Latch(_)) => {
                 journal.failed_reset = outcome.as_ref().err().map(ToString::to_string);
             }
             Err(
-                Denied::Booting
-                | Denied::Ending
-                | Denied::Busy
-                | Denied::TooOld(_)
-                | Denied::Disarmed
-                | Denied::Withdrawn,
+                Denial::Booting
+                | Denial::Ending
+                | Denial::Busy
+                | Denial::TooOld(_)
+                | Denial::Disarmed
+                | Denial::Withdrawn,
             ) => {}
         }
     }
@@ -207,7 +207,7 @@ impl RequestHandler {
             loop {
                 match (self.sender.disarm_result(disarm), self.sender.phase()) {
                     (Some(mode), _) => return Ok(mode),
-                    (None, Phase::Ending) => return Err(Denied::Ending),
+                    (None, Phase::Ending) => return Err(Denial::Ending),
                     (None, Phase::Booting | Phase::Running) => sleep(DISARM_POLL).await,
                 }
             }

@@ -1,8 +1,9 @@
 //! Requests from the console to the cycle: a short queue, and a separate counter for disarm.
 //!
-//! The cycle compares the disarm counter once a cycle, so no queued request and no client can delay a disarm. A queued
-//! request is refused when it is older than a second, was made before the end of a boot or before a disarm, or its
-//! client has disconnected: an abandoned request must not act later.
+//! The cycle compares the disarm counter once a cycle, so no queued request and no client can delay a disarm.
+//!
+//! An abandoned request must not act later. A queued request is refused if it is older than a second, or if its client has
+//! disconnected. It is also refused if it precedes the end of a boot or a disarm.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
@@ -23,7 +24,7 @@ const MAX_AGE: Duration = Duration::from_secs(1);
 
 /// Reasons why a request is refused.
 #[derive(Debug, Display)]
-pub enum Denied {
+pub enum Denial {
     /// The node refuses it.
     #[display("{_0}")]
     Refused(RequestError),
@@ -39,7 +40,7 @@ pub enum Denied {
     /// The queue is full.
     #[display("too many requests are waiting: retry")]
     Busy,
-    /// The request has this age.
+    /// The request is older than a second; it has this age.
     #[display("the request is {:.1} s old: retry", _0.as_secs_f64())]
     TooOld(Duration),
     /// A disarm was requested later.
@@ -51,7 +52,7 @@ pub enum Denied {
 }
 
 /// Result of a request: the mode after it.
-pub type Outcome = Result<Mode, Denied>;
+pub type Outcome = Result<Mode, Denial>;
 
 /// Phase of the node, which decides the requests it accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +85,7 @@ impl Phase {
 
 /// Lock-free state shared by sender and receiver.
 #[derive(Debug)]
-struct Shared {
+struct QueueState {
     /// Number of the [`Phase`].
     phase: AtomicU8,
     /// Number of disarms requested so far.
@@ -95,7 +96,7 @@ struct Shared {
     disarmed_to: AtomicU8,
 }
 
-impl Shared {
+impl QueueState {
     fn phase(&self) -> Phase {
         Phase::of_number(self.phase.load(Ordering::Acquire))
     }
@@ -122,7 +123,7 @@ impl Pending {
 /// Returns sender and receiver, in phase booting.
 pub fn channel() -> (RequestSender, RequestReceiver) {
     let (queue, queued) = mpsc::channel(QUEUE_CAPACITY);
-    let shared = Arc::new(Shared {
+    let shared = Arc::new(QueueState {
         phase: AtomicU8::new(Phase::Booting.number()),
         disarms: AtomicU64::new(0),
         disarmed: AtomicU64::new(0),
@@ -132,11 +133,11 @@ pub fn channel() -> (RequestSender, RequestReceiver) {
     (RequestSender { queue, shared }, receiver)
 }
 
-/// Sender, used by the console.
+/// Sender of requests, used by the console.
 #[derive(Clone, Debug)]
 pub struct RequestSender {
     queue: mpsc::Sender<Pending>,
-    shared: Arc<Shared>,
+    shared: Arc<QueueState>,
 }
 
 /// Number of a requested disarm.
@@ -170,31 +171,31 @@ impl RequestSender {
         request: Request,
         made_at: Instant,
         is_withdrawn: &Arc<AtomicBool>,
-    ) -> Result<oneshot::Receiver<Outcome>, Denied> {
+    ) -> Result<oneshot::Receiver<Outcome>, Denial> {
         match self.phase() {
             Phase::Running => {}
-            Phase::Booting => return Err(Denied::Booting),
-            Phase::Ending => return Err(Denied::Ending),
+            Phase::Booting => return Err(Denial::Booting),
+            Phase::Ending => return Err(Denial::Ending),
         }
         let (answer, answered) = oneshot::channel();
         let disarms = self.shared.disarms.load(Ordering::Acquire);
         let is_withdrawn = Arc::clone(is_withdrawn);
         let pending = Pending { request, made_at, disarms, is_withdrawn, answer };
-        self.queue.try_send(pending).map_err(|_| Denied::Busy)?;
+        self.queue.try_send(pending).map_err(|_| Denial::Busy)?;
         Ok(answered)
     }
 }
 
-/// Receiver, used by the cycle thread; never blocks.
+/// Receiver of requests, used by the cycle thread; never blocks.
 #[derive(Debug)]
 pub struct RequestReceiver {
     queued: mpsc::Receiver<Pending>,
-    shared: Arc<Shared>,
-    /// End of the last boot: older requests are refused.
+    shared: Arc<QueueState>,
+    /// End of the last boot. Earlier requests are refused.
     ready_at: Instant,
 }
 
-/// A request to execute in this cycle.
+/// Request to execute in this cycle.
 #[derive(Debug)]
 pub struct AcceptedRequest {
     pub request: Request,
@@ -204,12 +205,12 @@ pub struct AcceptedRequest {
 impl AcceptedRequest {
     /// Sends the outcome to the client.
     pub fn answer(self, outcome: Result<Mode, RequestError>) {
-        self.pending.answer(outcome.map_err(Denied::Refused));
+        self.pending.answer(outcome.map_err(Denial::Refused));
     }
 
     /// Refuses a reset because its latch cannot be written.
     pub fn refuse_without_latch(self, reason: String) {
-        self.pending.answer(Err(Denied::Latch(reason)));
+        self.pending.answer(Err(Denial::Latch(reason)));
     }
 }
 
@@ -243,16 +244,16 @@ impl RequestReceiver {
         None
     }
 
-    fn denies(&self, pending: &Pending, now: Instant) -> Option<Denied> {
+    fn denies(&self, pending: &Pending, now: Instant) -> Option<Denial> {
         let age = now.since(pending.made_at);
         if pending.is_withdrawn.load(Ordering::Acquire) {
-            Some(Denied::Withdrawn)
+            Some(Denial::Withdrawn)
         } else if pending.made_at < self.ready_at {
-            Some(Denied::Booting)
+            Some(Denial::Booting)
         } else if age > MAX_AGE {
-            Some(Denied::TooOld(age))
+            Some(Denial::TooOld(age))
         } else if pending.disarms != self.disarms() {
-            Some(Denied::Disarmed)
+            Some(Denial::Disarmed)
         } else {
             None
         }
@@ -269,7 +270,7 @@ impl RequestReceiver {
             self.complete_disarm(disarm, Mode::Boot);
         }
         while let Ok(pending) = self.queued.try_recv() {
-            pending.answer(Err(Denied::Booting));
+            pending.answer(Err(Denial::Booting));
         }
     }
 
@@ -283,7 +284,7 @@ impl RequestReceiver {
     pub fn close(&mut self) {
         self.enter(Phase::Ending);
         while let Ok(pending) = self.queued.try_recv() {
-            pending.answer(Err(Denied::Ending));
+            pending.answer(Err(Denial::Ending));
         }
     }
 
@@ -323,7 +324,7 @@ mod tests {
         let (sender, mut receiver) = running();
         let mut armed: Vec<_> =
             (0..QUEUE_CAPACITY).map(|_| send(&sender, Request::Arm, at(1))).collect();
-        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denied::Busy)));
+        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denial::Busy)));
         let disarm = sender.request_disarm();
         assert_eq!(receiver.pending_disarm(), Some(disarm));
         assert_eq!(sender.disarm_result(disarm), None);
@@ -358,7 +359,7 @@ mod tests {
     #[test]
     fn request_made_during_a_boot_is_refused() {
         let (sender, mut receiver) = channel();
-        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denied::Booting)));
+        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denial::Booting)));
         receiver.end_boot(at(5));
         // Requests made between two calls of `answer_during_boot`.
         let early = send(&sender, Request::Arm, at(4));
@@ -384,7 +385,7 @@ mod tests {
         let waiting = send(&sender, Request::Arm, at(1));
         receiver.close();
         assert_eq!(denied(waiting), "the node is stopping");
-        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denied::Ending)));
+        assert!(matches!(sender.send(Request::Arm, at(1), &Arc::default()), Err(Denial::Ending)));
         assert_eq!(sender.phase(), Phase::Ending);
     }
 }

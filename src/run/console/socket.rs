@@ -41,7 +41,7 @@ pub(crate) fn default_sockets() -> Vec<PathBuf> {
     places
 }
 
-/// The listening socket; its file goes with it.
+/// Listening socket, which removes its file when dropped.
 #[derive(Debug)]
 pub(crate) struct Socket {
     _file: SocketFile,

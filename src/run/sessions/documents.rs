@@ -1,4 +1,4 @@
-//! Documents of a session, read.
+//! Reading of a session's JSON documents.
 
 use std::io::{self, ErrorKind};
 use std::path::Path;

@@ -13,39 +13,40 @@ use config::files;
 use telemetry::origin::Origin;
 use telemetry::parts::{Parts, Stream};
 
-/// Bytes at the end of a log in which its last line is looked for.
+/// Number of bytes at the end of a log that are searched for its last line.
 const TAIL: u64 = 4_096;
 
 /// A recorded session.
 #[derive(Debug, Serialize)]
 pub(super) struct Session {
-    /// Name of its folder.
+    /// Name of the folder.
     name: String,
-    /// Command that has recorded it.
+    /// Command that has recorded the session.
     kind: String,
     /// Time zero; that of a demo is zero.
     begun: Origin,
-    /// Time from its first to its last cycle, in s; without a summary, from time zero to the last frame, if that is not packed.
+    /// Time from the first to the last cycle, in s. Without a summary, from time zero to the last frame, unless that is
+    /// packed.
     seconds: Option<f64>,
     /// Size of all parts, in bytes.
     bytes: u64,
     parts: u32,
-    /// Files of these parts, and those of them that are packed.
+    /// Number of files of these parts, and of packed files among them.
     files: usize,
     packed: usize,
     /// Mode in which the run ended, with its cause; `None` without a summary.
     ended: Option<String>,
-    /// Reason of an end of the recording before the run.
+    /// Reason of an end of the recording before the end of the run.
     ended_early: Option<String>,
     /// Names of missing files.
     missing: Vec<String>,
 }
 
 impl Session {
-    /// Reads what its documents and the names of its files say.
+    /// Reads a session from its documents and the names of its files.
     ///
     /// # Errors
-    /// A document cannot be read.
+    /// When a document cannot be read.
     pub(super) fn read(folder: &Path) -> io::Result<Self> {
         let description = document(folder, DESCRIPTION)?.ok_or(ErrorKind::NotFound)?;
         let (summary, stated) = summary(folder)?;
@@ -76,7 +77,7 @@ impl Session {
         })
     }
 
-    /// Returns its end in words.
+    /// Returns the end of the session in words.
     fn end(&self) -> String {
         let ended = self.ended.as_deref();
         let mut end = ended.unwrap_or("no summary: it is still recorded, or was killed").to_owned();
@@ -120,7 +121,7 @@ pub(super) fn table(sessions: &[Session]) -> Vec<String> {
 
 /// Returns the time from time zero to the last frame, if its part is plain.
 fn seconds(folder: &Path, parts: &Parts, origin_us: u64) -> Option<f64> {
-    let last = parts.of(Stream::BusLog).last()?.ok()?;
+    let last = parts.stream(Stream::BusLog).last()?.ok()?;
     let mut file = files::open_unlinked(&folder.join(last.name())).ok()?;
     file.seek(SeekFrom::Start(last.size.saturating_sub(TAIL))).ok()?;
     let mut tail = String::new();

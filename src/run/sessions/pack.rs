@@ -1,5 +1,5 @@
-//! Packs finished parts of a session with gzip (RFC 1952). Nothing is lost: a packed part has its name only once it is on the
-//! disk and was read back equal, and only then is the plain one removed.
+//! Compression of finished parts of a session with gzip (RFC 1952). A packed part gets its name only once it is on the disk
+//! and was read back equal. Only then is the plain part removed.
 
 use std::fmt;
 use std::fs::{self, File};
@@ -18,28 +18,28 @@ use crate::sessions::documents::summary;
 use config::files;
 use telemetry::parts::{Part, Parts};
 
-/// Start of the names of files that are being packed.
+/// Prefix of the names of files that are being packed.
 const TEMPORARY: &str = ".pack-";
 
-/// Level of compression: more takes twice the time and saves 2 %.
+/// Compression level. A higher one takes twice the time and saves 2 %.
 const LEVEL: Compression = Compression::new(6);
 
-/// Bytes between two looks at signals.
+/// Number of bytes between two checks for signals.
 const CHUNK: usize = 1 << 16;
 
 /// Result of packing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Packed {
+pub(super) struct PackReport {
     pub(super) sessions: u32,
     files: u32,
     /// Sizes of these files, in bytes.
     before: u64,
     after: u64,
-    /// Parts that are not finished.
+    /// Number of parts that are not finished.
     left: u32,
 }
 
-impl AddAssign for Packed {
+impl AddAssign for PackReport {
     fn add_assign(&mut self, other: Self) {
         self.sessions += other.sessions;
         self.files += other.files;
@@ -50,7 +50,7 @@ impl AddAssign for Packed {
 }
 
 /// Formats as `4 files packed, 37.5 MB to 6.0 MB`.
-impl fmt::Display for Packed {
+impl fmt::Display for PackReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let files = |count| format!("{count} {}", if count == 1 { "file" } else { "files" });
         match self.files {
@@ -76,9 +76,9 @@ pub(super) fn megabytes(bytes: u64) -> String {
 /// Packs the finished parts in the folder of a session.
 ///
 /// # Errors
-/// A file cannot be read or written, another process packs this session, or `is_interrupted`. Files that were packed before
-/// stay so.
-pub(super) fn pack(folder: &Path, is_interrupted: &dyn Fn() -> bool) -> io::Result<Packed> {
+/// When a file cannot be read or written, another process packs this session, or `is_interrupted`. Files packed before
+/// remain packed.
+pub(super) fn pack(folder: &Path, is_interrupted: &dyn Fn() -> bool) -> io::Result<PackReport> {
     let lock = File::open(folder)?;
     if lock.try_lock().is_err() {
         return Err(io::Error::new(ErrorKind::ResourceBusy, "is being packed by another process"));
@@ -91,7 +91,7 @@ pub(super) fn pack(folder: &Path, is_interrupted: &dyn Fn() -> bool) -> io::Resu
     }
     let (_, stated) = summary(folder)?;
     let parts = Parts::find(folder, stated)?;
-    let mut packed = Packed { sessions: 1, ..Packed::default() };
+    let mut packed = PackReport { sessions: 1, ..PackReport::default() };
     for part in parts.files().iter().filter(|part| !part.is_packed) {
         if stated.is_some() || is_followed(part, &parts) {
             let sizes = pack_part(folder, part, is_interrupted);
@@ -99,7 +99,7 @@ pub(super) fn pack(folder: &Path, is_interrupted: &dyn Fn() -> bool) -> io::Resu
                 io::Error::new(error.kind(), format!("{}: {error}", part.name()))
             };
             let (before, after) = sizes.map_err(named)?;
-            packed += Packed { files: 1, before, after, ..Packed::default() };
+            packed += PackReport { files: 1, before, after, ..PackReport::default() };
         } else {
             packed.left += 1;
         }
@@ -107,7 +107,7 @@ pub(super) fn pack(folder: &Path, is_interrupted: &dyn Fn() -> bool) -> io::Resu
     Ok(packed)
 }
 
-/// Returns whether the writer has gone on to the next part. Its file is empty while the writer is still at this one.
+/// Returns whether the writer has started the next part. The file of that part is empty while the writer is at this one.
 fn is_followed(part: &Part, parts: &Parts) -> bool {
     let mut files = parts.files().iter();
     files.any(|it| it.stream == part.stream && it.number == part.number + 1 && it.size > 0)
@@ -146,7 +146,7 @@ fn pack_part(
     Ok((found.len(), fs::symlink_metadata(&packed)?.len()))
 }
 
-/// Writes `plain`, packed, to a temporary file in `folder`.
+/// Compresses `plain` to a temporary file in `folder`.
 fn compress(
     folder: &Path,
     mut plain: &File,
@@ -167,10 +167,10 @@ fn compress(
     }
 }
 
-/// Compares a plain file with what a packed one contains.
+/// Compares a plain file with the content of a packed one.
 ///
 /// # Errors
-/// They differ, one cannot be read, or `is_interrupted`.
+/// When they differ, one cannot be read, or `is_interrupted`.
 fn compare(mut plain: &File, packed: &File, is_interrupted: &dyn Fn() -> bool) -> io::Result<()> {
     let mut unpacked = MultiGzDecoder::new(BufReader::new(packed));
     let (mut expected, mut found) = (vec![0; CHUNK], vec![0; CHUNK]);
@@ -187,7 +187,7 @@ fn compare(mut plain: &File, packed: &File, is_interrupted: &dyn Fn() -> bool) -
     }
 }
 
-/// Fills `chunk`, but for the end of the file; returns what was read.
+/// Reads until `chunk` is full or the file ends; returns the bytes read.
 fn read<'c>(
     from: &mut impl Read,
     chunk: &'c mut [u8],

@@ -1,4 +1,4 @@
-//! Load of the buses, from the frames that passed.
+//! Load of the buses, from the frames sent and received.
 
 use serde::Serialize;
 
@@ -9,21 +9,21 @@ use units::time::Instant;
 /// Traffic of one bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub(super) struct BusLoad {
-    /// Share of the time on the wire, stuff bits included, in percent.
+    /// Bus load with stuff bits, in percent.
     load_percent: f64,
-    /// Frames.
+    /// Rate of frames, in 1/s.
     frames_per_s: f64,
 }
 
-/// Counts frames and bits of each bus, and makes loads of them.
+/// Meter of the load of each bus, by counting frames and bits.
 #[derive(Clone, Debug)]
 pub(super) struct BusMeter {
-    buses: Vec<Counted>,
+    buses: Vec<BusCounter>,
     since: Option<Instant>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Counted {
+struct BusCounter {
     bitrate: u32,
     frames: u32,
     bits: u32,
@@ -33,7 +33,8 @@ struct Counted {
 impl BusMeter {
     /// Creates a meter of buses with these bit rates, in bit/s.
     pub(super) fn new(bitrates: impl IntoIterator<Item = u32>) -> Self {
-        let counted = |bitrate| Counted { bitrate, frames: 0, bits: 0, load: BusLoad::default() };
+        let counted =
+            |bitrate| BusCounter { bitrate, frames: 0, bits: 0, load: BusLoad::default() };
         Self { buses: bitrates.into_iter().map(counted).collect(), since: None }
     }
 
@@ -52,7 +53,7 @@ impl BusMeter {
         }
     }
 
-    /// Takes the loads since the last call as the newest ones.
+    /// Computes the loads since the last call.
     pub(super) fn measure(&mut self, now: Instant) {
         let Some(since) = self.since.replace(now) else { return };
         let seconds = now.since(since).as_secs_f64();
@@ -83,7 +84,7 @@ mod tests {
         let at = |millis: u64| Instant::from_micros(1_000 * millis);
         for millis in 0..500 {
             meter.on_frame(at(millis), &Telegram { channel: Channel(1), frame });
-            // A bus that the configuration does not have.
+            // A bus outside the configuration.
             meter.on_frame(at(millis), &Telegram { channel: Channel(7), frame });
         }
         meter.measure(at(500));

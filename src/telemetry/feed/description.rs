@@ -12,7 +12,7 @@ use config::{Config, FarSide, JointParameters};
 use remote::scene::HALF_CUBE;
 use remote::site::Virtual;
 
-/// The first line to each reader.
+/// First line sent to each reader.
 #[derive(Debug, Serialize)]
 pub(super) struct Description<'a> {
     #[serde(flatten)]
@@ -69,7 +69,7 @@ struct RobotLink {
     range: [f64; 2],
 }
 
-/// Body that touches the scene. A simulation of pegs has another kind.
+/// Body that touches the scene. A simulation of pegs sends another kind.
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Tool {
@@ -109,7 +109,7 @@ struct Bus<'a> {
 }
 
 impl<'a> Description<'a> {
-    /// Describes the node of a configuration. `origin` is the wall clock at time zero, if there is one.
+    /// Describes the node of a configuration. `origin` is the wall clock at time zero; `None` in virtual time.
     pub(super) fn new(
         config: &'a Config,
         source: Source,
@@ -118,11 +118,11 @@ impl<'a> Description<'a> {
     ) -> Self {
         let file = config.file.file_name().map(|name| name.to_string_lossy().into_owned());
         let Virtual { interaction, .. } = &config.remote;
-        // A far side has a tool and a scene of its own, unless a model of it is here.
+        // Tool and scene of a far side are unknown here, unless a model describes them.
         let FarSide { agreement, model_limit, .. } = &config.far_side;
         let is_here = agreement.is_none() || model_limit.is_some();
         Self {
-            head: Head::of("description"),
+            head: Head::new("description"),
             program: concat!("frhc ", env!("CARGO_PKG_VERSION")),
             source,
             configuration: file.unwrap_or_default(),
@@ -131,10 +131,10 @@ impl<'a> Description<'a> {
             cycles_per_snapshot,
             hand: Hand {
                 joints: config.joints.each_ref().map(hand_joint),
-                x_6_g: Pose::of(&config.x_6_g),
+                x_6_g: Pose::from_isometry(&config.x_6_g),
             },
             robot: config.robot.as_ref().filter(|_| is_here).map(robot),
-            x_m_s: Pose::of(&interaction.sensor.x_m_s),
+            x_m_s: Pose::from_isometry(&interaction.sensor.x_m_s),
             tool: is_here.then_some(Tool::Cube { half_edge: HALF_CUBE }),
             scene: if is_here { scene(&config.remote) } else { Scene::default() },
             buses: config
@@ -153,7 +153,7 @@ impl<'a> Description<'a> {
 
 fn hand_joint(joint: &JointParameters) -> HandJoint<'_> {
     let link = &joint.plant.link;
-    let label = JointLabel::of(joint);
+    let label = JointLabel::from_parameters(joint);
     let [position_unit, torque_unit] = label.units();
     HandJoint {
         name: &joint.name,
@@ -180,8 +180,8 @@ fn robot(arm: &RobotArm) -> Robot<'_> {
     Robot {
         name: &arm.name,
         joints: arm.joints.iter().map(link).collect(),
-        x_b_0: Pose::of(&arm.x_b_0),
-        x_n_m: Pose::of(&arm.x_n_m),
+        x_b_0: Pose::from_isometry(&arm.x_b_0),
+        x_n_m: Pose::from_isometry(&arm.x_n_m),
     }
 }
 

@@ -1,5 +1,6 @@
-//! Telemetry of a running node: lines of JSON for viewers (docs/telemetry.md). Frames, records and time are arguments; the
-//! caller sends the lines.
+//! Telemetry of a running node: lines of JSON for viewers (docs/telemetry.md).
+//!
+//! Frames, records and time are arguments. The caller sends the lines.
 //!
 //! ```text
 //!  description          once, what does not change
@@ -40,10 +41,10 @@ use units::time::Instant;
 /// Version of the lines.
 const VERSION: u64 = 1;
 
-/// Intended time between two snapshots.
+/// Nominal interval between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(20);
 
-/// Time between two lines about the mode, and between two readings of slow values.
+/// Interval between two lines about the mode, and between two readings of slow values.
 const MODE_EVERY: Duration = Duration::from_millis(500);
 
 /// Program that the node runs in.
@@ -56,16 +57,16 @@ pub enum Source {
     Demo,
 }
 
-/// A line of telemetry, with its line break.
+/// Line of telemetry, with its line break.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FeedLine {
-    /// Mode and cause. Who comes later gets the newest one.
+    /// Mode and cause. A new reader gets the newest one.
     Mode(String),
     /// A snapshot.
     Snapshot(String),
 }
 
-/// Values that change slowly, or cost time to compute: taken every half second.
+/// Values that change slowly, or are expensive to compute; sampled every half second.
 #[derive(Clone, Debug, Default)]
 pub struct Scarce {
     /// Missed samples.
@@ -88,12 +89,12 @@ struct Head {
 }
 
 impl Head {
-    const fn of(kind: &'static str) -> Self {
+    const fn new(kind: &'static str) -> Self {
         Self { version: VERSION, kind }
     }
 }
 
-/// Mode, cause, and how to go on.
+/// Mode, cause, and steps that lead on.
 #[derive(Debug, Serialize)]
 struct ModeLine<'a> {
     #[serde(flatten)]
@@ -106,7 +107,7 @@ struct ModeLine<'a> {
     way_out: Vec<String>,
 }
 
-/// Mode and what it is due to: a line is due where it changes.
+/// Mode and its causes. A change triggers a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct State {
     mode: Mode,
@@ -114,7 +115,7 @@ struct State {
     not_off: [bool; 6],
 }
 
-/// Makes lines of records and frames.
+/// Generator of lines from records and frames.
 #[derive(Debug)]
 pub struct Feed {
     description: String,
@@ -123,13 +124,13 @@ pub struct Feed {
     robot_joints: usize,
     has_switch_box: bool,
     cycles_per_snapshot: u64,
-    /// There are readers.
+    /// Set while readers are connected.
     is_read: bool,
     state: State,
     cycle: u64,
-    /// Time of the last cycle, or of the line about the mode that came later.
+    /// Time of the last cycle or line about the mode, whichever is later.
     active_at: Instant,
-    /// Time at which slow values were last taken; `None` before the first for a reader.
+    /// Time at which slow values were last sampled; `None` before the first sample for a reader.
     sampled_at: Option<Instant>,
     spans: Spans,
     buses: BusMeter,
@@ -138,7 +139,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Creates the feed of a node before its boot. `origin` is the wall clock at time zero, if there is one.
+    /// Creates the feed of a node before its boot. `origin` is the wall clock at time zero; `None` in virtual time.
     pub fn new(config: &Config, source: Source, origin: Option<Origin>) -> Self {
         let cycles_per_snapshot = cycles_per_snapshot(config.period);
         let description = Description::new(config, source, origin, cycles_per_snapshot);
@@ -161,12 +162,12 @@ impl Feed {
         }
     }
 
-    /// Returns the first line of each reader, with its line break.
+    /// Returns the first line for each reader, with its line break.
     pub fn description(&self) -> &str {
         &self.description
     }
 
-    /// Returns the line about the present mode, with its line break.
+    /// Returns the line about the current mode, with its line break.
     pub fn mode(&self) -> String {
         let State { mode, cause, not_off } = &self.state;
         let names: Vec<_> = self.joints.iter().map(|joint| joint.name.as_str()).collect();
@@ -180,7 +181,7 @@ impl Feed {
             way_out::onwards(*mode, self.has_switch_box)
         };
         line(&ModeLine {
-            head: Head::of("mode"),
+            head: Head::new("mode"),
             cycle: self.cycle,
             at_us: self.active_at.as_micros(),
             mode: mode.name(),
@@ -190,8 +191,8 @@ impl Feed {
         })
     }
 
-    /// Sets whether there are readers. Without them a line is made at a change of the mode only, and nothing is counted; spans,
-    /// loads and watchdogs begin anew with the first.
+    /// Sets whether readers are connected. Without readers only changes of the mode make a line, and nothing is counted.
+    /// Spans, loads and watchdogs restart with the first reader.
     pub fn set_read(&mut self, is_read: bool) {
         let was_read = std::mem::replace(&mut self.is_read, is_read);
         if is_read && !was_read {
@@ -202,7 +203,7 @@ impl Feed {
         }
     }
 
-    /// Adds a frame. Returns the line about the mode, if it is due: while a network boots there are no cycles.
+    /// Adds a frame. Returns the line about the mode if it is due, because a booting network has no cycles.
     pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> Option<FeedLine> {
         if !self.is_read {
             return None;
@@ -215,7 +216,7 @@ impl Feed {
         })
     }
 
-    /// Adds a cycle. Returns the lines that are due; `scarce` is called for the slow values.
+    /// Adds a cycle. Returns the lines that are due; `scarce` is called when the slow values are needed.
     pub fn on_record(
         &mut self,
         record: &Record,
@@ -256,7 +257,7 @@ impl Feed {
     }
 }
 
-/// Returns the number of cycles that is nearest to the time between two snapshots.
+/// Returns the number of cycles closest to the interval between two snapshots, at least 1.
 fn cycles_per_snapshot(period: Duration) -> u64 {
     let (every, period) = (SNAPSHOT_EVERY.as_micros(), period.as_micros().max(1));
     let nearest = (2 * every + period) / (2 * period);

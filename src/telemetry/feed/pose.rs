@@ -11,7 +11,7 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    pub(super) fn of(pose: &Isometry3<f64>) -> Self {
+    pub(super) fn from_isometry(pose: &Isometry3<f64>) -> Self {
         let q = pose.rotation.quaternion();
         Self { position: pose.translation.vector.into(), quaternion: [q.w, q.i, q.j, q.k] }
     }

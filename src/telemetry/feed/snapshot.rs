@@ -1,4 +1,4 @@
-//! Everything that changes, in one cycle: the status of the node, and the geometry and energies around it.
+//! Snapshot of one cycle: status of the node, poses, wrenches and energies.
 
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use node::record::Record;
 use remote::RobotJoints;
 use units::spatial::{Motion, Wrench};
 
-/// A snapshot. Keys beside the status are those of docs/telemetry.md.
+/// Snapshot of a cycle. docs/telemetry.md describes the keys besides those of the status.
 #[derive(Debug, Serialize)]
 pub(super) struct Snapshot<'a> {
     #[serde(flatten)]
@@ -48,7 +48,7 @@ enum Command {
     Pose { x_b_d: Pose },
 }
 
-/// Values of a snapshot beside its record.
+/// Values of a snapshot besides its record.
 #[derive(Debug)]
 pub(super) struct Beside<'a> {
     pub(super) joints: &'a [JointLabel],
@@ -66,8 +66,8 @@ impl<'a> Snapshot<'a> {
     pub(super) fn new(record: &'a Record, beside: Beside<'a>) -> Self {
         let Beside { joints, max_torques, robot_joints, scarce, spans, buses, watchdogs } = beside;
         let output = &record.output;
-        let status =
-            Status::of(record, scarce.missing_samples, scarce.lost).with_cause_named(joints);
+        let status = Status::from_record(record, scarce.missing_samples, scarce.lost)
+            .with_cause_named(joints);
         let status = Status {
             recording: scarce.recording.clone(),
             timing: scarce.timing.clone(),
@@ -79,15 +79,15 @@ impl<'a> Snapshot<'a> {
         limit_used.iter_mut().zip(torques).for_each(|(used, (tau, most))| *used = tau.abs() / most);
         let is_set = output.reference.is_set;
         Self {
-            head: Head::of("snapshot"),
+            head: Head::new("snapshot"),
             at_us: record.at.as_micros(),
             status,
             sampled: record.sampled,
             limit_used,
-            command: Command::of(&output.command),
-            x_0_g: Pose::of(&output.x_0_g),
-            x_0_h: is_set.then(|| Pose::of(&output.reference.x_0_h)),
-            x_b_m: Pose::of(&record.x_b_m),
+            command: Command::from_motion(&output.command),
+            x_0_g: Pose::from_isometry(&output.x_0_g),
+            x_0_h: is_set.then(|| Pose::from_isometry(&output.reference.x_0_h)),
+            x_b_m: Pose::from_isometry(&record.x_b_m),
             q_r: record.q_r.as_ref().and_then(|q_r| robot_positions(q_r, robot_joints)),
             f_s: record.f_s.components(),
             f_g: felt(record).map(|f_g| f_g.components()),
@@ -105,25 +105,26 @@ impl<'a> Snapshot<'a> {
 }
 
 impl Command {
-    fn of(motion: &Motion) -> Self {
+    fn from_motion(motion: &Motion) -> Self {
         match motion {
             Motion::Hold => Self::Hold,
             Motion::Rate(v_m) => Self::Rate { v_m: v_m.components() },
-            Motion::Pose(x_b_d) => Self::Pose { x_b_d: Pose::of(x_b_d) },
+            Motion::Pose(x_b_d) => Self::Pose { x_b_d: Pose::from_isometry(x_b_d) },
         }
     }
 }
 
-/// Returns the positions of the joints that the robot has; `None` without a robot.
+/// Returns the positions of the robot's joints; `None` without a robot.
 fn robot_positions(q_r: &RobotJoints, joints: usize) -> Option<&[f64]> {
     q_r.0.get(..joints).filter(|positions| !positions.is_empty())
 }
 
-/// Returns the wrench on the hand of the torques that are sent, less those that carry the arm; `None` near a singularity.
+/// Returns the wrench on the hand, at {G} in {G}, of the torques sent without gravity compensation; `None` near a
+/// singularity.
 fn felt(record: &Record) -> Option<Wrench> {
     let output = &record.output;
     if record.targets == [0; 6] {
         return Some(Wrench::ZERO);
     }
-    AtGrip::of(&output.j_g).map(|at_grip| at_grip.wrench(&(output.tau - output.ledger.carried())))
+    AtGrip::new(&output.j_g).map(|at_grip| at_grip.wrench(&(output.tau - output.ledger.carried())))
 }

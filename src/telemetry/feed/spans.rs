@@ -1,10 +1,10 @@
-//! Least and greatest values between two snapshots, so that no peak is missed.
+//! Minima and maxima between two snapshots, so that no peak is missed.
 
 use serde::Serialize;
 
 use node::record::Record;
 
-/// Least and greatest value of each of six numbers.
+/// Minimum and maximum of each of six numbers.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Span {
     min: [f64; 6],

@@ -1,5 +1,5 @@
-//! Distance to a stop by missing samples, by an old sample of the commanded side, by a robot that differs from its model, or by
-//! missing heartbeats.
+//! Margins to stops by missing samples, by the age of the commanded side's sample, by the difference between robot and
+//! model, and by missing heartbeats.
 
 use std::time::Duration;
 
@@ -13,26 +13,26 @@ use node::record::Record;
 use remote::model::Difference;
 use units::time::Instant;
 
-/// A value that stops at its limit.
+/// Value that causes a stop at its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Watchdog {
     name: &'static str,
-    /// Greatest value since the snapshot before.
+    /// Maximum since the last snapshot.
     value: f64,
     limit: f64,
     unit: &'static str,
 }
 
-/// Watches what the node watches, from its records and the frames.
+/// Margins of the node's watches, computed from its records and the frames.
 #[derive(Clone, Debug)]
 pub(super) struct Watchdogs {
-    /// Cycles in a row without a sample of each joint.
+    /// Consecutive cycles without a sample of each joint.
     missing: [u32; 6],
     max_missing: u32,
     missing_limit: u32,
     max_age: Option<Duration>,
     age_limit: Duration,
-    /// Greatest difference of a robot to its model, and its limit.
+    /// Maximum difference between robot and model, and its limit.
     model: Option<Difference>,
     model_limit: Option<Difference>,
     /// Error control of the nodes: heartbeat, or the answer to guarding.
@@ -41,12 +41,12 @@ pub(super) struct Watchdogs {
     master: Beat,
 }
 
-/// A node that reports its state.
+/// State reports of one node.
 #[derive(Clone, Copy, Debug)]
 struct Beat {
     channel: Option<Channel>,
     node: NodeId,
-    /// Time without a report after which the node is lost; zero if it is not watched.
+    /// Time without a report after which the node is lost; zero if it is not monitored.
     limit: Duration,
     last: Option<Instant>,
     longest: Duration,
@@ -58,7 +58,7 @@ impl Beat {
         is_there && reports_state(&telegram.frame, self.node)
     }
 
-    /// Notes that no report has come until `now`.
+    /// Records that no report was received until `now`.
     fn wait(&mut self, now: Instant) {
         let waited = self.last.map_or(Duration::ZERO, |last| now.since(last));
         self.longest = self.longest.max(waited);
@@ -69,7 +69,7 @@ impl Beat {
         self.last = Some(at);
     }
 
-    /// Forgets all reports.
+    /// Resets all reports.
     fn rest(&mut self) {
         (self.last, self.longest) = (None, Duration::ZERO);
     }
@@ -108,7 +108,7 @@ impl Watchdogs {
         }
     }
 
-    /// Forgets everything.
+    /// Resets all margins.
     pub(super) fn restart(&mut self) {
         (self.missing, self.max_missing) = ([0; 6], 0);
         (self.max_age, self.model) = (None, None);
@@ -133,12 +133,12 @@ impl Watchdogs {
         }
         self.nodes.iter_mut().chain([&mut self.master]).for_each(|beat| beat.wait(record.at));
         if record.mode.is_stopped() {
-            // Withheld as the last means to switch a drive off: it stops nothing more.
+            // The node withholds its heartbeat as the last means to switch a drive off.
             self.master.rest();
         }
     }
 
-    /// Takes the greatest values since the last call.
+    /// Takes the maxima since the last call.
     pub(super) fn take(&mut self) -> Vec<Watchdog> {
         let missing = Watchdog {
             name: "samples missing in a row",

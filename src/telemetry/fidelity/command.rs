@@ -1,4 +1,4 @@
-//! Commanded wrench against K_T times the sensed one: all that is known on real drives.
+//! Samples of the commanded wrench against K_T times the sensed one, as available on real drives.
 
 use nalgebra::Matrix6;
 
@@ -8,27 +8,27 @@ use controller::{JointVector, Ledger, Output, Settings};
 use node::record::{Mode, Record};
 use units::spatial::{Jacobian, Wrench};
 
-/// Time of uninterrupted reflection before a sample counts, in s: every ramp is over.
+/// Minimum time of uninterrupted reflection before a sample counts, in s; longer than every ramp.
 const RAMPS: f64 = 1.0;
 
-/// Largest Frobenius norm of an inverse Jacobian that is used: far from a singularity it is about 10.
+/// Maximum Frobenius norm of an inverse Jacobian in use. Far from a singularity it is about 10.
 const MAX_INVERSE: f64 = 40.0;
 
-/// Samples from records.
+/// Sampler of the commanded wrench from records.
 #[derive(Clone, Copy, Debug)]
-pub struct Commanded {
+pub struct CommandSampler {
     settings: Settings,
-    /// Cycles with reflection so far, without a break.
+    /// Consecutive cycles with reflection.
     reflected: u32,
 }
 
-impl Commanded {
-    /// Creates a judge of records of a controller with these settings.
+impl CommandSampler {
+    /// Creates a sampler for the records of a controller with these settings.
     pub const fn new(settings: &Settings) -> Self {
         Self { settings: *settings, reflected: 0 }
     }
 
-    /// Returns the sample of a record; `None` where reflection is off, ramps, or the arm is near a singularity.
+    /// Returns the sample of a record; `None` while reflection is off or ramps, and near a singularity.
     pub fn sample(&mut self, record: &Record) -> Option<Sample> {
         let Record { output, .. } = record;
         let is_reflected = record.mode == Mode::Engaged && output.permissions.task;
@@ -36,7 +36,7 @@ impl Commanded {
         if self.reflected <= self.settings.period.cycles(RAMPS) {
             return None;
         }
-        let at_grip = AtGrip::of(&output.j_g)?;
+        let at_grip = AtGrip::new(&output.j_g)?;
         Some(Sample {
             at: record.at,
             x_0: output.x_0_g.translation.vector,
@@ -48,7 +48,7 @@ impl Commanded {
         })
     }
 
-    /// K_T times the sensed wrench, at {G} in {G}.
+    /// Returns K_T times the sensed wrench, at {G} in {G}.
     pub fn wanted(&self, record: &Record) -> Wrench {
         let Settings { reflection, interpretation, .. } = &self.settings;
         let Output { x_h_g, .. } = &record.output;
@@ -60,24 +60,24 @@ impl Commanded {
     }
 }
 
-/// Converts joint torques to the wrench at the grip that they balance.
+/// Map from joint torques to the wrench at the grip that they balance: the inverse transposed Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub struct AtGrip(Matrix6<f64>);
 
 impl AtGrip {
-    /// From the Jacobian at {G}; `None` near a singularity, where torques say little about the wrench.
-    pub fn of(j_g: &Jacobian<6>) -> Option<Self> {
+    /// Returns the map for the Jacobian at {G}; `None` near a singularity, where it amplifies errors of the torques.
+    pub fn new(j_g: &Jacobian<6>) -> Option<Self> {
         let inverse = j_g.matrix().transpose().try_inverse()?;
         (inverse.norm() <= MAX_INVERSE).then_some(Self(inverse))
     }
 
-    /// Returns the wrench at {G} in {G} of joint torques in N·m (N).
+    /// Returns the wrench at {G} in {G} of joint torques in N·m or N.
     pub fn wrench(&self, tau: &JointVector) -> Wrench {
         Wrench::from_components((self.0 * tau).into())
     }
 }
 
-/// Returns the parts of a wrench that a ledger asks for.
+/// Returns the commanded parts of the wrench at the grip, by the ledger.
 pub fn commanded_parts(ledger: &Ledger, at_grip: &AtGrip) -> Parts {
     let rest = ledger.rest_scale * ledger.share;
     let assist = rest * ledger.assist_scale;

@@ -1,17 +1,17 @@
-//! Figures of one situation: root mean squares and maxima of what is felt, wanted and known.
+//! Figures of each situation: RMS and maxima of the wrench at the hand, of its reference, and of the known parts.
 
 use std::fmt;
 
 use serde::Serialize;
 
-use crate::fidelity::sample::{Judged, Parts, Sample};
+use crate::fidelity::sample::{Parts, Sample, WrenchSource};
 use units::spatial::Wrench;
 
 /// Figures of all situations that occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Place at which the wrench was judged.
-    pub judged: Judged,
+    /// Source of the wrench at the hand.
+    pub judged: WrenchSource,
     /// Contact at rest.
     pub still_contact: Option<Figures>,
     /// Contact in motion.
@@ -27,22 +27,21 @@ pub struct Report {
 pub struct Figures {
     /// Number of samples.
     pub samples: u64,
-    /// RMS of K_T times the sensed force.
+    /// RMS of the reference force: K_T times the sensed force.
     pub wanted_rms_n: f64,
-    /// RMS of the felt force.
+    /// RMS of the force at the hand.
     pub felt_rms_n: f64,
-    /// RMS of felt minus wanted force.
+    /// RMS of the force error: force at the hand minus reference.
     pub error_rms_n: f64,
-    /// Maximum of felt minus wanted force.
+    /// Maximum of the force error.
     pub error_max_n: f64,
-    /// RMS of felt minus wanted moment, in N·m.
+    /// RMS of the moment error, in N·m.
     pub error_rms_nm: f64,
-    /// RMS of felt minus wanted along each axis of {G}, in N and N·m.
+    /// RMS of the error along each axis of {G}, in N and N·m.
     pub error_rms_of_axes: [f64; 6],
-    /// RMS of felt minus wanted force without the commanded assist and without inertia: friction, its compensation, and
-    /// errors of the torques.
+    /// RMS of the force error without commanded assist and inertia. Friction, its compensation, and torque errors remain.
     pub beyond_assist_rms_n: f64,
-    /// RMS of the known parts.
+    /// RMS of each known part.
     pub shares: Shares,
 }
 
@@ -73,12 +72,12 @@ impl Report {
 }
 
 impl Figures {
-    /// RMS error as a share of the RMS wanted force.
+    /// Returns the RMS error as a share of the RMS reference force.
     pub fn relative_error(&self) -> f64 {
         self.error_rms_n / self.wanted_rms_n
     }
 
-    /// Maximum error as a share of the RMS wanted force.
+    /// Returns the maximum error as a share of the RMS reference force.
     pub fn relative_max(&self) -> f64 {
         self.error_max_n / self.wanted_rms_n
     }

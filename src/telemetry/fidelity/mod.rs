@@ -1,8 +1,8 @@
-//! Fidelity: what is felt at the grip against K_T times what is sensed, by situation.
+//! Fidelity of wrench reflection: wrench at the hand against its reference, K_T times the sensed wrench, by situation.
 //!
-//! In a simulation the truth at the hand is known: the wrench of the hand on the grip. On real drives it is not, and
-//! the wrench that the torques command takes its place. Each sample compares what is felt with the sensed wrench that
-//! caused it, so the delay of the drives is no error.
+//! A simulation provides the wrench between hand and grip. On real drives it is unknown, and the wrench commanded by the
+//! torques is used instead. Each sample is compared with the sensed wrench that caused it, so the delay of the drives does
+//! not count as an error.
 //!
 //! | situation         | force on the object             | grip 0.25 s before and after |
 //! |-------------------|---------------------------------|------------------------------|
@@ -21,9 +21,9 @@ mod figures;
 mod sample;
 mod situation;
 
-pub use command::Commanded;
+pub use command::CommandSampler;
 pub use figures::{Figures, Report, Shares};
-pub use sample::{Judged, Parts, Sample};
+pub use sample::{Parts, Sample, WrenchSource};
 pub use situation::Situation;
 
 use crate::fidelity::figures::Tally;
@@ -32,18 +32,18 @@ use crate::fidelity::situation::Classifier;
 /// Figures of a run so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fidelity {
-    judged: Judged,
+    judged: WrenchSource,
     classifier: Classifier,
     tallies: [Tally; 4],
 }
 
 impl Fidelity {
-    /// No samples yet.
-    pub fn new(judged: Judged) -> Self {
+    /// Creates figures without samples.
+    pub fn new(judged: WrenchSource) -> Self {
         Self { judged, classifier: Classifier::default(), tallies: Default::default() }
     }
 
-    /// Adds a sample; `None` where nothing is reflected, which begins the next window anew.
+    /// Adds a sample; `None` without reflection restarts the window.
     pub fn add(&mut self, sample: Option<&Sample>) {
         let Some(sample) = sample.filter(|sample| !sample.is_saturated) else {
             self.classifier.restart();

@@ -1,4 +1,4 @@
-//! One sample: the felt wrench, the wanted one, and the known parts of the difference.
+//! Sample of the wrench at the hand, its reference, and the known parts of the difference.
 
 use derive_more::Display;
 use nalgebra::Vector3;
@@ -7,22 +7,22 @@ use serde::Serialize;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Place at which a wrench is judged.
+/// Source of the wrench at the hand.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Judged {
-    /// The wrench between grip and hand, which only a simulation knows.
+pub enum WrenchSource {
+    /// Wrench between grip and hand, which only a simulation provides.
     #[display("hand")]
     Hand,
-    /// The wrench of the commanded torques, without gravity compensation.
+    /// Wrench of the commanded torques, without gravity compensation.
     #[display("command")]
     Command,
 }
 
-/// Known parts of what is felt beside the task, on the hand, at {G} in {G}.
+/// Known parts of the wrench on the hand besides the task wrench, at {G} in {G}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parts {
-    /// Friction and end stops of the joints; zero where it is not known.
+    /// Friction and end stops of the joints; zero if unknown.
     pub friction: Wrench,
     /// Friction compensation.
     pub compensation: Wrench,
@@ -34,32 +34,32 @@ pub struct Parts {
     pub passivity: Wrench,
     /// Soft stops.
     pub soft_stops: Wrench,
-    /// Inertia of the arm; zero where it is not known.
+    /// Inertia of the arm; zero if unknown.
     pub inertia: Wrench,
 }
 
 impl Parts {
-    /// The assist that is commanded on purpose, and the inertia that no torque removes.
+    /// Returns the commanded assist plus the inertia, which no torque removes.
     pub(super) fn intended(&self) -> Wrench {
         self.centring + self.damping + self.passivity + self.soft_stops + self.inertia
     }
 }
 
-/// One cycle, engaged and with reflection on.
+/// Sample of one engaged cycle with reflection on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Time of its SYNC.
     pub at: Instant,
-    /// Place of the grip in {0}, in m.
+    /// Position of the grip in {0}, in m.
     pub x_0: Vector3<f64>,
     /// Force on the object, in N.
     pub contact_force: f64,
-    /// A joint is at its capacity: nothing is judged.
+    /// Set if a joint is at its capacity; the sample does not count.
     pub is_saturated: bool,
     /// K_T times the sensed wrench, on the hand, at {G} in {G}.
     pub wanted: Wrench,
-    /// The wrench on the hand, at {G} in {G}.
+    /// Wrench on the hand, at {G} in {G}.
     pub felt: Wrench,
-    /// Its known parts.
+    /// Known parts of that wrench.
     pub parts: Parts,
 }

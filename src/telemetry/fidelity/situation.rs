@@ -1,4 +1,4 @@
-//! Situations that are judged apart: contact or free, at rest or in motion.
+//! Situations with separate figures: contact or free motion, at rest or moving.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,17 +7,17 @@ use nalgebra::Vector3;
 
 use crate::fidelity::sample::Sample;
 
-/// Time before and after a sample that decides on rest and motion. Together they are longer than two periods of a
-/// tremor, which is no motion.
+/// Time before and after a sample that decides on rest and motion. Both together exceed two periods of a tremor, which
+/// does not count as motion.
 const WINDOW: Duration = Duration::from_millis(250);
 
-/// Maximum way of a grip at rest within the window, in m.
+/// Maximum distance that a grip at rest moves within the window, in m.
 const REST: f64 = 2e-3;
 
-/// More than the rounding of a sum of two distances.
+/// Factor that covers rounding of a sum of two distances.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
-/// Force on the object from which there is contact, in N.
+/// Minimum force on the object that counts as contact, in N.
 const CONTACT: f64 = 0.5;
 
 /// Situation of a sample.
@@ -55,18 +55,18 @@ impl Situation {
     }
 }
 
-/// Samples of the last two [`WINDOW`]s: the one between them is judged.
+/// Classifier of the sample between two [`WINDOW`]s of samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Classifier {
     samples: VecDeque<Sample>,
     /// Number of these without contact.
     free: usize,
-    /// The sample judged last, and a bound of how far it is from all of these, in m.
+    /// Position of the last classified sample, and an upper bound of its distance from the others, in m.
     reach: Option<(Vector3<f64>, f64)>,
 }
 
 impl Classifier {
-    /// Forgets the samples before.
+    /// Drops all samples.
     pub(super) fn restart(&mut self) {
         *self = Self { samples: std::mem::take(&mut self.samples), ..Self::default() };
         self.samples.clear();
@@ -95,8 +95,8 @@ impl Classifier {
         Some((judged, situation))
     }
 
-    /// Returns whether the grip stays within [`REST`] of `judged` in both windows, of which `newest` is the last sample.
-    /// Looks at all samples only where the bound, which grows by the way from one judged sample to the next, is too large.
+    /// Returns whether the grip stays within [`REST`] of `judged` in both windows; `newest` is the last sample. An upper
+    /// bound grows by the distance between classified samples, and all samples are compared only if it is too large.
     fn is_still(&mut self, judged: Vector3<f64>, newest: Vector3<f64>) -> bool {
         let bound = self.reach.map(|(before, reach)| {
             let grown = (reach + (judged - before).norm()) * ROUNDING;

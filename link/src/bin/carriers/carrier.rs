@@ -8,7 +8,7 @@ use zenoh::{Config, Session, Wait};
 use crate::Outcome;
 use crate::options::Options;
 
-/// A carrier.
+/// Carrier of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carrier {
     /// QUIC: reliable messages in a stream, the others in datagrams.

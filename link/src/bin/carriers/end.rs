@@ -1,4 +1,4 @@
-//! One end of the link: a session of zenoh, a role of the contract, and the record of all that travels.
+//! One end of the link: a session of zenoh, a role of the contract, and the record of all messages.
 #![expect(
     clippy::disallowed_methods,
     reason = "clock and sleep of a measuring program: there is no bus here"
@@ -19,13 +19,13 @@ use crate::figures::Record;
 use crate::options::Options;
 use crate::role::Role;
 
-/// Longest silence of an end whose messages are not echoed.
+/// Maximum silence of an end whose messages are not echoed.
 const KEEP_SENDING: Duration = Duration::from_millis(20);
 
 /// Silence of the other end after which the subscriber is undeclared, to be declared again.
 const UNDECLARE: Duration = Duration::from_millis(500);
 
-/// Silence after which it is declared again. Sent together, one of the two may overtake the other and is lost.
+/// Silence after which it is declared again. If both were sent together, one could overtake the other and be lost.
 const DECLARE_AGAIN: Duration = Duration::from_millis(600);
 
 /// Bytes of the send time before each message.
@@ -34,10 +34,10 @@ const STAMP: usize = size_of::<u64>();
 const COMMAND_KEY: &str = "frhc/0/command";
 const FEEDBACK_KEY: &str = "frhc/0/feedback";
 
-/// A packet and its time of reception.
+/// Packet with its time of reception.
 type Packet = (Instant, Vec<u8>);
 
-/// One end.
+/// One end of the link.
 #[derive(Debug)]
 pub(crate) struct End {
     options: Options,
@@ -54,7 +54,7 @@ pub(crate) struct End {
     session: Session,
 }
 
-/// Time on a clock that both processes read.
+/// Returns the time on the clock that both processes read.
 pub(crate) fn now() -> Instant {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Instant::from_micros(u64::try_from(since.as_micros()).unwrap_or_default())
@@ -191,7 +191,7 @@ impl End {
     }
 }
 
-/// Whole microseconds.
+/// Returns a duration in microseconds, rounded down.
 fn micros(span: Duration) -> u64 {
     u64::try_from(span.as_micros()).unwrap_or(u64::MAX)
 }

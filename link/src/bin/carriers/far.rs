@@ -1,4 +1,4 @@
-//! The far side's process: answers until the node asks for the figures.
+//! Process of the far side, which answers until the node requests the figures.
 
 use std::io::{BufRead, Write};
 use std::sync::mpsc::channel;
@@ -12,7 +12,7 @@ use crate::figures::Direction;
 use crate::options::Options;
 use crate::role::Role;
 
-/// The far side of docs/link.md holds after this age.
+/// Age of the newest command after which the far side holds (docs/link.md).
 const HOLD_AFTER: Duration = Duration::from_millis(100);
 
 /// Runs until a line "from to" (µs) arrives on standard input, and prints the figures of messages sent in that time.
@@ -36,7 +36,7 @@ pub(crate) fn run(options: &Options) -> Outcome<()> {
         }
     };
     let (from, to) = line.split_once(' ').ok_or("expected: from to")?;
-    let figures = Direction::of(&end.record, (from.parse()?, to.parse()?))?;
+    let figures = Direction::from_record(&end.record, (from.parse()?, to.parse()?))?;
     writeln!(std::io::stdout(), "{}", figures.line())?;
     Ok(())
 }

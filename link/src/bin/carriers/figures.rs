@@ -13,9 +13,9 @@ pub(crate) struct Record {
     pub(crate) round_trips: Vec<(u64, u64)>,
     /// Cycles: time, and age by echo of the newest sample.
     pub(crate) cycles: Vec<(u64, u64)>,
-    /// Time from which the far side holds for want of a fresh command.
+    /// Time from which the far side holds without a fresh command.
     pub(crate) held_at: Option<u64>,
-    /// Longest time in which the engine took a message.
+    /// Maximum time in which zenoh accepted a message.
     pub(crate) longest_put: u64,
     /// Times at which the subscriber was declared again.
     pub(crate) declared_again: Vec<u64>,
@@ -28,17 +28,17 @@ pub(crate) struct Direction {
     pub(crate) sent: u64,
     /// Ages at reception of the messages that this end received.
     pub(crate) ages: Vec<u64>,
-    /// Longest time in which the engine took a message.
+    /// Maximum time in which zenoh accepted a message.
     pub(crate) longest_put: u64,
-    /// Times that the subscriber was declared again.
+    /// Number of times that the subscriber was declared again.
     pub(crate) declared_again: u32,
-    /// The far side held for want of a fresh command.
+    /// Set if the far side held without a fresh command.
     pub(crate) is_held: bool,
 }
 
 impl Direction {
-    /// Figures of messages sent in `from..to`.
-    pub(crate) fn of(record: &Record, (from, to): (u64, u64)) -> Outcome<Self> {
+    /// Computes the figures of messages sent in `from..to`.
+    pub(crate) fn from_record(record: &Record, (from, to): (u64, u64)) -> Outcome<Self> {
         let sent = record.sent.iter().filter(|at| (from..to).contains(*at)).count();
         let is_held = record.held_at.is_some_and(|at| (from..to).contains(&at));
         let declared_again = record.declared_again.iter().filter(|at| **at < to).count();
@@ -48,7 +48,7 @@ impl Direction {
         Ok(Self { sent: u64::try_from(sent)?, ages, longest_put, declared_again, is_held })
     }
 
-    /// One line, for the other process.
+    /// Formats the figures as one line, for the other process.
     pub(crate) fn line(&self) -> String {
         let Self { sent, longest_put, declared_again, is_held, ages } = self;
         let first = format!("{sent} {longest_put} {declared_again} {}", u8::from(*is_held));
@@ -56,7 +56,7 @@ impl Direction {
         std::iter::once(first).chain(ages).collect::<Vec<_>>().join(" ")
     }
 
-    /// Reads such a line.
+    /// Parses such a line.
     pub(crate) fn from_line(line: &str) -> Outcome<Self> {
         let numbers: Result<Vec<u64>, _> = line.split_whitespace().map(str::parse).collect();
         let numbers = numbers.map_err(|error| format!("far side: {error}: {line}"))?;
@@ -119,7 +119,7 @@ mod tests {
             declared_again: vec![1, 25],
             ..Record::default()
         };
-        let direction = Direction::of(&record, (10, 20)).unwrap_or_default();
+        let direction = Direction::from_record(&record, (10, 20)).unwrap_or_default();
         assert_eq!((direction.sent, direction.ages.as_slice()), (1, [2, 3].as_slice()));
         assert!(direction.is_held && direction.declared_again == 1);
         let read = Direction::from_line(&direction.line()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Measures one carrier of the link over the network as it is, and prints one row of the table in docs/carriers.md.
+//! Measures one carrier of the link over the present network, and prints one row of the table in docs/carriers.md.
 //!
 //! ```text
 //! carriers carrier=quic-mixed|quic-datagram|tls|udp rate=HZ seconds=S window=N limit=MS [label=TEXT]

@@ -1,4 +1,4 @@
-//! The node's process: starts the far side, measures, and prints the row.
+//! Process of the node, which starts the far side, measures, and prints the row.
 
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::path::Path;
@@ -15,16 +15,16 @@ use crate::figures::{Direction, Record, millis, quantiles, share, within};
 use crate::options::Options;
 use crate::role::Role;
 
-/// Maximum time until the first sample that may act.
+/// Maximum time until the first fresh sample.
 const START_LIMIT: Duration = Duration::from_secs(20);
 
-/// Time from the first sample to the measurement: an operator does not arm sooner.
+/// Time from the first sample to the measurement; an operator needs longer to arm.
 const SETTLING: Duration = Duration::from_millis(500);
 
-/// Time for messages that are still under way.
+/// Time allowed for the last messages to arrive.
 const DRAIN: Duration = Duration::from_millis(600);
 
-/// The far side's process.
+/// Process of the far side.
 struct FarSide {
     child: Child,
     input: ChildStdin,
@@ -32,7 +32,7 @@ struct FarSide {
 }
 
 impl FarSide {
-    /// Starts it; returns once it listens.
+    /// Starts the process; returns once it listens.
     fn start(options: &Options) -> Outcome<Self> {
         let mut child = Command::new(std::env::current_exe()?)
             .args(["far=true".to_owned(), format!("carrier={}", options.carrier.name())])
@@ -54,7 +54,7 @@ impl FarSide {
         Ok(self.lines.next().ok_or("the far side ended")??)
     }
 
-    /// Ends it; returns its figures of messages sent in `from..to`.
+    /// Ends the process; returns its figures of messages sent in `from..to`.
     fn end(mut self, (from, to): (u64, u64)) -> Outcome<Direction> {
         writeln!(self.input, "{from} {to}")?;
         let figures = Direction::from_line(&self.line()?);
@@ -98,7 +98,7 @@ fn measure(options: &Options, folder: &Path) -> Outcome<String> {
     row(&options, &end.record, &far, span, first)
 }
 
-/// Returns the time until the first sample that may act.
+/// Returns the time until the first fresh sample.
 fn first_sample(end: &mut End, start: Instant) -> Outcome<Option<Duration>> {
     loop {
         let age = end.cycle(true)?;
@@ -120,7 +120,7 @@ fn run_for(end: &mut End, span: Duration, sends: bool) -> Outcome<()> {
     Ok(())
 }
 
-/// Row of a link over which no sample could act.
+/// Returns the row of a link without any fresh sample.
 fn nothing(near: &Record, far: &Direction) -> String {
     let (to_near, to_far) = (near.received.len(), far.ages.len());
     format!(
@@ -135,7 +135,7 @@ fn row(
     span: (u64, u64),
     first: Duration,
 ) -> Outcome<String> {
-    let own = Direction::of(near, span)?;
+    let own = Direction::from_record(near, span)?;
     let (sent, ages) = (own.sent + far.sent, [own.ages.as_slice(), &far.ages].concat());
     let received = u64::try_from(ages.len())?;
     let rate = sent / 2 / u64::from(options.seconds.max(1));
@@ -153,7 +153,7 @@ fn row(
     ))
 }
 
-/// Times that the newest sample's age passed the limit.
+/// Returns the number of times that the newest sample's age exceeded the limit.
 fn trips(ages: &[u64], limit: Duration) -> usize {
     let is_over = |age: &u64| Duration::from_micros(*age) > limit;
     let first = usize::from(ages.first().is_some_and(is_over));

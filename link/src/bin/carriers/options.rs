@@ -20,9 +20,9 @@ pub(crate) struct Options {
     pub(crate) limit: Duration,
     /// First columns of the row.
     pub(crate) label: String,
-    /// This process is the far side; set by the node.
+    /// Set by the node for the process of the far side.
     pub(crate) is_far: bool,
-    /// An end that receives nothing declares its subscriber again.
+    /// Set if an end that receives nothing declares its subscriber again.
     pub(crate) redeclares: bool,
     /// Time in ms for a session of zenoh to open, and its lease; zero for zenoh's own settings.
     pub(crate) open_timeout: u64,

@@ -1,9 +1,9 @@
-//! The contract's end of this process.
+//! End of the contract in this process.
 
 use contract::{Command, Echo, FarEnd, Feedback, Measurements, Motion, NodeEnd, Order, Reason};
 use units::time::Instant;
 
-/// A motion with content: what travels is a real command.
+/// Commanded motion, so that the messages are realistic.
 const ORDER: Order = Order { motion: Motion::Rate([0.1; 6]), is_engaged: true, gripper: None };
 
 /// One end of the contract.
@@ -63,7 +63,7 @@ impl Role {
         }
     }
 
-    /// Returns whether the far side holds for want of a fresh command.
+    /// Returns whether the far side holds without a fresh command.
     pub(crate) fn is_held(&self) -> bool {
         match self {
             Self::Near(..) => false,

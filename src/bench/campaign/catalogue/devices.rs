@@ -10,7 +10,7 @@ use crate::random::{Random, rounded};
 use canopen::error_codes;
 use canopen::frame::Frame;
 use canopen::object::Object;
-use canopen::watchdog::Awaited;
+use canopen::watchdog::LifeSign;
 use faults::{
     DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
 };
@@ -108,7 +108,7 @@ fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injec
     let plans = at.config.node_plans();
     let is_guarded = plans
         .get(number.index())
-        .is_some_and(|(_, plan)| plan.watchdog(Awaited::Guarding).is_some());
+        .is_some_and(|(_, plan)| plan.watchdog(LifeSign::Guarding).is_some());
     let answers: &[u8] = if is_guarded { &[state, state | TOGGLE] } else { &[state] };
     let cob_id = HEARTBEAT + u16::from(joint.node.raw());
     let faults = answers.iter().map(|answer| {

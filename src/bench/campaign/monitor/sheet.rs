@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::monitor::watch::DriveTimers;
 use canopen::exchange::TpdoMap;
 use canopen::frame::{Channel, Frame};
-use canopen::layout::{Direction, Mapped, Pdo};
+use canopen::layout::{Direction, MappedObject, Pdo};
 use canopen::object::Object;
 use canopen::plan::{Identity, NodePlan};
 use canopen::{NodeId, nmt, sync, time_stamp};
@@ -254,7 +254,7 @@ fn is_same(rpdo: &Rpdo, channel: Channel, pdo: &Pdo) -> bool {
 }
 
 /// Returns targets and controlwords of a mapping, with the first bit of each.
-fn fields(joint: Joint, mapping: &[Mapped]) -> impl Iterator<Item = (Joint, Object, u32)> {
+fn fields(joint: Joint, mapping: &[MappedObject]) -> impl Iterator<Item = (Joint, Object, u32)> {
     let mut shift = 0;
     mapping.iter().filter_map(move |mapped| {
         let at = shift;

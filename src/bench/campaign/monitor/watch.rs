@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::error_codes;
 use canopen::plan::NodePlan;
-use canopen::watchdog::Awaited;
+use canopen::watchdog::LifeSign;
 use units::time::Instant;
 
 /// Timers of one drive, from its plan.
@@ -25,10 +25,10 @@ enum MasterWatch {
 impl DriveTimers {
     pub(super) fn from_plan(plan: &NodePlan) -> Self {
         let guarding = plan
-            .watchdog(Awaited::Guarding)
+            .watchdog(LifeSign::Guarding)
             .map(|timer| MasterWatch::Guarding(Duration::from_millis(u64::from(timer.millis))));
-        let heartbeat = plan.watchdog(Awaited::Heartbeat).map(|_| MasterWatch::Heartbeat);
-        Self { rpdos: plan.watchdog(Awaited::Rpdo).is_some(), master: guarding.or(heartbeat) }
+        let heartbeat = plan.watchdog(LifeSign::Heartbeat).map(|_| MasterWatch::Heartbeat);
+        Self { rpdos: plan.watchdog(LifeSign::Rpdo).is_some(), master: guarding.or(heartbeat) }
     }
 
     /// Returns whether the master polls the node by remote frames (node guarding).

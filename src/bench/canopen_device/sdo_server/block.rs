@@ -4,7 +4,7 @@
 use canopen_rs::sdo::SdoPayload;
 
 use canopen::abort::AbortCode;
-use canopen::sdo::{Receiver, Sender, Taken};
+use canopen::sdo::{Receiver, SegmentEffect, Sender};
 
 /// Block upload in progress.
 #[derive(Clone, Debug)]
@@ -97,8 +97,8 @@ pub(super) fn on_segment(
     segment: &SdoPayload,
 ) -> Result<Option<SdoPayload>, AbortCode> {
     Ok(match download.take(segment)? {
-        Taken::InSequence | Taken::Ignored => None,
-        Taken::EndOfBlock => Some(download.answer()),
+        SegmentEffect::InSequence | SegmentEffect::Ignored => None,
+        SegmentEffect::EndOfBlock => Some(download.answer()),
     })
 }
 

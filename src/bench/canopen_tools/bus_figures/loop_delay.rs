@@ -45,7 +45,7 @@ mod tests {
     const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
 
     fn worst(planned: &[Stream]) -> Timeline {
-        Timeline::of(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
+        Timeline::new(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
     }
 
     #[test]

@@ -52,7 +52,7 @@ impl Utilisation {
             cycle_worst: load(cyclic(Stream::worst_bits)),
             least: load(sum(&|s| s.pace.planned_per_s() * f64::from(s.least_bits()))),
             typical: load(sum(&|s| s.pace.typical_per_s() * typical_bits(s))),
-            worst: BusLoad::of(planned, bitrate, period_us),
+            worst: BusLoad::new(planned, bitrate, period_us),
             busiest: load(busiest),
             with_sporadic: load(busiest + sporadic),
         }
@@ -77,7 +77,7 @@ pub struct Margin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::layout::Mapped;
+    use canopen::layout::MappedObject;
     use canopen::load::streams::{sporadic, streams};
     use canopen::object::Object;
     use canopen::testing::networks::{grouped, master};
@@ -91,7 +91,7 @@ mod tests {
         let services = plans.iter_mut().flat_map(|plan| &mut plan.pdos);
         for service in services.filter_map(|pdo| pdo.service.as_mut()) {
             if service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD) {
-                service.mapping.push(Mapped { object: Object::TORQUE_ACTUAL, bits: 16 });
+                service.mapping.push(MappedObject { object: Object::TORQUE_ACTUAL, bits: 16 });
             }
         }
         let planned = streams(&plans, 1_000, master(), 5);

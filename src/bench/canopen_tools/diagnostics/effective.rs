@@ -11,7 +11,7 @@ use thiserror::Error;
 use crate::procedure::Procedure;
 use canopen::abort::AbortCode;
 use canopen::frame::{COB_ID_MAX, Frame};
-use canopen::layout::{Direction, MAX_PDOS, Mapped, Pdo, Service};
+use canopen::layout::{Direction, MAX_PDOS, MappedObject, Pdo, Service};
 use canopen::object::Object;
 use canopen::sdo::{Outcome, SdoError, Transfer};
 use canopen::sync::Transmission;
@@ -139,7 +139,7 @@ impl Reader {
             Query::Entry { sub, count } => {
                 let MappingEntry { address, bit_length, .. } = MappingEntry::from_u32(number);
                 let object = Object { index: address.index, sub: address.subindex };
-                self.service(|s| s.mapping.push(Mapped { object, bits: bit_length }));
+                self.service(|s| s.mapping.push(MappedObject { object, bits: bit_length }));
                 return self.entry(sub.saturating_add(1), count);
             }
             Query::Nothing => {}
@@ -272,7 +272,7 @@ mod tests {
     use canopen::plan::NodePlan;
     use canopen::sdo::bytes;
     use canopen::testing::plans::elbow;
-    use canopen::testing::scripted::Scripted;
+    use canopen::testing::scripted::ScriptedDevice;
 
     const TIMEOUT: Duration = Duration::from_millis(50);
 
@@ -281,15 +281,15 @@ mod tests {
     }
 
     /// Device configured by `plan`.
-    fn configured(plan: &NodePlan) -> Scripted {
-        let mut device = Scripted::suiting(plan);
+    fn configured(plan: &NodePlan) -> ScriptedDevice {
+        let mut device = ScriptedDevice::suiting(plan);
         for (object, value) in plan.pdos.iter().flat_map(Pdo::writes) {
             device.objects.insert(object, bytes(&value));
         }
         device
     }
 
-    fn read(device: &mut Scripted) -> Result<Vec<Pdo>, Unreadable> {
+    fn read(device: &mut ScriptedDevice) -> Result<Vec<Pdo>, Unreadable> {
         let (mut reader, mut queue) = (Reader::new(node(), TIMEOUT), Vec::new());
         loop {
             let now = reader.deadline().expect("a reader without an outcome has a deadline");
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn timeout_names_node_and_object() {
-        let mut device = Scripted { deaf_for: u32::MAX, ..configured(&elbow()) };
+        let mut device = ScriptedDevice { deaf_for: u32::MAX, ..configured(&elbow()) };
         let message = "node 3: 1400h:1: no answer";
         assert_eq!(read(&mut device).unwrap_err().to_string(), message);
     }

@@ -124,7 +124,7 @@ impl FromStr for GatewayType {
 impl GatewayType {
     /// Returns the type with a number of CiA 301, 7.4.7.1, as used in an EDS.
     pub fn of_number(number: u16) -> Option<Self> {
-        let DataType { kind, bits, .. } = data_type::of(number)?;
+        let DataType { kind, bits, .. } = data_type::find(number)?;
         let width = bits.and_then(Width::of_bits);
         Some(match (number, kind) {
             (0x0C, _) => Self::TimeOfDay,

@@ -50,7 +50,7 @@ pub(super) fn play(
     let folder = folder(parent, case.number);
     session::make_room(&folder, force)?;
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let provenance = Provenance::of(config, &interfaces, Origin::default());
+    let provenance = Provenance::new(config, &interfaces, Origin::default());
     let sources = sources(seed, case, config)?;
     let recorder = RunRecorder::with_session(&folder, &provenance, &sources, Limits::NONE);
     let mut recorder = recorder.or_fail(Kind::File)?;

@@ -76,7 +76,7 @@ impl SelectedBus {
     pub(crate) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
         // A session aborts its transfer in order.
-        Ok(Session::new(bus, Channel(0), signal_flag::of([SIGINT, SIGTERM])?))
+        Ok(Session::new(bus, Channel(0), signal_flag::register([SIGINT, SIGTERM])?))
     }
 
     /// Opens the interface to command or write; refuses while a master sends SYNC on it, unless forced.

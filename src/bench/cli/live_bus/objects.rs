@@ -6,7 +6,7 @@ use crate::live_bus::{Session, SessionError};
 use bus::Bus;
 use canopen::NodeId;
 use canopen::object::Object;
-use canopen::sdo::{Content, SdoError, Terms, Transfer};
+use canopen::sdo::{Content, SdoError, SdoOptions, Transfer};
 use canopen_tools::value::Octets;
 
 /// Object of a node, and the options of its SDO transfer.
@@ -17,7 +17,7 @@ pub struct Target {
     /// Object.
     pub object: Object,
     /// Response timeout, and segmented or block transfer.
-    pub terms: Terms,
+    pub options: SdoOptions,
 }
 
 /// Error of reading or writing an object.
@@ -55,8 +55,8 @@ pub enum ObjectError {
 /// # Errors
 /// The bus fails, or the node aborts the transfer or does not respond.
 pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
-    let Target { node, object, terms } = target;
-    let outcome = session.run(|now, out| Transfer::read_on(terms, node, object, now, out));
+    let Target { node, object, options } = target;
+    let outcome = session.run(|now, out| Transfer::read_with(options, node, object, now, out));
     outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))
 }
 
@@ -70,9 +70,10 @@ pub fn write<B: Bus>(
     bytes: &[u8],
     verify: bool,
 ) -> Result<(), ObjectError> {
-    let Target { node, object, terms } = target;
+    let Target { node, object, options } = target;
     let mut out = Vec::new();
-    let transfer = Transfer::write_on(terms, node, object, bytes.to_vec(), session.now(), &mut out);
+    let transfer =
+        Transfer::write_with(options, node, object, bytes.to_vec(), session.now(), &mut out);
     let mut transfer = transfer.map_err(|error| target.failed(error))?;
     session.queue(out);
     let outcome = session.resume(&mut transfer);

@@ -193,7 +193,7 @@ const fn description(fault: BusFault) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bus::{Received, Wake};
+    use bus::{ReceivedEvent, Wake};
     use canopen::NodeId;
     use canopen::object::Object;
     use canopen::sdo::{SdoError, Transfer};
@@ -228,8 +228,11 @@ mod tests {
         fn wait(&mut self, _: Instant, until: Instant) -> Wake {
             let now = self.now.max(until);
             self.now = now;
-            let received =
-                |fault| Received { at: now, channel: Channel(0), event: BusEvent::Fault(fault) };
+            let received = |fault| ReceivedEvent {
+                at: now,
+                channel: Channel(0),
+                event: BusEvent::Fault(fault),
+            };
             Wake { now, received: self.fault.take().map(received) }
         }
     }

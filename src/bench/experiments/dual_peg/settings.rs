@@ -13,7 +13,7 @@ use config::problem::{self, Invalid, Problems};
 use config::robots::RobotArm;
 use config::section::{Section, Table};
 use config::trust::Trust;
-use config::value::{Placed, Value};
+use config::value::{HasPlace, Value};
 use controller::gains::Gains;
 use controller::stability::bounds;
 use remote::site::Virtual;

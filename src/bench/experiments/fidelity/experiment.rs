@@ -9,7 +9,7 @@ use crate::fidelity::script::{Course, Hand};
 use crate::fidelity::trial::Arm;
 use crate::no_trial::NoTrial;
 use config::Config;
-use telemetry::fidelity::{Fidelity, Figures, Judged, Sample, Situation};
+use telemetry::fidelity::{Fidelity, Figures, Sample, Situation, WrenchSource};
 use testbench::bench::Bench;
 use testbench::truth::Truth;
 
@@ -136,7 +136,7 @@ impl Row {
         let mut truth = Truth::new(&controlled);
         let times = course.times();
         let [damping, ..] = *controlled.controller.damping.values();
-        let (mut holds, mut at_hand) = (Holds::default(), Fidelity::new(Judged::Hand));
+        let (mut holds, mut at_hand) = (Holds::default(), Fidelity::new(WrenchSource::Hand));
         let mut release = ReleaseJudge::new(times.release, damping);
         let (mut saturated_cycles, mut stopped_by) = (0, None);
         for _ in 0..controlled.controller.period.cycles(times.end) {

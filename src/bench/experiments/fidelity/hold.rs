@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::Serialize;
 
-use telemetry::fidelity::{Fidelity, Figures, Judged, Sample, Situation};
+use telemetry::fidelity::{Fidelity, Figures, Sample, Situation, WrenchSource};
 
 /// A hold, by the motion before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -53,7 +53,7 @@ pub struct Holds {
 
 impl Default for Holds {
     fn default() -> Self {
-        Self { each: Hold::ALL.map(|hold| (hold, Fidelity::new(Judged::Hand))) }
+        Self { each: Hold::ALL.map(|hold| (hold, Fidelity::new(WrenchSource::Hand))) }
     }
 }
 

@@ -59,9 +59,9 @@ pub fn watch(sockets: Vec<PathBuf>) -> Result<(), Failure> {
         let reason = "top needs a terminal (stdin, stdout, and a TERM that is not dumb); --once prints one snapshot";
         return Err(Failure::new(FailureKind::Usage, reason));
     }
-    let is_ending = signal_flag::of([SIGHUP, SIGINT, SIGTERM])?;
+    let is_ending = signal_flag::register([SIGHUP, SIGINT, SIGTERM])?;
     // A new size ends the wait for the next drawing.
-    signal_flag::of([SIGWINCH])?;
+    signal_flag::register([SIGWINCH])?;
     let state = Arc::new(Mutex::new(State::default()));
     let shared = Arc::clone(&state);
     let take_in = move |news| shared.lock().unwrap_or_else(PoisonError::into_inner).on_news(news);

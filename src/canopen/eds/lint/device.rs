@@ -3,22 +3,22 @@
 use crate::eds::device::BITRATES;
 use crate::eds::ini::Section;
 use crate::eds::lint::{Lint, Spot};
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 use crate::eds::{read, value};
 use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
-    if lint.ini.section(Title::Named(Named::FileInfo)).is_none() {
-        lint.warning(Spot::missing(Title::Named(Named::FileInfo)), "is missing");
+    if lint.ini.section(Title::Named(Heading::FileInfo)).is_none() {
+        lint.warning(Spot::missing(Title::Named(Heading::FileInfo)), "is missing");
     }
-    match lint.ini.section(Title::Named(Named::DeviceInfo)) {
-        None => lint.error(Spot::missing(Title::Named(Named::DeviceInfo)), "is missing"),
+    match lint.ini.section(Title::Named(Heading::DeviceInfo)) {
+        None => lint.error(Spot::missing(Title::Named(Heading::DeviceInfo)), "is missing"),
         Some(section) => info(lint, section),
     }
-    if let Some(section) = lint.ini.section(Title::Named(Named::Commissioning)) {
+    if let Some(section) = lint.ini.section(Title::Named(Heading::Commissioning)) {
         commissioning(lint, section);
     }
-    if let Some(section) = lint.ini.section(Title::Named(Named::DummyUsage)) {
+    if let Some(section) = lint.ini.section(Title::Named(Heading::DummyUsage)) {
         flags(lint, section, "Dummy");
     }
 }

@@ -7,7 +7,7 @@ use std::fmt;
 use crate::eds::ini::{Oddity, Section};
 use crate::eds::lint::{Lint, Spot};
 use crate::eds::text::Encoding;
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 use crate::eds::{keys, value};
 
 pub(super) fn check(lint: &mut Lint<'_>) {
@@ -119,7 +119,7 @@ fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
 /// Returns whether the values of a section are numbers, except for texts.
 const fn holds_numbers(title: Title<'_>) -> bool {
     match title {
-        Title::Named(Named::FileInfo | Named::Comments) | Title::Names(_) | Title::Other(_) => {
+        Title::Named(Heading::FileInfo | Heading::Comments) | Title::Names(_) | Title::Other(_) => {
             false
         }
         Title::Named(_)

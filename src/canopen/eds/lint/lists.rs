@@ -5,22 +5,22 @@ use std::collections::{BTreeSet, HashMap};
 use crate::data_type::UNSIGNED8;
 use crate::eds::ini::{Entry, Section};
 use crate::eds::lint::{Gap, Lint, Spot};
-use crate::eds::title::{Named, Title};
+use crate::eds::title::{Heading, Title};
 use crate::eds::{compact, read, value};
 use crate::object::Object;
 
 /// First index of objects; data types are below.
 const FIRST_OBJECT: u16 = 0x1000;
 
-/// List of each listed object.
-type Listed = HashMap<u16, Named>;
+/// List that contains each object, by index.
+type ListIndex = HashMap<u16, Heading>;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
-    let mut listed = Listed::new();
-    for list in Named::LISTS {
+    let mut listed = ListIndex::new();
+    for list in Heading::LISTS {
         match lint.ini.section(Title::Named(list)) {
             Some(section) => one_list(lint, list, section, &mut listed),
-            None if list == Named::Mandatory => {
+            None if list == Heading::Mandatory => {
                 lint.error(Spot::missing(Title::Named(list)), "is missing");
             }
             None => {}
@@ -40,7 +40,7 @@ pub(super) fn check(lint: &mut Lint<'_>) {
 }
 
 /// Checks that every object is in a list, and every sub-index in an object.
-fn sections(lint: &mut Lint<'_>, listed: &Listed) {
+fn sections(lint: &mut Lint<'_>, listed: &ListIndex) {
     let subs = sub_sections(lint);
     for section in lint.ini.first_sections() {
         let spot = Spot::section(section);
@@ -75,7 +75,7 @@ fn sub_sections(lint: &Lint<'_>) -> HashMap<u16, Vec<u8>> {
 }
 
 /// Checks one list: its objects, count and enumeration.
-fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mut Listed) {
+fn one_list(lint: &mut Lint<'_>, list: Heading, section: &Section<'_>, listed: &mut ListIndex) {
     let mut numbers = BTreeSet::new();
     for entry in &section.entries {
         if let Ok(number) = entry.key.parse::<u32>() {
@@ -102,10 +102,10 @@ fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mu
 /// Checks a listed object: described, listed once, and in the right list.
 fn listed_object(
     lint: &mut Lint<'_>,
-    list: Named,
+    list: Heading,
     spot: Spot<'_>,
     entry: &Entry<'_>,
-    listed: &mut Listed,
+    listed: &mut ListIndex,
 ) {
     let index = value::whole(entry.word()).and_then(|(index, _)| u16::try_from(index).ok());
     let Some(index) = index else {
@@ -121,7 +121,7 @@ fn listed_object(
     if listed.insert(index, list).is_some() {
         lint.warning(spot, format_args!("{index:04X}h is listed twice"));
     }
-    let home = Named::list_of(index);
+    let home = Heading::list_of(index);
     if home != list {
         lint.warning(spot, format_args!("{index:04X}h belongs in [{}]", home.name()));
     }

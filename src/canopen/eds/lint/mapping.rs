@@ -2,7 +2,7 @@
 //! 7.5.2.38).
 
 use crate::data_type;
-use crate::eds::described::Described;
+use crate::eds::eds_object::EdsObject;
 use crate::eds::lint::Lint;
 use crate::eds::value::{self, Number};
 use crate::layout::Direction;
@@ -20,12 +20,12 @@ pub(super) fn check(lint: &mut Lint<'_>) {
 }
 
 /// Effective value of an object, from the DCF or its default, with its key.
-fn effective(described: &Described) -> Option<(Number, &'static str)> {
+fn effective(described: &EdsObject) -> Option<(Number, &'static str)> {
     let set = described
         .setting
         .value
         .as_ref()
-        .and_then(|text| value::number(text, &data_type::of(described.data_type)?).ok());
+        .and_then(|text| value::number(text, &data_type::find(described.data_type)?).ok());
     let default = || described.number.map(|number| (number, "DefaultValue"));
     set.map(|number| (number, "ParameterValue")).or_else(default)
 }
@@ -58,7 +58,7 @@ const RESTRICTED: [(i128, i128); 8] = [
 const INVALID: i128 = 1 << 31;
 const EXTENDED: i128 = 1 << 29;
 
-fn cob_id(lint: &mut Lint<'_>, described: &Described) {
+fn cob_id(lint: &mut Lint<'_>, described: &EdsObject) {
     let Some((number, key)) = effective(described) else { return };
     if number.value & (INVALID | EXTENDED) != 0 {
         return;
@@ -96,7 +96,7 @@ const FIRST_NO_TYPE: u16 = 0x20;
 const BITS: u32 = 64;
 const MAX_ENTRIES: u8 = 64;
 
-fn mapping(lint: &mut Lint<'_>, count: &Described, direction: Direction) {
+fn mapping(lint: &mut Lint<'_>, count: &EdsObject, direction: Direction) {
     let Some((number, key)) = effective(count) else { return };
     let spot = lint.spot(count.object, key);
     let number = match u8::try_from(number.value) {

@@ -37,9 +37,9 @@ pub struct Finding {
     pub line: usize,
     /// Severity.
     pub severity: Severity,
-    /// Object, as in `1018h:1`, or section in brackets; empty for the whole file.
+    /// Object, as in `1018h:1`, or section in brackets; empty for a finding about the file.
     pub place: String,
-    /// Key; empty for the whole section.
+    /// Key; empty for a finding about the section.
     pub key: String,
     /// Reason.
     pub reason: String,
@@ -134,7 +134,7 @@ impl<'t> Spot<'t> {
         Self { line: 1, title: Some(title), key: "" }
     }
 
-    /// Whole section.
+    /// Section without a key.
     const fn section(section: &Section<'t>) -> Self {
         Self { line: section.line, title: Some(section.title), key: "" }
     }

@@ -1,8 +1,8 @@
-//! Each object by itself: mandatory entries, and values within type and limits (CiA 306, 4.6.3).
+//! Checks within each object: mandatory entries, and values within type and limits (CiA 306, 4.6.3).
 
 use crate::NodeId;
 use crate::data_type::{self, DataType};
-use crate::eds::described::{Access, Described};
+use crate::eds::eds_object::{Access, EdsObject};
 use crate::eds::ini::{Entry, Section};
 use crate::eds::lint::{Lint, Spot};
 use crate::eds::title::Title;
@@ -32,7 +32,7 @@ fn one_object(lint: &mut Lint<'_>, section: &Section<'_>) {
     let Some(described) = lint.described_by(section) else { return };
     type_and_access(lint, section, described);
     mappable(lint, section, described);
-    if let Some(data_type) = data_type::of(described.data_type) {
+    if let Some(data_type) = data_type::find(described.data_type) {
         values(lint, section, described, &data_type);
     }
 }
@@ -40,7 +40,7 @@ fn one_object(lint: &mut Lint<'_>, section: &Section<'_>) {
 impl<'e> Lint<'e> {
     /// Returns the object, or the first of those, that a section describes; `None` for the head of an array or
     /// record with described sub-indices.
-    fn described_by(&self, section: &Section<'_>) -> Option<&'e Described> {
+    fn described_by(&self, section: &Section<'_>) -> Option<&'e EdsObject> {
         let (index, sub) = match section.title {
             Title::Sub(index, sub) => return self.eds.object(Object { index, sub }),
             Title::Object(index) => (index, u8::from(compact::count(section) > 0)),
@@ -84,12 +84,12 @@ fn object_type(lint: &mut Lint<'_>, section: &Section<'_>) {
 }
 
 /// Checks data type and access.
-fn type_and_access(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
+fn type_and_access(lint: &mut Lint<'_>, section: &Section<'_>, described: &EdsObject) {
     let spot = Spot::key(section, "DataType");
     let number = described.data_type;
     if number == 0 {
         lint.error(spot, "is missing or not a number");
-    } else if data_type::of(number).is_none() {
+    } else if data_type::find(number).is_none() {
         lint.error(spot, format_args!("{number:04X}h is not a data type of CiA 301"));
     }
     let spot = Spot::key(section, "AccessType");
@@ -106,7 +106,7 @@ fn type_and_access(lint: &mut Lint<'_>, section: &Section<'_>, described: &Descr
 }
 
 /// Checks that a mappable object fits a PDO.
-fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
+fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &EdsObject) {
     let Some(word) = section.value("PDOMapping").map(Entry::word) else { return };
     let spot = Spot::key(section, "PDOMapping");
     let is_flag = matches!(value::whole(word), Some((0 | 1, _)));
@@ -114,7 +114,7 @@ fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
         let taken = u8::from(described.is_mappable);
         lint.warning(spot, format_args!("{word} is neither 0 nor 1: taken for {taken}"));
     }
-    let Some(data_type) = data_type::of(described.data_type).filter(|_| described.is_mappable)
+    let Some(data_type) = data_type::find(described.data_type).filter(|_| described.is_mappable)
     else {
         return;
     };
@@ -129,7 +129,7 @@ fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
 }
 
 /// Checks defaults, settings and limits.
-fn values(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described, data_type: &DataType) {
+fn values(lint: &mut Lint<'_>, section: &Section<'_>, described: &EdsObject, data_type: &DataType) {
     for key in ["LowLimit", "HighLimit"] {
         let Some(entry) = section.value(key).filter(|_| data_type.bits.is_some()) else { continue };
         if let Err(reason) = is_value(entry, data_type) {
@@ -158,7 +158,7 @@ fn values_of(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
         let sub = entry.key.parse().unwrap_or(0);
         let described = lint.eds.object(Object { index, sub }).filter(|_| sub > 0);
         if let Some(described) = described
-            && let Some(data_type) = data_type::of(described.data_type)
+            && let Some(data_type) = data_type::find(described.data_type)
         {
             one_value(lint, Spot::entry(section, entry), entry, described, &data_type);
         }
@@ -170,7 +170,7 @@ fn one_value(
     lint: &mut Lint<'_>,
     spot: Spot<'_>,
     entry: &Entry<'_>,
-    described: &Described,
+    described: &EdsObject,
     data_type: &DataType,
 ) {
     let word = entry.word();
@@ -180,7 +180,7 @@ fn one_value(
         Err(reason) => lint.error(spot, format_args!("{word}: {reason}")),
     }
     let Ok(number) = value::number(word, data_type) else { return };
-    // All sums are linear in the node-id: what holds for the first and the last one holds for all.
+    // All sums are linear in the node-id, so checking the first and the last one suffices.
     let ends = [1, 127].into_iter().filter_map(|raw| NodeId::new(raw).ok());
     let exceeds = |limit: Option<Number>, is_beyond: fn(i128, i128) -> bool| {
         let limit = limit?;

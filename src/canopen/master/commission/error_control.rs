@@ -1,4 +1,4 @@
-//! Heartbeats and boot-up messages during a boot: the one that a step waits for, or a reboot by itself.
+//! Heartbeats and boot-up messages during a boot: the one that a step waits for, or that of an unexpected reboot.
 
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ impl Boot {
         outcome
     }
 
-    /// Handles a boot-up message. A node that starts by itself (1F80h) is set pre-operational.
+    /// Handles a boot-up message. A self-starting node (1F80h) is set pre-operational.
     fn on_boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         self.reported_state = Some(NmtState::PreOperational);
         match self.wait {
@@ -63,7 +63,7 @@ impl Boot {
             {
                 self.fail(Problem::Rebooted)
             }
-            // The first of two may stem from the power-up: the node is reset once more.
+            // The first of two may stem from the power-up, so the node is reset again.
             Wait::Read(_) if self.resets.count == 1 => {
                 self.at = self.at.saturating_sub(1);
                 self.take_step(now, out)

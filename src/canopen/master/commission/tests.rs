@@ -14,10 +14,10 @@ use crate::nameplate::{Nameplate, Rating, Ratio};
 use crate::plan::{BOOT_TIMEOUT, REPLY_TIMEOUT, Revisions, Timeouts};
 use crate::setting::OFFSETS;
 use crate::testing::plans::{elbow, guarded_elbow, switch_box};
-use crate::testing::scripted::{Scripted, first_boot, stamp};
+use crate::testing::scripted::{ScriptedDevice, first_boot, stamp};
 
 /// Boots `device` by `plan`. Returns the outcome, the duration, and all frames the master sent.
-fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<Frame>) {
+fn boot(plan: &NodePlan, device: &mut ScriptedDevice) -> (BootOutcome, Duration, Vec<Frame>) {
     let mut boot = Boot::new(plan);
     let (mut sent, mut queue) = (Vec::new(), Vec::new());
     loop {
@@ -39,14 +39,14 @@ fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<F
     }
 }
 
-fn failure(plan: &NodePlan, device: &mut Scripted) -> String {
+fn failure(plan: &NodePlan, device: &mut ScriptedDevice) -> String {
     boot(plan, device).0.expect_err("a failure").to_string()
 }
 
 #[test]
 fn suitable_node_boots_exactly_as_planned() {
     for plan in [elbow(), switch_box()] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         let (outcome, ..) = boot(&plan, &mut device);
         assert_eq!(outcome, Ok(Configuration::Downloaded));
         for (object, value) in plan.pdos.iter().flat_map(|pdo| pdo.writes().pop()) {
@@ -62,7 +62,7 @@ fn suitable_node_boots_exactly_as_planned() {
 #[test]
 fn moved_emcy_cob_id_is_disabled_then_set() {
     let plan = NodePlan { emcy_cob_id: 0x683, ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
     assert_eq!(device.objects[&Object::EMCY_COB_ID], [0x83, 0x06, 0, 0]);
     let writes = device.written.iter().filter(|object| **object == Object::EMCY_COB_ID);
@@ -72,7 +72,7 @@ fn moved_emcy_cob_id_is_disabled_then_set() {
 #[test]
 fn stored_configuration_is_read_and_not_written() {
     for plan in [elbow(), switch_box(), guarded_elbow()] {
-        let mut device = Scripted::holding(&plan);
+        let mut device = ScriptedDevice::holding(&plan);
         assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Skipped), "{}", plan.name);
         let commands = [Object::CONTROLWORD, Object::MODE_OF_OPERATION];
         let commands = if plan.is_drive() { &commands[..] } else { &[] };
@@ -84,10 +84,10 @@ fn stored_configuration_is_read_and_not_written() {
 fn wrong_or_absent_stamp_downloads_again() {
     let plan = elbow();
     for object in [Object::CONFIGURATION_DATE, Object::CONFIGURATION_TIME] {
-        let mut device = Scripted::holding(&plan);
+        let mut device = ScriptedDevice::holding(&plan);
         device.objects.get_mut(&object).unwrap()[1] ^= 1;
         assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
-        let mut device = Scripted::holding(&plan);
+        let mut device = ScriptedDevice::holding(&plan);
         device.objects.remove(&object);
         assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
     }
@@ -97,7 +97,7 @@ fn wrong_or_absent_stamp_downloads_again() {
 fn stamp_with_one_wrong_value_downloads_again() {
     let plan = elbow();
     for (object, _) in plan.writes() {
-        let mut device = Scripted::holding(&plan);
+        let mut device = ScriptedDevice::holding(&plan);
         device.objects.get_mut(&object).unwrap()[0] ^= 0x11;
         let is_off = plan.pdos.iter().any(|p| p.service.is_none() && p.communication(1) == object);
         let expected = if is_off { Configuration::Skipped } else { Configuration::Downloaded };
@@ -108,7 +108,7 @@ fn stamp_with_one_wrong_value_downloads_again() {
 #[test]
 fn configuration_is_stored_if_planned_and_supported() {
     let plan = NodePlan { stores_configuration: true, ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded), "it has no 1020h");
     device.objects.extend(stamp(&plan).map(|(object, _)| (object, vec![0; 4])));
     device.objects.insert(Object::STORE_PARAMETERS, vec![1, 0, 0, 0]);
@@ -122,7 +122,7 @@ fn configuration_is_stored_if_planned_and_supported() {
 #[test]
 fn planned_restore_of_defaults_resets_the_whole_node() {
     let plan = NodePlan { restores_defaults: true, ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::RESTORE_DEFAULTS, vec![1, 0, 0, 0]);
     let (outcome, _, sent) = boot(&plan, &mut device);
     assert_eq!(outcome, Ok(Configuration::Downloaded));
@@ -134,23 +134,23 @@ fn planned_restore_of_defaults_resets_the_whole_node() {
 fn kept_alive_node_is_not_reset_if_it_runs_as_planned() {
     let plan = NodePlan { keep_alive: true, ..switch_box() };
     let is_reset = |sent: &[Frame]| sent.iter().any(|f| f.cob_id == 0 && f.data()[0] == 0x82);
-    let mut device = Scripted { state: 0x05, ..Scripted::holding(&plan) };
+    let mut device = ScriptedDevice { state: 0x05, ..ScriptedDevice::holding(&plan) };
     let (outcome, _, sent) = boot(&plan, &mut device);
     assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Kept), false));
     assert_eq!((device.state, device.written.len()), (0x05, 0));
 
-    let mut device = Scripted { state: 0x7F, ..Scripted::holding(&plan) };
+    let mut device = ScriptedDevice { state: 0x7F, ..ScriptedDevice::holding(&plan) };
     let (outcome, _, sent) = boot(&plan, &mut device);
     assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Skipped), true));
 
-    let mut device = Scripted { state: 0x05, ..Scripted::suiting(&plan) };
+    let mut device = ScriptedDevice { state: 0x05, ..ScriptedDevice::suiting(&plan) };
     let (outcome, _, sent) = boot(&plan, &mut device);
     assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Downloaded), true));
 }
 
 #[test]
 fn device_without_error_behaviour_boots() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.objects.remove(&Object::ERROR_BEHAVIOUR);
     assert_eq!(boot(&elbow(), &mut device).0, Ok(Configuration::Downloaded));
 }
@@ -159,21 +159,21 @@ fn device_without_error_behaviour_boots() {
 fn wrong_software_serial_or_revision_is_named() {
     let mut plan = elbow();
     plan.admission.software = ByteString::from_bytes(b"0.2").ok();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::SOFTWARE_VERSION, b"0.1".to_vec());
     let message = "joint 3 (elbow), node 3: 100Ah is \"0.1\", expected \"0.2\"";
     assert_eq!(failure(&plan, &mut device), message);
 
     let mut plan = elbow();
     plan.admission.serial = Some(7);
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::SERIAL, vec![8, 0, 0, 0]);
     let message = "joint 3 (elbow), node 3: 1018h:4 is 00000008h, expected 00000007h";
     assert_eq!(failure(&plan, &mut device), message);
 
     let mut plan = elbow();
     plan.admission.revisions = Revisions::Compatible;
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::REVISION, vec![9, 0, 1, 0]);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
     device.objects.insert(Object::REVISION, vec![0, 0, 2, 0]);
@@ -183,7 +183,11 @@ fn wrong_software_serial_or_revision_is_named() {
 }
 
 /// Exchanges frames between boot and device until the master sends a frame that satisfies `is_it`.
-fn run_until(boot: &mut Boot, device: &mut Scripted, is_it: impl Fn(&Frame) -> bool) -> Vec<Frame> {
+fn run_until(
+    boot: &mut Boot,
+    device: &mut ScriptedDevice,
+    is_it: impl Fn(&Frame) -> bool,
+) -> Vec<Frame> {
     let mut queue = Vec::new();
     boot.on_time(Instant::ZERO, &mut queue);
     while let Some(sent) = queue.pop() {
@@ -200,7 +204,7 @@ fn run_until(boot: &mut Boot, device: &mut Scripted, is_it: impl Fn(&Frame) -> b
 #[test]
 fn two_boot_ups_after_two_resets_are_two_nodes() {
     let plan = elbow();
-    let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+    let (mut boot, mut device) = (Boot::new(&plan), ScriptedDevice::suiting(&plan));
     let reset = Frame::new(0, [0x82, 3]);
     let mut out = run_until(&mut boot, &mut device, |sent| *sent == reset);
     let boot_up = device.heartbeat(0);
@@ -216,7 +220,7 @@ fn two_boot_ups_after_two_resets_are_two_nodes() {
 #[test]
 fn reply_received_twice_is_of_two_nodes() {
     let plan = elbow();
-    let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+    let (mut boot, mut device) = (Boot::new(&plan), ScriptedDevice::suiting(&plan));
     let mut out = Vec::new();
     boot.on_time(Instant::ZERO, &mut out);
     let reply = device.answer(&out[0]).unwrap();
@@ -231,7 +235,7 @@ fn reply_received_twice_is_of_two_nodes() {
 #[test]
 fn late_replies_are_no_sign_of_two_nodes() {
     let plan = elbow();
-    let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+    let (mut boot, mut device) = (Boot::new(&plan), ScriptedDevice::suiting(&plan));
     let mut out = Vec::new();
     boot.on_time(Instant::ZERO, &mut out);
     let reply = device.answer(&out[0]).unwrap();
@@ -245,7 +249,7 @@ fn late_replies_are_no_sign_of_two_nodes() {
 
 #[test]
 fn wrong_product_is_named_and_not_touched() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.objects.insert(Object::PRODUCT_CODE, vec![1, 0, 0, 0]);
     let (outcome, _, sent) = boot(&elbow(), &mut device);
     let message = "joint 3 (elbow), node 3: 1018h:2 is 00000001h, expected 04020010h";
@@ -256,7 +260,7 @@ fn wrong_product_is_named_and_not_touched() {
 
 #[test]
 fn wrong_device_type_is_named() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.objects.insert(Object::DEVICE_TYPE, vec![0x91, 0x01, 0x02, 0]);
     let message = "joint 3 (elbow), node 3: 1000h is 00020191h, expected xxxx0192h";
     assert_eq!(failure(&elbow(), &mut device), message);
@@ -264,7 +268,7 @@ fn wrong_device_type_is_named() {
 
 #[test]
 fn refused_mapping_is_named_with_its_entry() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.refuses.insert(Object::tpdo_mapping(1, 2), AbortCode::NOT_MAPPABLE);
     let message = "joint 3 (elbow), node 3: 1A00h:2 refused: 06040041h object cannot be mapped";
     assert_eq!(failure(&elbow(), &mut device), message);
@@ -283,7 +287,7 @@ fn confirmed_write_without_effect_is_detected() {
     };
     let writes: Vec<_> = first_boot(&plan).into_iter().filter_map(written).collect();
     for object in writes {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.forgets.push(object);
         // Bit 31 of a COB-ID is set already: writing it changes nothing.
         let message = failure_or_none(&plan, &mut device);
@@ -293,13 +297,13 @@ fn confirmed_write_without_effect_is_detected() {
     }
 }
 
-fn failure_or_none(plan: &NodePlan, device: &mut Scripted) -> Option<String> {
+fn failure_or_none(plan: &NodePlan, device: &mut ScriptedDevice) -> Option<String> {
     boot(plan, device).0.err().map(|error| error.to_string())
 }
 
 #[test]
 fn unused_pdo_that_does_not_exist_is_off() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.objects.remove(&Object::rpdo_communication(4, 1));
     assert_eq!(boot(&elbow(), &mut device).0, Ok(Configuration::Downloaded));
     device.objects.remove(&Object::rpdo_communication(1, 1));
@@ -309,14 +313,14 @@ fn unused_pdo_that_does_not_exist_is_off() {
 
 #[test]
 fn slow_power_up_is_awaited() {
-    let mut device = Scripted { deaf_for: 12, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { deaf_for: 12, ..ScriptedDevice::suiting(&elbow()) };
     let (outcome, took, _) = boot(&elbow(), &mut device);
     assert_eq!((outcome, took), (Ok(Configuration::Downloaded), 12 * RETRY_PERIOD));
 }
 
 #[test]
 fn absent_node_fails_at_the_deadline() {
-    let mut device = Scripted { deaf_for: u32::MAX, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { deaf_for: u32::MAX, ..ScriptedDevice::suiting(&elbow()) };
     let (outcome, took, sent) = boot(&elbow(), &mut device);
     assert_eq!(
         outcome.unwrap_err().to_string(),
@@ -329,13 +333,13 @@ fn absent_node_fails_at_the_deadline() {
 
 #[test]
 fn stopped_node_is_set_pre_operational() {
-    let mut device = Scripted { state: 0x04, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { state: 0x04, ..ScriptedDevice::suiting(&elbow()) };
     assert_eq!(boot(&elbow(), &mut device).0, Ok(Configuration::Downloaded));
 }
 
 #[test]
 fn enabled_drive_is_switched_off_before_identity_is_read() {
-    let mut device = Scripted { state: 0x05, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { state: 0x05, ..ScriptedDevice::suiting(&elbow()) };
     device.objects.insert(Object::STATUSWORD, vec![0x37, 0x16]);
     let (outcome, took, sent) = boot(&elbow(), &mut device);
     let message = "joint 3 (elbow), node 3: 6041h is 1637h, expected xxx0h in the bits 0004h";
@@ -350,7 +354,7 @@ fn enabled_drive_is_switched_off_before_identity_is_read() {
 /// Boots a drive that is found enabled, obeys, and turns by `counts` every 100 ms.
 fn boot_moving(counts: i32, for_samples: i32) -> (BootOutcome, Duration) {
     let plan = NodePlan { standstill_counts: Some(50), ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::STATUSWORD, vec![0x37, 0x16]);
     device.objects.insert(Object::POSITION_ACTUAL, vec![0; 4]);
     let (mut boot, mut queue, mut samples) = (Boot::new(&plan), Vec::new(), 0);
@@ -395,7 +399,7 @@ fn drive_moving_without_power_is_refused() {
 
 #[test]
 fn self_starting_node_is_set_pre_operational() {
-    let mut device = Scripted { starts_itself: true, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { starts_itself: true, ..ScriptedDevice::suiting(&elbow()) };
     assert_eq!(boot(&elbow(), &mut device).0, Ok(Configuration::Downloaded));
     assert_eq!(device.state, 0x7F);
 }
@@ -404,7 +408,7 @@ fn self_starting_node_is_set_pre_operational() {
 fn boot_up_message_behind_an_answer_repeats_the_reset() {
     let plan = elbow();
     for (late_ms, is_booted) in [(1, true), (9, true), (11, false)] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         let (mut boot, mut queue, mut sent) = (Boot::new(&plan), Vec::new(), Vec::new());
         let (mut now, mut is_sent) = (Instant::ZERO, false);
         let mut outcome = boot.on_time(now, &mut queue);
@@ -432,14 +436,14 @@ fn boot_up_message_behind_an_answer_repeats_the_reset() {
 
 #[test]
 fn node_without_boot_up_after_reset_is_named() {
-    let mut device = Scripted { boots: false, ..Scripted::suiting(&elbow()) };
+    let mut device = ScriptedDevice { boots: false, ..ScriptedDevice::suiting(&elbow()) };
     let message = "joint 3 (elbow), node 3: did not boot up after its reset";
     assert_eq!(failure(&elbow(), &mut device), message);
 }
 
 #[test]
 fn mode_not_displayed_is_refused() {
-    let mut device = Scripted::suiting(&elbow());
+    let mut device = ScriptedDevice::suiting(&elbow());
     device.objects.insert(Object::MODE_DISPLAY, vec![0]);
     assert_eq!(
         failure(&elbow(), &mut device),
@@ -451,7 +455,7 @@ fn mode_not_displayed_is_refused() {
 #[test]
 fn reboot_during_boot_is_a_failure() {
     let plan = elbow();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     let (mut boot, mut queue) = (Boot::new(&plan), Vec::new());
     boot.on_time(Instant::ZERO, &mut queue);
     while device.written.len() < 5 {
@@ -476,7 +480,7 @@ proptest! {
         answers in proptest::collection::vec(any::<bool>(), 0..200),
     ) {
         let plan = elbow();
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         let (mut boot, mut out, mut now) = (Boot::new(&plan), Vec::new(), Instant::ZERO);
         let (mut outcomes, mut answers) = (0, answers.into_iter());
         for (step, cob_id, data) in steps {
@@ -571,7 +575,7 @@ fn replies_to_another_client_are_no_sign_of_two_nodes() {
 #[test]
 fn cob_id_gets_bit_30_where_the_node_accepts_no_other() {
     let plan = elbow();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     let cob_id = Object::tpdo_communication(1, 1);
     device.has_no_rtr.push(cob_id);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
@@ -584,7 +588,7 @@ fn cob_id_gets_bit_30_where_the_node_accepts_no_other() {
 #[test]
 fn refused_value_of_a_means_counts_as_its_absence() {
     let plan = elbow();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.refuses.insert(Object::QUICK_STOP_OPTION, AbortCode::VALUE_INVALID);
     let mut boot = Boot::new(&plan);
     let mut queue = Vec::new();
@@ -607,7 +611,7 @@ fn refused_value_of_a_means_counts_as_its_absence() {
         (Object::MAX_TORQUE, AbortCode::VALUE_INVALID),
         (Object::CONSUMER_HEARTBEAT, AbortCode::VALUE_TOO_HIGH),
     ] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.refuses.insert(object, code);
         assert!(failure(&plan, &mut device).contains(&object.to_string()), "{object} {code}");
     }
@@ -617,14 +621,14 @@ fn refused_value_of_a_means_counts_as_its_absence() {
 fn offsets_are_cleared_or_compared_or_absent() {
     let plan = elbow();
     for object in OFFSETS {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         assert!(
             boot(&plan, &mut device).0.is_ok() && device.objects[&object].iter().all(|it| *it == 0)
         );
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.objects.remove(&object);
         assert!(boot(&plan, &mut device).0.is_ok(), "{object} absent");
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.refuses.insert(object, AbortCode::READ_ONLY);
         let text = failure(&plan, &mut device);
         assert!(
@@ -642,7 +646,7 @@ fn offsets_are_cleared_or_compared_or_absent() {
 fn upload_without_an_answer_is_repeated_once() {
     let plan = elbow();
     for object in [Object::VENDOR_ID, Object::MAX_TORQUE, Object::MODE_DISPLAY] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.loses.push(object);
         let (outcome, took, _) = boot(&plan, &mut device);
         assert_eq!((outcome, took), (Ok(Configuration::Downloaded), REPLY_TIMEOUT), "{object}");
@@ -660,7 +664,7 @@ fn time_limits_are_those_of_the_plan() {
         timeouts: Timeouts { reply: Duration::from_millis(40), boot: Duration::from_millis(900) },
         ..elbow()
     };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.loses.push(Object::VENDOR_ID);
     assert_eq!(boot(&plan, &mut device).1, Duration::from_millis(40));
     device.deaf_for = u32::MAX;
@@ -668,7 +672,7 @@ fn time_limits_are_those_of_the_plan() {
 }
 
 /// The elbow with a nameplate, and a node that holds it.
-fn rated() -> (NodePlan, Scripted) {
+fn rated() -> (NodePlan, ScriptedDevice) {
     let nameplate = Nameplate {
         polarity: 0,
         encoder: vec![Ratio(4_096, 1)],
@@ -681,7 +685,7 @@ fn rated() -> (NodePlan, Scripted) {
         modes: None,
     };
     let plan = NodePlan { nameplate: Some(nameplate), ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::POLARITY, vec![0]);
     device.objects.insert(Object::RATED_TORQUE, vec![177, 0, 0, 0]);
     (plan, device)
@@ -694,7 +698,7 @@ fn nameplate_is_compared_after_every_configuration() {
     device.objects.insert(Object::POLARITY, vec![0x80]);
     let text = failure(&plan, &mut device);
     assert!(text.contains("node 3: polarity (607Eh) is 80h, expected 00h: "), "{text}");
-    let mut stored = Scripted::holding(&plan);
+    let mut stored = ScriptedDevice::holding(&plan);
     stored.objects.insert(Object::POLARITY, vec![0x80]);
     assert!(failure(&plan, &mut stored).contains("polarity"), "a stored configuration, too");
 }
@@ -721,6 +725,6 @@ fn lost_answer_about_the_nameplate_is_asked_for_again() {
 #[test]
 fn nameplate_that_cannot_be_read_is_not_taken_for_absent() {
     let (plan, device) = rated();
-    let mut device = Scripted { hides: vec![Object::POLARITY], ..device };
+    let mut device = ScriptedDevice { hides: vec![Object::POLARITY], ..device };
     assert!(failure(&plan, &mut device).contains("607Eh refused: 08000000h"));
 }

@@ -13,7 +13,7 @@ use crate::master::commission::{
     Boot, BootOutcome, MAX_REPEATS, RETRY_PERIOD, STANDSTILL_TIMEOUT, Wait,
 };
 use crate::master::steps::{Action, Stage, Step};
-use crate::nameplate::Held;
+use crate::nameplate::StoredValue;
 use crate::nameplate::units::is_outdated;
 use crate::nmt::Order;
 use crate::object::Object;
@@ -26,7 +26,7 @@ use units::time::Instant;
 enum Answer {
     /// The write succeeded.
     Confirmed,
-    /// The value read is as expected; the drive stands still.
+    /// The value read is as expected, or the drive is at standstill.
     Expected,
     /// The value read differs; the drive moves.
     Differs,
@@ -247,7 +247,7 @@ impl Boot {
         }
     }
 
-    /// Takes the current step in another way.
+    /// Repeats the current step in an alternative form.
     fn retake(&mut self, now: Instant, step: Step, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         if let Some(current) = self.steps.get_mut(self.at) {
             *current = step;
@@ -255,7 +255,7 @@ impl Boot {
         self.take_step(now, out)
     }
 
-    /// Handles the end of reading an object of the nameplate. What the drive does not have passes.
+    /// Handles the end of an upload for the nameplate. An absent object passes.
     fn on_nameplate(
         &mut self,
         now: Instant,
@@ -272,7 +272,7 @@ impl Boot {
             Err(SdoError::Timeout) if !self.retries.is_read_again => {
                 return self.repeat_once(now, out);
             }
-            Ok(content) => self.held.extend(Held::of(object, &content)),
+            Ok(content) => self.held.extend(StoredValue::from_content(object, &content)),
             Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {}
             // No dictionary since CiA 402-2 has these: a vague abort means that the node has none either.
             Err(SdoError::AbortedByServer(AbortCode::GENERAL_ERROR)) if is_outdated(object) => {}

@@ -1,4 +1,4 @@
-//! Reading of the settings back as the node runs it in each cycle.
+//! Execution of the recheck in each cycle.
 
 use crate::Node;
 use bus::Bus;

@@ -14,7 +14,7 @@ use canopen::layout;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::pdo::DriveSample;
-use canopen::plan::{Identity, NodePlan, Watch};
+use canopen::plan::{HeartbeatSettings, Identity, NodePlan};
 use canopen::sync::Sync;
 use units::drive::{Counts, PerMille};
 
@@ -51,13 +51,13 @@ fn drive() -> Drive {
 fn plan() -> NodePlan {
     let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
     let pdos = layout::per_drive(node(), Some(RPDO_TIMER_MS));
-    let watch = Watch {
+    let heartbeats = HeartbeatSettings {
         master: NodeId::new(127).unwrap(),
         master_lost_ms: MASTER_LOST_MS,
         heartbeat_ms: 25,
         node_lost_ms: 60,
     };
-    NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
+    NodePlan::drive("joint 3".into(), node(), identity, pdos, &heartbeats, 1_000)
 }
 
 /// Decodes TPDO1 of the layout with one frame per direction.

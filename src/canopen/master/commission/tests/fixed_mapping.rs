@@ -4,8 +4,8 @@ use super::*;
 use crate::layout::MAPPINGS;
 
 /// Returns a node with the mapping of `plan`, which refuses every write of it.
-fn fixed(plan: &NodePlan, code: AbortCode) -> Scripted {
-    let mut device = Scripted::suiting(plan);
+fn fixed(plan: &NodePlan, code: AbortCode) -> ScriptedDevice {
+    let mut device = ScriptedDevice::suiting(plan);
     for (object, value) in plan.pdos.iter().flat_map(|pdo| pdo.writes()) {
         if MAPPINGS.iter().any(|indices| indices.contains(&object.index)) {
             // The last value counts: the number of entries.

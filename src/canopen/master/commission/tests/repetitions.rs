@@ -21,7 +21,7 @@ fn requested(frame: &Frame) -> Option<Object> {
 /// of that of the device. Returns the outcome and all frames the master sent.
 fn disturbed(
     plan: &NodePlan,
-    device: &mut Scripted,
+    device: &mut ScriptedDevice,
     mut reply: impl FnMut(&Frame) -> Option<Frame>,
 ) -> (BootOutcome, Vec<Frame>) {
     let mut boot = Boot::new(plan);
@@ -53,7 +53,7 @@ fn disturbed(
 /// Boots `device` with the first `times` requests of each kind for each object disturbed. Returns the outcome, and how often each was sent.
 fn each_disturbed(
     plan: &NodePlan,
-    device: &mut Scripted,
+    device: &mut ScriptedDevice,
     times: u32,
 ) -> (BootOutcome, BTreeMap<[u8; 4], u32>) {
     let mut counts = BTreeMap::new();
@@ -70,7 +70,8 @@ fn each_disturbed(
 #[test]
 fn every_transfer_is_repeated_three_times_if_disturbed() {
     for plan in [elbow(), rated().0] {
-        let device = || if plan.nameplate.is_some() { rated().1 } else { Scripted::suiting(&plan) };
+        let device =
+            || if plan.nameplate.is_some() { rated().1 } else { ScriptedDevice::suiting(&plan) };
         let (outcome, undisturbed) = each_disturbed(&plan, &mut device(), 0);
         assert_eq!(outcome, Ok(Configuration::Downloaded));
         let mut device = device();
@@ -140,7 +141,7 @@ fn reply_to_another_client_is_no_value_of_the_object() {
     ] {
         for times in [1, MAX_REPEATS, MAX_REPEATS + 1] {
             let mut count = 0;
-            let (outcome, _) = disturbed(&plan, &mut Scripted::suiting(&plan), |frame| {
+            let (outcome, _) = disturbed(&plan, &mut ScriptedDevice::suiting(&plan), |frame| {
                 let is_read = requested(frame)? == object && frame.data().first() == Some(&0x40);
                 count += u32::from(is_read);
                 let mut reply = [command, 0, 0, 0, 0x5A, 0x5A, 0, 0];
@@ -161,7 +162,7 @@ fn objects_that_the_node_lacks_are_read_again_if_disturbed() {
     // 6091h and 608Fh of the nameplate are absent, and one factor of CiA 402-1 is refused with a general error.
     let (plan, device) = rated();
     let factor = Object { sub: 1, ..Object::POSITION_FACTOR };
-    let mut device = Scripted { hides: vec![factor], ..device };
+    let mut device = ScriptedDevice { hides: vec![factor], ..device };
     device.objects.insert(factor, vec![1, 0, 0, 0]);
     let (outcome, counts) = each_disturbed(&plan, &mut device, MAX_REPEATS);
     assert_eq!(outcome, Ok(Configuration::Downloaded));
@@ -173,7 +174,7 @@ fn objects_that_the_node_lacks_are_read_again_if_disturbed() {
 fn refused_optional_object_does_not_use_up_repetitions() {
     // 1029h:1 may be absent: its three repetitions are not those of the next object.
     let plan = elbow();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.remove(&Object::ERROR_BEHAVIOUR);
     let (outcome, counts) = each_disturbed(&plan, &mut device, MAX_REPEATS);
     assert_eq!(outcome, Ok(Configuration::Downloaded));

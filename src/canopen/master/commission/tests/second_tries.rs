@@ -6,19 +6,19 @@ use super::*;
 use crate::plan::ShownMode;
 
 /// Number of writes of `object` that `device` has taken.
-fn writes(device: &Scripted, object: Object) -> usize {
+fn writes(device: &ScriptedDevice, object: Object) -> usize {
     device.written.iter().filter(|written| **written == object).count()
 }
 
 #[test]
 fn download_without_an_answer_is_repeated_once() {
     let plan = elbow();
-    let mut undisturbed = Scripted::suiting(&plan);
+    let mut undisturbed = ScriptedDevice::suiting(&plan);
     assert!(boot(&plan, &mut undisturbed).0.is_ok());
     let cob_id = Object::tpdo_communication(1, 1);
     let repeated = [Object::CONTROLWORD, cob_id, Object::MAX_TORQUE, Object::MODE_OF_OPERATION];
     for object in repeated {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.loses_confirmations.push(object);
         let (outcome, took, _) = boot(&plan, &mut device);
         assert_eq!((outcome, took), (Ok(Configuration::Downloaded), REPLY_TIMEOUT), "{object}");
@@ -38,7 +38,7 @@ fn object_of_the_maker_and_save_are_never_written_twice() {
         ..elbow()
     };
     for object in [of_maker, Object::STORE_PARAMETERS] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.objects.extend(stamp(&plan).map(|(object, _)| (object, vec![0; 4])));
         device.objects.insert(Object::STORE_PARAMETERS, vec![1, 0, 0, 0]);
         device.loses_confirmations.push(object);
@@ -56,7 +56,7 @@ fn only_a_mode_refused_in_this_state_waits_for_the_start() {
         (AbortCode::VALUE_INVALID, false),
         (AbortCode::GENERAL_ERROR, false),
     ] {
-        let mut device = Scripted::suiting(&plan);
+        let mut device = ScriptedDevice::suiting(&plan);
         device.refuses.insert(Object::MODE_OF_OPERATION, code);
         let (mut boot, mut out) = (Boot::new(&plan), Vec::new());
         let outcome = loop {
@@ -76,7 +76,7 @@ fn only_a_mode_refused_in_this_state_waits_for_the_start() {
 #[test]
 fn other_objects_refused_in_this_state_fail_the_boot() {
     let plan = elbow();
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.refuses.insert(Object::MAX_TORQUE, AbortCode::DEVICE_STATE);
     assert!(failure(&plan, &mut device).contains("6072h refused: 08000022h"));
 }
@@ -85,7 +85,7 @@ fn other_objects_refused_in_this_state_fail_the_boot() {
 fn hidden_mode_is_read_back_under_a_reduced_torque_limit() {
     let reduced_limits = vec![(Object::MAX_TORQUE, Value::Unsigned16(50))];
     let plan = NodePlan { shown_mode: ShownMode::WhenEnabled { reduced_limits }, ..elbow() };
-    let mut device = Scripted::suiting(&plan);
+    let mut device = ScriptedDevice::suiting(&plan);
     device.objects.insert(Object::MODE_DISPLAY, vec![0]);
     assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
     assert_eq!(device.objects[&Object::MAX_TORQUE], [50, 0]);

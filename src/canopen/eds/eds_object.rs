@@ -1,4 +1,4 @@
-//! Description of one object.
+//! Description of one object in an EDS (CiA 306, 4.6).
 
 use crate::eds::value::{self, Number};
 use crate::object::Object;
@@ -68,9 +68,9 @@ impl Access {
     }
 }
 
-/// Object as the EDS describes it.
+/// Object description of an EDS: name, data type, access, limits and default.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Described {
+pub struct EdsObject {
     /// Object.
     pub object: Object,
     /// Name by the manufacturer.
@@ -111,10 +111,10 @@ pub struct Setting {
     pub reference: Option<String>,
 }
 
-impl Described {
+impl EdsObject {
     /// Length of a value in bits; `None` for texts, domains and unknown types.
     pub fn bits(&self) -> Option<u8> {
-        data_type::of(self.data_type)?.bits
+        data_type::find(self.data_type)?.bits
     }
 
     /// Value after power-up, little-endian: its default, else zeros or empty.
@@ -135,6 +135,6 @@ impl Described {
     }
 
     fn bytes(&self, text: &str, node: NodeId) -> Option<Vec<u8>> {
-        value::bytes(text, &data_type::of(self.data_type)?, node).ok()
+        value::bytes(text, &data_type::find(self.data_type)?, node).ok()
     }
 }

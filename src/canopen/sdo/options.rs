@@ -1,4 +1,4 @@
-//! Terms of a transfer: protocol, timeout and maximum size.
+//! Options of an SDO transfer: protocol, timeout and maximum size.
 
 use std::time::Duration;
 
@@ -17,9 +17,9 @@ pub(crate) const BLOCK_SIZE_MAX: u8 = 127;
 /// Size in bytes up to which a block transfer takes more frames than a segmented one.
 pub(super) const BLOCK_THRESHOLD: u8 = 21;
 
-/// Terms of a transfer.
+/// Options of an SDO transfer (CiA 301, 7.2.4.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Terms {
+pub struct SdoOptions {
     /// Time allowed for each reply. During a block upload one retry doubles it.
     pub timeout: Duration,
     /// Maximum size in bytes; capped at [`MAX_BYTES`].
@@ -28,7 +28,7 @@ pub struct Terms {
     pub protocol: Protocol,
 }
 
-impl Terms {
+impl SdoOptions {
     /// Uses expedited or segmented transfer, up to [`MAX_BYTES`].
     pub const fn segmented(timeout: Duration) -> Self {
         Self { timeout, limit: MAX_BYTES, protocol: Protocol::Segmented }

@@ -6,7 +6,7 @@ use units::time::Instant;
 
 /// Samples of one cycle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sampled<'s> {
+pub(crate) struct SampleSet<'s> {
     /// Time at which its SYNC was sent.
     pub(crate) at: Instant,
     /// Newest sample of each joint.

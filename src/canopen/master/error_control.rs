@@ -8,21 +8,21 @@ use crate::heartbeat::{Consumer, Health, HeartbeatEvent};
 use crate::plan::{ErrorControl, NodePlan};
 use units::time::Instant;
 
-/// Error control in use.
+/// Monitor of one node by its error control service.
 #[derive(Clone, Debug)]
-pub(super) enum Watch {
+pub(super) enum ErrorControlMonitor {
     Heartbeat(Consumer),
     Guarding(Guard),
 }
 
-impl Watch {
+impl ErrorControlMonitor {
     /// Returns the error control of `plan`, expected to begin at `now`.
     pub(super) fn new(plan: &NodePlan, now: Instant) -> Self {
         match plan.error_control {
             ErrorControl::Heartbeat { period_ms, lost_after } => {
                 let period = Duration::from_millis(u64::from(period_ms));
-                let watch = Consumer::new(plan.node, lost_after, now + lost_after);
-                Self::Heartbeat(watch.every(period))
+                let consumer = Consumer::new(plan.node, lost_after, now + lost_after);
+                Self::Heartbeat(consumer.every(period))
             }
             ErrorControl::Guarding(guarding) => {
                 Self::Guarding(Guard::new(plan.node, guarding, now))
@@ -30,7 +30,7 @@ impl Watch {
         }
     }
 
-    /// Returns the NMT state, as far as it is known.
+    /// Returns the NMT state, if known.
     pub(super) const fn health(&self) -> Health {
         match self {
             Self::Heartbeat(consumer) => consumer.health(),
@@ -46,7 +46,7 @@ impl Watch {
         }
     }
 
-    /// Does what is due.
+    /// Handles expired timers.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<HeartbeatEvent> {
         match self {
             Self::Heartbeat(consumer) => consumer.on_time(now),

@@ -14,6 +14,10 @@ cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo clippy --test vcan --test vcan_faults --test network --locked -- -D warnings
 cargo clippy --no-default-features --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
+# The front page leads to the crates by paths that rustdoc does not check.
+grep -o '(\.\./[a-z_]*/index\.html)' src/lib.rs | tr -d '()' | while read -r page; do
+  [[ -f target/doc/frhc/$page ]] || { echo "check: src/lib.rs: no page $page" >&2; exit 1; }
+done
 
 # Links, anchors and citations of the book are tests: cargo test --test repository.
 if command -v mdbook >/dev/null; then

@@ -1,7 +1,20 @@
 //! `frhc`: the CANopen master of a force-reflecting hand controller.
 //!
-//! The program's parts are crates, the folders of `src/`. Here they become one program: the commands of the rack
-//! ([`run`]), and those that a rack does without (`cli`, the feature `simulation`).
+//! Each folder of `src/` is a crate; ARCHITECTURE.md says what each may depend on. This one makes a program of the commands of the rack
+//! ([`run`]) and those of simulation and bench (`cli`, the feature `simulation`).
+//!
+//! | to read about | crate |
+//! |---|---|
+//! | commands, console, recordings, exit codes | [`run`](../run/index.html), [`cli`](../cli/index.html) |
+//! | status, summaries, fault records; inputs for a replay | [`telemetry`](../telemetry/index.html), [`inputs`](../inputs/index.html) |
+//! | **one cycle from SYNC to torque**, bring-up, mode, causes of stops | [`node`](../node/index.html) |
+//! | checked values of a configuration | [`config`](../config/index.html) |
+//! | SocketCAN | [`bus`](../bus/index.html) |
+//! | virtual object, link to a robot, the robot's arm, messages between both | [`remote`](../remote/index.html), [`robot`](../robot/index.html), [`contract`](../contract/index.html) |
+//! | **the paper, one equation a file** | [`controller`](../controller/index.html) |
+//! | master, SDO, PDO, NMT, EDS, CiA 402 | [`canopen`](../canopen/index.html) |
+//! | wrench, twist, Jacobian, time | [`units`](../units/index.html) |
+//! | simulated drives, arm and operator; node and simulation in one process; fault campaigns | [`sim`](../sim/index.html), [`testbench`](../testbench/index.html), [`campaign`](../campaign/index.html) |
 #![forbid(unsafe_code)]
 
 mod program;

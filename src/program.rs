@@ -59,11 +59,11 @@ pub fn main() -> ExitCode {
     if matches!(&cli.command, Command::Rack(command) if command.is_run()) {
         if let Err(error) = stop_signals::block() {
             let reason = format!("cannot block signals: {error}");
-            return conclude(Err(Failure::new(Kind::Bus, reason)));
+            return conclude(Err(Failure::new(Kind::System, reason)));
         }
         if let Err(error) = stderr::detach() {
             let reason = format!("cannot start thread frhc-stderr: {error}");
-            return conclude(Err(Failure::new(Kind::Bus, reason)));
+            return conclude(Err(Failure::new(Kind::System, reason)));
         }
         panics::abort();
     }
@@ -88,12 +88,31 @@ fn conclude(done: Result<(), Failure>) -> ExitCode {
 
 /// Prints help or version on stdout, or the usage error on stderr.
 fn print_usage(error: &clap::Error) -> ExitCode {
-    let printed = error.print();
     if error.use_stderr() {
+        let styled = error.render();
+        let text = if has_colour() { styled.ansi().to_string() } else { styled.to_string() };
+        print::note(for_engineers(text).trim_end());
         return ExitCode::from(2);
     }
-    print::record_result(printed);
+    print::record_result(error.print());
     conclude(Ok(()))
+}
+
+/// Replaces the reasons of the standard library for a number that cannot be parsed.
+fn for_engineers(text: String) -> String {
+    const REASONS: [(&str, &str); 5] = [
+        ("invalid digit found in string", "expected a whole number"),
+        ("cannot parse integer from empty string", "expected a whole number"),
+        ("number too large to fit in target type", "the number is too large"),
+        ("number would be zero for non-zero type", "must be at least 1, got 0"),
+        ("invalid float literal", "expected a number"),
+    ];
+    REASONS.iter().fold(text, |text, (theirs, ours)| text.replace(theirs, ours))
+}
+
+/// Returns whether stderr shows colours.
+fn has_colour() -> bool {
+    std::env::var_os("NO_COLOR").is_none() && std::io::IsTerminal::is_terminal(&std::io::stderr())
 }
 
 /// Sets up the log on stderr; `-q` leaves errors only, `-v` adds detail.
@@ -104,8 +123,6 @@ fn init_log(quiet: bool, verbose: u8) {
         (false, 1) => LevelFilter::DEBUG,
         (false, _) => LevelFilter::TRACE,
     };
-    let ansi = std::env::var_os("NO_COLOR").is_none()
-        && std::io::IsTerminal::is_terminal(&std::io::stderr());
     tracing_subscriber::fmt()
         .with_writer(|| {
             let stderr: Box<dyn Write> = match stderr::queue() {
@@ -116,7 +133,7 @@ fn init_log(quiet: bool, verbose: u8) {
         })
         .with_max_level(level)
         .with_target(false)
-        .with_ansi(ansi)
+        .with_ansi(has_colour())
         .without_time()
         .init();
 }

@@ -29,6 +29,7 @@ mod extensions;
 pub mod facts;
 mod far_side;
 mod figure;
+mod file_kind;
 pub mod files;
 pub mod force_cap;
 mod gain_check;
@@ -46,6 +47,7 @@ mod nameplate;
 mod names;
 mod net_ft;
 mod operator;
+pub mod overlay;
 mod parameters;
 mod plans;
 mod plant;
@@ -101,14 +103,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ::remote::site::Virtual;
-use toml::de::DeTable;
 
 use crate::control::Context;
+use crate::file_kind::FileKind;
 use crate::files::Files;
+use crate::overlay::Setting;
 use crate::problem::{Problems, Sheet};
 use crate::robots::RobotArm;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
+use crate::value::Place;
 use ::robot::accommodation::Accommodation;
 use canopen::eds::{Finding, Severity};
 use canopen::exchange::Exchange;
@@ -156,7 +160,16 @@ impl Config {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn load_from(files: &Files, file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &problem::text(files, file)?, files, loads::check)
+        Self::checked(file, &problem::text(files, file)?, files, &[], loads::check)
+    }
+
+    /// As [`load`](Self::load), with these values in place of the file's.
+    ///
+    /// # Errors
+    /// Every problem found, those of the settings without a line.
+    pub fn load_with(file: &Path, settings: &[Setting]) -> Result<Self, Invalid> {
+        let files = Files::on_disk(Trust::Any);
+        Self::checked(file, &problem::text(&files, file)?, &files, settings, loads::check)
     }
 
     /// Checks `text` as the content of `file`. Paths in it are relative to the folder of `file`.
@@ -164,7 +177,7 @@ impl Config {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        Self::checked(file, text, &Files::on_disk(Trust::Any), loads::check)
+        Self::checked(file, text, &Files::on_disk(Trust::Any), &[], loads::check)
     }
 
     /// Reads and checks a file, but accepts buses above their load limit. For planning only: such a network cannot run.
@@ -173,7 +186,7 @@ impl Config {
     /// As [`load`](Self::load), the load excepted.
     pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
         let files = Files::on_disk(Trust::Any);
-        Self::checked(file, &problem::text(&files, file)?, &files, |_, _, _| {})
+        Self::checked(file, &problem::text(&files, file)?, &files, &[], |_, _, _| {})
     }
 
     /// Returns the configuration of `text`, which must also pass `check`.
@@ -181,10 +194,11 @@ impl Config {
         file: &Path,
         text: &str,
         files: &Files,
+        settings: &[Setting],
         check: fn(&Parameters, &raw::File, &mut Problems<'_>),
     ) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, files);
-        let raw = read(text, &mut problems);
+        let raw = read(text, settings, &mut problems);
         let converted = raw.as_ref().and_then(|raw| convert(file, raw, &mut problems));
         if let Some((raw, (parameters, _))) = raw.as_ref().zip(converted.as_ref()) {
             check(parameters, raw, &mut problems);
@@ -294,9 +308,14 @@ impl Config {
     }
 }
 
-/// Parses sections and keys. Returns `None` if the text is not TOML.
-fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
-    let document = DeTable::parse(text).map_err(|error| problems.add_error(&error)).ok()?;
+/// Parses sections and keys. Returns `None` if the text is not TOML, or a file of another kind.
+fn read(text: &str, settings: &[Setting], problems: &mut Problems<'_>) -> Option<raw::File> {
+    let documents = overlay::documents(settings, text.len());
+    let mut document = problems.document(text, FileKind::HandController)?;
+    if let Err(misplaced) = overlay::apply(document.get_mut(), settings, &documents) {
+        problems.add(&Place::new(misplaced.key.to_owned(), None), misplaced.reason);
+        return None;
+    }
     Some(raw::File::from_table(&Table::root(&document, problems), problems))
 }
 

@@ -6,9 +6,12 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::file_kind::FileKind;
 use crate::files::Files;
-use crate::value::{HasPlace, Value};
+use crate::value::{HasPlace, Place, Value};
 use canopen::eds::{Eds, Finding};
+use toml::Spanned;
+use toml::de::DeTable;
 use toml_input::List;
 use units::wording::{grouped, listed};
 
@@ -136,24 +139,49 @@ impl<'t> Problems<'t> {
             file: self.file.clone(),
             line: place.line(),
             key: place.key().to_owned(),
-            reason: reason.to_string(),
+            // Problems are lines: a value must not make another one.
+            reason: reason.to_string().replace('\n', "\\n"),
         }
     }
 
     /// Adds an error of the TOML parser, or of a value of another type, at the place of the error.
     pub fn add_error(&mut self, error: &toml::de::Error) {
+        self.add_error_at(&Place::new(String::new(), None), error);
+    }
+
+    /// As [`add_error`](Self::add_error), of the value at a place: the error may be of a value within it.
+    pub fn add_error_at(&mut self, place: &Place, error: &toml::de::Error) {
         let offset = error.span().map(|span| span.start);
+        let key = offset.map(|offset| toml_input::key_at(self.text, offset)).unwrap_or_default();
         self.found.push(Problem {
             file: self.file.clone(),
-            line: offset.map(|offset| self.line_at(offset)),
-            key: offset.map(|offset| toml_input::key_at(self.text, offset)).unwrap_or_default(),
-            reason: error.message().to_owned(),
+            line: offset.and_then(|offset| self.line_at(offset)),
+            key: if key.is_empty() { place.key().to_owned() } else { key },
+            reason: toml_input::message(self.text, error),
         });
     }
 
-    /// Returns the line, from 1, of a byte offset.
-    pub fn line_at(&self, offset: usize) -> usize {
-        1 + self.ends.partition_point(|end| *end < offset)
+    /// Parses the text of a file of this kind. Notes a text that is not TOML, and a file of another kind.
+    pub(super) fn document<'d>(
+        &mut self,
+        text: &'d str,
+        kind: FileKind,
+    ) -> Option<Spanned<DeTable<'d>>> {
+        let document = DeTable::parse(text).map_err(|error| self.add_error(&error)).ok()?;
+        match FileKind::from_keys(document.get_ref()) {
+            Some(other) if other != kind => {
+                let (file, key) = (self.file.clone(), String::new());
+                let reason = format!("is {other}");
+                self.found.push(Problem { file, line: None, key, reason });
+                None
+            }
+            Some(_) | None => Some(document),
+        }
+    }
+
+    /// Returns the line, from 1, of a byte offset; `None` behind the text, where the values of settings are.
+    pub fn line_at(&self, offset: usize) -> Option<usize> {
+        (offset <= self.text.len()).then(|| 1 + self.ends.partition_point(|end| *end < offset))
     }
 
     /// Adds the problems of another file that this file names.

@@ -9,15 +9,16 @@ use ::robot::damped_inverse::DampedInverse;
 use ::robot::following_arm::FollowingArm;
 use ::robot::joint_limits::{JointLimit, JointLimits};
 use ::robot::resolved_rate::ResolvedRate;
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
-use toml::de::DeTable;
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
+use crate::file_kind::FileKind;
 use crate::files::Files;
 use crate::problem::{self, Invalid, Problems};
 use crate::raw_robot as raw;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
 use crate::value::{Optional, Value};
+use ::remote::site::GRAVITY;
 use toml_input::List;
 
 /// Default gain of null-space centring, in 1/s.
@@ -87,8 +88,7 @@ impl RobotArm {
     /// As [`load`](Self::load).
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, &Files::on_disk(Trust::Any));
-        let document = DeTable::parse(text).map_err(|error| problems.add_error(&error));
-        let raw = document.ok().map(|document| {
+        let raw = problems.document(text, FileKind::Robot).map(|document| {
             let table = Table::root(&document, &problems);
             raw::RobotFile::from_table(&table, &mut problems)
         });
@@ -109,6 +109,23 @@ impl RobotArm {
             *q = joint.start;
         }
         q
+    }
+
+    /// Returns the torques that hold the links against gravity at joint positions `q` in rad, in N·m. No payload.
+    pub fn weight(&self, q: &Joints) -> Joints {
+        let links = self.law.chain().links(q);
+        let links: Vec<_> = links.iter().flatten().zip(&self.joints).collect();
+        let mut torques = Joints::zeros();
+        for (joint, (torque, (x_b_i, _))) in torques.iter_mut().zip(&links).enumerate() {
+            let carried = links.iter().skip(joint).map(|(x_b_j, link)| {
+                let centre = *x_b_j * Point3::from(link.centre_of_mass);
+                let arm = centre.coords - x_b_i.translation.vector;
+                arm.cross(&(link.mass * Vector3::from(GRAVITY)))
+            });
+            let axis = x_b_i.rotation * Vector3::z();
+            *torque = -axis.dot(&carried.sum::<Vector3<f64>>());
+        }
+        torques
     }
 
     /// Returns the kinematic model of the arm at its start position.
@@ -142,7 +159,20 @@ fn read(file: &Path, raw: &raw::RobotFile, problems: &mut Problems<'_>) -> Optio
     let limits = JointLimits::new(joints.iter().map(|joint| joint.limit));
     let law = ResolvedRate::new(chain?, inverse?, limits, centring?);
     let law = problems.take(&raw.resolved_rate.centring_per_s, law)?;
-    Some(RobotArm { file: file.to_path_buf(), name, x_b_0, x_n_m, joints, law })
+    let arm = RobotArm { file: file.to_path_buf(), name, x_b_0, x_n_m, joints, law };
+    for ((weight, joint), raw) in
+        arm.weight(&arm.start()).iter().zip(&arm.joints).zip(raw.joint.all())
+    {
+        if weight.abs() > joint.max_torque {
+            let reason = format!(
+                "must hold the arm at its start: {:.2} N·m are needed, got {} N·m",
+                weight.abs(),
+                joint.max_torque
+            );
+            problems.add(&raw.max_torque_nm, reason);
+        }
+    }
+    Some(arm)
 }
 
 fn inverse(raw: &raw::ResolvedRate, problems: &mut Problems<'_>) -> Option<DampedInverse> {

@@ -92,7 +92,7 @@ pub struct Table<'d> {
 impl<'d> Table<'d> {
     /// Returns the root table of a document.
     pub fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
-        let line = Some(problems.line_at(document.span().start));
+        let line = problems.line_at(document.span().start);
         let place = Place::new(String::new(), None);
         Self { place, line, entries: Some(document.get_ref()) }
     }
@@ -113,7 +113,7 @@ impl<'d> Table<'d> {
         }
         let value = ValueDeserializer::from(value.clone());
         if let Err(error) = value.deserialize_struct("", &[], TableVisitor(T::NAME)) {
-            problems.add_error(&error);
+            problems.add_error_at(&place, &error);
         }
         Self::noted(place)
     }
@@ -124,9 +124,10 @@ impl<'d> Table<'d> {
 
     /// Returns the place of `key`, or of its table if `key` is absent.
     fn place_of(&self, key: &str, problems: &Problems<'_>) -> Place {
-        let line = self.find(key).map(|value| problems.line_at(value.span().start));
+        let found = self.find(key).map(|value| problems.line_at(value.span().start));
         let dot = if self.place.key().is_empty() { "" } else { "." };
-        Place::new(format!("{}{dot}{}", self.place.key(), bare(key)), line.or(self.place.line()))
+        let key = format!("{}{dot}{}", self.place.key(), bare(key));
+        Place::new(key, found.unwrap_or_else(|| self.place.line()))
     }
 
     fn note_missing(&self, key: &str, problems: &mut Problems<'_>) {
@@ -202,7 +203,7 @@ impl<T: DeserializeOwned, const NEEDED: bool> Entry for Value<T, NEEDED> {
         match T::deserialize(ValueDeserializer::from(value.clone())) {
             Ok(value) => Self::new(place, value),
             Err(error) => {
-                problems.add_error(&error);
+                problems.add_error_at(&place, &error);
                 Self::noted(place)
             }
         }
@@ -275,13 +276,13 @@ impl<T: Section> Entry for Sections<T> {
             if let Err(error) =
                 Vec::<IgnoredAny>::deserialize(ValueDeserializer::from(found.clone()))
             {
-                problems.add_error(&error);
+                problems.add_error_at(&place, &error);
             }
             return Self { place, all: None };
         };
         let one = |(number, value): (usize, &Spanned<DeValue<'_>>)| {
             let line = problems.line_at(value.span().start);
-            let place = Place::new(format!("{}[{number}]", place.key()), Some(line));
+            let place = Place::new(format!("{}[{number}]", place.key()), line);
             T::from_table(&Table::at::<T>(place, value, problems), problems)
         };
         Self { all: Some(list.iter().enumerate().map(one).collect()), place }

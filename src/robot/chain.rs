@@ -111,20 +111,30 @@ impl Chain {
         links.fold(self.x_b_0, |x_b_i, (link, q)| x_b_i * link.step(*q)) * self.x_n_m
     }
 
+    /// Returns the poses of the joints' links in {b} at joint positions `q` in rad; `None` for joints that the arm does not have.
+    pub fn links(&self, q: &Joints) -> [Option<Isometry3<f64>>; MAX_JOINTS] {
+        let mut x_b_i = self.x_b_0;
+        let mut poses = [None; MAX_JOINTS];
+        for ((pose, link), q) in poses.iter_mut().zip(self.links.iter().flatten()).zip(q) {
+            x_b_i *= link.step(*q);
+            *pose = Some(x_b_i);
+        }
+        poses
+    }
+
     /// Computes the pose of {MRF} in {b} and its body Jacobian, `v_m = J qd`, written in {MRF}.
     pub fn forward_and_jacobian(&self, q: &Joints) -> (Isometry3<f64>, Jacobian<MAX_JOINTS>) {
-        let mut axes = [None; MAX_JOINTS];
-        let mut x_b_i = self.x_b_0;
-        for ((axis, link), q) in axes.iter_mut().zip(self.links.iter().flatten()).zip(q) {
-            x_b_i *= link.step(*q);
-            *axis = Some((x_b_i.rotation * Vector3::z(), x_b_i.translation.vector));
-        }
-        let x_b_m = x_b_i * self.x_n_m;
+        let links = self.links(q);
+        let x_b_n = links.iter().flatten().last().unwrap_or(&self.x_b_0);
+        let x_b_m = x_b_n * self.x_n_m;
         let r_m_b = x_b_m.rotation.inverse();
-        let columns = axes.map(|axis| {
-            axis.map_or(Twist::ZERO, |(z_b, p_b)| Twist {
-                linear: r_m_b * z_b.cross(&(x_b_m.translation.vector - p_b)),
-                angular: r_m_b * z_b,
+        let columns = links.map(|link| {
+            link.map_or(Twist::ZERO, |x_b_i| {
+                let (z_b, p_b) = (x_b_i.rotation * Vector3::z(), x_b_i.translation.vector);
+                Twist {
+                    linear: r_m_b * z_b.cross(&(x_b_m.translation.vector - p_b)),
+                    angular: r_m_b * z_b,
+                }
             })
         });
         (x_b_m, Jacobian::from_columns(&columns))

@@ -118,7 +118,7 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
     let command = command(&args.request)?;
     let paths = socket_paths(args)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
     let line = runtime.block_on(async {
         if let Some(seconds) = args.wait {
             wait_for_boot(&paths, seconds).await?;

@@ -18,6 +18,8 @@ pub enum Kind {
     Bus,
     /// A file, or stdout, cannot be read or written; the same exit code as [`Bus`](Self::Bus).
     File,
+    /// The operating system refused a thread or a signal handler; the same exit code as [`Bus`](Self::Bus).
+    System,
     /// A drive is missing, has the wrong identity, or failed.
     Drive,
     /// The run ended with a latched safety stop.
@@ -49,7 +51,7 @@ impl Failure {
             Kind::Negative => 1,
             Kind::Usage => 2,
             Kind::Configuration => 3,
-            Kind::Bus | Kind::File => 4,
+            Kind::Bus | Kind::File | Kind::System => 4,
             Kind::Drive => 5,
             Kind::Stopped => 6,
             Kind::Interrupted => INTERRUPTED,

@@ -42,6 +42,7 @@ mod latest_status;
 pub mod limits;
 mod log_file;
 pub mod log_time;
+mod message;
 pub mod panics;
 pub mod print;
 pub mod provenance;

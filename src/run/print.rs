@@ -9,8 +9,8 @@ use std::os::fd::AsFd;
 use std::sync::{LazyLock, OnceLock};
 
 use crate::exit::{Failure, Kind};
+use crate::message::printable;
 use crate::stderr;
-use telemetry::digits;
 
 /// Unbuffered stdout. `std::io::stdout` would silently discard output to a descriptor not open for writing.
 static STDOUT: LazyLock<io::Result<File>> =
@@ -68,9 +68,9 @@ pub fn note(text: &str) {
     }
 }
 
-/// Prints an error, each line after the program's name. Long digit strings, which users can type, are shortened.
+/// Prints an error, each line after the program's name.
 pub fn error(text: &str) {
-    for line in digits::shortened(text).lines() {
-        note(&format!("frhc: {line}"));
+    for line in text.lines() {
+        note(&format!("frhc: {}", printable(line)));
     }
 }

@@ -88,19 +88,33 @@ pub(super) fn number(name: &OsStr) -> Option<u64> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
-/// Returns an error if the path exists, unless forced. Devices and pipes are accepted.
+/// Returns an error if the path cannot be written, or exists, unless forced. Devices and pipes are accepted.
 ///
 /// # Errors
-/// When the path exists, or cannot be inspected.
+/// When the path exists, cannot be inspected, or cannot be written.
 pub fn ensure_free(path: &Path, force: Force) -> Result<(), Failure> {
-    if force.force || is_stream(path) {
+    if is_stream(path) {
         return Ok(());
     }
     match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotFound => ensure_writable(path),
         Err(error) => Err(error).with_context(|| path.display().to_string()).or_fail(Kind::File),
+        Ok(_) if force.force => ensure_writable(path),
         Ok(_) => Err(exists(path)),
     }
+}
+
+/// Returns an error if nothing can be created at `path`: a command finds that before it computes for minutes.
+///
+/// # Errors
+/// The nearest folder above that exists is not writable.
+pub fn ensure_writable(path: &Path) -> Result<(), Failure> {
+    let above = path.ancestors().skip(1).find(|above| above.exists());
+    let above = above.unwrap_or(Path::new("."));
+    let probed = temporary_in(above, Access::Owner).map(drop);
+    probed
+        .with_context(|| format!("{}: cannot write in {}", path.display(), above.display()))
+        .or_fail(Kind::File)
 }
 
 fn exists(path: &Path) -> Failure {
@@ -193,8 +207,18 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
 /// # Errors
 /// When it cannot be created.
 pub fn beside(path: &Path, access: Access) -> io::Result<NamedTempFile> {
+    temporary_in(folder_of(path), access)
+}
+
+/// Creates a temporary file. The error does not name it.
+fn temporary_in(folder: &Path, access: Access) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".frhc-").permissions(access.permissions()).tempfile_in(folder_of(path))
+    let created = builder.prefix(".frhc-").permissions(access.permissions()).tempfile_in(folder);
+    created.map_err(|error| {
+        let text = error.to_string();
+        let reason = text.split(" at path ").next().unwrap_or(&text);
+        io::Error::new(error.kind(), reason.to_owned())
+    })
 }
 
 /// Syncs the folder of `path`, which makes a renaming durable.
@@ -247,6 +271,32 @@ mod tests {
         export(&file, b"two", FORCE).unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"two");
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "no temporary file is left");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn unwritable_path_is_refused_and_nothing_is_left() {
+        let folder = scratch("writable");
+        let below_a_file = folder.join("file").join("below.csv");
+        fs::write(folder.join("file"), "").unwrap();
+        let refused = |path: &Path| ensure_free(path, KEEP).unwrap_err().to_string();
+        let below = refused(&below_a_file);
+        assert!(
+            below.contains("below.csv: Not a directory") && !below.contains(".frhc-"),
+            "{below}"
+        );
+        let in_proc = refused(Path::new("/proc/frhc/x.csv"));
+        assert!(in_proc.contains("/proc/frhc/x.csv: cannot write in /proc: "), "{in_proc}");
+        assert!(!in_proc.contains(".frhc-"), "{in_proc}");
+        for force in [KEEP, FORCE] {
+            assert!(ensure_free(Path::new("/proc/frhc/x.csv"), force).is_err());
+            ensure_free(&folder.join("new").join("deeper").join("x.csv"), force).unwrap();
+        }
+        assert_eq!(
+            fs::read_dir(&folder).unwrap().count(),
+            1,
+            "neither folders nor temporary files"
+        );
         fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -78,7 +78,7 @@ pub struct Run {
 /// Returns the reason why the node could not start, or was stopped. Its kind gives the exit code.
 pub fn run(args: &Run) -> Result<(), Failure> {
     args.realtime.check()?;
-    let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
+    let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::System)?;
     let (config, copies) = args.config.load()?;
     check::refuse_simulated_link(&config, "run")?;
     warn(&config);
@@ -100,7 +100,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let recording = recorder.recording();
     let (producer, entries, lost) = rings::rings();
     let (input_producer, input_consumer) = input_ring(recorder.has_session(), lost.clone());
-    let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
+    let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::System)?;
     let (sender, requests) = request_queue::channel();
     let (ended, end) = oneshot::channel();
     let link_status = link.as_ref().map(LinkThread::latest);
@@ -152,7 +152,7 @@ fn warn(config: &Config) {
 /// Returns the runtime of the control socket.
 fn async_runtime() -> Result<Runtime, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    runtime.context("cannot start the async runtime").or_fail(Kind::Bus)
+    runtime.context("cannot start the async runtime").or_fail(Kind::System)
 }
 
 /// Binds the control socket of the configuration, or the default one.
@@ -186,7 +186,7 @@ fn spawn<'scope, T: Send + 'scope>(
     task: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>, Failure> {
     let thread = threads::builder(name).spawn_scoped(threads, task);
-    thread.with_context(|| format!("cannot start the {name} thread")).or_fail(Kind::Bus)
+    thread.with_context(|| format!("cannot start the {name} thread")).or_fail(Kind::System)
 }
 
 /// Starts the link's thread, which ends with the cycle.

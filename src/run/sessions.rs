@@ -79,7 +79,7 @@ fn list(args: &List) -> Result<(), Failure> {
 }
 
 fn pack(args: &Pack) -> Result<(), Failure> {
-    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::Bus)?;
+    let interrupt = Interrupt::watch().context("cannot receive signals").or_fail(Kind::System)?;
     let mut total = PackReport::default();
     for given in &args.sessions {
         for folder in sessions_in(given)? {

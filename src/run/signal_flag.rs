@@ -16,5 +16,5 @@ pub fn register(signals: impl IntoIterator<Item = i32>) -> Result<Arc<AtomicBool
     let set = Arc::new(AtomicBool::new(false));
     let mut signals = signals.into_iter();
     let caught = signals.try_for_each(|signal| flag::register(signal, Arc::clone(&set)).map(drop));
-    caught.context("cannot receive signals").or_fail(Kind::Bus).map(|()| set)
+    caught.context("cannot receive signals").or_fail(Kind::System).map(|()| set)
 }

@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use crate::threads;
+use units::wording::counted;
 
 /// Capacity of the queue, in messages.
 const QUEUE_CAPACITY: usize = 1_024;
@@ -92,7 +93,8 @@ fn write(mut to: impl Write, messages: &Receiver<Message>, lost: &AtomicU64) {
         match lost.swap(0, Ordering::Relaxed) {
             0 => {}
             lost => {
-                writeln!(to, "frhc: {lost} messages lost: stderr was blocked").unwrap_or_default();
+                writeln!(to, "frhc: {} lost: stderr was blocked", counted(lost, "message"))
+                    .unwrap_or_default();
             }
         }
     }

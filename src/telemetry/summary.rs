@@ -19,6 +19,7 @@ use node::record::{Mode, Record};
 use units::numbering::Joint;
 use units::spatial::Motion;
 use units::time::Instant;
+use units::wording::counted;
 
 /// Maximum contact force of free motion, in which the object should follow its command, in N.
 const FREE_MOTION_FORCE: f64 = 0.5;
@@ -177,15 +178,16 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "cycles            {} in {:.3} s", self.cycles, self.seconds)?;
         if self.overruns > 0 {
-            writeln!(f, "overruns          {} cycles", self.overruns)?;
+            writeln!(f, "overruns          {}", counted(self.overruns, "cycle"))?;
         }
         for (name, percentiles) in self.timing.iter().flat_map(TimingReport::rows) {
             writeln!(f, "{name:17} {percentiles}")?;
         }
         writeln!(
             f,
-            "missed samples    {} in {} cycles",
-            self.missing_samples, self.cycles_with_missing_samples
+            "missed samples    {} in {}",
+            self.missing_samples,
+            counted(self.cycles_with_missing_samples, "cycle")
         )?;
         if !self.lost.is_empty() {
             writeln!(f, "not recorded      {}", self.lost)?;
@@ -195,8 +197,10 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "engaged           {:.1} s in {} spells, {:.1} s of it in contact",
-            self.engaged_seconds, self.engagements, self.contact_seconds
+            "engaged           {:.1} s in {}, {:.1} s of it in contact",
+            self.engaged_seconds,
+            counted(self.engagements, "spell"),
+            self.contact_seconds
         )?;
         writeln!(
             f,
@@ -217,7 +221,7 @@ impl fmt::Display for Summary {
         if self.shaking.is_reported() {
             writeln!(f, "robot             {}", self.shaking)?;
         }
-        writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
+        writeln!(f, "torque limited    {}", counted(self.saturated_cycles, "cycle"))?;
         if let Some(joint) = self.self_driven_joint {
             writeln!(
                 f,
@@ -226,23 +230,28 @@ impl fmt::Display for Summary {
         }
         for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate()
         {
-            writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;
+            writeln!(f, "bus {bus} load        {load:.1} % ({})", counted(frames, "frame"))?;
         }
+        self.fmt_end(f)
+    }
+}
+
+impl Summary {
+    /// Formats the last mode, with the cause of a stop.
+    fn fmt_end(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "ended             {}", self.final_mode)?;
         if let Some(cause) = &self.stopped_by {
             write!(f, ": {cause}")?;
         }
         if self.is_interrupted { f.write_str(" (interrupted)") } else { Ok(()) }
     }
-}
 
-impl Summary {
     /// Formats the quality of contact.
     fn fmt_contact(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "contact           {} reversals, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
-            self.contact.reversals,
+            "contact           {}, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
+            counted(self.contact.reversals, "reversal"),
             self.contact.peak_speed_m_per_s * 1e3,
             self.contact.energy_j * 1e3,
             self.contact.lowest_energy_j * 1e3

@@ -74,6 +74,19 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
     }
 }
 
+/// Returns the message of an error, in one line. That of a key written twice names the key.
+pub fn message(text: &str, error: &toml::de::Error) -> String {
+    let message = error.message().replace('\n', " ");
+    let key = error.span().and_then(|span| text.get(span)).filter(|key| !key.is_empty());
+    match key.filter(|_| message == DUPLICATE) {
+        Some(key) => format!("{message} `{key}`"),
+        None => message,
+    }
+}
+
+/// Message of the `toml` crate for a key written twice.
+const DUPLICATE: &str = "duplicate key";
+
 /// Returns the key, as `joint[2].torque_curve`, of the innermost value at a byte offset; empty outside all values.
 pub fn key_at(text: &str, offset: usize) -> String {
     let mut key = String::new();
@@ -157,6 +170,17 @@ mod tests {
         assert_eq!(refused, "must be a list of 2, got 3");
         assert!(read("three = [1, \"x\", 3]").unwrap_err().contains("invalid type"));
         assert!(read("three = 1").unwrap_err().contains("a list of 3"));
+    }
+
+    #[test]
+    fn key_written_twice_is_named() {
+        for (text, key) in [("a = 1\nb = 2\na = 3", "a"), ("[x]\n\"y z\" = 1\n'y z' = 2", "'y z'")]
+        {
+            let error = DeTable::parse(text).unwrap_err();
+            assert_eq!(message(text, &error), format!("duplicate key `{key}`"));
+        }
+        let text = "[x]\n[x]";
+        assert!(message(text, &DeTable::parse(text).unwrap_err()).contains('x'));
     }
 
     #[test]

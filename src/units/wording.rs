@@ -14,6 +14,13 @@ pub fn listed<T: Display>(words: &[T]) -> String {
     }
 }
 
+/// Returns a number with its noun in singular or plural: `1 cycle`, `2 cycles`.
+pub fn counted(count: impl Display, noun: &str) -> String {
+    let count = count.to_string();
+    let ending = if count == "1" { "" } else { "s" };
+    format!("{count} {noun}{ending}")
+}
+
 /// Joins messages with semicolons.
 pub fn in_one_line<T: Display>(messages: &[T]) -> String {
     messages.iter().map(T::to_string).collect::<Vec<_>>().join("; ")
@@ -39,6 +46,14 @@ mod tests {
     fn words_are_joined_by_commas_and_and() {
         let lists = [vec![], vec![1], vec![1, 2], vec![1, 2, 3]].map(|words| listed(&words));
         assert_eq!(lists, ["", "1", "1 and 2", "1, 2 and 3"]);
+    }
+
+    #[test]
+    fn one_is_singular_and_every_other_number_plural() {
+        assert_eq!(
+            [0, 1, 2, 11].map(|count| counted(count, "cycle")),
+            ["0 cycles", "1 cycle", "2 cycles", "11 cycles"]
+        );
     }
 
     #[test]

@@ -74,7 +74,7 @@ def explained(file):
     """Every posture, as `frhc explain robot` computes it."""
     command = [FRHC, "explain", "robot", str(file), "--json"]
     for degrees in postures(file):
-        command += ["--q", ",".join(map(repr, degrees.tolist()))]
+        command += ["--q", ",".join(map(repr, np.radians(degrees).tolist()))]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     same(done.returncode, 0, f"frhc explain robot: {done.stderr}")
     return [json.loads(line) for line in done.stdout.splitlines()]

@@ -56,6 +56,7 @@ mod scenarios;
 mod sdo;
 mod sdo_queue;
 mod stated;
+mod status_keys;
 mod stiff_wall;
 mod stop_times;
 mod stored_offsets;

@@ -66,11 +66,17 @@ fn dual_peg_passes() {
 }
 
 #[test]
-fn folder_that_cannot_be_created_is_named() {
+fn folder_that_cannot_be_created_is_refused_before_any_run() {
     let played = frhc(&["-q", "experiment", "ntrfc", "--short", "--out", "/proc/results"]);
     assert_eq!(played.code, 4, "{}", played.stderr);
-    assert!(played.stdout.contains("at rest"), "the figures are not lost");
-    assert!(played.stderr.starts_with("frhc: /proc/results: "), "{}", played.stderr);
+    assert_eq!(played.stdout, "", "nothing was computed");
+    let reason = "cannot write in /proc: ";
+    assert!(played.stderr.starts_with("frhc: /proc/results"), "{}", played.stderr);
+    assert!(
+        played.stderr.contains(reason) && !played.stderr.contains(".frhc-"),
+        "{}",
+        played.stderr
+    );
 }
 
 #[test]

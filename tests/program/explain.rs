@@ -251,9 +251,8 @@ const PUMA: &str = "config/robots/puma560.toml";
 #[test]
 fn robot_matches_the_reference() {
     for case in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
-        let degrees: Vec<String> =
-            flat(&case["q"]).iter().map(|q| q.to_degrees().to_string()).collect();
-        let output = explain(&["robot", PUMA, "--q", &degrees.join(","), "--json"], "");
+        let q: Vec<String> = flat(&case["q"]).iter().map(f64::to_string).collect();
+        let output = explain(&["robot", PUMA, "--q", &q.join(","), "--json"], "");
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{stderr}");
         let found = serde_json::from_slice(&output.stdout).unwrap();
@@ -261,9 +260,13 @@ fn robot_matches_the_reference() {
     }
 }
 
+/// Start of the PUMA, in rad.
+const START: &str = "0,0.7853981633974483,-3.141592653589793,0,0.7853981633974483,0";
+
 #[test]
 fn robot_is_explained_once_per_posture() {
-    let q = ["--q", "0,45,-180,0,45,0", "--q=-10,45,-180,0,45,0"];
+    let q = [format!("--q={START}"), format!("--q=-0.2{}", &START[1..])];
+    let q = q.each_ref().map(String::as_str);
     let json = explain(&[&["robot", PUMA, "--json"], &q[..]].concat(), "");
     let lines: Vec<Value> = String::from_utf8(json.stdout)
         .unwrap()
@@ -273,7 +276,7 @@ fn robot_is_explained_once_per_posture() {
     let start = explain(&["robot", PUMA, "--json"], "");
     assert_eq!(lines.len(), 2);
     assert_eq!(lines[0], serde_json::from_slice::<Value>(&start.stdout).unwrap());
-    assert!((flat(&lines[1]["q"]["value"])[0] + 10.0_f64.to_radians()).abs() < 1e-12);
+    assert!((flat(&lines[1]["q"]["value"])[0] + 0.2).abs() < 1e-12);
 
     let text = String::from_utf8(explain(&["robot", PUMA], "").stdout).unwrap();
     for name in ["q", "x_b_m", "j_m", "sigma_min", "tau_gravity", "mass_matrix"] {
@@ -288,12 +291,22 @@ fn invalid_posture_of_a_robot_is_refused() {
         (PUMA, "0,1", 2, "--q: must have one position for each of the 6 joints, got 2"),
         (PUMA, "0,1,x,0,0,0", 2, "expected a number, got \"x\""),
         (PUMA, "0,0,0,0,0,0,nan", 2, "joints, got 7"),
-        (PUMA, "0,0,46,0,0,0", 2, "joint 3 must be within its limit_deg, -225 to 45, got 46"),
-        (PUMA, "0,0,NaN,0,0,0", 2, "joint 3 must be within its limit_deg, -225 to 45, got NaN"),
+        (
+            PUMA,
+            "0,0,1,0,0,0",
+            2,
+            "joint 3 must be within -3.927 to 0.7854 rad, its limit_deg, got 1",
+        ),
+        (
+            PUMA,
+            "0,0,NaN,0,0,0",
+            2,
+            "joint 3 must be within -3.927 to 0.7854 rad, its limit_deg, got NaN",
+        ),
         ("nope.toml", "0,0,0,0,0,0", 3, "nope.toml: No such file"),
     ] {
         // A good posture before it is not printed.
-        let output = explain(&["robot", file, "--q", "0,45,-180,0,45,0", "--q", q], "");
+        let output = explain(&["robot", file, "--q", START, "--q", q], "");
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(code), "{q}: {stderr}");
         assert!(stderr.contains(expected) && output.stdout.is_empty(), "{q}: {stderr}");

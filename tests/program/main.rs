@@ -16,6 +16,7 @@ mod explain;
 mod exports;
 mod layouts;
 mod long_work;
+mod messages;
 mod no_switch_box;
 mod plan;
 mod readme;

@@ -34,6 +34,7 @@ use run::print;
 use run::results::{self, Force};
 use telemetry::fidelity::{Fidelity, WrenchSource};
 use units::time::Instant;
+use units::wording::counted;
 
 /// Maximum number of failed cases with a log.
 const MAX_LOGS: usize = 20;
@@ -89,6 +90,7 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     let configs = configs.or_fail(Kind::Configuration)?;
     configs.iter().try_for_each(|config| refuse_far_side(config, "campaign"))?;
     configs.iter().try_for_each(require_switch_box)?;
+    args.out.as_deref().map_or(Ok(()), results::ensure_writable)?;
     match (args.soak, args.replay) {
         (Some(cycles), _) => soak(args, quiet, &configs, cycles.get()),
         (None, Some(number)) => replay(args, configs, number),
@@ -112,7 +114,7 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         return Err(Failure::new(Kind::Usage, reason));
     }
     let total = u64::try_from(cases.cases().len()).unwrap_or(u64::MAX);
-    let progress = Progress::start(total, "faults", quiet).or_fail(Kind::Bus)?;
+    let progress = Progress::start(total, "faults", quiet).or_fail(Kind::System)?;
     let on_case = || progress.advance(1);
     let verdicts = progress.abandonable(print::error, || cases.run(threads(args), &on_case));
     let verdicts = verdicts.or_fail(Kind::Drive)?;
@@ -136,7 +138,8 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         let rate = f64::from(u32::try_from(count).unwrap_or(u32::MAX)) / seconds.max(1e-3);
         let seed = args.seed;
         print::note(&format!(
-            "{count} faults of seed {seed} in {seconds:.1} s: {rate:.0} a second"
+            "{} of seed {seed} in {seconds:.1} s: {rate:.0} a second",
+            counted(count, "fault")
         ));
         bad.iter().for_each(|verdict| print::line(&description(args, verdict)));
         verified.iter().for_each(|verified| print::line(&verified.to_string()));
@@ -152,7 +155,8 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         }
     }
     let count = bad.len();
-    let reason = format!("{count} of {} faults; logs in {}", verdicts.len(), folder.display());
+    let reason =
+        format!("{count} of {}; logs in {}", counted(verdicts.len(), "fault"), folder.display());
     Err(Failure::new(Kind::Negative, reason))
 }
 
@@ -280,7 +284,7 @@ fn export(
         let log = log(&interfaces, &frames)?;
         Ok([(file("log"), log), (file("toml"), scenario.into_bytes())])
     };
-    let files = files().with_context(|| folder.display().to_string()).or_fail(Kind::Bus)?;
+    let files = files().with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     results::record_all(&files, force)?;
     Ok(Some(verdict))
 }
@@ -311,7 +315,7 @@ fn folder(args: &Campaign) -> Result<PathBuf, Failure> {
 }
 
 fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result<(), Failure> {
-    let progress = Progress::start(cycles, "cycles", quiet).or_fail(Kind::Bus)?;
+    let progress = Progress::start(cycles, "cycles", quiet).or_fail(Kind::System)?;
     let on_lap = |cycles| progress.advance(cycles);
     let laps = || soak::soak(args.seed, configs, cycles, threads(args), &on_lap);
     let laps = progress.abandonable(print::error, laps).or_fail(Kind::Drive)?;
@@ -338,14 +342,17 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
     } else {
         fidelity.iter().for_each(|fidelity| print::line(&format!("felt at the hand: {fidelity}")));
         print::line(&format!(
-            "{played} cycles in {} laps, {} with a stop or a violation",
-            laps.len(),
+            "{} in {}, {} with a stop or a violation",
+            counted(played, "cycle"),
+            counted(laps.len(), "lap"),
             bad.len()
         ));
     }
     match bad.len() {
         0 => Ok(()),
-        count => Err(Failure::new(Kind::Negative, format!("{count} of {} laps", laps.len()))),
+        count => {
+            Err(Failure::new(Kind::Negative, format!("{count} of {}", counted(laps.len(), "lap"))))
+        }
     }
 }
 

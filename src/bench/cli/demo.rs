@@ -93,7 +93,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
     let summary = play.recorded(out, scenario)?;
     if args.json {
-        print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
+        print::line(&serde_json::to_string(&summary).or_fail(Kind::File)?);
     } else {
         print::line(&summary.to_string());
     }
@@ -141,7 +141,7 @@ fn compare(play: &Play<'_>, scenario: &Scenario) -> Result<(), Failure> {
         run(config, "with", false)?,
     );
     if args.json {
-        print::line(&serde_json::to_string(&comparison).or_fail(Kind::Bus)?);
+        print::line(&serde_json::to_string(&comparison).or_fail(Kind::File)?);
     } else {
         print::line(&comparison.to_string());
     }
@@ -185,18 +185,18 @@ impl Play<'_> {
         let limits = Limits { part_bytes, ..Limits::NONE };
         let recorder =
             folder.map(|folder| RunRecorder::with_session(folder, &provenance, sources, limits));
-        let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
+        let mut recorder = recorder.transpose().or_fail(Kind::File)?.unwrap_or_default();
         let summary = self.simulate(scenario, &mut recorder)?;
         let (records, finished) = recorder.finish(&summary);
         records.iter().for_each(|line| print::note(line));
-        finished.or_fail(Kind::Bus)?;
+        finished.or_fail(Kind::File)?;
         Ok(summary)
     }
 
     fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
         let Self { args, quiet, config, seconds, .. } = self;
         let cycles = cycles(config, *seconds)?;
-        let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::Bus)?;
+        let progress = &Progress::start(cycles, "cycles", *quiet).or_fail(Kind::System)?;
         let recorder = RefCell::new(recorder);
         let telemetry = self.telemetry.map(|telemetry| telemetry.of_run(config)).transpose()?;
         let telemetry = RefCell::new(telemetry);

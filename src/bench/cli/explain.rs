@@ -16,6 +16,7 @@ use crate::explain::rendered::{json, text};
 use crate::explain::robot::Robot;
 use crate::faults::{self, Faults};
 use config::Config;
+use config::overlay::Setting;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use testbench::explanation;
@@ -30,6 +31,9 @@ pub struct Explain {
     /// Configuration [default: config/DEVICE.toml of the question's device, or config/kraft_like.toml].
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Value of a key in place of the file's, as controller.assist_fraction=0.2; repeatable.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Setting>,
     /// Joint positions in rad or m: six comma-separated numbers.
     #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
     q: Option<[f64; 6]>,
@@ -106,10 +110,15 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     let device = input.device.as_deref().unwrap_or("kraft_like");
     let shipped = || Path::new("config").join(device).with_extension("toml");
     let file = args.config.clone().unwrap_or_else(shipped);
-    let config = Config::load(&file).or_fail(Kind::Configuration)?;
+    let config = Config::load_with(&file, &args.set).or_fail(Kind::Configuration)?;
     let start = world::start(&config.plant());
     let explanation =
         explanation::explain(&config, &start, &input.question).or_fail(Kind::Usage)?;
+    for (key, replacement) in input.question.keys_of_the_configuration() {
+        print::note(&format!(
+            "{key} of a question goes in the next release: use --set {replacement}"
+        ));
+    }
     print::line(&if args.json { json(&explanation) } else { text(&explanation) });
     Ok(())
 }
@@ -133,8 +142,9 @@ impl Explain {
 
 /// Parses six comma-separated numbers.
 fn parse_six(text: &str) -> Result<[f64; 6], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let numbers = numbers.map_err(|error| error.to_string())?;
+    let number =
+        |part: &str| part.trim().parse().map_err(|_| format!("expected a number, got \"{part}\""));
+    let numbers: Vec<f64> = text.split(',').map(number).collect::<Result<_, _>>()?;
     let found = numbers.len();
     numbers.try_into().map_err(|_| format!("expected six numbers, got {found}"))
 }

@@ -98,7 +98,7 @@ pub enum Command {
     Plan(Plan),
     /// Computes one controller cycle and prints every intermediate value (Fig. 3 of the paper).
     #[command(
-        after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value\n  frhc explain '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"rate_gain\": [1,1,1,2,2,2]}'\n  frhc explain robot config/robots/puma560.toml --q 0,45,-180,0,45,0"
+        after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value\n  frhc explain --q 0,-0.8,1.6,-0.7,0,0 --set 'controller.rate_gain_per_s=[1,1,1,2,2,2]'\n  frhc explain robot config/robots/puma560.toml --q 0,0.8,-3.1,0,0.8,0"
     )]
     Explain(Box<Explain>),
     /// Fits torque curves to measurements, or checks those of a configuration.

@@ -21,6 +21,7 @@ use ::replay::{FaultRecord, Replay, Session};
 use config::Config;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
+use units::wording::counted;
 
 /// `frhc replay`.
 #[derive(Debug, Args)]
@@ -120,8 +121,10 @@ fn report(
         let manifest = session.manifest();
         print::line(&format!("session   {}, {}", manifest.configuration, manifest.program));
         print::line(&format!(
-            "replayed  {} cycles, the last is {}, and {} frames: {end}",
-            outcome.cycles, outcome.last_cycle, outcome.frames
+            "replayed  {}, the last is {}, and {}: {end}",
+            counted(outcome.cycles, "cycle"),
+            outcome.last_cycle,
+            counted(outcome.frames, "frame")
         ));
         if let Some((cycle, name)) = outcome.intermediate {
             print::line(&format!(

@@ -48,7 +48,7 @@ pub(super) fn run(args: &ReportArgs, is_quiet: bool) -> Result<(), Failure> {
         None => subject.cycles(),
     };
     let mut file = WholeFile::create(Some(&path), Force { force: args.force })?;
-    let progress = Progress::start(cycles, "cycles", is_quiet).or_fail(Kind::Bus)?;
+    let progress = Progress::start(cycles, "cycles", is_quiet).or_fail(Kind::System)?;
     let page = ::report::report(&subject, other.as_ref(), |cycles| {
         progress.advance(cycles);
         !progress.is_interrupted()

@@ -17,5 +17,5 @@ pub(super) fn start(
     let summary: Option<serde_json::Value> = serde_json::from_slice(&summary).ok();
     let recorded = summary.and_then(|summary| summary.get("cycles")?.as_u64());
     let total = recorded.map(|cycles| cycles.min(last.unwrap_or(cycles)));
-    Progress::start(total, "cycles", is_quiet).or_fail(Kind::Bus)
+    Progress::start(total, "cycles", is_quiet).or_fail(Kind::System)
 }

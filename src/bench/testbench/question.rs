@@ -110,6 +110,30 @@ pub(super) struct CycleInputs {
 }
 
 impl Question {
+    /// Returns the given keys that change the configuration, each with the setting that takes its place.
+    pub fn keys_of_the_configuration(
+        &self,
+    ) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
+        [
+            (self.gravity_m_per_s2.is_some(), "gravity_m_per_s2", "arm.gravity_m_per_s2=[…]"),
+            (self.period_s.is_some(), "period_s", "node.sync_period_us=…"),
+            (self.rate_gain.is_some(), "rate_gain", "controller.rate_gain_per_s=[…]"),
+            (self.pose_gain.is_some(), "pose_gain", "controller.pose_gain=[…]"),
+            (self.wrench_gain.is_some(), "wrench_gain", "controller.wrench_gain=[…]"),
+            (self.deadband.is_some(), "deadband", "controller.deadband_m=[…], deadband_rad=[…]"),
+            (self.parabola.is_some(), "parabola", "controller.centring_n=[…], centring_nm=[…]"),
+            (
+                self.damping.is_some(),
+                "damping",
+                "controller.damping_ns_per_m=[…], damping_nms_per_rad=[…]",
+            ),
+            (self.max_torque.is_some(), "max_torque", "joint[0].max_torque_nm=…"),
+            (self.assist_fraction.is_some(), "assist_fraction", "controller.assist_fraction=…"),
+        ]
+        .into_iter()
+        .filter_map(|(is_given, key, setting)| is_given.then_some((key, setting)))
+    }
+
     /// Completes the question by `settings`, the arm at `start`, the object at `x_b_m` and commands of `mode`.
     ///
     /// # Errors

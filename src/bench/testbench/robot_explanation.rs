@@ -12,8 +12,8 @@ use robot::chain::{Joints, MAX_JOINTS};
 use sim::arm::{Arm, InvalidJointCount, LinkSettings};
 use telemetry::digits;
 
-/// Significant digits of limits in messages: those of the file, without the rounding of rad.
-const MESSAGE_DIGITS: usize = 12;
+/// Significant digits of limits in messages.
+const MESSAGE_DIGITS: usize = 5;
 
 /// Reason why joint positions are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -27,15 +27,15 @@ pub enum InvalidPosture {
         got: usize,
     },
     /// A position is outside of its range, or NaN.
-    #[error("joint {joint} must be within its limit_deg, {low} to {high}, got {got}")]
+    #[error("joint {joint} must be within {low} to {high} rad, its limit_deg, got {got}")]
     Range {
         /// The joint, from 1.
         joint: usize,
-        /// Lower limit, in degrees.
+        /// Lower limit, in rad.
         low: f64,
-        /// Upper limit, in degrees.
+        /// Upper limit, in rad.
         high: f64,
-        /// Position, in degrees.
+        /// Position, in rad.
         got: f64,
     },
     /// The arm cannot be simulated.
@@ -43,33 +43,32 @@ pub enum InvalidPosture {
     Simulation(#[from] InvalidJointCount),
 }
 
-/// Explains `arm` without payload, at joint positions in degrees, or at its start.
+/// Explains `arm` without payload, at joint positions in rad, or at its start.
 ///
 /// # Errors
 /// The positions are invalid, or the arm cannot be simulated.
-pub fn explain(arm: &RobotArm, degrees: Option<&[f64]>) -> Result<Explanation, InvalidPosture> {
-    let q = degrees.map_or_else(|| Ok(arm.start()), |degrees| positions(arm, degrees))?;
+pub fn explain(arm: &RobotArm, q: Option<&[f64]>) -> Result<Explanation, InvalidPosture> {
+    let q = q.map_or_else(|| Ok(arm.start()), |q| positions(arm, q))?;
     let mut entries = kinematics(arm, &q);
     entries.extend(dynamics(arm, &q)?);
     Ok(Explanation(entries))
 }
 
-/// Checks positions in degrees, and returns them in rad.
-fn positions(arm: &RobotArm, degrees: &[f64]) -> Result<Joints, InvalidPosture> {
-    let (joints, got) = (arm.joints.len(), degrees.len());
+/// Checks positions against the limits of their joints.
+fn positions(arm: &RobotArm, given: &[f64]) -> Result<Joints, InvalidPosture> {
+    let (joints, got) = (arm.joints.len(), given.len());
     if joints != got {
         return Err(InvalidPosture::Count { joints, got });
     }
     let mut q = Joints::zeros();
-    let pairs = degrees.iter().zip(&arm.joints);
-    for ((joint, q), (degrees, limits)) in (1..).zip(q.iter_mut()).zip(pairs) {
+    for ((joint, q), (given, limits)) in (1..).zip(q.iter_mut()).zip(given.iter().zip(&arm.joints))
+    {
         let [low, high] = limits.limit.range;
-        *q = degrees.to_radians();
-        if !(low..=high).contains(q) {
-            let [low, high] =
-                [low, high].map(|end| digits::significant(end.to_degrees(), MESSAGE_DIGITS));
-            return Err(InvalidPosture::Range { joint, low, high, got: *degrees });
+        if !(low..=high).contains(given) {
+            let [low, high] = [low, high].map(|end| digits::significant(end, MESSAGE_DIGITS));
+            return Err(InvalidPosture::Range { joint, low, high, got: *given });
         }
+        *q = *given;
     }
     Ok(q)
 }
@@ -123,6 +122,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::explanation::Value;
 
     fn puma() -> RobotArm {
         RobotArm::load(Path::new("config/robots/puma560.toml")).unwrap()
@@ -130,20 +130,44 @@ mod tests {
 
     #[test]
     fn positions_at_their_limits_are_accepted() {
-        let low = [-160.0, -45.0, -225.0, -110.0, -100.0, -266.0];
+        let low: [f64; 6] = [-160.0, -45.0, -225.0, -110.0, -100.0, -266.0];
         let high = [160.0, 225.0, 45.0, 170.0, 100.0, 266.0];
         for degrees in [low, high] {
-            explain(&puma(), Some(&degrees)).unwrap();
+            explain(&puma(), Some(&degrees.map(f64::to_radians))).unwrap();
+        }
+    }
+
+    #[test]
+    fn weight_of_the_configuration_is_that_of_the_simulation() {
+        for file in ["puma560", "eight_r_synthetic"] {
+            let arm = RobotArm::load(&Path::new("config/robots").join(file).with_extension("toml"));
+            let arm = arm.unwrap();
+            for share in [0.0, 0.3, 0.5, 0.9] {
+                let mut q = Joints::zeros();
+                for (q, joint) in q.iter_mut().zip(&arm.joints) {
+                    let [low, high] = joint.limit.range;
+                    *q = low + share * (high - low);
+                }
+                let Explanation(entries) = explain(&arm, Some(&of_joints(&arm, &q))).unwrap();
+                let simulated = entries.iter().find(|entry| entry.name == "tau_gravity").unwrap();
+                let Value::Numbers(simulated) = &simulated.value else { panic!("{simulated:?}") };
+                for (ours, theirs) in arm.weight(&q).iter().zip(simulated) {
+                    assert!(
+                        (ours - theirs).abs() < 1e-9,
+                        "{file}: {ours} N·m, simulated {theirs} N·m"
+                    );
+                }
+            }
         }
     }
 
     #[test]
     fn positions_that_the_arm_cannot_have_are_refused() {
-        let refused = |degrees: &[f64]| explain(&puma(), Some(degrees)).unwrap_err().to_string();
+        let refused = |q: &[f64]| explain(&puma(), Some(q)).unwrap_err().to_string();
         let count = "must have one position for each of the 6 joints, got 7";
         assert_eq!(refused(&[0.0; 7]), count);
-        let range = "joint 3 must be within its limit_deg, -225 to 45, got 45.1";
-        assert_eq!(refused(&[0.0, 0.0, 45.1, 0.0, 0.0, 0.0]), range);
+        let range = "joint 3 must be within -3.927 to 0.7854 rad, its limit_deg, got 0.79";
+        assert_eq!(refused(&[0.0, 0.0, 0.79, 0.0, 0.0, 0.0]), range);
         assert!(refused(&[f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]).ends_with("got NaN"));
     }
 }

@@ -36,12 +36,12 @@ pub fn execute(args: &View) -> Result<(), Failure> {
     let server = bind(args.listen, sockets)?;
     let address = server.address();
     // Before the line: who reads it may send a signal at once.
-    let runtime = Builder::new_current_thread().enable_io().build().or_fail(Kind::Bus)?;
+    let runtime = Builder::new_current_thread().enable_io().build().or_fail(Kind::System)?;
     let entered = runtime.enter();
-    let mut interrupt = signal(SignalKind::interrupt()).or_fail(Kind::Bus)?;
-    let mut terminate = signal(SignalKind::terminate()).or_fail(Kind::Bus)?;
+    let mut interrupt = signal(SignalKind::interrupt()).or_fail(Kind::System)?;
+    let mut terminate = signal(SignalKind::terminate()).or_fail(Kind::System)?;
     drop(entered);
-    let _running = server.start().or_fail(Kind::Bus)?;
+    let _running = server.start().or_fail(Kind::System)?;
     print::line(&format!("http://{address}/"));
     if print::has_failed() {
         return print::finish();

@@ -71,7 +71,7 @@ impl From<ConsoleCommand> for String {
 
 /// A line from a client.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object such as {\"ask\":\"status\"}")]
 pub(super) struct RequestLine {
     pub(super) ask: ConsoleCommand,
 }

@@ -4,6 +4,7 @@ use crate::calib::report;
 use crate::calib::session::{CurveResult, Evidence, Session};
 use controller::calibration::{InvalidTorqueCurve, TorqueCurve};
 use telemetry::digits::significant;
+use units::wording::counted;
 
 /// Significant digits of a coefficient; the rounding error is a thousandth of a step of the drive.
 const DIGITS: usize = 7;
@@ -58,10 +59,10 @@ fn joint(session: &Session<'_>, fitted: &CurveResult<'_>) -> String {
             residuals.rms, residuals.largest, residuals.left_out_rms
         ),
         format!(
-            "# friction {:.4} {unit}, hysteresis {:.4} {unit}; {} readings left out",
+            "# friction {:.4} {unit}, hysteresis {:.4} {unit}; {} left out",
             friction.torque,
             friction.hysteresis(),
-            fit.outliers.len()
+            counted(fit.outliers.len(), "reading")
         ),
         format!("{end} = {:?}", curve.max_torque()),
         format!(

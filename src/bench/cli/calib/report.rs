@@ -6,6 +6,7 @@ use crate::calib::session::{CurveResult, Evidence, Session};
 use calibration::fit::{CurveFit, Polynomial, Residuals};
 use calibration::torque_data::JointReadings;
 use telemetry::digits::significant;
+use units::wording::counted;
 
 /// Returns the unit of the measurements.
 pub(super) const fn unit(is_force: bool) -> &'static str {
@@ -14,7 +15,7 @@ pub(super) const fn unit(is_force: bool) -> &'static str {
 
 /// Returns file, number and dates of a joint's samples in one line.
 pub(super) fn origin(session: &Session<'_>, measured: &JointReadings) -> String {
-    let mut origin = format!("{}: {} samples", session.file, measured.samples.len());
+    let mut origin = format!("{}: {}", session.file, counted(measured.samples.len(), "sample"));
     if let Some(first) = session.data.dates.first() {
         origin.push_str(&format!(", {first}"));
     }

@@ -11,6 +11,7 @@ use campaign::verification::Verification;
 use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
+use units::wording::counted;
 
 /// Numbers of replayed cases, cycles and frames, and the differences.
 #[derive(Debug, Serialize)]
@@ -42,7 +43,7 @@ impl ReplayReport {
         quiet: bool,
     ) -> Result<Self, Failure> {
         let total = u64::try_from(verdicts.len()).unwrap_or(u64::MAX);
-        let progress = Progress::start(total, "replays", quiet).or_fail(Kind::Bus)?;
+        let progress = Progress::start(total, "replays", quiet).or_fail(Kind::System)?;
         let on_case = || progress.advance(1);
         let verify = || cases.verify(verdicts, threads, &on_case);
         let verified = progress.abandonable(print::error, verify);
@@ -85,7 +86,10 @@ impl fmt::Display for ReplayReport {
         let equal = case_count - differences.len();
         write!(
             f,
-            "{equal} of {case_count} cases replayed as recorded: {cycle_count} cycles, {frame_count} frames"
+            "{equal} of {} replayed as recorded: {}, {}",
+            counted(case_count, "case"),
+            counted(cycle_count, "cycle"),
+            counted(frame_count, "frame")
         )
     }
 }

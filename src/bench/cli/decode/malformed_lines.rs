@@ -4,6 +4,7 @@ use crate::decode::transcriber::Counts;
 use canopen_tools::candump::NotALine;
 use run::exit::{Failure, Kind};
 use run::print;
+use units::wording::counted;
 
 /// Maximum number of lines that are reported individually; a binary file has thousands.
 const MAX_REPORTED: u32 = 5;
@@ -46,7 +47,9 @@ impl MalformedLines {
             return Err(Failure::new(Kind::Negative, reason));
         }
         if malformed > 0 && !self.is_quiet {
-            print::note(&format!("{input}: {malformed} of {lines} lines are not candump lines"));
+            let are =
+                if malformed == 1 { "is not a candump line" } else { "are not candump lines" };
+            print::note(&format!("{input}: {malformed} of {} {are}", counted(lines, "line")));
         }
         Ok(())
     }

@@ -90,7 +90,7 @@ fn publisher(socket: &Path, config: &Config) -> Result<Publisher, Failure> {
 fn serve(args: &TelemetryArgs, socket: PathBuf) -> Result<Running, Failure> {
     let server = command::bind(args.listen, vec![socket])?;
     print::note(&format!("look at http://{}/", server.address()));
-    server.start().or_fail(Kind::Bus)
+    server.start().or_fail(Kind::System)
 }
 
 /// Telemetry of one run.

@@ -14,25 +14,25 @@ use testbench::robot_explanation;
 /// `frhc explain robot`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  frhc explain robot config/robots/puma560.toml --q 0,45,-180,0,45,0\n  \
+    after_help = "Examples:\n  frhc explain robot config/robots/puma560.toml --q 0,0.8,-3.1,0,0.8,0\n  \
         frhc explain robot config/robots/puma560.toml --json | jq -c .mass_matrix.value"
 )]
 pub(super) struct Robot {
     /// The arm: a file such as config/robots/puma560.toml.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Joint positions in degrees, as many comma-separated numbers as joints; repeat it for several postures
+    /// Joint positions in rad, as many comma-separated numbers as joints; repeat it for several postures
     /// [default: the start position].
-    #[arg(long, value_name = "DEG,...", value_parser = parse_list, allow_hyphen_values = true)]
-    q: Vec<Degrees>,
+    #[arg(long, value_name = "Q,...", value_parser = parse_list, allow_hyphen_values = true)]
+    q: Vec<Positions>,
     /// Print one JSON object per posture and line; each value has its unit and frame.
     #[arg(long)]
     json: bool,
 }
 
-/// Positions of the joints, in degrees.
+/// Joint positions, in rad.
 #[derive(Clone, Debug)]
-struct Degrees(Vec<f64>);
+struct Positions(Vec<f64>);
 
 /// Explains every posture, and prints once all are accepted.
 pub(super) fn run(args: &Robot) -> Result<(), Failure> {
@@ -40,7 +40,7 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let explanations = if args.q.is_empty() {
         vec![robot_explanation::explain(&arm, None).or_fail(Kind::Configuration)?]
     } else {
-        args.q.iter().map(|degrees| posture(&arm, degrees)).collect::<Result<_, _>>()?
+        args.q.iter().map(|q| posture(&arm, q)).collect::<Result<_, _>>()?
     };
     let (shown, separator): (fn(&Explanation) -> String, _) =
         if args.json { (json, "\n") } else { (text, "\n\n") };
@@ -49,16 +49,16 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     Ok(())
 }
 
-fn posture(arm: &RobotArm, Degrees(degrees): &Degrees) -> Result<Explanation, Failure> {
-    robot_explanation::explain(arm, Some(degrees))
+fn posture(arm: &RobotArm, Positions(q): &Positions) -> Result<Explanation, Failure> {
+    robot_explanation::explain(arm, Some(q))
         .map_err(|error| Failure::new(Kind::Usage, format!("--q: {error}")))
 }
 
 /// Parses comma-separated numbers.
-fn parse_list(text: &str) -> Result<Degrees, String> {
+fn parse_list(text: &str) -> Result<Positions, String> {
     let number = |part: &str| {
         let part = part.trim();
         part.parse().map_err(|_| format!("expected a number, got \"{part}\""))
     };
-    text.split(',').map(number).collect::<Result<_, _>>().map(Degrees)
+    text.split(',').map(number).collect::<Result<_, _>>().map(Positions)
 }

@@ -16,6 +16,7 @@ use run::exit::{Failure, Kind, OrFail};
 use run::print;
 use run::results::Force;
 use signals::{Cycle, Recording};
+use units::wording::counted;
 
 /// `frhc export mcap`.
 #[derive(Debug, Args)]
@@ -78,7 +79,7 @@ pub(super) fn run(args: &Mcap, is_quiet: bool) -> Result<(), Failure> {
 
 /// Prints the topics, each with its number of messages.
 fn report(path: &Path, exported: &ExportSummary) {
-    print::line(&format!("{}: {} cycles", path.display(), exported.cycles));
+    print::line(&format!("{}: {}", path.display(), counted(exported.cycles, "cycle")));
     for (topic, messages) in &exported.messages {
         print::line(&format!("{topic:<26} {messages:>9}"));
     }

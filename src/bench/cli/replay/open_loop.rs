@@ -11,6 +11,7 @@ use controller::arm::JointKind;
 use progress::Progress;
 use run::exit::{Failure, Kind, OrFail};
 use run::print;
+use units::wording::counted;
 
 /// First line of the result.
 const OPEN_LOOP: &str = "open loop: the recorded person and arm did not feel these torques";
@@ -74,7 +75,7 @@ pub(super) fn compare(
         return Ok(());
     }
     print::line(OPEN_LOOP);
-    print::line(&format!("computed  {compared} cycles: {end}"));
+    print::line(&format!("computed  {}: {end}", counted(compared, "cycle")));
     for JointDifference { name, unit, rms, max, cycle } in &joints {
         let torque = format!("{rms:8.4} {unit} rms, {max:8.4} {unit} at most");
         let place = if *max > 0.0 { format!(", in cycle {cycle}") } else { String::new() };

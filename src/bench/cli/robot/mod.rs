@@ -41,10 +41,10 @@ pub(super) fn run(args: &Robot) -> Result<(), Failure> {
     let sensor = sensor::opened(&config, args.bias, clock.now())?;
     let mut ends = Ends { robot, link, sensor };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
     // Until here a status signal would end the process.
     let status_signals = runtime.block_on(async { StatusSignals::install() });
-    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
+    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::System)?;
     log_time::set_clock(move || clock.now());
     let name = config.robot.as_ref().map_or("", |robot| robot.name.as_str());
     tracing::info!(arm = arm(args, &config), socket = %socket.display(), "{name}: holds until a node leads");

@@ -39,10 +39,10 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let scenario = scenario_of(args, &config)?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::System)?;
     // Until here a status signal would end the process.
     let status_signals = runtime.block_on(async { StatusSignals::install() });
-    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
+    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::System)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
     let bus = bus.and_then(SocketCan::with_own_frames);
     let mut bus = bus.or_fail(Kind::Bus)?;

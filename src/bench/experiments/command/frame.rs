@@ -107,19 +107,20 @@ impl<'a> Frame<'a> {
     ) -> Result<(), Failure> {
         let Report { figures, tables, csv, panels, gate } = report;
         print::line(&match (self.options.json, self.options.markdown) {
-            (true, _) => serde_json::to_string(&figures).or_fail(Kind::Bus)?,
+            (true, _) => serde_json::to_string(&figures).or_fail(Kind::File)?,
             (false, true) => table::markdown(&tables),
             (false, false) => table::text(&tables),
         });
         if let Some(folder) = &self.options.out {
-            let mut contents = csv.into_iter().collect::<Result<Vec<_>, _>>().or_fail(Kind::Bus)?;
+            let mut contents =
+                csv.into_iter().collect::<Result<Vec<_>, _>>().or_fail(Kind::File)?;
             if self.files.has_figures {
-                contents.push(serde_json::to_string_pretty(&figures).or_fail(Kind::Bus)?);
+                contents.push(serde_json::to_string_pretty(&figures).or_fail(Kind::File)?);
             }
-            contents.push(picture::svg(&panels()?, self.files.picture.1).or_fail(Kind::Bus)?);
+            contents.push(picture::svg(&panels()?, self.files.picture.1).or_fail(Kind::File)?);
             contents.push(table::markdown(&tables));
             let named = || folder.display().to_string();
-            std::fs::create_dir_all(folder).with_context(named).or_fail(Kind::Bus)?;
+            std::fs::create_dir_all(folder).with_context(named).or_fail(Kind::File)?;
             let paths = self.files.names().map(|file| folder.join(file));
             results::export_all(&paths.zip(contents).collect::<Vec<_>>(), self.options.force)?;
         }

@@ -18,7 +18,7 @@ pub(super) fn play_all<J: Sync, R: Send>(
     play: impl Fn(&J) -> Result<R, Failure> + Sync,
 ) -> Result<Vec<R>, Failure> {
     let total = u64::try_from(jobs.len()).unwrap_or(u64::MAX);
-    let progress = Progress::start(total, "runs", is_quiet).or_fail(Kind::Bus)?;
+    let progress = Progress::start(total, "runs", is_quiet).or_fail(Kind::System)?;
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let play_counted = |job: &J| {
         let result = play(job);
@@ -38,7 +38,7 @@ pub(super) fn prepare<R: Send>(
     is_quiet: bool,
     compute: impl FnOnce() -> R + Send,
 ) -> Result<R, Failure> {
-    let progress = Progress::start(None, "runs", is_quiet).or_fail(Kind::Bus)?;
+    let progress = Progress::start(None, "runs", is_quiet).or_fail(Kind::System)?;
     progress.set_state(name);
     Ok(progress.abandonable(print::error, compute))
 }

@@ -99,10 +99,10 @@ impl Scenario {
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
-            let message = error.message().replace('\n', " ");
-            let key = || error.span().map(|span| toml_input::key_at(text, span.start));
-            let problem = match key().filter(|_| message.starts_with("must be")) {
-                Some(key) => format!("{key} {message}"),
+            let message = toml_input::message(text, &error);
+            let key = error.span().map(|span| toml_input::key_at(text, span.start));
+            let problem = match key.filter(|key| !key.is_empty()) {
+                Some(key) => format!("{key}: {message}"),
                 None => message,
             };
             let problem = Problem::Toml(problem);
@@ -328,7 +328,8 @@ mod tests {
     fn invalid_scenarios_are_refused() {
         for (from, to, reason) in [
             ("duration_s = 2", "duration_s = -2", "line 2: duration_s must be within"),
-            ("at_s = 1\n", "at_s = 1e308\n", "line 2: duration_s must be within"),
+            ("at_s = 1\n", "at_s = 1e308\n", "line 2: at_s must be within"),
+            ("at_s = 1\n", "at_s = nan\n", "line 2: at_s must be within 0..=5, got NaN"),
             ("at_s = 0.5", "at_s = 5.1", "line 9: at_s must be within 0..=5, got 5.1"),
             ("at_s = 2", "at_s = nan", "line 6: at_s must be within 0..=5, got NaN"),
             (
@@ -340,30 +341,42 @@ mod tests {
             (
                 "to_m = [0.04, 0, 0]",
                 "to_m = [0.04, 0, 0, \"x\"]",
-                "line 5: move[0].to_m must be a list of 3, got 4",
+                "line 5: move[0].to_m: must be a list of 3, got 4",
             ),
             (
                 "to_m = [0.04, 0, 0]",
                 "to_rad = [0, 0]",
-                "line 5: move[0].to_rad must be a list of 3, got 2",
+                "line 5: move[0].to_rad: must be a list of 3, got 2",
             ),
             (
                 "[[move]]",
                 "[hand]\ntremor_hz = [8, 9, 10]\n[[move]]",
-                "line 3: hand.tremor_hz must be a list of 2, got 3",
+                "line 3: hand.tremor_hz: must be a list of 2, got 3",
             ),
             ("seconds = 5", "seconds = inf", "line 1: seconds must be within"),
             ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
-            ("\"arm\"", "\"fire\"", "line 11: unknown request \"fire\"; expected arm"),
-            ("\"arm\"", "\"scale motion x\"", "line 11: unknown request \"scale motion x\""),
+            (
+                "\"arm\"",
+                "\"fire\"",
+                "line 11: console[0].request: unknown request \"fire\"; expected arm",
+            ),
+            (
+                "\"arm\"",
+                "\"scale motion x\"",
+                "line 11: console[0].request: unknown request \"scale motion x\"",
+            ),
             (
                 "deadman = true",
                 "buttons = [true]",
-                "line 8: switch[0].buttons must be a list of 4, got 1",
+                "line 8: switch[0].buttons: must be a list of 4, got 1",
             ),
             ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: at_s must be at least 2"),
             ("seconds = 5", "seconds", "line 1: "),
-            ("[[move]]", "[hand]\ntremor_mm = -1\n[[move]]", "line 2: tremor_mm must be within"),
+            (
+                "[[move]]",
+                "[hand]\ntremor_mm = -1\n[[move]]",
+                "line 2: hand: tremor_mm must be within",
+            ),
             ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
         ] {
             let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();

@@ -209,6 +209,7 @@ impl Actions {
     ) -> Result<Self, LocatedProblem> {
         let moves = in_order(moves, seconds, |step| {
             let Move { at_s, duration_s, to_m, to_rad } = *step;
+            within("at_s", at_s, 0.0, seconds)?;
             within("duration_s", duration_s, MIN_DURATION, seconds - at_s)?;
             to_m.iter()
                 .flat_map(|list| &list.0)

@@ -65,7 +65,7 @@ pub fn watch(sockets: Vec<PathBuf>) -> Result<(), Failure> {
     let state = Arc::new(Mutex::new(State::default()));
     let shared = Arc::clone(&state);
     let take_in = move |news| shared.lock().unwrap_or_else(PoisonError::into_inner).on_news(news);
-    let _reader = FeedReader::start(sockets, take_in).or_fail(FailureKind::Bus)?;
+    let _reader = FeedReader::start(sockets, take_in).or_fail(FailureKind::System)?;
     let mut screen = Screen::start().or_fail(FailureKind::File)?;
     let (mut view, mut shown) = (View::default(), State::default());
     let (mut received, mut silent_ticks) = (0, 0);
@@ -108,7 +108,7 @@ pub fn print_once(sockets: Vec<PathBuf>) -> Result<(), Failure> {
     let (sender, news) = channel();
     // The receiver is gone when the snapshot is complete.
     let _reader = FeedReader::start(sockets, move |one| sender.send(one).unwrap_or_default())
-        .or_fail(FailureKind::Bus)?;
+        .or_fail(FailureKind::System)?;
     let state = first_snapshot(&news)?;
     let palette = Palette { is_coloured: false };
     let scene = Scene { state: &state, view: View::default(), palette, silent_s: None };

@@ -2,6 +2,7 @@
 
 use crate::calib::friction::judgement::{FrictionResult, Gravity};
 use calibration::fit::sweep::{Estimate, JointFriction, Law};
+use units::wording::counted;
 
 /// Returns a table for every joint.
 pub(super) fn text(joints: &[FrictionResult<'_>]) -> String {
@@ -31,7 +32,7 @@ fn joint_text(judged: &FrictionResult<'_>) -> String {
 /// Returns files and numbers of readings.
 pub(super) fn origin(judged: &FrictionResult<'_>) -> String {
     let (moving, held) = (judged.swept.moving.len(), judged.swept.held.len());
-    format!("{}: {moving} readings in motion, {held} held", judged.swept.files())
+    format!("{}: {} in motion, {held} held", judged.swept.files(), counted(moving, "reading"))
 }
 
 fn table(judged: &FrictionResult<'_>, friction: &JointFriction) -> Vec<String> {

@@ -312,8 +312,8 @@ impl Config {
 fn read(text: &str, settings: &[Setting], problems: &mut Problems<'_>) -> Option<raw::File> {
     let documents = overlay::documents(settings, text.len());
     let mut document = problems.document(text, FileKind::HandController)?;
-    if let Err(misplaced) = overlay::apply(document.get_mut(), settings, &documents) {
-        problems.add(&Place::new(misplaced.key.to_owned(), None), misplaced.reason);
+    if let Err(error) = overlay::apply(document.get_mut(), settings, &documents) {
+        problems.add(&Place::new(error.key.to_owned(), None), error.reason);
         return None;
     }
     Some(raw::File::from_table(&Table::root(&document, problems), problems))

@@ -28,7 +28,7 @@ enum Step {
 
 /// A setting of a key that a file cannot have.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Misplaced<'s> {
+pub(super) struct KeyError<'s> {
     pub(super) key: &'s str,
     pub(super) reason: String,
 }
@@ -86,7 +86,7 @@ pub(super) fn apply<'d, 's>(
     file: &mut DeTable<'d>,
     settings: &'s [Setting],
     documents: &'d [String],
-) -> Result<(), Misplaced<'s>> {
+) -> Result<(), KeyError<'s>> {
     for (setting, document) in settings.iter().zip(documents) {
         // Parsed when the setting was made.
         let Some(value) =
@@ -95,7 +95,7 @@ pub(super) fn apply<'d, 's>(
             continue;
         };
         insert_into_table(file, &setting.path, value)
-            .map_err(|reason| Misplaced { key: &setting.key, reason })?;
+            .map_err(|reason| KeyError { key: &setting.key, reason })?;
     }
     Ok(())
 }

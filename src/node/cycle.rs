@@ -9,8 +9,8 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 //!
-//! A watch returns causes and never acts. Only [`raise`](Node::raise) passes them to safety, which keeps the first:
-//! of causes in one cycle, the watch listed first wins.
+//! A watch returns causes, and does not change the mode. Only [`raise`](Node::raise) passes them to safety, which keeps the
+//! first: of causes in one cycle, the watch listed first wins.
 
 use crate::Node;
 use crate::cause::Cause;

@@ -11,7 +11,7 @@ pub enum Reaction {
     ReflectionOff,
     /// S2: all target torques zero in the next frame; the drives stay enabled for 100 ms.
     ZeroTorque,
-    /// S3: all target torques zero and voltage disabled in the next frame.
+    /// S3: all target torques zero in the next frame, and disable voltage in the next controlwords.
     DrivesOff,
 }
 
@@ -37,7 +37,7 @@ impl Reaction {
                 "zero torque: all six targets zero in the next frame, drives off 100 ms later"
             }
             Self::DrivesOff => {
-                "drives off: all six targets zero and voltage disabled in the next frame"
+                "drives off: all six targets zero in the next frame, disable voltage in the next controlwords"
             }
         }
     }

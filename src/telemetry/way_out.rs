@@ -33,11 +33,12 @@ pub fn of_stop(
         None => format!("Remove the cause{place}."),
     });
     steps.push("`frhc ctl status` shows the cause while it is present.".to_owned());
-    steps.push(match kind.map(|kind| kind.row().reset_boots) {
-        Some(true) => "`frhc ctl reset` ends the stop; it boots the network again, since a node may have lost its configuration. It is refused while the cause is present.".to_owned(),
-        Some(false) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
+    steps.push(match kind.map(|kind| (kind.row().reset_boots, kind.row().initiator)) {
+        Some((true, _)) => "`frhc ctl reset` ends the stop. It boots the network again, since a node may have lost its configuration, and fails while the cause is present.".to_owned(),
+        Some((false, Initiator::Drive)) => "`frhc ctl reset` ends the stop, and resets the fault of the drive once.".to_owned(),
+        Some((false, _)) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
     });
-    steps.push(format!("`frhc ctl arm`, then {PRESS_DEADMAN}"));
+    steps.push(format!("`frhc ctl arm` if the node is ready, not armed; then {PRESS_DEADMAN}"));
     steps
 }
 

@@ -217,7 +217,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
     (8, "A released deadman ends command and reflection", "1 cycle, 20 ms"),
     (
         9,
-        "No torque before identity, mapping, protection, proof test, a press of the deadman and arming",
+        "No torque before identity, mapping, protection, proof test and arming; none of the task before a press of the deadman",
         "no such frame",
     ),
     (

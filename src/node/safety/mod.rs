@@ -16,7 +16,7 @@
 //! disarm request gravity compensation ramps to zero before the mode changes. After a cause the [`table`] applies.
 //!
 //! A latched stop becomes stricter with time or by another cause, never milder. Only a reset ends it. The reset is
-//! refused while the cause is active, and the deadman must then be released and pressed again.
+//! refused while the cause is active, unless it boots the network; then the deadman must be released and pressed again.
 //!
 //! | file            | content                                             |
 //! |-----------------|-----------------------------------------------------|

@@ -76,6 +76,7 @@ pub mod trust;
 mod units;
 pub mod value;
 mod value_limits;
+mod variants;
 
 pub use boot::BootSettings;
 pub use buses::{BusSettings, Layout};
@@ -102,24 +103,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use ::remote::site::Virtual;
-
 use crate::control::Context;
 use crate::file_kind::FileKind;
 use crate::files::Files;
 use crate::overlay::Setting;
 use crate::problem::{Problems, Sheet};
-use crate::robots::RobotArm;
 use crate::section::{Section, Table};
 use crate::trust::Trust;
 use crate::value::Place;
-use ::robot::accommodation::Accommodation;
 use canopen::eds::{Finding, Severity};
 use canopen::exchange::Exchange;
 use canopen::frame::Channel;
-use controller::Settings;
-use controller::calibration::{Calibration, TorqueCurve};
-use controller::gains::Gains;
 
 /// Configuration of one hand controller: the values of a file, and the cyclic PDO exchange resolved from them.
 ///
@@ -208,76 +202,6 @@ impl Config {
         let config = converted
             .and_then(|(parameters, exchange)| Some(Self { parameters, exchange: exchange? }));
         config.ok_or_else(|| Invalid(Vec::new()))
-    }
-
-    /// Replaces the settings of the controller. No PDO depends on them.
-    #[must_use]
-    pub fn with_controller(mut self, controller: Settings) -> Self {
-        self.parameters.controller = controller;
-        self
-    }
-
-    /// Replaces the commanded side. No PDO depends on it.
-    #[must_use]
-    pub fn with_remote(mut self, remote: Virtual) -> Self {
-        self.parameters.remote = remote;
-        self
-    }
-
-    /// Replaces the link to the commanded side. No PDO depends on it.
-    #[must_use]
-    pub const fn with_link(mut self, link: RemoteLink) -> Self {
-        self.parameters.link = link;
-        self
-    }
-
-    /// Replaces the arm that holds the commanded object, and starts it at that arm's start. No PDO depends on it.
-    #[must_use]
-    pub fn with_robot(mut self, robot: RobotArm) -> Self {
-        let following = robot.following();
-        self.parameters.remote.x_b_m = following.pose();
-        self.parameters.remote.arm = Some(following);
-        self.parameters.robot = Some(robot);
-        self
-    }
-
-    /// Replaces the gains K_T of reflection and K_FA of accommodation. No PDO depends on them.
-    #[must_use]
-    pub fn with_switches_at(mut self, k_t: Gains, k_fa: Accommodation) -> Self {
-        let reflection = &mut self.parameters.controller.reflection;
-        *reflection = reflection.with_gain(k_t);
-        self.parameters.remote.interaction.accommodation = k_fa;
-        self
-    }
-
-    /// Scales the friction of every joint by `share`. No PDO depends on it.
-    #[must_use]
-    pub fn with_friction(mut self, share: f64) -> Self {
-        for joint in &mut self.parameters.joints {
-            joint.plant.friction.coulomb *= share;
-            joint.plant.friction.viscous *= share;
-        }
-        self
-    }
-
-    /// Replaces the torque curves of the controller and of the simulated motors. No PDO depends on them.
-    #[must_use]
-    pub fn with_torque_curves(mut self, curves: [TorqueCurve; 6]) -> Self {
-        for (joint, curve) in self.parameters.joints.iter_mut().zip(curves) {
-            joint.calibration = joint.calibration.with_curve(curve);
-            joint.plant.actuator.torque_curve = curve.coefficients();
-        }
-        let coupling = *self.parameters.controller.calibration.coupling();
-        let actuators = self.parameters.joints.each_ref().map(|joint| joint.calibration);
-        self.parameters.controller.calibration = Calibration::new(actuators).coupled(coupling);
-        self
-    }
-
-    /// Enables the proof test of every drive at bring-up, regardless of the file. No PDO depends on it.
-    #[must_use]
-    pub const fn with_proof(mut self) -> Self {
-        self.parameters.safety.protection.proves_drives = true;
-        self
     }
 
     /// Returns the synchronous window after a SYNC (compare 1007h): the period less the time of all RPDOs, which must be

@@ -51,7 +51,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_services(now, sync_at);
         self.wire.read_transmit_confirmation();
         let side = self.remote.state(sync_at);
-        let gripper = self.operator.grip(&permit, self.remote.link.gripper());
+        let gripper = self.operator.gripper_command(&permit, self.remote.link.gripper());
         let command =
             Command { motion: output.command, gripper: gripper.and_then(|it| it.command) };
         self.remote.exchange(now, &command, self.safety.mode());

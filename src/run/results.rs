@@ -93,13 +93,18 @@ pub(super) fn number(name: &OsStr) -> Option<u64> {
 /// # Errors
 /// When the path exists, cannot be inspected, or cannot be written.
 pub fn ensure_free(path: &Path, force: Force) -> Result<(), Failure> {
-    if is_stream(path) {
+    ensure_not_taken(path, force)?;
+    if is_stream(path) { Ok(()) } else { ensure_writable(path) }
+}
+
+/// Returns an error if the path exists, unless forced. Devices and pipes are accepted.
+fn ensure_not_taken(path: &Path, force: Force) -> Result<(), Failure> {
+    if force.force || is_stream(path) {
         return Ok(());
     }
     match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => ensure_writable(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         Err(error) => Err(error).with_context(|| path.display().to_string()).or_fail(Kind::File),
-        Ok(_) if force.force => ensure_writable(path),
         Ok(_) => Err(exists(path)),
     }
 }
@@ -167,7 +172,7 @@ fn write_all(
     force: Force,
     access: Access,
 ) -> Result<(), Failure> {
-    files.iter().try_for_each(|(path, _)| ensure_free(path, force))?;
+    files.iter().try_for_each(|(path, _)| ensure_not_taken(path, force))?;
     let mut prepared = Vec::new();
     for (path, content) in files {
         let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };

@@ -98,7 +98,7 @@ impl Operator {
 
     /// Returns the command to the gripper, and `measured`, the report of the commanded side; `None` without an input for a
     /// gripper.
-    pub(super) fn grip(
+    pub(super) fn gripper_command(
         &mut self,
         permit: &Permit,
         measured: Option<Gripper>,

@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
 
 use std::fs;
+use std::process::Command;
 
 use crate::common::cli::{folder, frhc};
+use crate::common::process::Scratch;
 
 /// Plays an experiment; its files are complete, and a second run replaces none of them.
 fn passes(experiment: &str, files: &[&str]) {
@@ -63,6 +65,23 @@ fn delay_passes() {
 #[test]
 fn dual_peg_passes() {
     passes("dual-peg", &["trials.csv", "figures.json", "work.svg", "report.md"]);
+}
+
+#[test]
+fn figures_are_printed_though_their_files_cannot_be_written() {
+    let scratch = Scratch::new("experiment-full");
+    // Files can be created, but nothing written to them, as on a full disk.
+    let full = "trap '' XFSZ; ulimit -f 0; exec \"$0\" -q experiment ntrfc --short --out \"$1\"";
+    let program = env!("CARGO_BIN_EXE_frhc");
+    let out = scratch.path("results");
+    let played = Command::new("sh").args(["-c", full, program, &out]).output().unwrap();
+    let stderr = String::from_utf8_lossy(&played.stderr);
+    assert_eq!(played.status.code(), Some(4), "{stderr}");
+    assert!(
+        String::from_utf8_lossy(&played.stdout).contains("at rest"),
+        "the figures are not lost"
+    );
+    assert!(stderr.contains("results"), "{stderr}");
 }
 
 #[test]

@@ -88,12 +88,11 @@ pub(super) fn apply<'d, 's>(
     documents: &'d [String],
 ) -> Result<(), KeyError<'s>> {
     for (setting, document) in settings.iter().zip(documents) {
-        // Parsed when the setting was made.
-        let Some(value) =
-            DeTable::parse(document).ok().and_then(|parsed| parsed.into_inner().remove(VALUE))
-        else {
-            continue;
-        };
+        // `Setting::from_str` has parsed it before.
+        let value = DeTable::parse(document)
+            .ok()
+            .and_then(|parsed| parsed.into_inner().remove(VALUE))
+            .ok_or_else(|| KeyError { key: &setting.key, reason: "is not TOML".to_owned() })?;
         insert_into_table(file, &setting.path, value)
             .map_err(|reason| KeyError { key: &setting.key, reason })?;
     }

@@ -103,7 +103,7 @@ pub(crate) fn open_to_others(file: &Path) -> io::Result<Option<String>> {
 /// Contents of a certificate.
 #[derive(Clone, Debug)]
 pub struct Summary {
-    /// Common name.
+    /// Common name (CN) of the subject.
     pub name: String,
     /// First second of its validity.
     pub from: OffsetDateTime,
@@ -156,7 +156,7 @@ impl Summary {
         }
     }
 
-    /// Returns whether the authority signed it.
+    /// Returns whether `authority` issued and signed the certificate; its validity in time is not checked.
     pub fn is_signed_by(&self, authority: &Self) -> bool {
         let (Ok((_, own)), Ok((_, other))) =
             (X509Certificate::from_der(&self.der), X509Certificate::from_der(&authority.der))

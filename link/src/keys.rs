@@ -33,7 +33,7 @@ pub fn make(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Fail
 /// Writes the keys of an arm into a folder that is new or empty.
 ///
 /// # Errors
-/// When the folder has files, or cannot be written. No file is then left.
+/// Returns an error if the folder has files, or cannot be written. No file is left in it then.
 pub fn write(folder: &Path, arm: u16, router: bool, days: u32) -> Result<(), Failure> {
     let shown = folder.display();
     let failed = |error: &dyn std::fmt::Display| Failure::system(format!("{shown}: {error}"));
@@ -116,7 +116,7 @@ fn placement(folder: &Path, router: bool) -> String {
 /// Prints name, validity and defects of each certificate in a folder.
 ///
 /// # Errors
-/// When there is no authority, or a certificate or key is invalid.
+/// Returns an error if there is no authority, or a certificate or key is invalid.
 pub fn show(folder: &Path) -> Result<(), Failure> {
     let authority = Summary::read(&folder.join(AUTHORITY))?;
     let mut text = row(AUTHORITY, &authority, &complaints(&authority, &authority, None));

@@ -87,7 +87,7 @@ impl Counts {
 /// Runs an end until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// When settings or certificates are invalid, or a socket cannot be opened.
+/// Returns an error if settings or certificates are invalid, or a socket cannot be opened.
 pub(crate) fn run(role: Role, config: &Path) -> Result<(), Failure> {
     let settings = Settings::load(role, config)?;
     let files = Files::in_folder(&settings.keys, role.name());

@@ -1,4 +1,4 @@
-//! The process: see the library.
+//! Process of `frhc-link`; the library has its parts.
 
 use std::process::ExitCode;
 

@@ -43,7 +43,7 @@ pub fn innermost(error: &str) -> String {
 /// Returns the settings of zenoh for a role.
 ///
 /// # Errors
-/// When zenoh refuses a setting.
+/// Returns an error if zenoh refuses a setting.
 pub fn configuration(role: Role, settings: &Settings, files: &Files) -> Result<Config, Failure> {
     let endpoints = |addresses: &[String]| {
         let endpoints = addresses.iter().map(|address| format!("quic/{address}?mixed_rel=1"));

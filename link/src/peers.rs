@@ -20,7 +20,7 @@ pub(crate) struct Subscriptions {
 /// Declares this end as alive, and logs other peers.
 ///
 /// # Errors
-/// When zenoh refuses it.
+/// Returns an error if zenoh refuses it.
 pub(crate) fn watch(session: &Session, role: Role, arm: u16) -> Result<Subscriptions, Failure> {
     let failed = |error: zenoh::Error| Failure::system(format!("zenoh: {error}"));
     let other = role.other();

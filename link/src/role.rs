@@ -31,7 +31,7 @@ impl Role {
         }
     }
 
-    /// The other role.
+    /// Returns the role of the end at the other machine.
     pub const fn other(self) -> Self {
         match self {
             Self::Near => Self::Far,
@@ -50,7 +50,7 @@ impl Role {
     /// Returns topic and head of a message that this role sends.
     ///
     /// # Errors
-    /// When it is not a message of the contract, or is for another arm.
+    /// Returns an error if it is not a message of the contract, or is for another arm.
     pub fn read(self, bytes: &[u8], arm: u16) -> Result<(Topic, Head), Reject> {
         let (topic, head) = match self {
             Self::Near => (Topic::Command, Command::decode(bytes)?.head),

@@ -13,7 +13,7 @@ use crate::role::Role;
 /// Default UDP port, that of zenoh.
 const PORT: u16 = 7_447;
 
-/// Range of `in_flight`.
+/// Valid values of `in_flight`: maximum number of messages that are not echoed yet.
 const IN_FLIGHT: std::ops::RangeInclusive<usize> = 8..=1_024;
 
 /// Keys of the file.

@@ -23,7 +23,7 @@ pub struct Case {
     pub number: u32,
     /// Seed of the faults' own random sequences.
     pub seed: u64,
-    /// The kind of fault.
+    /// Kind of fault.
     pub kind: &'static Kind,
     /// Hand controller, as an index into the campaign's list.
     pub config: usize,
@@ -54,7 +54,7 @@ impl Case {
     /// Returns the scenario of situation and fault, from the first SYNC on.
     ///
     /// # Errors
-    /// The first entry that is out of order or beyond the end.
+    /// Returns the first entry that is out of order or beyond the end.
     pub fn scenario(&self) -> Result<Scenario, Problem> {
         let end = seconds(self.onset + self.injection.observed_for) + MARGIN_S;
         let entries = self.situation.entries().into_iter();

@@ -25,10 +25,10 @@ pub enum Criterion {
     /// Reflection has ended in time; the second value says whether the node may stop later.
     #[display("reflection off within {:.1} ms", millis(*_0))]
     Disengaged(Duration, MayStop),
-    /// The node does not stop.
+    /// No stop of the node.
     #[display("goes on")]
     GoesOn,
-    /// The node may stop or not, for this reason; no invariant may be violated, and a stop leaves no drive on.
+    /// Stop of the node or none, for this reason. No invariant may be violated, and a stop leaves no drive on.
     #[display("stops or goes on: {_0}")]
     Either(&'static str),
 }
@@ -36,9 +36,9 @@ pub enum Criterion {
 /// Permission to stop for a node that has disengaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MayStop {
-    /// The fault is equivalent to a released deadman.
+    /// Fault that is equivalent to a released deadman.
     No,
-    /// The fault is more than a released deadman.
+    /// Fault that is more than a released deadman.
     Yes,
 }
 

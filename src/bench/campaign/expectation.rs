@@ -116,7 +116,7 @@ const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) 
     Expectation { hazard, limit, without_timer: None, reactions }
 }
 
-/// Returns the expectation of a hazard.
+/// Returns the expectation of a hazard by its number in docs/safety.md; `None` if it has no row.
 pub fn of_hazard(hazard: u8) -> Option<&'static Expectation> {
     EXPECTATIONS.iter().find(|row| row.hazard == hazard)
 }

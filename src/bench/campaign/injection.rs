@@ -19,11 +19,12 @@ use units::numbering::Joint;
 pub struct Injection {
     /// Faults and actions of the operator, all of them at or after the onset.
     pub entries: Vec<Entry>,
-    /// The onset is the first of two cycles in which the grip is faster than this, in m/s.
+    /// Speed of the grip, in m/s, that two cycles in a row exceed: the first of them is the onset. `None` for a fixed
+    /// onset.
     pub onset_speed: Option<f64>,
-    /// The onset is the time at which targets of this joint differ from the one held by its drive.
+    /// Joint whose targets differ from the one that its drive holds: the first difference is the onset.
     pub cut_off: Option<Joint>,
-    /// A drive does not receive its controlwords.
+    /// Set if a drive does not receive its controlwords.
     pub loses_commands: bool,
     /// Quirk of a drive, present before its boot.
     pub quirk: Option<(Joint, Quirk)>,
@@ -87,7 +88,7 @@ impl Conditions<'_> {
         1e3 * weight.abs() / joint.entry(&plant.joints).actuator.max_torque
     }
 
-    /// Returns the onset in s.
+    /// Returns the time of the onset after the first SYNC, in s.
     pub(super) fn onset_s(&self) -> f64 {
         seconds(self.onset)
     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use sim::random::SplitMix;
 use units::numbering::Joint;
 
-/// Pseudo-random sequence.
+/// Pseudo-random sequence of one case (SplitMix64).
 #[derive(Clone, Debug)]
 pub(super) struct Random(SplitMix);
 
@@ -45,7 +45,7 @@ impl Random {
         these.get(usize::try_from(self.below(count)).ok()?)
     }
 
-    /// Returns a joint.
+    /// Returns one of the six joints, each with equal probability.
     pub(super) fn joint(&mut self) -> Joint {
         self.one_of(&Joint::ALL).copied().unwrap_or(Joint::of::<1>())
     }
@@ -55,7 +55,7 @@ impl Random {
         self.below(2) == 0
     }
 
-    /// Returns `count` bytes.
+    /// Returns `count` random bytes.
     pub(super) fn bytes(&mut self, count: u64) -> Vec<u8> {
         (0..count).map(|_| u8::try_from(self.below(256)).unwrap_or(0)).collect()
     }

@@ -30,9 +30,9 @@ pub struct Campaign {
 /// Part of a case that is played from its own boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The steps into its situation.
+    /// Steps into the situation of the case.
     Situation,
-    /// The case itself.
+    /// Observation from the onset on.
     Case,
 }
 
@@ -42,7 +42,7 @@ pub type OnCycle<'a, S> = dyn FnMut(&mut Bench<Monitor, S>, &Record, Part) + 'a;
 /// Verdict on a case, with every frame since the boot.
 pub type Replay = (Verdict, Vec<(Instant, Telegram)>);
 
-/// A bench for each hand controller and situation that the cases need.
+/// Benches in the situations that the cases need, by hand controller and [`Situation::index`].
 type Stages = Vec<[Option<Bench<Monitor>>; 4]>;
 
 impl Campaign {
@@ -62,7 +62,7 @@ impl Campaign {
         Some(Self { seed, configs, cases: vec![case] })
     }
 
-    /// Returns the cases.
+    /// Returns the drawn cases, in ascending order of their numbers.
     pub fn cases(&self) -> &[Case] {
         &self.cases
     }
@@ -75,7 +75,7 @@ impl Campaign {
     /// Plays all cases with `threads` threads; `progress` is called after each.
     ///
     /// # Errors
-    /// A network that does not boot, or a situation that is not reached.
+    /// Returns an error if a network does not boot, or a situation is not reached.
     pub fn run(
         &self,
         threads: NonZero<usize>,

@@ -10,22 +10,22 @@ use sim::scenario::{ConsoleRequest, Entry};
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Situation {
-    /// The drives are enabled at zero torque; the operator has not armed.
+    /// Drives enabled at zero torque; the operator has not armed.
     #[display("ready")]
     Ready,
     /// Gravity compensation is on, the deadman open.
     #[display("armed")]
     Armed,
-    /// The deadman is pressed, and the hand moves the object freely.
+    /// Deadman pressed; the hand moves the object freely.
     #[display("free motion")]
     Free,
-    /// The object presses against the wall, with reflection on.
+    /// Object pressed against the wall, with reflection on.
     #[display("in contact")]
     Contact,
 }
 
 impl Situation {
-    /// All situations.
+    /// Situations, each closer to contact than the one before.
     pub const ALL: [Self; 4] = [Self::Ready, Self::Armed, Self::Free, Self::Contact];
 
     /// Situations with gravity compensation.

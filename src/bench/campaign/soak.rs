@@ -42,9 +42,9 @@ pub struct Lap {
     pub cycles: u64,
     /// Time and cause of a stop; `None` without a stop.
     pub trip: Option<(Duration, Cause)>,
-    /// The first violation of an invariant.
+    /// First violation of an invariant.
     pub violation: Option<String>,
-    /// Fidelity at the hand.
+    /// Wrench between hand and grip, compared with K_T times the sensed one.
     pub at_hand: Fidelity,
 }
 
@@ -58,7 +58,7 @@ impl Lap {
 /// Plays laps on these hand controllers in turn, up to `cycles` in all; `progress` is called with the cycles of each.
 ///
 /// # Errors
-/// A network that does not boot.
+/// Returns an error if a network does not boot.
 pub fn soak(
     seed: u64,
     configs: &[Config],

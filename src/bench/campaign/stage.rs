@@ -26,19 +26,19 @@ const MIN_CONTACT: f64 = 2.0;
 /// Reason why a case cannot be played.
 #[derive(Debug, Error)]
 pub enum StageError {
-    /// The scenario is invalid.
+    /// Invalid scenario.
     #[error("scenario: {0}")]
     Scenario(Problem),
-    /// The network does not boot.
+    /// Network that does not boot.
     #[error("{0}")]
     Boot(BringUpError),
-    /// The boot took longer than `BOOT_TIMEOUT`.
+    /// Boot that took longer than `BOOT_TIMEOUT`.
     #[error("the boot must end within {} s of virtual time, and did not", BOOT_TIMEOUT.as_secs())]
     BootTimeout,
-    /// The situation is not reached.
+    /// Required situation, and the mode of the node instead.
     #[error("the node must be {0} before the fault, and is {1}")]
     NotReached(Situation, Mode),
-    /// An invariant is violated before the fault.
+    /// Invariant that is violated before the fault.
     #[error("before any fault: {0}")]
     Violated(String),
 }
@@ -100,7 +100,7 @@ pub(super) fn bring_to<S: InputSink + Clone>(
 /// Boots the network of a bench.
 ///
 /// # Errors
-/// The network does not boot, or takes longer than [`BOOT_TIMEOUT`].
+/// Returns an error if the network does not boot, or takes longer than [`BOOT_TIMEOUT`].
 pub(super) fn bring_up<S: InputSink + Clone>(
     bench: &mut Bench<Monitor, S>,
 ) -> Result<(), StageError> {

@@ -18,7 +18,7 @@ use node::cause::{Cause, Kind as CauseKind};
 pub struct Observation {
     /// Time until the node was latched.
     pub detected: Option<Duration>,
-    /// The latched mode ends all torque (S2 or S3), not only reflection (S1).
+    /// Set if the latched mode ends all torque (S2 or S3), not only reflection (S1).
     pub is_stopped: bool,
     /// Cause of the latched mode.
     pub cause: Option<Cause>,
@@ -28,7 +28,7 @@ pub struct Observation {
     pub off: Option<Duration>,
     /// Time until the node switched the drives off.
     pub drives_off: Option<Duration>,
-    /// A power stage was on for longer than 100 ms after zero torque, or after "drives off".
+    /// Set if a power stage was on for longer than 100 ms after zero torque, or after "drives off".
     pub is_left_on: bool,
     /// Time from which every target torque stayed zero.
     pub zero: Option<Duration>,
@@ -54,7 +54,7 @@ pub struct Observation {
     pub oldest: Duration,
     /// Number of non-zero targets without arming.
     pub unarmed: u64,
-    /// The first violations of an invariant.
+    /// First violations of an invariant.
     pub violations: Vec<Violation>,
     /// Number of all violations.
     pub violation_count: u64,
@@ -86,25 +86,25 @@ pub struct Verdict {
 /// Comparison of the observed with the required reaction.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Outcome {
-    /// The criterion is met.
+    /// Reaction as the criterion requires.
     #[display("as demanded")]
     Met,
-    /// The fault was not detected.
+    /// Fault that was not detected.
     #[display("missed")]
     Missed,
-    /// The reaction came too late.
+    /// Reaction after its time limit.
     #[display("late")]
     Late,
-    /// The node stopped without a reason.
+    /// Stop without a reason.
     #[display("false trip")]
     FalseTrip,
-    /// The node stopped by a cause that is not one of the kind.
+    /// Stop by a cause that is not one of the kind.
     #[display("wrong cause")]
     WrongCause,
-    /// The node stopped in a milder state than its cause demands.
+    /// Stop in a milder state than its cause demands.
     #[display("wrong end state")]
     WrongState,
-    /// The node stopped, and a drive's power stage stayed on.
+    /// Stop that left a drive's power stage on.
     #[display("a drive left on")]
     LeftOn,
 }
@@ -217,7 +217,7 @@ mod tests {
     const WITHIN: Duration = Duration::from_millis(5);
     const CAUSES: &[CauseKind] = &[CauseKind::SamplesMissing];
 
-    /// A stop in time, by this cause.
+    /// Stop in time, by this cause.
     fn stopped_by(cause: Cause) -> Observation {
         let time = Some(Duration::from_millis(4));
         Observation {

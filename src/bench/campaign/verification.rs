@@ -1,6 +1,6 @@
 //! Replay of a case, played from its own boot, from the recorded inputs of its node.
 //!
-//! Cases continue clones of warm benches (ADR 15). The verdict on a case from its own boot must be that on the clone, and the
+//! Cases continue clones of warm benches (ADR 15). The verdict on a case from its own boot must be that on the clone. The
 //! replayed node must send every frame again, and compute every intermediate of the control law.
 
 use std::cell::RefCell;

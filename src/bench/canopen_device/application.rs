@@ -57,11 +57,11 @@ pub trait Application {
 /// Reason of a lost master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConnectionLoss {
-    /// The master's heartbeat is lost (1016h).
+    /// Lost heartbeat of the master (1016h).
     Heartbeat,
-    /// An RPDO timed out (sub-index 5 of its communication parameter).
+    /// Event timer of an RPDO that ran out (sub-index 5 of its communication parameter).
     RpdoTimeout,
-    /// The master has stopped or reset the operational node.
+    /// NMT command of the master that stopped or reset the operational node.
     Stopped,
 }
 

@@ -1,4 +1,4 @@
-//! Clocks of a device (CiA 301, 7.2.6, 7.5.2.15, 7.5.2.16): one runs since power-up and is sampled at every SYNC
+//! Clocks of a device (CiA 301, 7.2.6, 7.5.2.15, 7.5.2.16). One runs since power-up and is sampled at every SYNC
 //! (1013h), the other is set by TIME (1012h).
 //!
 //! A constant 1013h indicates to a master that a device does not sample any more.
@@ -23,7 +23,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// Applies 1012h.
+    /// Reads the COB-ID of TIME (1012h).
     pub(super) fn configure(&mut self, dictionary: &Dictionary) {
         self.cob_id = time_stamp::consumed(dictionary.unsigned(Object::TIME_COB_ID));
     }

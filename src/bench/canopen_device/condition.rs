@@ -2,24 +2,24 @@
 
 use canopen::error_codes;
 
-/// Error condition.
+/// Present error that the device reports by EMCY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Condition {
-    /// A heartbeat is lost (1016h).
+    /// Lost heartbeat (1016h).
     HeartbeatLost,
-    /// The guarding master is lost (100Ch, 100Dh).
+    /// Lost guarding master (100Ch, 100Dh).
     GuardLost,
-    /// An RPDO timed out (sub-index 5 of its communication parameter).
+    /// Event timer of an RPDO that ran out (sub-index 5 of its communication parameter).
     RpdoTimeout,
-    /// An RPDO is shorter than its mapping.
+    /// RPDO with fewer bytes than its mapping.
     RpdoTooShort,
-    /// An RPDO is longer than its mapping.
+    /// RPDO with more bytes than its mapping.
     RpdoTooLong,
-    /// A SYNC has a counter although none is configured, or lacks a configured one (1019h).
+    /// SYNC with a counter although none is configured, or without a configured one (1019h).
     SyncLength,
-    /// A synchronous PDO missed the synchronous window (1007h).
+    /// Synchronous PDO after the synchronous window (1007h).
     SyncWindow,
-    /// An error of the application.
+    /// Error of the application.
     Application,
 }
 

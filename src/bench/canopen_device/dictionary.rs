@@ -15,15 +15,14 @@ use canopen::object::Object;
 /// Object with its value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Object.
     pub object: Object,
     /// Data type, by its number in CiA 301, 7.4.7.1.
     pub data_type: u16,
-    /// Access.
+    /// Directions in which SDO and PDO may transfer the value.
     pub access: Access,
-    /// Low limit.
+    /// Lowest valid value (`LowLimit` of the EDS); `None` without a limit.
     pub low: Option<i128>,
-    /// High limit.
+    /// Highest valid value (`HighLimit` of the EDS); `None` without a limit.
     pub high: Option<i128>,
     /// Set if it can be mapped into a PDO.
     pub is_mappable: bool,
@@ -46,7 +45,7 @@ pub enum OutOfRange {
 }
 
 impl Entry {
-    /// Current value.
+    /// Current value, little-endian as in SDO.
     pub fn value(&self) -> &[u8] {
         &self.value
     }
@@ -109,7 +108,7 @@ impl Dictionary {
         dictionary
     }
 
-    /// Returns one object.
+    /// Returns the entry of an object; `None` if it does not exist.
     pub fn entry(&self, object: Object) -> Option<&Entry> {
         self.entries.get(self.place(object)?)
     }

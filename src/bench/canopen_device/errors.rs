@@ -68,7 +68,7 @@ impl Errors {
         }
     }
 
-    /// Clears a condition.
+    /// Ends a condition. If no condition remains, sends an EMCY with error code 0 (error reset).
     pub(super) fn clear(&mut self, condition: Condition, dictionary: &mut Dictionary) {
         if !self.conditions.has(condition) {
             return;

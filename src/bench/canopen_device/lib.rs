@@ -55,7 +55,7 @@ use canopen::frame::Frame;
 use canopen::nmt::Order;
 use units::time::Instant;
 
-/// CANopen device.
+/// CANopen device (CiA 301): an application behind a dictionary and all services of its node-id.
 #[derive(Clone, Debug)]
 pub struct Device<A> {
     node: NodeId,
@@ -65,7 +65,7 @@ pub struct Device<A> {
     state: NmtState,
     latency: Duration,
     sync: SyncConsumer,
-    /// A synchronous PDO was discarded since the last SYNC.
+    /// Set if a synchronous PDO was discarded since the last SYNC.
     is_late: bool,
     clock: Clock,
     sdo: SdoServer,
@@ -123,7 +123,7 @@ impl<A: Application> Device<A> {
         self.state
     }
 
-    /// Application.
+    /// Returns the behaviour above the communication.
     pub const fn application(&self) -> &A {
         &self.application
     }

@@ -22,7 +22,7 @@ const DUMMIES: [(u16, u8); 7] =
 struct Slot {
     /// Object; `None` for a dummy.
     object: Option<Object>,
-    /// Lowest bit.
+    /// Lowest bit in the data of the PDO.
     shift: u32,
     /// Mask of its width.
     mask: u64,

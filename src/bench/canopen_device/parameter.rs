@@ -64,7 +64,7 @@ impl Place {
         cob_id(dictionary.unsigned(object))
     }
 
-    /// Transmission type.
+    /// Transmission type, sub-index 2.
     pub(super) fn transmission(self, dictionary: &Dictionary) -> Transmission {
         Transmission(byte(dictionary, self.communication(2)))
     }
@@ -139,7 +139,7 @@ pub(super) fn cob_id(raw: u32) -> Option<u16> {
     u16::try_from(raw & u32::from(COB_ID_MAX)).ok().filter(|cob_id| !is_reserved(*cob_id))
 }
 
-/// Checks a change of a COB-ID entry from `old` to `new`: disabling is always allowed, enabling only with a free
+/// Checks a change of a COB-ID entry from `old` to `new`. Disabling is always allowed, enabling only with a free
 /// identifier, and an enabled one must not change.
 ///
 /// # Errors

@@ -42,7 +42,7 @@ pub(super) struct Rpdo {
 }
 
 impl Rpdo {
-    /// Returns the RPDO of this number, by the dictionary.
+    /// Resolves COB-ID, mapping and timer of RPDO `number` from its parameters (1400h, 1600h and up).
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Receive, number };
         let mapping = place.resolve(dictionary);

@@ -13,7 +13,7 @@ use canopen::object::Object;
 use canopen::sync;
 use units::time::Instant;
 
-/// SYNC consumer.
+/// Reception of SYNC: COB-ID (1005h), length (1019h) and synchronous window (1007h).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SyncConsumer {
     cob_id: u16,
@@ -40,7 +40,7 @@ impl SyncConsumer {
         };
     }
 
-    /// COB-ID of SYNC.
+    /// COB-ID of 1005h.
     pub(super) const fn cob_id(&self) -> u16 {
         self.cob_id
     }

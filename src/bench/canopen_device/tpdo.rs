@@ -45,7 +45,7 @@ pub(super) struct Tpdo {
 }
 
 impl Tpdo {
-    /// Returns the TPDO of this number, by the dictionary.
+    /// Resolves COB-ID, mapping and timers of TPDO `number` from its parameters (1800h, 1A00h and up).
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Transmit, number };
         let mapping = place.resolve(dictionary);
@@ -86,7 +86,7 @@ impl Tpdo {
         self.has_changed = self.is_event_driven();
     }
 
-    /// Leaves operational.
+    /// Leaves operational: pending samples and times are dropped.
     pub(super) const fn stop(&mut self) {
         self.sent = None;
         self.waits = true;

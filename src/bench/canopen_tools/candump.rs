@@ -19,35 +19,35 @@ use thiserror::Error;
 /// Flag of error frames in the identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// One line.
+/// Frame of a log, with its time stamp and interface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line<'t> {
     /// Time stamp, in ns.
     pub nanos: u64,
-    /// The stamp has nine digits.
+    /// Set if the stamp has nine digits, ns; otherwise it has six, µs.
     pub is_fine: bool,
-    /// Interface name.
+    /// Interface name, as `vcan0`.
     pub interface: &'t str,
     /// Identifier; [`is_extended`](Self::is_extended) distinguishes 29 bits from 11.
     pub id: u32,
-    /// The identifier has eight digits.
+    /// Set if the identifier has eight digits: 29 bits, or an error frame.
     pub is_extended: bool,
     /// Raw data length code 9 to 15, which means 8 bytes, if the line has one.
     pub raw_dlc: Option<u8>,
-    /// Frame content.
+    /// Kind of the frame, with its data.
     pub content: Content,
 }
 
-/// Frame content.
+/// Kind of a frame, with its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// A data frame.
+    /// Classical data frame, up to 8 bytes.
     Data(Bytes),
-    /// A CAN FD frame: flags (one hexadecimal digit) and data.
+    /// CAN FD frame: flags (one hexadecimal digit) and data, up to 64 bytes.
     Fd(u8, Bytes),
-    /// A remote frame, and its length if the line has one.
+    /// Remote frame, and its length if the line has one.
     Remote(Option<u8>),
-    /// An error frame.
+    /// Error frame of the CAN controller: identifier with 20000000h.
     Error(Bytes),
 }
 
@@ -141,7 +141,7 @@ const fn digit(digit: u8) -> Option<u8> {
 /// Reasons to refuse a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NotALine {
-    /// The line does not start with `(seconds.digits)`.
+    /// No `(seconds.digits)` at the start of the line.
     #[error("no stamp like (1700000000.123456)")]
     Stamp,
     /// No interface follows the stamp.
@@ -150,7 +150,7 @@ pub enum NotALine {
     /// No identifier of three or eight digits precedes a `#`.
     #[error("no identifier of 3 or 8 hexadecimal digits")]
     Identifier,
-    /// The data is not pairs of hexadecimal digits, or too long.
+    /// Data that is too long or not pairs of hexadecimal digits.
     #[error("no data in pairs of hexadecimal digits")]
     Data,
 }
@@ -159,7 +159,7 @@ impl<'t> Line<'t> {
     /// Parses a line; a direction (` R` or ` T`) at its end is ignored.
     ///
     /// # Errors
-    /// The first invalid part.
+    /// Returns the first invalid part.
     pub fn parse(line: &'t str) -> Result<Self, NotALine> {
         let mut words = line.split_ascii_whitespace();
         let (nanos, is_fine) = words.next().and_then(stamp).ok_or(NotALine::Stamp)?;

@@ -9,7 +9,6 @@ use canopen::object::Object;
 /// Write to an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Download {
-    /// Object.
     pub object: Object,
     /// Content, little-endian as in SDO.
     pub content: Vec<u8>,
@@ -23,7 +22,7 @@ pub enum ConciseError {
     Short {
         /// Number of the incomplete write, from 1; 0 is the count.
         number: u32,
-        /// Announced count.
+        /// Number of writes at the start of the file.
         count: u32,
     },
     /// Too many bytes.

@@ -12,28 +12,28 @@ use std::fmt;
 pub struct Database {
     /// Nodes with their comments.
     pub nodes: Vec<(String, String)>,
-    /// Messages.
+    /// Messages in ascending order of their identifiers, from [`messages::database`].
     pub messages: Vec<Message>,
 }
 
-/// Message.
+/// Frame with its signals (`BO_`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Identifier.
+    /// Identifier, 11 or 29 bits by `format`.
     pub id: u32,
-    /// Frame format.
+    /// Classical CAN or CAN FD.
     pub format: Format,
-    /// Name.
+    /// C identifier: `TPDO1_elbow`, `Heartbeat_master`.
     pub name: String,
     /// Length, in bytes.
     pub bytes: usize,
-    /// Sender.
+    /// Name of the sending node.
     pub sender: String,
-    /// Comment.
+    /// Description (`CM_ BO_`); none is written if empty.
     pub comment: String,
     /// Cycle time in ms, for a periodic message.
     pub cycle_ms: Option<u32>,
-    /// Signals.
+    /// Signals in the data (`SG_`).
     pub fields: Vec<Field>,
 }
 
@@ -50,39 +50,39 @@ pub enum Format {
 /// Number format of a signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Number {
-    /// Unsigned.
+    /// Plain binary.
     #[default]
     Unsigned,
-    /// Signed.
+    /// Two's complement.
     Signed,
     /// IEEE 754 double, 64 bits.
     Double,
 }
 
-/// Signal.
+/// Signal of a message (`SG_`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Field {
-    /// Name.
+    /// C identifier, unique in its message.
     pub name: String,
     /// Start bit, little-endian.
     pub start: u16,
     /// Length in bits.
     pub bits: u16,
-    /// Number format.
+    /// Signed, unsigned or floating point.
     pub number: Number,
     /// Factor; zero is written as one.
     pub step: f64,
-    /// Offset.
+    /// Physical value of raw 0, in `unit`.
     pub offset: f64,
     /// Range of values; equal limits if unknown.
     pub range: [f64; 2],
-    /// Unit.
+    /// Physical unit in ASCII; empty for a plain number.
     pub unit: &'static str,
-    /// Receivers.
+    /// Names of the receiving nodes.
     pub receivers: Vec<String>,
-    /// Named values.
+    /// Raw values with their names (`VAL_`).
     pub values: Vec<(i64, &'static str)>,
-    /// Comment.
+    /// Description (`CM_ SG_`); none is written if empty.
     pub comment: String,
 }
 

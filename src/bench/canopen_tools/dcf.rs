@@ -19,20 +19,19 @@ use canopen::setting::Setting;
 /// Error of a plan that a device cannot hold, by its EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DcfError {
-    /// The device lacks an object.
+    /// Planned object that the device lacks.
     #[error("{0} is not in the EDS")]
     Unknown(Object),
-    /// An object has another length.
+    /// Planned value of another length than the object's.
     #[error("{object} has {planned} bytes in the plan, but is {described} in the EDS")]
     Length {
-        /// Object.
         object: Object,
         /// Length of the planned value, in bytes.
         planned: usize,
         /// Data type in the EDS.
         described: &'static str,
     },
-    /// A value is out of range.
+    /// Planned value outside the object's limits.
     #[error(transparent)]
     OutOfRange(#[from] OutsideLimits),
 }

@@ -107,7 +107,7 @@ pub fn name(object: Object) -> Option<&'static str> {
     Some(name.split_once(", ").map_or(*name, |(name, _)| name))
 }
 
-/// Returns the unit of an object.
+/// Returns the unit of an object's raw value; `None` if it has none or is unknown.
 fn unit(object: Object) -> Option<&'static str> {
     if let Some((_, name, _)) = OBJECTS.iter().find(|(known, ..)| *known == object) {
         return name.split_once(", ").map(|(_, unit)| unit);
@@ -139,7 +139,6 @@ pub const fn is_signed(data_type: u16) -> bool {
 /// Text of an object: `6071h target torque`, `1600h:2 RPDO1 mapping 2`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObjectText<'n> {
-    /// Object.
     pub object: Object,
     /// Name by the manufacturer, for objects without a standard name.
     pub fallback: Option<&'n str>,
@@ -171,7 +170,7 @@ impl fmt::Display for ObjectText<'_> {
 /// Text of an object's value: `operation enabled`, `-2`, `"frhc drive"`, `6071h target torque, 16 bits`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValueText<'b> {
-    /// Object.
+    /// Object that holds the value; selects the text of enumerations and bit fields.
     pub object: Object,
     /// Bytes of the value, as in SDO; the first ones of a long value.
     pub bytes: &'b [u8],

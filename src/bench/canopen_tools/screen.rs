@@ -19,7 +19,7 @@ use crate::candump::{
 /// Parses a line of either form; returns the stamp in ns, if there is one.
 ///
 /// # Errors
-/// The first invalid part.
+/// Returns the first invalid part.
 pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
     let is_of_screen = |byte| matches!(byte, b'[' | b'{');
     if text.contains('#') && !text.bytes().any(is_of_screen) {

@@ -1,5 +1,5 @@
-//! Sections of an EDS, to change and write (CiA 306): known sections and keys in the standard's order and spelling,
-//! unknown ones after them, with Windows line ends.
+//! Sections of an EDS, to change and write (CiA 306), with Windows line ends. Known sections and keys have the standard's order
+//! and spelling; unknown ones follow.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -28,7 +28,7 @@ impl<'t> Sheet<'t> {
         Self { sections: eds.ini().first_sections().map(part).collect() }
     }
 
-    /// Sets a key of `[FileInfo]`.
+    /// Sets or adds an entry of `[FileInfo]`.
     pub fn set_file_info(&mut self, key: &str, value: &str) {
         self.set(Title::Named(Heading::FileInfo), key, value);
     }

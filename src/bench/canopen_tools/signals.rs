@@ -22,18 +22,17 @@ pub const ACTUATOR_POSITION: &str = "actuator_position";
 pub struct Member {
     /// Name in frames and signals: `elbow`.
     pub name: String,
-    /// Bus.
+    /// Bus, by its index in the configuration.
     pub channel: Channel,
-    /// Plan.
+    /// Planned settings: node-id, PDOs, error control, EMCY COB-ID.
     pub plan: NodePlan,
     /// Scale of each object.
     pub measures: Vec<(Object, Measure)>,
-    /// EDS.
+    /// EDS of the device, for names and types of objects without standard ones.
     pub eds: Option<Eds>,
 }
 
 impl Member {
-    /// Node-id.
     pub const fn node(&self) -> NodeId {
         self.plan.node
     }
@@ -107,7 +106,7 @@ pub struct Signal {
     pub name: String,
     /// Index of its member.
     pub member: usize,
-    /// Object.
+    /// Mapped object; its value has the text of [`object_text`].
     pub object: Object,
     /// Lowest bit; bit 0 is the lowest of byte 0.
     pub start: u8,
@@ -151,9 +150,9 @@ impl Signal {
 /// PDO on a bus, with all its senders and receivers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PdoFrame {
-    /// Bus.
+    /// Bus, by its index in the configuration.
     pub channel: Channel,
-    /// COB-ID.
+    /// Identifier, 11 bits.
     pub cob_id: u16,
     /// Name: `TPDO1_elbow`, `RPDO1_group1`.
     pub name: String,
@@ -163,7 +162,7 @@ pub struct PdoFrame {
     pub receivers: Vec<usize>,
     /// Length in bytes.
     pub bytes: usize,
-    /// Transmission type.
+    /// Transmission type, sub-index 2 of the communication parameter.
     pub transmission: Transmission,
     /// Period in ms, if it is periodic.
     pub event_timer_ms: Option<u16>,
@@ -329,7 +328,6 @@ pub(crate) mod tests {
         Measure { quantity: "", zero: 100, step: 0.001, unit: "rad", range: None, curve: None }
     }
 
-    /// Drive as a member.
     pub(crate) fn drive(name: &str, id: u8, pdos: Vec<Pdo>) -> Member {
         let title = format!("joint {id} ({name})");
         Member {

@@ -187,7 +187,7 @@ impl Command {
     /// Executes the command; `is_quiet` hides the progress bar.
     ///
     /// # Errors
-    /// The failure, with its exit code.
+    /// Returns the failure, with its exit code.
     pub fn execute(&self, is_quiet: bool) -> Result<(), Failure> {
         match self {
             Self::Demo(args) => demo::run(args, is_quiet),

@@ -30,7 +30,7 @@ impl StatusSignals {
     /// Replaces the default action, which ends the process. Needs a Tokio runtime.
     ///
     /// # Errors
-    /// A signal handler cannot be installed.
+    /// Returns an error if a signal handler cannot be installed.
     pub(super) fn install() -> io::Result<Self> {
         Ok(Self { user: signal(SignalKind::user_defined1())?, quit: signal(SignalKind::quit())? })
     }

@@ -25,7 +25,7 @@ pub(super) struct WholeFile {
 
 #[derive(Debug)]
 enum Target {
-    /// A temporary file beside the path.
+    /// Temporary file beside the path.
     Beside(NamedTempFile),
     /// Stdout, a device or a pipe.
     Stream(File),
@@ -69,7 +69,7 @@ impl WholeFile {
     /// Creates a file at a path, or on stdout for `None`.
     ///
     /// # Errors
-    /// The file exists and `force` is not given, or its folder cannot be written.
+    /// Returns an error if the file exists and `force` is not given, or its folder cannot be written.
     pub(super) fn create(path: Option<&Path>, force: Force) -> Result<Self, Failure> {
         let target = match path {
             None => print::data().and_then(File::try_clone).map(Target::Stream).context("stdout"),
@@ -85,7 +85,7 @@ impl WholeFile {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// A write has failed, or the path exists by now.
+    /// Returns an error if a write has failed, or the path exists by now.
     pub(super) fn finish(self) -> Result<(), Failure> {
         let Self { path, force, to } = self;
         let to = to.into_inner().map_err(IntoInnerError::into_error);
@@ -96,7 +96,7 @@ impl WholeFile {
     /// Ends the file after a failed write. A closed pipe on stdout is not a failure.
     ///
     /// # Errors
-    /// The failure of the write.
+    /// Returns the failure of the write.
     pub(super) fn abandon(self, error: io::Error) -> Result<(), Failure> {
         // Discards the buffer.
         drop(self.to.into_parts());

@@ -32,8 +32,8 @@ const MAX_CALM_ENERGY: f64 = 0.02;
 /// Maximum number of reversals of the hand in a calm contact.
 const MAX_CALM_REVERSALS: u32 = 10;
 
-/// Maximum RMS error of the force on the hand in still contact, as a share of the wanted force: the bound of the shipped
-/// files with 30 % less friction than identified. Measured on bounded walls of 20 to 50 kN/m: 1.5 to 8.9 %.
+/// Maximum RMS error of the force on the hand in still contact, as a share of the wanted force. It is the bound of the
+/// shipped files with 30 % less friction than identified. Measured on bounded walls of 20 to 50 kN/m: 1.5 to 8.9 %.
 const MAX_FELT_ERROR: f64 = 0.14;
 
 /// Minimum time in contact for a verdict on a run, in s.
@@ -42,7 +42,7 @@ const MIN_CONTACT: f64 = 0.5;
 /// Summaries of one scenario, without and with the passivity layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
-    /// Stiffness of the wall, in N/m.
+    /// Stiffness of the wall in both runs: the scenario's, or else the configured one.
     pub wall_stiffness_n_per_m: f64,
     /// Verdict on the layer.
     pub verdict: Verdict,
@@ -59,16 +59,16 @@ pub enum Verdict {
     /// One of the runs was in contact for less than 0.5 s.
     #[display("the wall was not met")]
     WallNotMet,
-    /// The loop settles without the layer.
+    /// Loop that settles without the layer.
     #[display("nothing to bound: the loop settles without the passivity layer")]
     NothingToBound,
-    /// The loop is active, and with the layer contact is calm.
+    /// Active loop that is calm in contact with the layer.
     #[display("the uncontrolled loop is active; the passivity layer bounds it")]
     Bounded,
-    /// The loop is active, and with the layer contact is calm, but the force on the hand is not K_T times the sensed one.
+    /// Active loop that is calm in contact with the layer, but the force on the hand is not K_T times the sensed one.
     #[display("the passivity layer bounds the loop, but the hand does not feel the sensed force")]
     Distorted,
-    /// The loop is active, and with the layer contact is not calm.
+    /// Active loop that is not calm in contact with the layer.
     #[display("the passivity layer does not bound this loop")]
     NotBounded,
 }
@@ -165,7 +165,7 @@ fn row(run: &Summary) -> [Option<f64>; 6] {
     ]
 }
 
-/// The comparison as a table.
+/// Comparison as a table.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let wall = format!("wall of {:.0} N/m, passivity layer", self.wall_stiffness_n_per_m);

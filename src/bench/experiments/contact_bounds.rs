@@ -76,7 +76,7 @@ pub enum Bound {
     Sampled(u32),
     /// K_FA m, with or without removal of the payload's inertia.
     Payload {
-        /// The inertia is removed, by the joints' motion.
+        /// Set if the inertia is removed, by the joints' motion.
         is_removed: bool,
     },
 }
@@ -104,7 +104,7 @@ pub struct Course {
     pub share: f64,
 }
 
-/// A course in figures.
+/// Course in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Name of the robot file.
@@ -117,11 +117,11 @@ pub struct Row {
     pub share: f64,
     /// Servo: largest backward speed over the largest speed. Others: growth of the disturbance per cycle.
     pub figure: f64,
-    /// The tool never turns back, or the disturbance dies out.
+    /// Set if the tool never turns back, or the disturbance dies out.
     pub is_calm: bool,
 }
 
-/// An arm at a wall, with one step per cycle.
+/// Arm at a wall, with one step per cycle.
 #[derive(Debug)]
 enum ArmAtWall {
     Kinematic { object: Box<Object>, wall: f64, late: VecDeque<f64> },
@@ -132,7 +132,7 @@ impl Course {
     /// Plays the course with an arm that holds the object of `config`.
     ///
     /// # Errors
-    /// An arm that cannot be simulated.
+    /// Returns an error if the arm cannot be simulated.
     pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
         let (figure, limit) = match self.bound {
             Bound::Servo => (self.turned_back(config, arm)?, TURNS_BACK),

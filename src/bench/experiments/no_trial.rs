@@ -12,13 +12,13 @@ use testbench::robot_site::NoRobot;
 /// Reason why an experiment cannot be played with a configuration.
 #[derive(Debug, Error)]
 pub enum NoTrial {
-    /// The commanded side has no wall.
+    /// Commanded side without a wall.
     #[error("the experiment presses against a wall: add [remote.wall]")]
     NoWall,
     /// K_T along x is zero.
     #[error("the experiment varies K_T: controller.wrench_gain along x must be above 0")]
     NoReflection,
-    /// A zero gain or accommodation: no command comes to rest at the wall.
+    /// Zero gain or accommodation: no command comes to rest at the wall.
     #[error(
         "the {commanded} command does not come to rest at the wall: raise remote.accommodation_m_per_ns or \
          controller.rate_gain_per_s"
@@ -27,7 +27,7 @@ pub enum NoTrial {
         /// Mode of the command, `pose` or `rate`.
         commanded: String,
     },
-    /// The simulated hand cannot reach the end of the sweep.
+    /// End of the sweep that the simulated hand cannot reach.
     #[error("{axis}: no hand reaches {reach} m or rad; lower deadband or wall of the axis")]
     OutOfReach {
         /// Axis of ΔX.
@@ -35,7 +35,7 @@ pub enum NoTrial {
         /// Displacement, in m or rad.
         reach: f64,
     },
-    /// The number of torque curves is not six.
+    /// Number of torque curves other than six.
     #[error("{found} calibrated joints where six are needed")]
     Joints {
         /// Number of calibrated joints.
@@ -53,10 +53,10 @@ pub enum NoTrial {
     /// Mass, centre of mass or inertia of the payload is invalid.
     #[error(transparent)]
     Payload(#[from] InvalidPayload),
-    /// The arm or scene cannot be simulated.
+    /// Arm or scene that cannot be simulated.
     #[error(transparent)]
     Robot(#[from] NoRobot),
-    /// The drives did not reach Operation enabled (CiA 402).
+    /// Drives that did not reach Operation enabled (CiA 402).
     #[error(transparent)]
     BringUp(#[from] BringUpError),
 }

@@ -43,15 +43,15 @@ pub struct Unusable(String);
 pub enum SocketEvent {
     /// No node listens.
     Absent(PathBuf),
-    /// The folder of the socket does not exist: no node has started yet, or the path is wrong.
+    /// Absent folder of the socket: no node has started yet, or the path is wrong.
     NoFolder(PathBuf),
-    /// The node's first message was received.
+    /// First message of the node.
     Connected(PathBuf),
-    /// The node closed the connection before it sent a message.
+    /// Connection that the node closed before it sent a message.
     Refused(PathBuf),
-    /// The node closed the connection.
+    /// Connection that the node closed.
     Closed,
-    /// The connection failed.
+    /// Failed connection, with the system's error.
     Failed(PathBuf, String),
 }
 
@@ -93,7 +93,7 @@ pub struct FarSocket {
 #[derive(Debug)]
 struct Connection {
     socket: Socket,
-    /// The node has sent a message.
+    /// Set if the node has sent a message.
     is_confirmed: bool,
 }
 
@@ -101,7 +101,7 @@ impl FarSocket {
     /// Checks the path, and connects if a node listens.
     ///
     /// # Errors
-    /// The path is too long, is not a socket, or is a socket without access for this user.
+    /// Returns an error if the path is too long, is not a socket, or is a socket without access for this user.
     pub fn open(path: &Path) -> Result<Self, Unusable> {
         let address = address(path)?;
         check_file(path)?;
@@ -234,7 +234,7 @@ impl FarSocket {
     }
 }
 
-/// Returns the address of a socket at `path`.
+/// Returns the socket address of `path`; an error above [`MAX_PATH`] bytes.
 fn address(path: &Path) -> Result<SockAddr, Unusable> {
     let length = path.as_os_str().as_bytes().len();
     let shown = path.display();

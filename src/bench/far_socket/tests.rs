@@ -1,4 +1,4 @@
-//! The connection with listeners of the test.
+//! Connection to a node, which a listener of the test plays.
 
 use std::io::Write;
 use std::os::unix::net::UnixListener;

@@ -7,13 +7,13 @@ use derive_more::Display;
 /// Disconnection of a device from its bus.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Disconnection {
-    /// The connector with bus and supply is unplugged. The device boots when it is plugged in again.
+    /// Unplugged connector of bus and supply. The device boots when it is plugged in again.
     #[display("unplugged")]
     Unplugged,
-    /// The bus is cut before the device: it and all behind it on the same bus are disconnected.
+    /// Cut of the bus before the device: it and all behind it on the same bus are disconnected.
     #[display("wire cut before it")]
     WireCut,
-    /// The device's CAN controller is bus-off. It reports its recovery by an emergency message (8140h).
+    /// Bus-off of the device's CAN controller. The device reports its recovery by an emergency message (8140h).
     #[display("bus-off")]
     BusOff,
 }
@@ -21,27 +21,27 @@ pub enum Disconnection {
 /// Fault inside a device.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum DeviceFault {
-    /// The device reboots without an NMT command.
+    /// Reboot without an NMT command.
     #[display("reboots by itself")]
     Reboot,
-    /// The device sends an EMCY and continues.
+    /// EMCY of a device that continues.
     #[display("emergency {code:04X}h")]
     Emergency {
-        /// The error code.
+        /// Error code.
         code: u16,
-        /// The error register (1001h).
+        /// Error register (1001h).
         register: u8,
     },
-    /// The drive enters the state Fault (CiA 402) and sends this error code; 0 for no emergency message.
+    /// State Fault (CiA 402) of a drive, which sends this error code; 0 for no emergency message.
     #[display("fault {_0:04X}h")]
     DriveFault(u16),
     /// Safe torque off is requested at the drive's input.
     #[display("safe torque off")]
     SafeTorqueOff,
-    /// The drive accepts its controlword (6040h), by PDO and by SDO, without an effect.
+    /// Controlword (6040h) that the drive accepts, by PDO and by SDO, without an effect.
     #[display("controlword ignored")]
     ControlwordIgnored,
-    /// The torque offset (60B2h) is written at the drive's service port, unseen by the bus, in ‰ of rated torque.
+    /// Torque offset (60B2h) in ‰ of rated torque, written at the drive's service port, unseen by the bus.
     #[display("torque offset of {_0} ‰")]
     TorqueOffset(i16),
 }
@@ -49,27 +49,27 @@ pub enum DeviceFault {
 /// Wrong measurement of a drive.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum SensorFault {
-    /// The position has this offset, in rad (m) of the joint.
+    /// Offset of the position, in rad (m) of the joint.
     #[display("encoder off by {_0} rad (m)")]
     PositionOffset(f64),
-    /// The position does not change.
+    /// Position that does not change.
     #[display("encoder frozen")]
     PositionFrozen,
-    /// The torque is multiplied by this factor.
+    /// Factor on the reported torque.
     #[display("torque actual multiplied by {_0}")]
     TorqueScaled(f64),
 }
 
-/// Fault of a contact.
+/// Fault of one input of the switch box.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum ContactFault {
-    /// The input is always high.
+    /// Input that is always high.
     #[display("stuck high")]
     StuckHigh,
-    /// The input is always low.
+    /// Input that is always low.
     #[display("stuck low")]
     StuckLow,
-    /// The input is inverted at random.
+    /// Input that is inverted at random.
     #[display("bounces")]
     Bouncing,
 }
@@ -109,7 +109,7 @@ impl Input {
         ("reflection", Self::Reflection),
     ];
 
-    /// Returns the bit of the input.
+    /// Returns its bit in the first byte of digital inputs (6000h:1).
     pub const fn bit(self) -> u8 {
         match self {
             Self::DeadmanA => 1,

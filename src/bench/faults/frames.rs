@@ -8,7 +8,7 @@ use derive_more::Display;
 /// Fault of frames of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameFault {
-    /// The frames that may be affected.
+    /// Frames that may be affected.
     pub selection: Selection,
     /// Effect on an affected frame.
     pub effect: Effect,
@@ -32,10 +32,10 @@ pub enum Selection {
 /// Communication object of a device, displayed by its word in a scenario. The device's dictionary has its COB-ID.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Service {
-    /// A TPDO, from 1.
+    /// TPDO by its number, from 1.
     #[display("tpdo{_0}")]
     Tpdo(u16),
-    /// An RPDO, from 1.
+    /// RPDO by its number, from 1.
     #[display("rpdo{_0}")]
     Rpdo(u16),
     /// Emergency messages.
@@ -47,7 +47,7 @@ pub enum Service {
     /// Requests to the SDO server, and its responses.
     #[display("sdo")]
     Sdo,
-    /// The SYNC that the device consumes.
+    /// SYNC that the device consumes.
     #[display("sync")]
     Sync,
     /// NMT commands.
@@ -58,27 +58,27 @@ pub enum Service {
 /// Effect on a frame.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Effect {
-    /// The frame is lost.
+    /// Lost frame.
     #[display("lost")]
     Drop,
-    /// The frame is received twice.
+    /// Frame that is received twice.
     #[display("twice")]
     Duplicate,
-    /// The frame is received later.
+    /// Frame that is received later.
     #[display("{} ms late", by.as_secs_f64() * 1e3)]
     Delay {
-        /// The delay.
+        /// Delay.
         by: Duration,
         /// Later frames of the same COB-ID may overtake it.
         reorders: bool,
     },
-    /// The set bits of this mask are inverted in its data.
+    /// Mask of the bits that are inverted in the data.
     #[display("corrupted")]
     Corrupt([u8; 8]),
-    /// The data is that of the first frame since the start of the fault.
+    /// Data of the first frame since the start of the fault, in every later one.
     #[display("frozen")]
     Freeze,
-    /// The data has this length, 0 to 8 bytes.
+    /// Length of the data, 0 to 8 bytes.
     #[display("of {_0} bytes")]
     Resize(u8),
 }
@@ -88,7 +88,7 @@ pub enum Effect {
 pub enum Extent {
     /// Every frame.
     Always,
-    /// A random share of them, 0 to 1.
+    /// Random share of them, 0 to 1.
     Share(f64),
     /// This many, from the first on.
     First(u32),

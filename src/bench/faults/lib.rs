@@ -31,38 +31,38 @@ use derive_more::Display;
 use canopen::frame::{Channel, Frame};
 use units::numbering::Joint;
 
-/// A fault: target, kind, start and duration.
+/// Fault: target, kind, start and duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
     /// Time after the first SYNC.
     pub start: Duration,
     /// Duration; `None` for one that is momentary or never ends.
     pub duration: Option<Duration>,
-    /// The part of the system that has it.
+    /// Part of the system that has it.
     pub target: Target,
-    /// Kind of the fault.
+    /// Defect or disturbance of the target.
     pub kind: Kind,
 }
 
-/// The part of the system that has a fault.
+/// Part of the system that has a fault.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Target {
-    /// The drive of one joint.
+    /// Drive of one joint.
     #[display("joint {_0}")]
     Joint(Joint),
     /// All six drives.
     #[display("every drive")]
     Drives,
-    /// The switch box.
+    /// CiA 401 device with deadman and buttons.
     #[display("switch box")]
     SwitchBox,
     /// One bus, with the host's adapter to it.
     #[display("bus {}", _0.0)]
     Bus(Channel),
-    /// The commanded side, or the link to it.
+    /// Commanded side, or the link to it.
     #[display("link")]
     Link,
-    /// The host: the node's process and the clocks.
+    /// Host: the node's process and the clocks.
     #[display("host")]
     Host,
 }
@@ -70,41 +70,41 @@ pub enum Target {
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
 pub enum Kind {
-    /// The device has no connection to its bus.
+    /// Lost connection of a device to its bus.
     Disconnection(Disconnection),
     /// Frames of a device are lost or changed.
     Frames(FrameFault),
-    /// A second node sends the data of joint `by` under the target's identifier.
+    /// Second node that sends the data of joint `by` under the target's identifier.
     #[display("{service} sent twice, once with joint {by}'s data")]
     Imitation {
-        /// The joint whose data is sent twice.
+        /// Joint whose data is sent twice.
         by: Joint,
-        /// The service that is imitated.
+        /// Service that is imitated.
         service: Service,
     },
-    /// The device itself fails.
+    /// Failure of the device itself.
     Device(DeviceFault),
-    /// A drive measures a wrong value.
+    /// Wrong value measured by a drive.
     Sensor(SensorFault),
-    /// An input of the switch box differs from its switch.
+    /// Input of the switch box that differs from its switch.
     #[display("{_0} {_1}")]
     Contact(Input, ContactFault),
-    /// A node outside of the configuration sends a frame.
+    /// Frame of a node outside the configuration.
     #[display("foreign frame {frame}")]
     ForeignFrame {
-        /// The frame.
+        /// Identifier and data, sent on the target's bus.
         frame: Frame,
         /// Time between two of them; `None` for a single one.
         period: Option<Duration>,
     },
-    /// The link to the commanded side fails.
+    /// Failure of the link to the commanded side.
     Link(LinkFault),
-    /// The commanded side reports this force along x, in N. It may be NaN or infinite.
+    /// Force along x that the commanded side reports, in N. It may be NaN or infinite.
     #[display("reports a force of {_0} N")]
     SensedForce(f64),
-    /// A bus, or the host's adapter to it, fails.
+    /// Failure of a bus, or of the host's adapter to it.
     Bus(Disturbance),
-    /// The host fails.
+    /// Failure of the host.
     Host(HostFault),
 }
 

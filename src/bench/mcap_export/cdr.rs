@@ -9,7 +9,7 @@ const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Replaces `buffer` by an encoded message.
 ///
 /// # Errors
-/// A type that CDR does not have, or a sequence of more than 2³² elements.
+/// Returns an error for a type that CDR does not have, or a sequence of more than 2³² elements.
 pub(crate) fn encode(
     buffer: &mut Vec<u8>,
     message: &impl Serialize,

@@ -84,7 +84,7 @@ impl Diagnostics {
         }
     }
 
-    /// Returns the status of the node.
+    /// Returns mode, cause, overruns and wake-up delay of the node.
     fn node(&self, cycle: &Cycle<'_>, names: &[String]) -> DiagnosticStatus {
         let cause = cycle.cause().map(|cause| cause.with_name(names));
         let mut values = vec![value("mode", &cycle.mode.name()), value("cycle", &cycle.number)];

@@ -26,7 +26,7 @@ use units::spatial::{Motion, Twist};
 pub enum Choice {
     /// Leave it out.
     Skip,
-    /// Export it.
+    /// Write its messages.
     Export,
     /// End before it.
     End,
@@ -35,7 +35,7 @@ pub enum Choice {
 /// Topics of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// All.
+    /// ROS types, and JSON for the rest.
     All,
     /// Those of ROS types. Some readers refuse a file that has others.
     RosTypes,
@@ -44,7 +44,7 @@ pub enum Content {
 /// Result of an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExportSummary {
-    /// Exported cycles.
+    /// Number of exported cycles.
     pub cycles: u64,
     /// Number of messages by topic, those without any left out.
     pub messages: Vec<(&'static str, u32)>,
@@ -55,7 +55,7 @@ pub struct ExportSummary {
 /// Exports the cycles of a session that `choose` wants.
 ///
 /// # Errors
-/// The session cannot be read, or the file cannot be written.
+/// Returns an error if the session cannot be read, or the file cannot be written.
 pub fn export(
     recording: &Recording<'_>,
     content: Content,

@@ -136,7 +136,7 @@ pub(crate) struct Torques {
 }
 
 impl Torques {
-    /// Returns the torques of a record.
+    /// Takes targets, torques and ledger of a cycle. A list with a number that is not finite is left out.
     pub(crate) fn new(record: &Record) -> Self {
         let ledger = &record.output.ledger;
         let scale = |scale: f64| Some(scale).filter(|scale| scale.is_finite());

@@ -1,4 +1,4 @@
-//! A recorded session as an MCAP file: ROS 2 messages in CDR for what has a ROS type, JSON with schemas for the rest.
+//! Recorded session as an MCAP file: ROS 2 messages in CDR for what has a ROS type, JSON with schemas for the rest.
 //!
 //! ```text
 //!  signals::Cycle ──► exporter ──► frames, diagnostics, json ──► messages ──► cdr ──► writer ──► one stream
@@ -27,19 +27,19 @@ use ::replay::SessionError;
 /// Reason why a session cannot be exported.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The session cannot be read.
+    /// Session that cannot be read.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The file cannot be written.
+    /// File that cannot be written.
     #[error(transparent)]
     Write(std::io::Error),
-    /// The container refuses a record.
+    /// Record that the container refuses.
     #[error("a record cannot be written: {0}")]
     Record(mcap::McapError),
-    /// A message cannot be encoded in CDR.
+    /// Message that cannot be encoded in CDR.
     #[error("a message cannot be encoded: {0}")]
     Cdr(#[from] cdr_encoding::Error),
-    /// A message cannot be encoded in JSON.
+    /// Message that cannot be encoded in JSON.
     #[error("a message cannot be encoded: {0}")]
     Json(#[from] serde_json::Error),
 }

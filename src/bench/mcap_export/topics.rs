@@ -9,7 +9,7 @@ pub(crate) const LINKS: [&str; 7] =
 /// Base {0} of the hand controller.
 pub(crate) const ARM_BASE: &str = "frhc/0";
 
-/// Grip {G}.
+/// Frame {G} of the grip.
 pub(crate) const GRIP: &str = "frhc/g";
 
 /// Base {b} of the robot or scene.
@@ -42,7 +42,7 @@ pub(crate) enum Topic {
     ObjectSetpointCp,
     /// Commanded twist of {MRF} in {MRF}.
     ObjectSetpointCv,
-    /// The same commands as a message of the link.
+    /// Same commands as a message of the link.
     Command,
     /// Transforms of the links and of the object.
     Tf,
@@ -61,7 +61,7 @@ pub(crate) enum Topic {
 pub(crate) enum Encoding {
     /// CDR of a ROS 2 type, as package and name.
     Cdr { package: &'static str, name: &'static str },
-    /// JSON by a schema, with the name of the schema.
+    /// JSON: the schema and its name.
     Json { name: &'static str, schema: &'static str },
 }
 
@@ -70,7 +70,7 @@ const fn ros(package: &'static str, name: &'static str) -> Encoding {
 }
 
 impl Topic {
-    /// All topics.
+    /// Topics in the order of their declaration, those without a ROS type last.
     pub(crate) const ALL: [Self; 15] = [
         Self::MeasuredJs,
         Self::MeasuredCp,
@@ -89,7 +89,7 @@ impl Topic {
         Self::Torques,
     ];
 
-    /// Returns its name.
+    /// Returns the name in the file, with its leading slash.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::MeasuredJs => "/frhc/measured_js",

@@ -16,14 +16,14 @@ use crate::topics::{Encoding, Topic};
 /// Size of a chunk, in bytes. A file of 100 GB then has 25,000 of them, whose index is held in memory.
 const CHUNK_SIZE: u64 = 4 << 20;
 
-/// An MCAP file under construction. It is written from its start to its end, so that any stream can take it.
+/// MCAP file under construction. It is written from its start to its end, so that any stream can take it.
 pub(crate) struct Messages<W: Write> {
     writer: Writer<NoSeek<W>>,
     channels: Vec<Channel>,
     buffer: Vec<u8>,
 }
 
-/// A channel of the file, and the number of messages in it.
+/// Channel of the file, and the number of messages in it.
 #[derive(Clone, Copy, Debug)]
 struct Channel {
     topic: Topic,

@@ -15,13 +15,13 @@ const MAX_HELD: usize = 32;
 /// Change of a bus or of the host at a virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// A bus is disturbed; `None` ends it.
+    /// Disturbance of a bus; `None` ends it.
     Bus(Channel, Option<Disturbance>),
-    /// The process does not run.
+    /// Stop of the process.
     Stop(Stop),
-    /// The process does not run after the next frame with this COB-ID.
+    /// Stop of the process after the next frame with this COB-ID.
     StopAfter(u16, Stop),
-    /// The wall clock is set to this, since 1970.
+    /// New time of the wall clock, since 1970.
     SetClock(Duration),
 }
 
@@ -29,7 +29,7 @@ pub(super) enum Change {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stop {
     pub(super) span: Duration,
-    /// The host is suspended.
+    /// Set if the host is suspended.
     pub(super) is_suspension: bool,
 }
 
@@ -79,7 +79,7 @@ impl Schedule {
     }
 }
 
-/// The node's adapter to one bus, and its disturbance.
+/// Node's adapter to one bus, and its disturbance.
 #[derive(Clone, Debug)]
 pub(super) struct Adapter {
     disturbance: Option<Disturbance>,
@@ -90,14 +90,14 @@ pub(super) struct Adapter {
 /// State of a frame that the adapter has accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FrameFate {
-    /// The frame waits for the wire.
+    /// Accepted frame that waits for the wire.
     Queued,
-    /// The frame never reaches the wire.
+    /// Accepted frame that never reaches the wire.
     Lost,
 }
 
 impl Adapter {
-    /// An adapter without a disturbance.
+    /// Adapter without a disturbance.
     pub(super) fn new() -> Self {
         Self {
             disturbance: None,
@@ -231,7 +231,7 @@ mod tests {
         bus.send(Telegram { channel: CHANNEL, frame: Frame::new(cob_id, []) })
     }
 
-    /// The COB-IDs received until `until`, and the faults.
+    /// COB-IDs received until `until`, and the faults.
     fn received(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
         let (mut ids, mut faults) = (Vec::new(), Vec::new());
         while let Some(received) = bus.receive(at(until)) {

@@ -37,7 +37,7 @@ const MICRO: u64 = 1_000;
 pub struct Memory<S, T> {
     now_ns: u64,
     wires: Vec<Wire>,
-    /// The node's adapter of each bus.
+    /// Node's adapter of each bus.
     adapters: Vec<Adapter>,
     stations: S,
     tap: T,
@@ -120,7 +120,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         Self { pace: Some(Pace { zero: clock::monotonic(), speed }), ..self }
     }
 
-    /// Returns the stations.
+    /// Returns the devices on the buses.
     pub const fn stations(&self) -> &S {
         &self.stations
     }

@@ -14,7 +14,7 @@ const SECOND: u64 = 1_000_000_000;
 /// Sender of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sender {
-    /// The node under test.
+    /// Node under test.
     Node,
     /// Any other station.
     Station,

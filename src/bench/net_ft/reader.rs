@@ -209,7 +209,7 @@ impl Reader {
         self.foreign
     }
 
-    /// Returns the counts.
+    /// Returns the counts of records, datagrams and requests since the start.
     pub const fn counts(&self) -> &Counts {
         &self.counts
     }

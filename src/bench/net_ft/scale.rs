@@ -20,7 +20,7 @@ impl Scale {
     /// Creates a scale.
     ///
     /// # Errors
-    /// A number is not finite, or not above zero.
+    /// Returns an error if a number is not finite, or not above zero.
     pub fn new(counts_per_n: f64, counts_per_nm: f64) -> Result<Self, InvalidScale> {
         let is_valid = |counts: f64| counts.is_finite() && counts > 0.0;
         if is_valid(counts_per_n) && is_valid(counts_per_nm) {

@@ -8,8 +8,8 @@ use crate::rdt::{Record, Request};
 use crate::reader::{Condition, Counts, Reader, Reading};
 use units::time::Instant;
 
-/// Maximum number of datagrams per read. At 7,000 records per second, seven arrive per millisecond; after a pause, a socket of
-/// the usual size contains up to 280, which two reads empty.
+/// Maximum number of datagrams per read. At 7,000 records per second, seven arrive per millisecond. After a pause, a
+/// socket of the usual size contains up to 280, which two reads empty.
 pub const MAX_DATAGRAMS: usize = 256;
 
 /// Minimum time between two log lines for the same sensor.
@@ -18,11 +18,11 @@ const REPORT_PERIOD: Duration = Duration::from_millis(100);
 /// Change that is logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SensorEvent {
-    /// The condition of its records has changed.
+    /// Change in the condition of its records.
     Condition(SocketAddr, Condition),
     /// Datagrams come from another address or port.
     Foreign(SocketAddr, SocketAddr),
-    /// A request cannot be sent.
+    /// Request that cannot be sent.
     Unsent(SocketAddr, String),
 }
 
@@ -70,7 +70,7 @@ impl NetFt {
     /// Opens a socket at a free port. The first read sends the request to the sensor.
     ///
     /// # Errors
-    /// The system refuses the socket.
+    /// Returns an error if the system refuses the socket.
     pub fn open(reader: Reader, now: Instant) -> io::Result<Self> {
         // Not connected: a connected socket hides foreign datagrams, which can explain a silent sensor.
         let any: IpAddr = match reader.sensor() {
@@ -110,7 +110,7 @@ impl NetFt {
         self.reader.condition(now)
     }
 
-    /// Returns the counts.
+    /// Returns the counts of records, datagrams and requests since the start.
     pub const fn counts(&self) -> &Counts {
         self.reader.counts()
     }

@@ -41,24 +41,24 @@ const COLOURS: [RGBColor; 6] = [
 /// Drawing of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
-    /// A line.
+    /// Solid through the points.
     Line,
-    /// A dashed line.
+    /// Dashed through the points.
     Dashed,
-    /// A mark at each point.
+    /// Mark at each point.
     Marks,
-    /// A ring around each point.
+    /// Ring around each point.
     Rings,
-    /// An area that the points enclose.
+    /// Area that the points enclose.
     Band,
 }
 
-/// A curve with its name in the legend.
+/// Curve with its name in the legend.
 #[derive(Debug)]
 pub struct Series {
-    /// Name.
+    /// Name in the legend.
     pub name: String,
-    /// Drawing.
+    /// Line or marks of the points.
     pub ink: Ink,
     /// Points, in the units of the axes; a line has a gap where one is NaN.
     pub points: Vec<[f64; 2]>,
@@ -75,10 +75,10 @@ impl Series {
     }
 }
 
-/// A chart with two axes.
+/// Chart with two axes.
 #[derive(Debug)]
 pub struct Panel {
-    /// Title.
+    /// Heading above the chart.
     pub title: String,
     /// Names of the axes, with units.
     pub axes: [String; 2],
@@ -103,13 +103,13 @@ impl Panel {
     }
 }
 
-/// A chart that is being drawn.
+/// Chart that is being drawn.
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Returns the panels as one SVG picture, in rows of `columns`, with its stylesheet.
 ///
 /// # Errors
-/// The picture cannot be drawn.
+/// Returns an error if the picture cannot be drawn.
 pub fn svg(panels: &[Panel], columns: usize) -> anyhow::Result<String> {
     Ok(standalone(&plain(panels, columns)?))
 }
@@ -270,7 +270,7 @@ fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     low..high + margin
 }
 
-/// The error of a drawing, in words: its own type borrows the picture.
+/// Returns the text of a drawing's error, as its own type borrows the picture.
 fn drawn(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("cannot draw the picture: {error}")
 }

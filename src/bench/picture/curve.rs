@@ -1,4 +1,4 @@
-//! A curve: extremes of a value over time.
+//! Curve: extremes of a value over time.
 
 /// Least and greatest value between two times.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,10 +13,10 @@ pub struct Extent {
     pub max: f64,
 }
 
-/// A curve with its name in the legend.
+/// Curve with its name in the legend.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Name.
+    /// Name in the legend.
     pub name: String,
     /// Extremes in the order of time.
     pub extents: Vec<Extent>,

@@ -33,7 +33,7 @@ pub struct Histogram {
     pub title: String,
     /// Name of the values with their unit.
     pub axis: String,
-    /// Bars.
+    /// Intervals of the values, with their counts.
     pub bars: Vec<Bar>,
     /// Named values, as lines: percentiles, limits.
     pub marks: Vec<(String, f64)>,

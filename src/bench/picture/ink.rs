@@ -131,7 +131,7 @@ impl PathData {
         self.last = None;
     }
 
-    /// Returns the data.
+    /// Returns the value of the attribute `d`.
     pub(crate) fn finish(self) -> String {
         self.text
     }

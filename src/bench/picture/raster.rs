@@ -29,7 +29,7 @@ impl std::error::Error for RasterError {}
 /// Renders a picture as PNG, with two pixels for each px.
 ///
 /// # Errors
-/// The picture is not SVG, or is too large.
+/// Returns an error if the picture is not SVG, or is too large.
 pub fn png(svg: &str) -> Result<Vec<u8>, RasterError> {
     let svg = if svg.contains("<style>") { svg.to_owned() } else { theme::standalone(svg) };
     let svg = theme::light(&svg);

@@ -29,13 +29,13 @@ const VALUE_PITCH: f64 = 26.0;
 /// Curves between two axes.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Title.
+    /// Heading above the plot.
     pub title: String,
     /// Unit of the values.
     pub unit: String,
     /// Curves, in the order of drawing.
     pub curves: Vec<Curve>,
-    /// The axis of values contains zero.
+    /// Set if the axis of values contains zero.
     pub has_zero: bool,
     /// Height between the axes, in px.
     pub height: f64,
@@ -81,7 +81,7 @@ pub struct Band {
     pub colour: usize,
 }
 
-/// An event: a line through all plots.
+/// Event, drawn as a line through all plots.
 #[derive(Clone, Debug)]
 pub struct Event {
     /// Time, in s.
@@ -108,7 +108,7 @@ pub struct Strip {
     pub time: Range<f64>,
     /// Bars above the plots.
     pub bands: Vec<Band>,
-    /// Events.
+    /// Named lines through all plots.
     pub events: Vec<Event>,
     /// Plots, from the top.
     pub plots: Vec<Plot>,

@@ -16,7 +16,7 @@ type Part = Vec<[f64; 3]>;
 pub(crate) struct Frame {
     /// Time, in s.
     pub(crate) time: Range<f64>,
-    /// Values.
+    /// Range between the horizontal edges, in the unit of the plot.
     pub(crate) values: Range<f64>,
     /// Left, top, right and bottom edges, in px.
     pub(crate) edges: [f64; 4],

@@ -54,7 +54,7 @@ impl Progress {
     /// Starts a progress bar and a watch for signals. The bar is hidden if `is_quiet`.
     ///
     /// # Errors
-    /// Signals cannot be received.
+    /// Returns an error if signals cannot be received.
     pub fn start(
         total: impl Into<Option<u64>>,
         unit: impl Into<Unit>,
@@ -112,7 +112,7 @@ impl Progress {
     /// Checks for SIGINT and SIGTERM. Cheap enough for every piece of work.
     ///
     /// # Errors
-    /// A signal was received; the error has the amount of completed work.
+    /// Returns an error if a signal was received; the error has the amount of completed work.
     pub fn check(&self) -> Result<(), Interruption> {
         if self.is_interrupted() { Err(self.interrupted()) } else { Ok(()) }
     }

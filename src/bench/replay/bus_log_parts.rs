@@ -12,7 +12,7 @@ pub struct BusLog {
     /// Parts that are still to be read.
     rest: VecDeque<PathBuf>,
     current: Option<(PathBuf, PartFile)>,
-    /// The last byte that was read ends a line.
+    /// Set if the last byte that was read ends a line.
     is_at_line_start: bool,
 }
 

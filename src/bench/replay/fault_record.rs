@@ -1,4 +1,4 @@
-//! A fault record, and the session that it is a part of.
+//! Fault record, and the session that it is a part of.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,7 +17,7 @@ const DOCUMENT: &str = "fault.json";
 const SESSION: &str = "session.json";
 const FAULTS: &str = "faults";
 
-/// A fault record of a recorded session.
+/// Fault record of a recorded session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaultRecord {
     /// Folder of its session.
@@ -52,7 +52,7 @@ struct Document {
 /// Reasons why a fault record cannot be replayed.
 #[derive(Debug, Error)]
 pub enum FaultRecordError {
-    /// The description is unreadable or invalid.
+    /// Description that is unreadable or invalid.
     #[error(transparent)]
     Description(#[from] SessionError),
     /// No session was recorded, or it is elsewhere now.
@@ -66,7 +66,7 @@ impl FaultRecord {
     /// Reads a fault record; `None` where the folder has none.
     ///
     /// # Errors
-    /// Its description is invalid, or its session is not there.
+    /// Returns an error if its description is invalid, or its session is absent.
     pub fn open(folder: &Path) -> Result<Option<Self>, FaultRecordError> {
         let file = folder.join(DOCUMENT);
         if file.symlink_metadata().is_err() {

@@ -33,7 +33,7 @@ struct Current {
     reader: InputReader<Box<dyn BufRead>>,
 }
 
-/// The inputs end early in this file.
+/// File in which the inputs end early.
 #[derive(Debug)]
 pub struct PartError {
     /// Name of the file in the folder of the session.
@@ -45,11 +45,11 @@ pub struct PartError {
 /// Reason for an early end of the inputs.
 #[derive(Debug)]
 pub enum PartFault {
-    /// The file is missing.
+    /// Missing file.
     Missing,
-    /// The file begins as another part, or behind other entries, than those that were read.
+    /// File that begins as another part, or behind other entries, than those that were read.
     OutOfOrder,
-    /// The file cannot be read.
+    /// File that cannot be read.
     Unreadable(ReadError),
 }
 
@@ -89,7 +89,7 @@ impl InputParts {
     /// Returns inputs that are no file.
     ///
     /// # Errors
-    /// The file has no inputs, or those of another version.
+    /// Returns an error if the file has no inputs, or those of another version.
     pub(super) fn of_one(inputs: impl BufRead + 'static) -> Result<Self, ReadError> {
         let inputs: Box<dyn BufRead> = Box::new(inputs);
         let reader = InputReader::begin(inputs)?;
@@ -100,7 +100,7 @@ impl InputParts {
     /// Reads the next input; `None` at the end of the last part.
     ///
     /// # Errors
-    /// A part is missing, cannot be read, is cut, or is another one than that which follows.
+    /// Returns an error if a part is missing, unreadable or cut, or is not the one that follows.
     pub fn read(&mut self) -> Result<Option<Input>, PartError> {
         loop {
             if let Some(Current { file, reader, .. }) = &mut self.current {
@@ -121,8 +121,8 @@ impl InputParts {
         }
     }
 
-    /// Returns whether an error is the end of a recording that was cut while its last part was written, so that all earlier
-    /// entries are valid.
+    /// Returns whether an error is the end of a recording that was cut while its last part was written. All earlier
+    /// entries are valid then.
     pub(super) fn is_cut(&self, error: &PartError) -> bool {
         let is_plain = self.current.as_ref().is_some_and(|current| !current.is_packed);
         let is_cut = matches!(error.error, PartFault::Unreadable(ReadError::Cut(_)));

@@ -1,4 +1,4 @@
-//! Recorded sessions, replayed: the node of a session gets the same configuration and the same inputs again, without drives,
+//! Recorded sessions, replayed. The node of a session gets the same configuration and inputs again, without drives,
 //! operator or robot, and must send the same frames.
 //!
 //! ```text

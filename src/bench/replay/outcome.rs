@@ -38,13 +38,13 @@ impl Outcome {
 pub enum End {
     /// All recorded calls were replayed.
     Complete,
-    /// The recording ends inside of a call: what was recorded until then is equal.
+    /// Recording that ends inside of a call. Everything until then is equal.
     Cut(Place),
-    /// The recording has a gap of this many inputs.
+    /// Gap of this many inputs in the recording.
     Lost(Place, u64),
-    /// The rest of the recording cannot be read: a part of the inputs is missing, or invalid.
+    /// Part of the inputs that is missing or invalid, so that the rest cannot be replayed.
     Unreadable(Place, PartError),
-    /// The node sends other frames than the recorded one.
+    /// Frames other than the recorded ones.
     Differs(Difference),
 }
 
@@ -103,7 +103,7 @@ impl fmt::Display for Place {
 /// First call with other frames.
 #[derive(Debug)]
 pub struct Difference {
-    /// The call.
+    /// Call of the node whose frames or steps differ.
     pub place: Place,
     /// Step of the node that the recorded one did not take; `None` if only frames differ.
     pub misstep: Option<String>,

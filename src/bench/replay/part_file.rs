@@ -14,12 +14,12 @@ const BUFFER: usize = 1 << 16;
 /// First bytes of a gzip file (RFC 1952, 2.3.1).
 const GZIP: [u8; 2] = [0x1F, 0x8B];
 
-/// A file being read, unpacked where it is packed. Its memory does not depend on its size.
+/// File being read, unpacked where it is packed. Its memory does not depend on its size.
 #[derive(Debug)]
 pub enum PartFile {
-    /// A plain file.
+    /// File as it was written.
     Plain(BufReader<File>),
-    /// A packed one.
+    /// File packed by gzip.
     Packed(Box<BufReader<MultiGzDecoder<BufReader<File>>>>),
 }
 
@@ -27,7 +27,7 @@ impl PartFile {
     /// Opens a regular file, never by a symbolic link.
     ///
     /// # Errors
-    /// It cannot be opened or read, or is not a regular file.
+    /// Returns an error if it cannot be opened or read, or is not a regular file.
     pub fn open(path: &Path) -> io::Result<Self> {
         Self::from_file(files::open_unlinked(path)?)
     }
@@ -35,7 +35,7 @@ impl PartFile {
     /// Reads `file`, which is packed if it begins as gzip does.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// Returns an error if it cannot be read.
     pub fn from_file(file: File) -> io::Result<Self> {
         let mut file = BufReader::with_capacity(BUFFER, file);
         Ok(match file.fill_buf()?.starts_with(&GZIP) {
@@ -47,7 +47,7 @@ impl PartFile {
         })
     }
 
-    /// Returns whether the file is packed.
+    /// Returns whether gzip unpacks the file.
     pub const fn is_packed(&self) -> bool {
         matches!(self, Self::Packed(_))
     }

@@ -44,19 +44,19 @@ impl<R> fmt::Debug for InputReader<R> {
 /// Reasons why an input cannot be read.
 #[derive(Debug, Error)]
 pub enum ReadError {
-    /// The file does not begin as a file of inputs.
+    /// File that does not begin as a file of inputs.
     #[error("not a file of inputs")]
     Foreign,
-    /// The file is of another version of the format.
+    /// File of another version of the format.
     #[error("inputs of format {0}; this program reads format {FORMAT}")]
     Version(u16),
-    /// The file ends inside an entry.
+    /// End of the file inside the entry at this byte.
     #[error("the inputs end inside the entry at byte {0}")]
     Cut(u64),
-    /// The bytes at this place are no entry.
+    /// Bytes that are not an entry: their place, and the reason.
     #[error("no entry at byte {0}: {1}")]
     Malformed(u64, &'static str),
-    /// The file cannot be read.
+    /// File that cannot be read.
     #[error(transparent)]
     Failed(#[from] io::Error),
 }
@@ -65,7 +65,7 @@ impl<R: BufRead> InputReader<R> {
     /// Begins to read a file.
     ///
     /// # Errors
-    /// When it is not a file of inputs of this version.
+    /// Returns an error if it is not a file of inputs of this version.
     pub fn begin(from: R) -> Result<Self, ReadError> {
         let mut reader = Self { from, last: Last::default(), place: 0, part: 1, entries: 0 };
         if reader.bytes::<6>().ok() != Some(MAGIC) {
@@ -95,7 +95,7 @@ impl<R: BufRead> InputReader<R> {
     /// Reads the next input; `None` at the end of the file.
     ///
     /// # Errors
-    /// The file ends inside an entry, or its bytes are none.
+    /// Returns an error if the file ends inside an entry, or its bytes are not an entry.
     pub fn read(&mut self) -> Result<Option<Input>, ReadError> {
         if self.from.fill_buf()?.is_empty() {
             return Ok(None);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     fn sensed() -> impl Strategy<Value = RemoteSample> {
-        // Rotations that are none, too: the node judges them.
+        // Invalid rotations as well: the node judges them.
         let numbers = prop::collection::vec(prop_oneof![Just(0.0), -1e3..1e3_f64], NUMBERS);
         (time(), numbers, any::<bool>()).prop_map(|(at, n, has_gripper)| RemoteSample {
             at,

@@ -8,12 +8,12 @@ use canopen_tools::object_text::Switches;
 use node::record::Mode;
 use telemetry::session::{NODE, WRENCH};
 
-/// A line of the session recorder.
+/// Line of the session recorder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RecorderLine {
-    /// The wrench on the object at {S}: force in N, moment in N·m.
+    /// Wrench on the object at {S}: force in N, moment in N·m.
     Wrench([f64; 6]),
-    /// The end of a cycle.
+    /// End of a cycle.
     Cycle {
         /// Mode of the node.
         mode: Mode,

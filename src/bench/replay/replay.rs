@@ -38,7 +38,7 @@ impl Replay {
     /// Starts a node with this configuration on recorded inputs; `None` if its start was not recorded.
     ///
     /// # Errors
-    /// The data are no inputs, or those of another version.
+    /// Returns an error if the data are no inputs, or those of another version.
     pub fn of_inputs(
         config: &Config,
         inputs: impl BufRead + 'static,

@@ -27,7 +27,7 @@ const MAX_SIZE: u64 = 4 << 20;
 const DESCRIPTION: &str = "session.json";
 const SUMMARY: &str = "summary.json";
 
-/// A recorded session.
+/// Recorded session.
 #[derive(Debug)]
 pub struct Session {
     folder: PathBuf,
@@ -47,24 +47,24 @@ struct Summary {
 /// Reasons why a session cannot be used.
 #[derive(Debug, Error)]
 pub enum SessionError {
-    /// A file cannot be read.
+    /// File that cannot be read.
     #[error("{file}: {error}")]
     Unreadable { file: PathBuf, error: io::Error },
-    /// The description is invalid.
+    /// Invalid description.
     #[error("{file}: {error}")]
     Invalid { file: PathBuf, error: serde_json::Error },
-    /// The session is of another version.
+    /// Session of another version.
     #[error("{file}: a session of format {found}; this program reads format {FORMAT}")]
     Version { file: PathBuf, found: u16 },
-    /// A copied file has other content than recorded.
+    /// Copied file with other content than recorded.
     #[error(
         "{file}: not the file that was recorded: its SHA-256 is {found}, and session.json has {recorded}"
     )]
     Edited { file: PathBuf, found: String, recorded: String },
-    /// A copy lies outside of the session.
+    /// Copy outside the folder of the session.
     #[error("{file}: names \"{copy}\", which is not in the session's folder")]
     Outside { file: PathBuf, copy: String },
-    /// The inputs cannot be read.
+    /// Inputs that cannot be read.
     #[error("{file}: {error}")]
     Inputs { file: PathBuf, error: PartFault },
     /// Nothing was recorded.
@@ -76,7 +76,7 @@ impl Session {
     /// Reads the description of a session, and the copied files.
     ///
     /// # Errors
-    /// A file is missing, of another version, or not as recorded.
+    /// Returns an error if a file is missing, of another version, or not as recorded.
     pub fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DESCRIPTION);
         let text = read(&file)?;
@@ -95,7 +95,7 @@ impl Session {
         Ok(Self { folder: folder.to_path_buf(), manifest, copies, parts, recording })
     }
 
-    /// Returns its folder.
+    /// Returns the folder as it was given to [`open`](Self::open).
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -127,7 +127,7 @@ impl Session {
     /// Returns frames and cycles: all parts of `bus.log` that are there, plain or packed, as one log.
     ///
     /// # Errors
-    /// There is no part, or the first cannot be read.
+    /// Returns an error if no part exists, or the first cannot be read.
     pub fn bus_log(&self) -> Result<BusLog, SessionError> {
         let parts = self.parts.stream(Stream::BusLog).flatten();
         let mut parts = parts.map(|part| self.folder.join(part.name())).peekable();
@@ -143,7 +143,7 @@ impl Session {
     /// Returns the inputs of the node: all parts in their order, plain or packed, up to the first that is missing.
     ///
     /// # Errors
-    /// The first part cannot be read.
+    /// Returns an error if the first part cannot be read.
     pub fn inputs(&self) -> Result<InputParts, SessionError> {
         let parts = self.parts.stream(Stream::Inputs).map(|part| part.map(Part::name));
         let mut inputs = InputParts::new(&self.folder, parts);
@@ -175,7 +175,7 @@ impl Session {
     /// Starts the node of the session, with this configuration, on the recorded inputs.
     ///
     /// # Errors
-    /// The inputs cannot be read.
+    /// Returns an error if the inputs cannot be read.
     pub fn replay(&self, config: &Config) -> Result<Replay, SessionError> {
         self.started(config, true)
     }
@@ -198,7 +198,7 @@ impl Session {
     /// so frames from the end of a cycle are in the next one.
     ///
     /// # Errors
-    /// The log cannot be read.
+    /// Returns an error if the log cannot be read.
     pub fn frames_of_cycle(&self, cycle: u64) -> Result<Vec<Telegram>, SessionError> {
         let last = match self.manifest.kind {
             SessionKind::Run => cycle,

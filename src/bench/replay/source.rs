@@ -39,13 +39,13 @@ struct State {
 pub(super) enum InputEnd {
     /// All inputs were used.
     Complete,
-    /// The recording ends here, inside of a call.
+    /// End of the recording inside of a call.
     Cut,
-    /// The rest cannot be read.
+    /// Part whose rest cannot be read.
     Unreadable(PartError),
-    /// The recording has a gap of this many inputs.
+    /// Gap of this many inputs in the recording.
     Lost(u64),
-    /// The node requests another input than the recorded one.
+    /// Request of the node for another input than the recorded one.
     Other(Misstep),
 }
 

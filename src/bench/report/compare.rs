@@ -72,7 +72,7 @@ fn time(views: [&View<'_>; 2], zeros: [f64; 2]) -> Range<f64> {
     from..to
 }
 
-/// Writes in what the sessions themselves differ: program, configuration, files, joints.
+/// Writes the differences of the sessions themselves: program, configuration, files, joints.
 fn differences(html: &mut Html, one: &View<'_>, other: &View<'_>) {
     let (Some(a), Some(b)) = (&one.subject.manifest, &other.subject.manifest) else {
         html.missing("One of them has no session.json: in what they differ is not known.");

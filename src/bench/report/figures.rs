@@ -11,7 +11,7 @@ const LONGEST_CYCLE: f64 = 0.1;
 /// Figures over all cycles of a session.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Figures {
-    /// Cycles.
+    /// Number of cycles in the session.
     pub(crate) cycles: u64,
     /// Cycles and samples of joints that are missing.
     pub(crate) cycles_with_missing: u64,
@@ -25,7 +25,7 @@ pub(crate) struct Figures {
     pub(crate) sensed: Magnitudes,
     /// Wrench of task and passivity at the grip while engaged, by the replay.
     pub(crate) felt: Magnitudes,
-    /// Torque of each joint, the greatest.
+    /// Greatest torque of each joint, in N·m (N).
     pub(crate) torques: [f64; 6],
     /// Age of samples of the commanded side, by the replay: greatest, in s.
     pub(crate) sample_age: Option<f64>,
@@ -76,7 +76,7 @@ pub(crate) struct Load {
 }
 
 impl Load {
-    /// Adds the load of a cycle, unless a pause came before it, as in a boot: its load is not that of the pause.
+    /// Adds the load of a cycle. One after a pause, as in a boot, is left out: its load does not hold for the pause.
     fn add(&mut self, percent: f64, dt: f64) {
         if dt > LONGEST_CYCLE {
             return;
@@ -92,7 +92,7 @@ impl Load {
         }
     }
 
-    /// Returns the mean.
+    /// Returns the mean over all cycles without a pause before them, in percent; 0 without such cycles.
     pub(crate) fn mean(&self) -> f64 {
         if self.seconds > 0.0 { self.sum / self.seconds } else { 0.0 }
     }
@@ -144,6 +144,7 @@ impl Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture;
     use units::spatial::Wrench;
     use units::time::Instant;
 
@@ -156,18 +157,7 @@ mod tests {
             let at = Instant::from_micros(number * 10_000);
             let f_s = Wrench::from_components([3.0, 4.0, 0.0, 0.0, 0.0, 2.0]);
             let sampled = [true, true, true, number != 4, true, true];
-            let (inputs, wire, record, sample_age) = (None, None, None, None);
-            figures.add(&Cycle {
-                number,
-                at,
-                mode,
-                inputs,
-                sampled,
-                f_s,
-                wire,
-                record,
-                sample_age,
-            });
+            figures.add(&Cycle { at, f_s, sampled, ..fixture::cycle(number, mode) });
         }
         assert_eq!((figures.cycles, figures.engagements, figures.missing), (4, 1, 1));
         assert!((figures.engaged_seconds - 0.02).abs() < 1e-9);

@@ -13,13 +13,13 @@ use config::Config;
 use telemetry::session::{NODE, WRENCH};
 use units::time::Instant;
 
-/// Number of lines that are looked at for interfaces.
+/// Number of lines searched for interfaces.
 const FIRST_LINES: usize = 2_000;
 
 /// Number of frames that are shown before a moment, and after it.
 const SHOWN: [usize; 2] = [40, 12];
 
-/// Number of lines of a boot that are looked at, and of its events that are shown.
+/// Number of lines of a boot that are searched, and of its events that are shown.
 const BOOT_LINES: usize = 400_000;
 const BOOT_EVENTS: usize = 250;
 
@@ -78,7 +78,7 @@ impl Reader {
         Self { decoder, buses, origin_us }
     }
 
-    /// Returns a data frame in words if `is_wanted`; every frame has to pass here, since a transfer has several.
+    /// Returns a data frame in words if `is_wanted`. Takes every frame, as a transfer has several.
     fn describe(
         &mut self,
         line: &Line<'_>,

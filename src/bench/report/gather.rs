@@ -22,7 +22,7 @@ pub(crate) const LEDGER: [&str; 7] =
 
 /// Source of cycles.
 pub(crate) trait Source {
-    /// Returns the next cycle.
+    /// Reads or computes the next cycle; `None` at the end.
     fn next_cycle(&mut self) -> Option<Cycle<'_>>;
 
     /// Returns the findings of the pass.
@@ -164,7 +164,7 @@ impl SessionData {
             let cycles = counted(*without_log, "cycle");
             findings.remarks.push(format!("bus.log does not have {cycles} of the inputs"));
         }
-        // The inputs may end between two calls of the node, as they do at the end of a whole session.
+        // The inputs may end between two calls of the node, as at the end of a complete session.
         if *without_replay > 0 && findings.verdict == Some(ReplayVerdict::Equal) {
             let cycles = counted(*without_replay, "cycle");
             findings.remarks.push(format!("inputs.bin ends before {cycles} that bus.log has"));

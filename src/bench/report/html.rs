@@ -19,16 +19,16 @@ pub(crate) struct Html {
     figures: usize,
 }
 
-/// A cell of a table.
+/// Cell of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Cell {
-    /// Text.
+    /// Words, aligned at the left.
     Text(String),
-    /// A number: aligned at the right.
+    /// Number, aligned at the right.
     Number(String),
-    /// A name, a path, a checksum: in letters of one width.
+    /// Name, path or checksum, in letters of one width.
     Code(String),
-    /// A link within the page: its aim, and its text.
+    /// Link within the page: its target, and its text.
     Link(String, String),
 }
 
@@ -67,12 +67,12 @@ impl Html {
         self.text.push_str("</section>\n");
     }
 
-    /// Returns whether there is a section with this aim.
+    /// Returns whether there is a section with this target of links.
     pub(crate) fn has_section(&self, id: &str) -> bool {
         self.text.contains(&format!("<section id=\"{}\"", escaped(id)))
     }
 
-    /// Appends a part that was written apart.
+    /// Appends content that was written separately.
     pub(crate) fn append(&mut self, part: &Self) {
         self.text.push_str(&part.text);
         self.figures += part.figures;
@@ -104,7 +104,7 @@ impl Html {
         self.close(tag);
     }
 
-    /// Writes a heading of the third level, with the aim of a link.
+    /// Writes a heading of the third level, with a target of links.
     pub(crate) fn subheading(&mut self, id: &str, text: &str) {
         self.text.push_str(&format!("<h3 id=\"{}\">{}</h3>\n", escaped(id), escaped(text)));
     }
@@ -133,7 +133,7 @@ impl Html {
         self.text.push_str(&format!("<p>{}</p>\n", with_commands(text)));
     }
 
-    /// Opens a part that a reader opens, with its name; [`close`](Self::close) closes it.
+    /// Opens a collapsed part with its name; [`close`](Self::close) ends it.
     pub(crate) fn details(&mut self, name: &str) {
         self.text.push_str(&format!("<details><summary>{}</summary>", escaped(name)));
     }
@@ -190,7 +190,7 @@ impl Html {
         });
     }
 
-    /// Writes a figure: a picture that is drawn for screens and for phones, with its caption.
+    /// Writes a picture, drawn for screens and for phones, with its caption.
     pub(crate) fn figure(&mut self, draw: impl Fn(f64) -> String, caption: &str) {
         self.figures += 1;
         self.text.push_str("<figure><div class=\"wide\">");
@@ -204,7 +204,7 @@ impl Html {
         ));
     }
 
-    /// Returns the page.
+    /// Returns the whole document with its head and styles, as XHTML.
     pub(crate) fn page(self, title: &str) -> String {
         let title = escaped(title);
         let body = self.text;

@@ -6,11 +6,13 @@
 //!             is to read   of cycles      stops in words
 //! ```
 //!
-//! A part that cannot be read is named in the report; the rest is done.
+//! A part that cannot be read is named in the report; the rest is shown.
 #![forbid(unsafe_code)]
 
 mod compare;
 mod figures;
+#[cfg(test)]
+mod fixture;
 mod frames;
 mod gather;
 mod html;

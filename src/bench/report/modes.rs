@@ -41,7 +41,7 @@ pub(crate) struct Moment {
     pub(crate) missing: u8,
 }
 
-/// A stop: the entry into a latched mode.
+/// Entry into a latched mode.
 #[derive(Clone, Debug)]
 pub(crate) struct Stop {
     /// Time of its SYNC, in s.
@@ -50,7 +50,7 @@ pub(crate) struct Stop {
     pub(crate) cycle: u64,
     pub(crate) from: Mode,
     pub(crate) to: Mode,
-    /// Mode that it has led to at last.
+    /// Last latched mode before its end.
     pub(crate) last: Mode,
     /// Time at which a reset has ended it.
     pub(crate) ended: Option<f64>,
@@ -178,27 +178,12 @@ pub(crate) fn colour(mode: Mode) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use units::spatial::Wrench;
-    use units::time::Instant;
+    use crate::fixture;
 
     fn modes(of: &[(f64, Mode)]) -> Modes {
         let mut modes = Modes::default();
         for (number, (at, mode)) in (1..).zip(of) {
-            let f_s = Wrench::default();
-            let (wire, record, sample_age) = (None, None, None);
-            let (inputs, sampled) = (None, [true; 6]);
-            let cycle = Cycle {
-                number,
-                at: Instant::ZERO,
-                mode: *mode,
-                inputs,
-                sampled,
-                f_s,
-                wire,
-                record,
-                sample_age,
-            };
-            modes.add(*at, &cycle);
+            modes.add(*at, &fixture::cycle(number, *mode));
         }
         modes
     }

@@ -1,4 +1,4 @@
-//! The page: a pass over the cycles of its sessions, and the sections in their order.
+//! Page: a pass over the cycles of its sessions, and the sections in their order.
 
 use serde_json::Value;
 
@@ -33,7 +33,7 @@ const CONTENTS: [(&str, &str); 16] = [
     ("parts", "Files and replay"),
 ];
 
-/// The report was abandoned.
+/// Error of a report that was abandoned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interruption;
 
@@ -41,7 +41,7 @@ pub struct Interruption;
 /// were read since the last call, and returns whether to go on.
 ///
 /// # Errors
-/// `on_progress` has returned false.
+/// Returns an error if `on_progress` has returned false.
 pub fn report(
     subject: &Subject,
     other: Option<&Subject>,
@@ -111,7 +111,7 @@ fn sections(html: &mut Html, view: &View<'_>) {
     parts::write(html, view);
 }
 
-/// Writes title, facts, and links to the sections that there are.
+/// Writes title, facts, and links to the sections that exist.
 fn head(html: &mut Html, view: &View<'_>, title: &str, body: &Html) {
     html.open("header", "");
     html.element("h1", "", title);
@@ -133,7 +133,7 @@ fn title(view: &View<'_>) -> String {
     format!("{what} {}", view.subject.name)
 }
 
-/// Returns when it was recorded, by what, and with which configuration.
+/// Returns time, program and configuration of the recording.
 fn facts(view: &View<'_>) -> String {
     let mut facts = Vec::new();
     let manifest = view.subject.manifest.as_ref();

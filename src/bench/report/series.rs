@@ -1,4 +1,4 @@
-//! Envelopes of what belongs together: a number for each joint, component or bus.
+//! Envelopes of one quantity: a number for each joint, component or bus.
 
 use picture::strip::{Curve, Extent};
 use signals::{Envelope, Span};
@@ -36,7 +36,7 @@ impl Series {
         self.envelopes.get(place).and_then(Envelope::range)
     }
 
-    /// Returns whether a number is another one than zero in any cycle.
+    /// Returns whether the number at a place is other than zero in any cycle.
     pub(crate) fn is_used(&self, place: usize) -> bool {
         self.range(place).is_some_and(|[low, high]| low < 0.0 || high > 0.0)
     }

@@ -8,10 +8,10 @@ use node::cause::{self, Kind};
 use node::record::Mode;
 use units::numbering::Joint;
 
-/// Time between a stop in the log and the same one in its record, in s.
+/// Maximum time between a stop in the log and the same one in its record, in s.
 const SAME: f64 = 0.5;
 
-/// A stop.
+/// Latched stop, as the report shows it.
 #[derive(Clone, Debug)]
 pub(crate) struct StopReport {
     /// Time of its SYNC, in s since time zero.

@@ -25,10 +25,10 @@ const SINCE_1970: u64 = 315_360_000_000_000;
 /// Reason why a folder has no report.
 #[derive(Debug, Error)]
 pub enum NoSubject {
-    /// The folder has no file of a session or of a fault record.
+    /// Folder without a file of a session or of a fault record.
     #[error("{0}: not a session or fault record: no session.json, fault.json or bus.log in it")]
     Nothing(PathBuf),
-    /// The folder cannot be read.
+    /// Folder that cannot be read.
     #[error("{0}: {1}")]
     Unreadable(PathBuf, io::Error),
 }
@@ -58,7 +58,7 @@ impl Subject {
     /// Reads the descriptions of a folder. `configure` returns the configuration of a session, or the reason why it cannot.
     ///
     /// # Errors
-    /// The folder has no session and no fault record.
+    /// Returns an error if the folder has no session and no fault record.
     pub fn open(
         folder: &Path,
         named: Option<Config>,
@@ -98,7 +98,7 @@ impl Subject {
         Ok(subject)
     }
 
-    /// Returns whether it is a fault record of its own.
+    /// Returns whether it is a fault record, without a session in the same folder.
     pub fn is_record(&self) -> bool {
         let has = |name: &str| fs::symlink_metadata(self.folder.join(name)).is_ok();
         has("fault.json") && !has("session.json")
@@ -142,7 +142,7 @@ impl Subject {
         }
     }
 
-    /// Reads a fault record; its configuration is that of the session whose folder it lies in.
+    /// Reads a fault record; its configuration is that of the session in whose folder it is.
     fn open_record(&mut self, configure: impl Fn(&Session) -> Result<Config, String>) {
         self.fault = self.json("fault.json", true);
         let Ok(whole) = self.folder.canonicalize() else { return };

@@ -5,7 +5,7 @@ use hdrhistogram::Histogram as Counts;
 use node::cycle_times::CycleTimes;
 use picture::histogram::{Bar, Histogram};
 
-/// Largest time that is kept apart, in µs.
+/// Largest time that is counted as such, in µs; longer ones count as this.
 const LARGEST: u64 = 1_000_000;
 
 /// Number of bars of a picture.
@@ -32,7 +32,7 @@ impl Timing {
         Some(Self { counts: [counts()?, counts()?, counts()?, counts()?] })
     }
 
-    /// Adds the times of a cycle.
+    /// Counts wake-up, samples, step and targets of a cycle. Samples count only if all joints have one.
     pub(crate) fn add(&mut self, times: &CycleTimes) {
         let is_complete = times.samples.iter().all(Option::is_some);
         let samples = times.samples.iter().flatten().max().copied().filter(|_| is_complete);
@@ -52,7 +52,7 @@ impl Timing {
         })
     }
 
-    /// Returns whether a time at a place is another one than zero in any cycle: in virtual time, computing takes none.
+    /// Returns whether the time at a place is above zero in any cycle. In virtual time, computing takes no time.
     pub(crate) fn is_used(&self, place: usize) -> bool {
         self.counts.get(place).is_some_and(|counts| counts.max() > 0)
     }

@@ -13,7 +13,7 @@ use node::cycle_times::CycleTimes;
 use node::record::GripperRecord;
 use units::spatial::Motion;
 
-/// A quantity: name, frame, source, reading, description.
+/// Quantity: name, frame, source, reading, description.
 type Quantity = (&'static str, &'static str, Source, Reading, &'static str);
 
 /// All quantities: state, inputs of the node, the law from Eq. 1 to Fig. 6, outputs, timing.

@@ -11,7 +11,7 @@ use replay::{End, Replay, Session, SessionError};
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// A recorded session, and the configuration of its node.
+/// Recorded session, and the configuration of its node.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
     session: &'a Session,
@@ -72,7 +72,7 @@ impl<'a> Recording<'a> {
         Self { session, config }
     }
 
-    /// Returns the session.
+    /// Returns the folder, manifest and inputs of the recording.
     pub const fn session(&self) -> &'a Session {
         self.session
     }
@@ -85,7 +85,7 @@ impl<'a> Recording<'a> {
     /// Starts a pass over all cycles. If the log or the inputs cannot be read, only the other is used.
     ///
     /// # Errors
-    /// Neither can be read.
+    /// Returns an error if neither can be read.
     pub fn cycles(&self) -> Result<Cycles, SessionError> {
         let manifest = self.session.manifest();
         let mut remarks = self.session.remarks();
@@ -121,11 +121,11 @@ pub struct Cycles {
     findings: Findings,
 }
 
-/// The replay's next cycle.
+/// Replay's next cycle.
 #[derive(Debug)]
 struct ReplayedCycle {
     record: Record,
-    /// The cycle was returned already.
+    /// Set if the cycle was returned already.
     is_used: bool,
 }
 
@@ -145,7 +145,7 @@ pub enum ReplayVerdict {
     Equal,
     /// All frames equal the recorded ones, but the recording ends early: the reason.
     EndsEarly(String),
-    /// The frames differ from this cycle on.
+    /// Difference between replay and recording.
     Differs {
         /// Number of the cycle.
         cycle: u64,

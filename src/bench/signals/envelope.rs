@@ -99,7 +99,7 @@ impl Envelope {
         let mut last_width = 0.0;
         for bucket in &self.buckets {
             let Some(Bucket { from, to, min, max, .. }) = *bucket else {
-                // A gap takes the place where it is; its time is not known, nor needed.
+                // A gap keeps its place; its time is unknown and not needed.
                 let at = spans.last().map_or(0.0, |span| span.to);
                 spans.push(Span { from: at, to: at, min: f64::NAN, max: f64::NAN });
                 continue;

@@ -1,4 +1,4 @@
-//! A recorded session as a sequence of cycles, and the named signals of a cycle.
+//! Recorded session as a sequence of cycles, and the named signals of a cycle.
 //!
 //! ```text
 //!  bus.log ────► WireCycles ──┐ positions, targets, wrench, mode, load

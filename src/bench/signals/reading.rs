@@ -10,11 +10,11 @@ use units::spatial::{Twist, Wrench};
 /// Reading of a quantity, with its unit unless the kind defines it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Reading {
-    /// One number.
+    /// Single number.
     Number(&'static str, fn(&Cycle<'_>) -> Option<f64>),
-    /// A number for each joint, base first.
+    /// Number for each joint, base first.
     Joints(JointUnit, fn(&Cycle<'_>) -> Option<[f64; 6]>),
-    /// A number for each bus.
+    /// Number for each bus.
     Buses(&'static str, fn(&Cycle<'_>, usize) -> Option<f64>),
     /// Force and moment.
     Wrench(fn(&Cycle<'_>) -> Option<Wrench>),
@@ -33,7 +33,7 @@ pub(crate) enum JointUnit {
     Position,
     /// N·m, or N of a prismatic joint.
     Torque,
-    /// The same unit for all joints.
+    /// Same unit for all joints.
     Fixed(&'static str),
 }
 

@@ -39,7 +39,7 @@ pub struct Signal {
     pub frame: &'static str,
     /// Description of its quantity.
     pub about: &'static str,
-    /// Source.
+    /// Log or replay, or both, that gives the value.
     pub source: Source,
     /// Index among the components of its quantity.
     pub(crate) place: usize,
@@ -62,7 +62,7 @@ impl Signal {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("unknown signal \"{name}\"{}; frhc signals SESSION lists all", nearest.as_ref().map_or_else(String::new, |name| format!(", did you mean {name}?")))]
 pub struct UnknownSignal {
-    /// The name.
+    /// Name as given.
     pub name: String,
     /// Similar name of a signal.
     pub nearest: Option<String>,
@@ -72,7 +72,7 @@ pub struct UnknownSignal {
 /// components, or a pattern with `*`.
 ///
 /// # Errors
-/// The first name that no signal has.
+/// Returns the first name that no signal has.
 pub fn chosen(catalogue: &[Signal], names: &[String]) -> Result<Vec<Signal>, UnknownSignal> {
     let mut chosen: Vec<Signal> = Vec::new();
     for name in names {

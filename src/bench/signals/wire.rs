@@ -33,7 +33,7 @@ pub struct Ending {
     pub number: u64,
     /// Time of its first SYNC, or of its line if the log lacks the SYNC.
     pub at: Instant,
-    /// Mode.
+    /// Mode of the node at the end of the cycle.
     pub mode: Mode,
     /// Inputs of the switch box; `None` before its first frame.
     pub inputs: Option<u8>,
@@ -119,7 +119,7 @@ impl<R: BufRead> WireCycles<R> {
     /// Reads up to the end of the next cycle; `None` at the end of the log. Lines that are not candump lines are skipped.
     ///
     /// # Errors
-    /// The log cannot be read.
+    /// Returns an error if the log cannot be read.
     pub fn read(&mut self) -> io::Result<Option<Ending>> {
         loop {
             self.line.clear();

@@ -13,9 +13,8 @@ use units::time::Instant;
 pub struct DriveView {
     /// CAN bus.
     pub channel: Channel,
-    /// Node-ID.
     pub node: NodeId,
-    /// NMT state.
+    /// State of the NMT slave.
     pub nmt: NmtState,
     /// State of the power drive system.
     pub state: State,
@@ -129,7 +128,7 @@ mod tests {
         })
     }
 
-    /// An expedited download to node 3.
+    /// Expedited download to node 3.
     fn write(drive: &mut Drive, index: u16, bytes: &[u8]) {
         let specifier = 0x23 | u8::try_from(4 - bytes.len()).unwrap() << 2;
         let [low, high] = index.to_le_bytes();

@@ -21,7 +21,7 @@ const FASTEST: f64 = 2.0;
 const SPEEDS: [f64; 6] = [0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
 /// Readings of each speed and direction.
 const READINGS: u16 = 12;
-/// Held postures.
+/// Number of held postures.
 const POSTURES: u16 = 8;
 /// Standard deviation of the torque, averaged over a plateau, relative to the capacity.
 const NOISE: f64 = 0.0005;
@@ -44,7 +44,7 @@ pub struct FrictionRigSettings {
 pub struct SlowReading {
     /// Velocity of the joint in rad/s or m/s; zero if held.
     pub velocity: f64,
-    /// The joint moves up, or moved up before it was held.
+    /// Set if the joint moves up, or moved up before it was held.
     pub is_rising: bool,
     /// Actual torque (6077h), in ‰ of rated torque.
     pub per_mille: i16,
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
     use crate::arm::{ArmSettings, LinkSettings};
 
-    /// The last of six joints lifts 1 kg on an arm of 0.1 m; the others do nothing.
+    /// Returns a rig whose last joint lifts 1 kg on an arm of 0.1 m; the others do nothing.
     fn rig(seed: u64, stiction: f64) -> FrictionRig {
         let link = LinkSettings {
             is_prismatic: false,

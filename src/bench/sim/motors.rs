@@ -4,7 +4,7 @@ use crate::arm::Joints;
 use crate::drivetrain::{Drivetrain, MotorReading};
 use crate::transmission::Transmission;
 
-/// The six drivetrains of an arm, base first.
+/// Six drivetrains of an arm, base first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motors {
     trains: [Drivetrain; 6],

@@ -1,4 +1,4 @@
-//! The operator model: a [hand](crate::hand) impedance with reaction time, tremor and startle.
+//! Operator model: a [hand](crate::hand) impedance with reaction time, tremor and startle.
 //!
 //! The model reacts to a wrench after the reaction time, and through the lag of the muscles (Zajac 1989). With `f` the
 //! wrench after both, and `K` the stiffness of the hand:

@@ -34,14 +34,14 @@ pub struct OperatorSettings {
     pub(super) stiffening: f64,
     /// Force change that makes the operator let go, in N.
     pub(super) startle: Option<f64>,
-    /// Tremor.
+    /// Amplitude and frequencies of the tremor.
     pub(super) shake: Shake,
 }
 
 /// Reasons to refuse a `[hand]`.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum InvalidOperatorSettings {
-    /// A value is out of its range or not a number.
+    /// Value out of its range, or not a number.
     #[error("{key} must be within {}..={}, got {value}", range.start(), range.end())]
     Number {
         /// Key in `[hand]`.
@@ -51,7 +51,7 @@ pub enum InvalidOperatorSettings {
         /// Range allowed.
         range: RangeInclusive<f64>,
     },
-    /// The lower frequency of the tremor is above the upper one.
+    /// Lower frequency of the tremor above the upper one.
     #[error("tremor_hz must ascend, got [{0}, {1}]")]
     Band(f64, f64),
 }

@@ -24,7 +24,7 @@ const NOISE: f64 = 0.002;
 /// One reading of the load cell, at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The joint torque rose before this reading.
+    /// Set if the joint torque rose before this reading.
     pub is_rising: bool,
     /// Target torque, in ‰ of rated torque.
     pub per_mille: i16,
@@ -32,7 +32,7 @@ pub struct Reading {
     pub torque: f64,
 }
 
-/// A joint at its load cell.
+/// Joint at its load cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
     settings: ActuatorSettings,

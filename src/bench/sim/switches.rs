@@ -15,7 +15,7 @@ use canopen_device::station::{Station, earlier};
 use canopen_device::{Application, Device, Reset};
 use units::time::Instant;
 
-/// A simulated switch box.
+/// Simulated switch box.
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
     channel: Channel,

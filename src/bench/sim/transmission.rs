@@ -4,7 +4,7 @@
 
 use crate::arm::{JointMatrix, Joints};
 
-/// A rigid transmission without backlash.
+/// Rigid transmission without backlash.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
     /// `C⁻¹`: actuator velocities per joint velocity.
@@ -53,7 +53,7 @@ mod tests {
 
     use super::*;
 
-    /// An elbow driven from the base, and a differential wrist.
+    /// Elbow driven from the base, and a differential wrist.
     fn linkage() -> Transmission {
         let mut matrix = JointMatrix::identity();
         matrix[(2, 1)] = -1.0;

@@ -1,8 +1,8 @@
 //! Environment of the node: six drives and a switch box on their buses, the arm they move, and the operator's hand.
 //!
-//! At every SYNC the arm first advances to that time with the torques that acted until then; then the drives sample it
-//! and receive the SYNC. Without SYNCs it advances every millisecond, and at each change of a demand: a demand acts
-//! exactly from and to the times of the drive, with the lag of its current loop.
+//! At every SYNC the arm first advances to that time with the torques that acted until then. Then the drives sample it
+//! and receive the SYNC. Without SYNCs the arm advances every millisecond, and at each change of a demand. So a demand
+//! acts exactly from and to the times of the drive, with the lag of its current loop.
 
 use std::time::Duration;
 

@@ -24,7 +24,7 @@ use sim::world::World;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Traffic of a bus.
+/// Frames and load of one bus since the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusTraffic {
     /// Number of complete frames.
@@ -33,7 +33,7 @@ pub struct BusTraffic {
     pub percent: f64,
 }
 
-/// The node of a bench, whose inputs go to `S`.
+/// Node of a bench, whose inputs go to `S`.
 pub type BenchNode<T, S> = RecordedNode<Memory<World, T>, FaultySide<DelayedSide<Side>>, S>;
 
 /// Node with its drives, its operator and its object.
@@ -267,7 +267,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         self.node.stop(&mut || false)
     }
 
-    /// Returns the node.
+    /// Returns the node under test, whose inputs are recorded.
     pub const fn node(&self) -> &BenchNode<T, S> {
         &self.node
     }
@@ -287,7 +287,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         self.node.remote().side().far()
     }
 
-    /// Returns the buses.
+    /// Returns the buses in memory with their stations, to disturb them between cycles.
     pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
         self.node.bus_mut()
     }

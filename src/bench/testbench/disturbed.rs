@@ -59,7 +59,7 @@ pub struct FaultySide<R> {
     link: Link,
     /// Last sample over the link.
     known: Option<RemoteSample>,
-    /// The side holds until a new epoch.
+    /// Set if the side holds until a new epoch.
     holds: bool,
     /// State of the lead by another node; `None` before the first one.
     usurped: Option<Box<ForeignLead>>,

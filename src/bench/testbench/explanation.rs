@@ -21,21 +21,21 @@ const SETTLING_TIME: f64 = 10.0;
 /// Torques of friction compensation.
 const TAU_FRICTION: &str = "tau_friction";
 
-/// A value of Fig. 3.
+/// Value of Fig. 3.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// One number.
+    /// Scalar.
     Number(f64),
-    /// A number of each axis or joint.
+    /// Number for each axis or joint.
     Numbers(Vec<f64>),
-    /// A pose, as the rows of its 4 × 4 matrix.
+    /// Pose, as the rows of its 4 × 4 matrix.
     Pose([[f64; 4]; 4]),
-    /// A matrix, row by row.
+    /// Matrix, row by row.
     Matrix(Vec<Vec<f64>>),
     /// Targets of drives.
     Targets([i16; 6]),
-    /// A word, or its absence.
+    /// Word, or its absence.
     Word(Option<String>),
 }
 
@@ -45,7 +45,7 @@ pub struct Entry {
     /// Name of the value, as in code and records.
     #[serde(skip)]
     pub name: &'static str,
-    /// Value of the entry.
+    /// Number, pose, matrix or word, in `unit` and `frame`.
     pub value: Value,
     /// SI unit; empty without one.
     pub unit: &'static str,
@@ -64,7 +64,7 @@ pub struct Explanation(pub Vec<Entry>);
 /// Explains a cycle of the controller of `config` with the inputs of `question`; the default posture is `start`.
 ///
 /// # Errors
-/// The first invalid key of the question.
+/// Returns the first invalid key of the question.
 pub fn explain(
     config: &Config,
     start: &JointVector,

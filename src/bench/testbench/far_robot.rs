@@ -76,7 +76,7 @@ impl SensorRange {
 /// Messages of one cycle to the node.
 #[derive(Clone, Copy, Debug)]
 pub struct Outgoing {
-    /// Feedback.
+    /// Encoded measurements and state.
     pub feedback: [u8; Feedback::LENGTH],
     /// Capability, if requested by the node.
     pub capability: Option<[u8; Capability::LENGTH]>,
@@ -99,7 +99,7 @@ pub struct Status {
     pub rejects: Rejects,
 }
 
-/// The simulated robot of a configuration as a far side.
+/// Simulated robot of a configuration as a far side.
 #[derive(Clone, Debug)]
 pub struct FarRobot {
     end: FarEnd,
@@ -121,7 +121,7 @@ impl FarRobot {
     /// `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// The configuration has no robot, or one that cannot be simulated or starts in contact.
+    /// Returns an error if the configuration has no robot, or one that cannot be simulated or starts in contact.
     pub fn new(
         config: &Config,
         limits: RobotLimits,
@@ -243,7 +243,7 @@ impl FarRobot {
         &self.figures
     }
 
-    /// Returns the robot.
+    /// Returns the simulated arm with its servos and scene.
     pub const fn site(&self) -> &RobotSite {
         &self.site
     }
@@ -327,8 +327,8 @@ fn figures(config: &Config, robot: &RobotArm, limits: &RobotLimits) -> Capabilit
     Capability { has_gripper, ..stated.capability(workspace(robot)) }
 }
 
-/// Returns the lowest and highest corner, in m, of a box in {b} that {MRF} cannot leave: around the base, with the reach of
-/// all links together. Not every position in it can be reached.
+/// Returns the lowest and highest corner, in m, of a box in {b} that {MRF} cannot leave. It is around the base, with the
+/// reach of all links together. Not every position in it can be reached.
 fn workspace(robot: &RobotArm) -> [[f64; 3]; 2] {
     let lengths = robot.joints.iter().map(|joint| joint.link.a.hypot(joint.link.d));
     let reach = lengths.sum::<f64>() + robot.x_n_m.translation.vector.norm();

@@ -33,7 +33,7 @@ impl LinkedRobot {
     /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// The configuration has no robot, or one that cannot be simulated or starts in contact.
+    /// Returns an error if the configuration has no robot, or one that cannot be simulated or starts in contact.
     pub fn new(config: &Config, seed: u64) -> Result<Self, NoRobot> {
         let arm = config.far_side.arm;
         Ok(Self {
@@ -45,7 +45,7 @@ impl LinkedRobot {
         })
     }
 
-    /// Returns the robot.
+    /// Returns the far side at the other end of the link.
     pub const fn robot(&self) -> &FarRobot {
         &self.robot
     }

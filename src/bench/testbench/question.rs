@@ -15,7 +15,7 @@ use controller::switches::Mode;
 use controller::{Extensions, JointVector, Settings};
 use units::spatial::Wrench;
 
-/// A pose as its 4 × 4 matrix, row by row.
+/// Pose as its 4 × 4 matrix, row by row.
 type Rows = [[f64; 4]; 4];
 
 /// Largest deviation of a rotation's rows from unit length and right angles.
@@ -137,7 +137,7 @@ impl Question {
     /// Completes the question by `settings`, the arm at `start`, the object at `x_b_m` and commands of `mode`.
     ///
     /// # Errors
-    /// The first invalid key.
+    /// Returns the first invalid key.
     pub(super) fn pose(
         &self,
         settings: &Settings,

@@ -18,7 +18,7 @@ const MESSAGE_DIGITS: usize = 5;
 /// Reason why joint positions are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidPosture {
-    /// The number of positions is not that of the joints.
+    /// Number of positions that is not that of the joints.
     #[error("must have one position for each of the {joints} joints, got {got}")]
     Count {
         /// Number of joints.
@@ -26,10 +26,10 @@ pub enum InvalidPosture {
         /// Number of positions.
         got: usize,
     },
-    /// A position is outside of its range, or NaN.
+    /// Position outside its range, or NaN.
     #[error("joint {joint} must be within {low} to {high} rad, its limit_deg, got {got}")]
     Range {
-        /// The joint, from 1.
+        /// Number of the joint, from 1.
         joint: usize,
         /// Lower limit, in rad.
         low: f64,
@@ -38,7 +38,7 @@ pub enum InvalidPosture {
         /// Position, in rad.
         got: f64,
     },
-    /// The arm cannot be simulated.
+    /// Arm that cannot be simulated.
     #[error(transparent)]
     Simulation(#[from] InvalidJointCount),
 }
@@ -46,7 +46,7 @@ pub enum InvalidPosture {
 /// Explains `arm` without payload, at joint positions in rad, or at its start.
 ///
 /// # Errors
-/// The positions are invalid, or the arm cannot be simulated.
+/// Returns an error if the positions are invalid, or the arm cannot be simulated.
 pub fn explain(arm: &RobotArm, q: Option<&[f64]>) -> Result<Explanation, InvalidPosture> {
     let q = q.map_or_else(|| Ok(arm.start()), |q| positions(arm, q))?;
     let mut entries = kinematics(arm, &q);

@@ -37,13 +37,13 @@ const DAMPING_DEPTH: f64 = 1e-3;
 /// Reason why a robot cannot be simulated.
 #[derive(Debug, Error)]
 pub enum NoRobot {
-    /// The configuration has no arm.
+    /// Configuration without an arm.
     #[error("the configuration has no remote.robot")]
     NoArm,
-    /// The arm, the tool or the scene is invalid.
+    /// Invalid arm, tool or scene.
     #[error(transparent)]
     Invalid(#[from] InvalidManipulator),
-    /// The tool would start in contact.
+    /// Tool that would start in contact.
     #[error(
         "{}: joint.start_deg: the tool would start in a surface, at ({:.3}, {:.3}, {:.3}) m: change start_deg or \
          base_m, or move the surface",
@@ -55,10 +55,10 @@ pub enum NoRobot {
         /// Position of {MRF} in {b}, in m.
         at: [f64; 3],
     },
-    /// The script of the operator is invalid.
+    /// Invalid script of the operator.
     #[error(transparent)]
     Scenario(#[from] sim::scenario::Problem),
-    /// The drives did not reach Operation enabled (CiA 402).
+    /// Drives that did not reach Operation enabled (CiA 402).
     #[error(transparent)]
     BringUp(#[from] node::BringUpError),
 }
@@ -116,7 +116,7 @@ pub struct Measurement {
     pub reading_number: u64,
 }
 
-/// A simulated arm under control.
+/// Simulated arm under control.
 #[derive(Clone, Debug)]
 pub struct RobotSite {
     arm: Manipulator,
@@ -137,7 +137,7 @@ impl RobotSite {
     /// Creates the robot of `config` at rest at its start. `seed` is that of the sensor's noise.
     ///
     /// # Errors
-    /// The configuration has no robot, or one that cannot be simulated.
+    /// Returns an error if the configuration has no robot, or one that cannot be simulated.
     pub fn new(config: &Config, equipment: &Equipment, seed: u64) -> Result<Self, NoRobot> {
         let robot = config.robot.as_ref().ok_or(NoRobot::NoArm)?;
         let Virtual { interaction, servo, .. } = config.remote;
@@ -193,7 +193,7 @@ impl RobotSite {
         &self.arm
     }
 
-    /// Returns the control of the arm.
+    /// Returns the control law of the arm, with its state.
     pub const fn control(&self) -> &ArmControl {
         &self.control
     }

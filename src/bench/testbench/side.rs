@@ -12,11 +12,11 @@ use crate::robot_site::RobotSite;
 /// Receiver of the commands.
 #[derive(Clone, Debug)]
 pub enum Side {
-    /// The object of a configuration, free or held by the kinematic model of an arm.
+    /// Object of a configuration, free or held by the kinematic model of an arm.
     Virtual(Box<VirtualSite>),
-    /// An arm with masses, servos and a sensor.
+    /// Arm with masses, servos and a sensor.
     Robot(Box<RobotSite>),
-    /// An arm with masses, servos and a sensor, behind a link.
+    /// Arm with masses, servos and a sensor, behind a link.
     Linked(Box<LinkedRobot>),
 }
 

@@ -17,7 +17,7 @@ const RETRY_AFTER: Duration = Duration::from_millis(1);
 /// Runs `station` on `bus` until `is_over` returns true. Frames that a full bus refuses are sent later, up to a bound.
 ///
 /// # Errors
-/// The interface of a bus is down.
+/// Returns an error if the interface of a bus is down.
 pub fn run<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,

@@ -1,8 +1,8 @@
 //! Frames of devices that a bus has not accepted yet, sent in the order of real devices.
 //!
-//! A real device keeps a frame until the bus accepts it, and the lowest COB-ID is sent first. So does this queue, up to
-//! a bound: a socket's queue is shorter than a sub-block of 127 segments, which a device sends at once (CiA 301,
-//! 7.2.4.3), and a TPDO must not wait behind them. While the queue is empty, frames are sent in their order.
+//! A real device keeps a frame until the bus accepts it, and the lowest COB-ID is sent first. This queue does so, up to a
+//! bound. A device sends a sub-block of 127 segments at once (CiA 301, 7.2.4.3): more than the queue of a socket holds,
+//! and a TPDO must not wait behind them. While the queue is empty, frames are sent in their order.
 
 use std::collections::VecDeque;
 
@@ -12,7 +12,7 @@ use canopen::frame::{Channel, Telegram};
 /// Capacity: a sub-block of each of six drives, and their other frames meanwhile.
 const CAPACITY: usize = 1_024;
 
-/// The interface of a bus is down or gone.
+/// Bus whose interface is down or gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Down(pub Channel);
 
@@ -26,7 +26,6 @@ pub(super) struct TransmitQueue {
 }
 
 impl TransmitQueue {
-    /// An empty queue.
     pub(super) fn new() -> Self {
         Self { waiting: VecDeque::with_capacity(CAPACITY), full: Vec::new(), lost: 0 }
     }
@@ -39,7 +38,7 @@ impl TransmitQueue {
     /// Sends `frames` and the waiting ones, as far as the buses accept them. Frames beyond the capacity are lost.
     ///
     /// # Errors
-    /// A bus whose interface is down; its frames are lost.
+    /// Returns an error for a bus whose interface is down; its frames are lost.
     pub(super) fn send<B: Bus>(
         &mut self,
         bus: &mut B,

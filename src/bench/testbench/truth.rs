@@ -1,7 +1,7 @@
 //! Ground truth at the hand: the wrench between grip and hand in the simulated world, with its parts.
 //!
-//! At a SYNC the drives have held the torque of two cycles ago for one period (CiA 301, 7.2.2.5.1). The wrench on the hand at
-//! that time is compared with K_T times the wrench sensed two cycles ago, and with the parts of that torque.
+//! At a SYNC the drives have held the torque of two cycles ago for one period (CiA 301, 7.2.2.5.1). The wrench on the
+//! hand at that time is compared with K_T times the wrench sensed two cycles ago, and with that torque's parts.
 
 use crate::bench::Bench;
 use bus::Tap;

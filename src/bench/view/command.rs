@@ -30,12 +30,12 @@ pub struct View {
 /// Serves the page until SIGINT or SIGTERM.
 ///
 /// # Errors
-/// The address cannot be used, or cannot be printed.
+/// Returns an error if the address cannot be used, or cannot be printed.
 pub fn execute(args: &View) -> Result<(), Failure> {
     let sockets = args.socket.clone().map_or_else(default_sockets, |path| vec![path]);
     let server = bind(args.listen, sockets)?;
     let address = server.address();
-    // Before the line: who reads it may send a signal at once.
+    // Before the line is printed: its reader may send a signal at once.
     let runtime = Builder::new_current_thread().enable_io().build().or_fail(Kind::System)?;
     let entered = runtime.enter();
     let mut interrupt = signal(SignalKind::interrupt()).or_fail(Kind::System)?;
@@ -58,7 +58,7 @@ pub fn execute(args: &View) -> Result<(), Failure> {
 /// Takes the address of the page, and warns where others reach it.
 ///
 /// # Errors
-/// The address cannot be used.
+/// Returns an error if the address cannot be used.
 pub fn bind(listen: SocketAddr, sockets: Vec<PathBuf>) -> Result<Server, Failure> {
     if !listen.ip().is_loopback() {
         print::note(&format!(

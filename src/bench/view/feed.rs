@@ -32,15 +32,15 @@ pub enum Kind {
     Mode,
     /// All that changes.
     Snapshot,
-    /// A kind that this program does not know.
+    /// Kind that this program does not know.
     #[serde(other)]
     Other,
 }
 
-/// A line of the telemetry, without its end.
+/// Line of the telemetry, without its end.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {
-    /// Kind.
+    /// Kind that the line states; [`Kind::Other`] for an unknown one.
     pub kind: Kind,
     /// JSON object.
     pub text: Arc<str>,
@@ -49,7 +49,7 @@ pub struct Line {
 /// News from the reader.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum News {
-    /// The node sent a line.
+    /// Line that the node sent.
     Line(Line),
     /// Reason, as a sentence, why no telemetry can be read; reported once for each reason.
     Absent(String),
@@ -62,7 +62,7 @@ struct Head {
     kind: Kind,
 }
 
-/// A reader on a thread of its own. Ends when dropped.
+/// Reader on a thread of its own. Ends when dropped.
 #[derive(Debug)]
 pub struct FeedReader {
     is_ending: Arc<AtomicBool>,
@@ -73,7 +73,7 @@ impl FeedReader {
     /// Starts to read the first of these sockets on which a node listens, and calls `on_news` with lines and failures.
     ///
     /// # Errors
-    /// The thread cannot be started.
+    /// Returns an error if the thread cannot be started.
     pub fn start(
         sockets: Vec<PathBuf>,
         mut on_news: impl FnMut(News) + Send + 'static,
@@ -123,7 +123,7 @@ fn read_once(
             Err(error) => reasons.push(refusal(path, &error)),
         }
     }
-    // A socket without a working node has a better reason than an absent one.
+    // The reason of a socket without a working node says more than that of an absent socket.
     let absent = |reason: &&String| reason.starts_with("No node");
     let telling = reasons.iter().find(|reason| !absent(reason)).or(reasons.first());
     telling.cloned().unwrap_or_else(|| "No socket is given.".to_owned())

@@ -198,7 +198,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::testing::networks::{drives, grouped, network, six_drives_and_switches};
+    use crate::testing::networks::{
+        PAUSES, grouped, network, six_drives_and_switches, with_figures,
+    };
 
     #[test]
     fn six_drives_on_one_bus_fit_at_500_hz_only() {
@@ -216,8 +218,7 @@ mod tests {
 
     #[test]
     fn emergencies_of_higher_priority_delay_torques() {
-        let pauses = Pauses { drive_us: 100, host_us: 60 };
-        let assumed = Assumptions { pauses, ..Assumptions::default() };
+        let assumed = Assumptions { pauses: PAUSES, ..Assumptions::default() };
         let drives = grouped().into_iter().filter(|plan| plan.profile == 402).collect();
         let mut network = network(drives, 1_000);
         let before = network.torque_response(&assumed).unwrap();
@@ -240,17 +241,7 @@ mod tests {
             limit in any::<f64>(),
             gap in any::<u32>(),
         ) {
-            let mut network = network(drives(2), period_us);
-            network.master_heartbeat_ms = heartbeat_ms;
-            network.buses[0].bitrate = bitrate;
-            network.buses[0].load_limit_percent = limit;
-            let pauses = Pauses { drive_us: gap, host_us: gap };
-            let assumed = Assumptions {
-                pauses,
-                emergency_gap_us: gap,
-                sdo_gap_us: gap,
-                error_gap_us: Some(gap),
-            };
+            let (network, assumed) = with_figures(period_us, bitrate, heartbeat_ms, limit, gap);
             prop_assert_eq!(network.loads().len(), 1);
             prop_assert!(!network.highest_hz(&assumed).is_sign_negative());
             network.fits(&assumed);

@@ -92,17 +92,11 @@ impl Timeline {
 mod tests {
     use super::*;
     use crate::load::streams::streams;
-    use crate::testing::networks::{drives, grouped, master};
-
-    const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
-
-    fn worst(planned: &[Stream]) -> Timeline {
-        Timeline::new(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
-    }
+    use crate::testing::networks::{drives, grouped, master, worst_timeline};
 
     #[test]
     fn cycle_consists_of_frames_and_pauses_in_order() {
-        let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
+        let timeline = worst_timeline(&streams(&grouped(), 1_000, master(), 5));
         let stages: Vec<_> = timeline.steps.iter().map(|step| step.stage).collect();
         let positions = (0x181..=0x186).map(Stage::Tpdo);
         let expected = [Stage::Sync, Stage::Drives].into_iter().chain(positions);
@@ -130,11 +124,11 @@ mod tests {
             | Role::SdoResponse => stream.clone(),
         };
         let separate: Vec<Stream> = planned.iter().map(sized).collect();
-        assert_eq!(worst(&separate).blocked_us.to_string(), "1190");
+        assert_eq!(worst_timeline(&separate).blocked_us.to_string(), "1190");
         let mut shared = separate.clone();
         shared.retain(|stream| !matches!(stream.cob_id, 0x202 | 0x203));
         let at = shared.iter().position(|stream| stream.cob_id == 0x201).unwrap();
         shared[at].bytes = 6;
-        assert_eq!(worst(&shared).blocked_us.to_string(), "1080");
+        assert_eq!(worst_timeline(&shared).blocked_us.to_string(), "1080");
     }
 }

@@ -4,7 +4,9 @@ use canopen_rs::NodeId;
 
 use crate::layout;
 use crate::load::abilities::Abilities;
-use crate::load::network::{Bus, Member, Network};
+use crate::load::network::{Assumptions, Bus, Member, Network};
+use crate::load::streams::Stream;
+use crate::load::timeline::{Pauses, Timeline};
 use crate::plan::{ErrorControl, NodePlan};
 use crate::testing::plans::{elbow, switch_box};
 
@@ -55,6 +57,35 @@ pub fn network(plans: Vec<NodePlan>, period_us: u32) -> Network {
         members: plans.into_iter().map(member).collect(),
     };
     Network { period_us, master: master(), master_heartbeat_ms: 5, buses: vec![bus] }
+}
+
+/// Pauses of [`worst_timeline`].
+pub const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
+
+/// Timeline of `planned` at 1 Mbit/s with maximum bit stuffing; other frames take 135 µs.
+pub fn worst_timeline(planned: &[Stream]) -> Timeline {
+    Timeline::new(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
+}
+
+/// Two drives' network, and assumptions whose pauses and gaps all are `gap_us`, without a check of any figure.
+pub fn with_figures(
+    period_us: u32,
+    bitrate: u32,
+    heartbeat_ms: u16,
+    load_limit_percent: f64,
+    gap_us: u32,
+) -> (Network, Assumptions) {
+    let mut network = network(drives(2), period_us);
+    network.master_heartbeat_ms = heartbeat_ms;
+    network.buses[0].bitrate = bitrate;
+    network.buses[0].load_limit_percent = load_limit_percent;
+    let assumed = Assumptions {
+        pauses: Pauses { drive_us: gap_us, host_us: gap_us },
+        emergency_gap_us: gap_us,
+        sdo_gap_us: gap_us,
+        error_gap_us: Some(gap_us),
+    };
+    (network, assumed)
 }
 
 pub fn six_drives_and_switches() -> Vec<NodePlan> {

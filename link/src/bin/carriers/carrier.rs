@@ -34,7 +34,7 @@ impl Carrier {
         }
     }
 
-    /// Carrier of a name.
+    /// Returns the carrier with this name in the arguments.
     pub(crate) fn from_name(name: &str) -> Outcome<Self> {
         let carrier = Self::ALL.into_iter().find(|carrier| carrier.name() == name);
         carrier.ok_or(format!("unknown carrier {name}").into())

@@ -162,7 +162,7 @@ impl End {
         self.role.on_message(at, message);
     }
 
-    /// The flow rule: a limited number of messages that are not echoed, but always one every 20 ms.
+    /// Flow rule: a limited number of messages that are not echoed, but always one every 20 ms.
     fn may_send(&self, at: Instant) -> bool {
         let Some(newest) = self.record.sent.last() else { return true };
         let sent = u64::try_from(self.record.sent.len()).unwrap_or_default();

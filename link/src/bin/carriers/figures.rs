@@ -88,13 +88,13 @@ pub(crate) fn quantiles(mut values: Vec<u64>) -> String {
     format!("{} / {} / {}", at(50), at(99), at(100))
 }
 
-/// A time in ms, with one decimal place.
+/// Time in ms, with one decimal place.
 pub(crate) fn millis(micros: u64) -> String {
     let tenths = (micros + 50) / 100;
     format!("{}.{}", tenths / 10, tenths % 10)
 }
 
-/// A share in per cent, with one decimal place.
+/// Share in per cent, with one decimal place.
 pub(crate) fn share(part: u64, whole: u64) -> String {
     let tenths = (part * 1_000 + whole / 2).checked_div(whole).unwrap_or_default();
     format!("{}.{}", tenths / 10, tenths % 10)

@@ -5,10 +5,10 @@ use std::time::Duration;
 use crate::Outcome;
 use crate::carrier::Carrier;
 
-/// One measurement.
+/// Settings of one measurement.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
-    /// Carrier.
+    /// zenoh endpoint that carries the messages.
     pub(crate) carrier: Carrier,
     /// Messages of each end per second.
     pub(crate) rate: u32,

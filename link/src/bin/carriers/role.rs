@@ -16,7 +16,7 @@ pub(crate) enum Role {
 }
 
 impl Role {
-    /// Next message.
+    /// Returns the next message to send, encoded.
     pub(crate) fn message(&mut self, now: Instant) -> Vec<u8> {
         match self {
             Self::Near(node, _) => node.command(now, &ORDER).to_vec(),

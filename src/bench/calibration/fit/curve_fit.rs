@@ -48,7 +48,7 @@ impl DryFriction {
 pub struct CurveFit {
     /// Curve, which rises over the calibrated range. The range is that of both directions on both sides of zero.
     pub curve: TorqueCurve,
-    /// The motor turns against the joint: the curve has the negated targets, and `gear_ratio` must be negative.
+    /// Set if the motor turns against the joint: the curve has the negated targets, and `gear_ratio` must be negative.
     pub is_reversed: bool,
     /// Polynomial through all samples except outliers; `curve` has its coefficients.
     pub both: Polynomial<3>,
@@ -75,7 +75,7 @@ pub struct CurveFit {
 /// Reason why samples give no torque curve.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum NoTorqueCurve {
-    /// A sample is NaN or infinite.
+    /// NaN or infinity in a sample.
     #[error("sample {place} is not finite")]
     NotFinite {
         /// Number of the sample, from 1.
@@ -104,7 +104,7 @@ pub enum NoTorqueCurve {
         /// Driving direction.
         direction: Direction,
     },
-    /// The polynomial does not rise over the calibrated range.
+    /// Polynomial that does not rise over the calibrated range.
     #[error("{0}")]
     NoCurve(#[from] InvalidTorqueCurve),
 }
@@ -113,7 +113,8 @@ impl CurveFit {
     /// Fits one joint's samples.
     ///
     /// # Errors
-    /// The samples do not determine a curve in both driving directions, or it does not rise over their range.
+    /// Returns an error if the samples do not determine a curve in both driving directions, or it does not rise over
+    /// their range.
     pub fn fit(samples: &[Sample]) -> Result<Self, NoTorqueCurve> {
         let (all, is_reversed) = along_the_joint(samples)?;
         let ways = [Direction::Up, Direction::Down];

@@ -30,7 +30,7 @@ pub enum Doubt {
         /// Number of readings.
         of: usize,
     },
-    /// The load cell has an offset.
+    /// Offset of the load cell.
     CellOffset {
         /// Offset in N·m.
         offset: f64,
@@ -44,7 +44,7 @@ pub enum Doubt {
         /// Even part relative to the end of the curve.
         share: f64,
     },
-    /// The curve does not predict left-out readings (cross-validation).
+    /// Left-out readings that the curve does not predict (cross-validation).
     LeftOut {
         /// RMS residual, relative to the end of the curve.
         share: f64,

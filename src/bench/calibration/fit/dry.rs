@@ -1,9 +1,9 @@
-//! Simultaneous fit of torque curve and dry friction: `per_mille = p(t + s f)`, where `s` is +1 for samples driven up
-//! and -1 for those driven down, `p` is odd and `f` is the friction.
+//! Simultaneous fit of torque curve and dry friction: `per_mille = p(t + s f)`. The curve `p` is odd, `f` is the
+//! friction, and `s` is +1 for samples driven up, -1 for those driven down.
 //!
 //! The load cell reads the motor's torque minus the friction against the driving direction, so the motor's torque is
-//! `t + s f`. For a given `f` the problem is linear: a search over `f` with linear least squares inside (variable
-//! projection; Golub and Pereyra 1973), then Gauss-Newton steps to full precision.
+//! `t + s f`. For a given `f` the problem is linear. So a search over `f` has linear least squares inside (variable
+//! projection; Golub and Pereyra 1973), and Gauss-Newton steps follow to full precision.
 
 use nalgebra::DVector;
 

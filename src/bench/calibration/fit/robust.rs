@@ -1,7 +1,7 @@
 //! Outliers among readings: a wrong entry, a lever that slipped, a spike of the load cell.
 //!
 //! A reading is an outlier if its distance from the fit exceeds five times the median absolute deviation (MAD) of all
-//! readings (Rousseeuw and Croux 1993), which is 3.4 standard deviations of normal noise. Least squares would follow
+//! readings (Rousseeuw and Croux 1993). That is 3.4 standard deviations of normal noise. Least squares would follow
 //! outliers, so the fit that finds them minimizes absolute deviations. It tolerates a third of wrong readings.
 
 use nalgebra::{DMatrix, DVector};

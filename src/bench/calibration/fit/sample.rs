@@ -5,10 +5,10 @@ use derive_more::Display;
 /// Driving direction of a joint at a sample.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Direction {
-    /// The torque rises.
+    /// Rising torque.
     #[display("up")]
     Up,
-    /// The torque falls.
+    /// Falling torque.
     #[display("down")]
     Down,
 }

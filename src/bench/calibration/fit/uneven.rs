@@ -29,7 +29,7 @@ const COMMON: usize = ODD.len() + 1;
 pub struct Unevenness {
     /// Largest even part, relative to the end of the curve.
     pub share: f64,
-    /// An offset of the load cell fits better than sides of different strength.
+    /// Set if an offset of the load cell fits better than sides of different strength.
     pub is_offset: bool,
     /// Offset of the load cell in N·m, fitted with equal sides.
     pub offset: f64,

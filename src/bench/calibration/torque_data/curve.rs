@@ -37,7 +37,7 @@ pub struct TorqueData {
     pub joints: Vec<JointReadings>,
 }
 
-/// Readings of one joint.
+/// Load cell readings of a joint at rest, for its torque curve.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointReadings {
     /// Name or number of the joint, as written.
@@ -52,7 +52,7 @@ impl TorqueData {
     /// Reads a file.
     ///
     /// # Errors
-    /// The first 20 problems of the file, with line and column.
+    /// Returns the first 20 problems of the file, with line and column.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         Self::parse(file, &problem::text(&Files::on_disk(Trust::Any), file)?)
     }
@@ -60,7 +60,7 @@ impl TorqueData {
     /// Parses `text`, the content of `file`.
     ///
     /// # Errors
-    /// The first 20 problems of the text, with line and column.
+    /// Returns the first 20 problems of the text, with line and column.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut readings = Readings::new(file, text);
         let mut data = Self::default();

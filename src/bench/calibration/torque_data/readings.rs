@@ -118,7 +118,7 @@ impl<'t> Readings<'t> {
     /// Returns `value`, or the first problems of the file in the order of its lines.
     ///
     /// # Errors
-    /// The problems, or, without problems, that the file has no reading if `is_empty`.
+    /// Returns the problems, or, without problems, that the file has no reading if `is_empty`.
     pub(super) fn finish<T>(mut self, value: T, is_empty: bool) -> Result<T, Invalid> {
         if self.problems.is_empty() && is_empty {
             let (file, reason) = (self.file, "must have at least one reading".to_owned());

@@ -39,7 +39,7 @@ pub struct SweepData {
     pub joints: Vec<JointSweep>,
 }
 
-/// Sweep of one joint.
+/// Torques of a joint at constant velocities, for its friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointSweep {
     /// Name or number of the joint, as written.
@@ -74,7 +74,7 @@ impl SweepData {
     /// Reads a file.
     ///
     /// # Errors
-    /// The first 20 problems of the file, with line and column.
+    /// Returns the first 20 problems of the file, with line and column.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         Self::parse(file, &problem::text(&Files::on_disk(Trust::Any), file)?)
     }
@@ -82,7 +82,7 @@ impl SweepData {
     /// Parses `text`, the content of `file`.
     ///
     /// # Errors
-    /// The first 20 problems of the text, with line and column.
+    /// Returns the first 20 problems of the text, with line and column.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
         let mut readings = Readings::new(file, text);
         let mut data = Self { file: file.to_path_buf(), ..Self::default() };

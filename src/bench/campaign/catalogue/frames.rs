@@ -182,7 +182,8 @@ const COMMANDS_LOST: &[Cause] =
     &[Cause::Emergency, Cause::DriveLeft, Cause::TargetNotTaken, Cause::TorqueDiffers];
 
 /// Drops the RPDOs of a drive. Its timer stops it, and its EMCY stops the others two cycles later. A drive without that
-/// timer holds its target until the node detects it and switches the drive off by SDO; the hand moves to change the target.
+/// timer holds its target until the node detects it and switches the drive off by SDO. The hand moves to change the
+/// target.
 fn rpdo_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let joint = random.joint();
     let fault = frames(at, joint, FrameFault::on_service(RPDO, Effect::Drop));
@@ -210,7 +211,7 @@ fn hand_turns(at: &Conditions<'_>, begin_s: f64) -> Entry {
 }
 
 /// Drops the controlwords of a drive, then stops the node by the EMCY of another. If its only RPDO is lost, the drive
-/// receives no target either: it stops by its RPDO timer, or is switched off 100 ms after the stop.
+/// receives no target either. It stops by its RPDO timer, or is switched off 100 ms after the stop.
 fn controlword_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
     let (joint, other) = (random.joint(), random.joint());
     let rpdo = pdo_with(at, joint, Object::CONTROLWORD);

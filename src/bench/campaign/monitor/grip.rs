@@ -23,7 +23,7 @@ pub(super) struct Grip {
     reported: Option<Deadman>,
     /// State of the contacts at the end of a cycle, and the time of its last change.
     contacts: Option<(Deadman, Instant)>,
-    /// The deadman has settled open, and has not engaged since.
+    /// Set if the deadman has settled open, and has not engaged since.
     has_released: bool,
     is_engaged: bool,
 }

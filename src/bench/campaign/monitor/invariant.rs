@@ -15,8 +15,8 @@ pub enum Invariant {
     Cap,
     /// I2: no target exceeds its slew rate.
     Slew,
-    /// I3: targets are zero unless armed, and carry the arm's weight alone while the deadman is open; no engagement
-    /// before the deadman's contacts have settled for 25 ms, open and then closed.
+    /// I3: targets are zero unless armed, and carry the arm's weight alone while the deadman is open. The node engages
+    /// only after the deadman's contacts have settled for 25 ms, open and then closed.
     Permitted,
     /// I4: targets are zero after a stop, until reset, deadman edge and arming.
     Latched,
@@ -64,7 +64,7 @@ impl Invariant {
     }
 }
 
-/// Violation of an invariant.
+/// Time and description of a violated invariant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// Violated invariant.

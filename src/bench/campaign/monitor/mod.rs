@@ -54,7 +54,7 @@ use units::time::Instant;
 /// Answer of the console to a granted request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// Armed.
+    /// Answer to the request to arm.
     Armed,
     /// Reset, and armed as before.
     ResetToArmed,
@@ -62,7 +62,7 @@ pub enum Answer {
     Disarmed,
 }
 
-/// A monitor with the state of its network.
+/// Monitor with the state of its network.
 #[derive(Clone, Debug)]
 pub struct Monitor {
     sheet: Arc<Sheet>,

@@ -3,7 +3,7 @@
 /// Mode of the node, as far as the invariants distinguish it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// A latched mode without torque: S2 or S3.
+    /// Latched mode without torque: S2 or S3.
     Stopped,
     /// Command and reflection are enabled.
     Engaged,

@@ -257,7 +257,7 @@ impl Order {
     }
 }
 
-/// The command specifier of an SDO (CiA 301, 7.2.4.3).
+/// Command specifier of an SDO (CiA 301, 7.2.4.3).
 const SPECIFIER: u8 = 0b1110_0000;
 const DOWNLOAD: u8 = 0b0010_0000;
 const ABORT: u8 = 0b1000_0000;

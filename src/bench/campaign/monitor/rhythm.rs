@@ -24,9 +24,9 @@ pub(super) struct Rhythm {
 /// Exemption from I5: targets may be missing or late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exemption {
-    /// A bus, from this time on: the node does not determine the times of its frames.
+    /// Bus, from this time on: the node does not determine the times of its frames.
     Bus(Channel, Instant),
-    /// The process, in this interval. Late targets must be zero.
+    /// Process, in this interval. Late targets must be zero.
     Process(Instant, Instant),
 }
 
@@ -44,7 +44,7 @@ impl Rhythm {
         self.exemptions.push(exemption);
     }
 
-    /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle while `is_driven`: for the
+    /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle while `is_driven`. For the
     /// proof test, and after its last cycle, the node sends heartbeats without SYNCs.
     pub(super) fn on_taken(
         &mut self,

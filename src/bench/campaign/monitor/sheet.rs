@@ -43,7 +43,7 @@ pub(super) struct Sheet {
     arm: Arm,
 }
 
-/// One node.
+/// Node with its identity, EMCY COB-ID and timers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
     pub(super) channel: Channel,
@@ -69,7 +69,7 @@ pub(super) struct JointSheet {
     range: [f64; 2],
 }
 
-/// An RPDO with commands of drives.
+/// RPDO with commands of drives.
 #[derive(Clone, Debug)]
 pub(super) struct Rpdo {
     pub(super) channel: Channel,
@@ -219,7 +219,7 @@ impl Rpdo {
     }
 }
 
-/// A command of a drive.
+/// Command of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Command {
     Target(Joint, i16),

@@ -1,8 +1,8 @@
 //! Distances of the SYNCs of one bus: I10.
 //!
-//! The node sends at most half a period late, so two SYNCs that the bus accepts are at least half a period apart, and a
-//! missed one is not repeated. The wire, or a disturbed adapter, may delay one until just before the next: the node is then
-//! judged by the times of acceptance alone.
+//! The node sends at most half a period late, and does not repeat a missed SYNC. So two SYNCs that the bus accepts are at
+//! least half a period apart. The wire, or a disturbed adapter, may delay one until just before the next: the node is
+//! then judged by the times of acceptance alone.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ pub(super) struct Spacing {
     bit_ns: u64,
     accepted: Times,
     sent: Times,
-    /// The newest SYNC waited for other frames only.
+    /// Set if the newest SYNC waited for other frames only.
     was_held_by_wire: bool,
     /// Start of the frames that follow each other without a gap, and the end of the last one.
     busy: [Instant; 2],
@@ -84,8 +84,8 @@ impl Spacing {
 
     /// Takes a SYNC on the wire that was accepted at `since`, after [`on_frame`](Self::on_frame); returns the burst that
     /// it ends. Two may be a quarter of a period apart, for six late targets of zero that precede the first. They may be
-    /// closer where the second was handed over after the first had left, and the first waited for a busy wire or the
-    /// adapter `is_disturbed`.
+    /// closer if the first waited for a busy wire, or the adapter `is_disturbed`, and the second was handed over after
+    /// the first had left.
     pub(super) fn on_sync(
         &mut self,
         period: Duration,

@@ -1,4 +1,4 @@
-//! The monitor reports every violated invariant, and none in a correct run.
+//! Monitor: every violated invariant is reported, and none in a correct run.
 
 mod guarding;
 
@@ -493,7 +493,7 @@ fn held(mut bench: Bench, gap: u64) -> Bench {
     bench
 }
 
-/// A running bench whose adapter is disturbed.
+/// Running bench whose adapter is disturbed.
 fn disturbed() -> Bench {
     let mut bench = Bench::running();
     let from = Instant::from_micros(bench.now);

@@ -41,10 +41,10 @@ pub(super) struct Torque {
     weight: Option<(u64, Weight)>,
     /// Number of targets in a row that exceed the weight.
     heavy: [u32; 6],
-    /// The deadman as the switch box reports it, and the time since which it is open.
+    /// Deadman as the switch box reports it, and the time since which it is open.
     deadman: Option<Deadman>,
     open_since: Option<Instant>,
-    /// The deadman was open since arming: only then may closing it engage.
+    /// Set if the deadman was open since arming: only then may closing it engage.
     has_edge: bool,
     state: State,
     /// Number of non-zero targets without arming.
@@ -56,7 +56,7 @@ pub(super) struct Torque {
 enum State {
     /// Not armed; torque has ended by this time.
     Disarmed(Instant),
-    /// Armed.
+    /// Armed by the console, and not stopped since.
     Armed,
     /// Stopped since this time.
     Stopped(Instant),

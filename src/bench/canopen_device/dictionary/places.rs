@@ -13,7 +13,7 @@ const MULTIPLIER: u32 = 0x9E37_79B1;
 /// Places by object.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Places {
-    /// A power of two of slots.
+    /// Slots, a power of two.
     slots: Vec<Option<u16>>,
 }
 

@@ -92,7 +92,7 @@ impl Probe {
     pub const EVERYBODY: u8 = 0x80;
 }
 
-/// LSS request.
+/// Request of the LSS master (CiA 305).
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Request {
     /// Switches the state of every slave.
@@ -213,10 +213,10 @@ impl Answer {
     pub const SPECIFIC: u8 = 0xFF;
 }
 
-/// LSS reply.
+/// Reply of an LSS slave (CiA 305).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// The slave is selected and in configuration.
+    /// Confirmation of the slave that was selected by its address; it is in configuration now.
     Selected,
     /// Result of "configure node-id".
     NodeIdConfigured(Answer),
@@ -230,7 +230,7 @@ pub enum Reply {
     NodeId(u8),
     /// All conditions, or the compared bits, match.
     Identified,
-    /// The slave has no node-id.
+    /// Presence of a slave without a node-id.
     NonConfigured,
 }
 

@@ -36,7 +36,7 @@ impl Layer {
         Self { slave: Slave::new(address, Some(node)), changing: None }
     }
 
-    /// Active node-id.
+    /// Active node-id; `None` while unconfigured.
     pub(crate) const fn node(&self) -> Option<NodeId> {
         self.slave.node()
     }

@@ -18,7 +18,7 @@ use canopen_rs::NodeId;
 use canopen_rs::lss::{LSS_MASTER_COB_ID, LSS_SLAVE_COB_ID, UNCONFIGURED_NODE_ID};
 use derive_more::Display;
 
-/// COB-ID of LSS requests.
+/// COB-ID of requests, 7E5h (CiA 305).
 pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;
 /// COB-ID of LSS replies, shared by all slaves.
 pub const REPLY_COB_ID: u16 = LSS_SLAVE_COB_ID;
@@ -26,16 +26,16 @@ pub const REPLY_COB_ID: u16 = LSS_SLAVE_COB_ID;
 /// Part of an LSS address, in the order of 1018h:1 to 4.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
-    /// Vendor-ID.
+    /// Vendor-ID, 1018h:1.
     #[display("vendor-ID")]
     Vendor,
-    /// Product code.
+    /// Product code, 1018h:2.
     #[display("product code")]
     Product,
-    /// Revision number.
+    /// Revision number, 1018h:3.
     #[display("revision number")]
     Revision,
-    /// Serial number.
+    /// Serial number, 1018h:4.
     #[display("serial number")]
     Serial,
 }
@@ -64,13 +64,13 @@ impl Part {
 #[derive(Clone, Copy, Debug, Display, Default, PartialEq, Eq, Hash)]
 #[display("{vendor:08X}h {product:08X}h {revision:08X}h {serial:08X}h")]
 pub struct Address {
-    /// Vendor-ID.
+    /// Vendor-ID, 1018h:1.
     pub vendor: u32,
-    /// Product code.
+    /// Product code, 1018h:2.
     pub product: u32,
-    /// Revision number.
+    /// Revision number, 1018h:3.
     pub revision: u32,
-    /// Serial number.
+    /// Serial number, 1018h:4.
     pub serial: u32,
 }
 

@@ -15,14 +15,13 @@ use canopen::frame::Frame;
 /// Effect of a request on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// The device has its first node-id and left configuration: it resets communication and boots up.
+    /// Reset of communication with boot-up: the device left configuration with its first node-id.
     Reset,
-    /// The device stops communicating, switches to the configured bit rate after this time, and resumes after
-    /// the same time again.
+    /// Switch to the configured bit rate after this time without frames. The device resumes after the same time again.
     BitRate(Duration),
 }
 
-/// LSS slave.
+/// LSS slave (CiA 305) with its active, pending and stored settings.
 #[derive(Clone, Debug)]
 pub struct Slave {
     address: Address,
@@ -57,12 +56,12 @@ impl Slave {
         }
     }
 
-    /// LSS state.
+    /// LSS state: waiting or configuration.
     pub const fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Active node-id.
+    /// Active node-id; `None` while unconfigured.
     pub const fn node(&self) -> Option<NodeId> {
         self.active
     }
@@ -233,7 +232,6 @@ mod tests {
         NodeId::new(raw).unwrap()
     }
 
-    /// Reply and effect of a request.
     fn request(slave: &mut Slave, request: Request) -> (Option<Reply>, Option<Effect>) {
         let mut out = Vec::new();
         let effect = slave.on_frame(&request.frame(), &mut out);

@@ -31,8 +31,8 @@ const CLIENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Time after which lost segments of a block download are requested again.
 const RETRY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Interval between two segments of a block upload: their time at 1 Mbit/s without stuff bits, so that a
-/// sub-block fills the bus and not the transmit queue.
+/// Interval between two segments of a block upload: their time at 1 Mbit/s without stuff bits. So a sub-block fills the
+/// bus and not the transmit queue.
 const SEGMENT_INTERVAL: Duration = Duration::from_micros(100);
 
 /// Objects of a server.
@@ -90,7 +90,7 @@ enum Way {
 type Reply = Result<Option<SdoPayload>, (Object, AbortCode)>;
 
 impl SdoServer {
-    /// Returns the server of `node`.
+    /// Returns an idle server with the default COB-IDs of `node`.
     pub(super) const fn new(node: NodeId) -> Self {
         Self {
             node,

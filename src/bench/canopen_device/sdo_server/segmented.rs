@@ -16,7 +16,7 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    /// Returns an upload of `bytes`.
+    /// Starts with the first byte and toggle bit 0.
     pub(super) const fn new(bytes: Vec<u8>) -> Self {
         Self { bytes, sent: 0, toggle: false }
     }

@@ -182,7 +182,7 @@ fn abort_ends_a_transfer_without_reply() {
 
 const NOTHING: [SdoPayload; 0] = [];
 
-/// A text of 21 bytes: three segments.
+/// Text of 21 bytes: three segments.
 fn shelf_of_three() -> (SdoServer, Shelf) {
     (server(), Shelf { text: (1..=21).collect(), ..Shelf::default() })
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::lss::REQUEST_COB_ID;
 
-/// An input of the device.
+/// Input of the device.
 #[derive(Clone, Debug)]
 enum Input {
     Frame(u16, Vec<u8>),

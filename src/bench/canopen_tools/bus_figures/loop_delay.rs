@@ -38,19 +38,12 @@ impl LoopDelay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canopen::load::streams::{Role, Stream, streams};
-    use canopen::load::timeline::Pauses;
-    use canopen::testing::networks::{drives, grouped, master};
-
-    const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
-
-    fn worst(planned: &[Stream]) -> Timeline {
-        Timeline::new(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
-    }
+    use canopen::load::streams::{Role, streams};
+    use canopen::testing::networks::{drives, grouped, master, worst_timeline};
 
     #[test]
     fn synchronous_torque_acts_one_period_after_its_position() {
-        let timeline = worst(&streams(&drives(3), 1_000, master(), 5));
+        let timeline = worst_timeline(&streams(&drives(3), 1_000, master(), 5));
         let delay = LoopDelay::new(&timeline, 1_000.0);
         assert_eq!(delay.synchronous_us.to_string(), "1000");
         // Latency 100, three TPDOs of 135, host 60, then one RPDO of 95, and three.
@@ -60,7 +53,7 @@ mod tests {
 
     #[test]
     fn torque_after_the_next_sync_acts_one_sync_later() {
-        let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
+        let timeline = worst_timeline(&streams(&grouped(), 1_000, master(), 5));
         assert_eq!(LoopDelay::new(&timeline, 1_000.0).synchronous_us.to_string(), "2000");
         assert_eq!(LoopDelay::new(&timeline, 1_015.0).synchronous_us.to_string(), "1015");
     }
@@ -70,12 +63,12 @@ mod tests {
         let none = LoopDelay { synchronous_us: 0.0, first_arrival_us: 0.0, last_arrival_us: 0.0 };
         for period_us in [0, 1_000] {
             let period = f64::from(period_us);
-            let silent = worst(&streams(&drives(0), period_us, master(), 0));
+            let silent = worst_timeline(&streams(&drives(0), period_us, master(), 0));
             assert_eq!(LoopDelay::new(&silent, period), none);
             // Positions alone: the drives of the bus have their torques on another.
             let mut planned = streams(&drives(3), period_us, master(), 0);
             planned.retain(|stream| !matches!(stream.role, Role::Rpdo(_)));
-            let positions = worst(&planned);
+            let positions = worst_timeline(&planned);
             assert_eq!(LoopDelay::new(&positions, period), none);
             assert_eq!(
                 positions.steps.iter().filter(|step| matches!(step.stage, Stage::Tpdo(_))).count(),

@@ -27,7 +27,7 @@ use canopen::load::timeline::Timeline;
 /// Frame with its typical length and worst-case response time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedFrame {
-    /// Frame.
+    /// COB-ID, sender, length and frequency.
     pub stream: Stream,
     /// Typical length, in bits.
     pub typical_bits: f64,
@@ -62,7 +62,7 @@ pub struct BusPlan {
     pub load_limit_percent: f64,
     /// Frames by descending priority.
     pub frames: Vec<PlannedFrame>,
-    /// Bus load.
+    /// Bus load by several measures.
     pub utilisation: Utilisation,
     /// Margin for unplanned traffic.
     pub margin: Margin,
@@ -148,8 +148,9 @@ mod tests {
 
     use super::*;
     use crate::bus_figures::typical::Signals;
-    use canopen::load::timeline::Pauses;
-    use canopen::testing::networks::{drives, grouped, network, six_drives_and_switches};
+    use canopen::testing::networks::{
+        drives, grouped, network, six_drives_and_switches, with_figures,
+    };
 
     /// Typical values of drives 1 to 6.
     fn values() -> Values {
@@ -205,17 +206,7 @@ mod tests {
             limit in any::<f64>(),
             gap in any::<u32>(),
         ) {
-            let mut network = network(drives(2), period_us);
-            network.master_heartbeat_ms = heartbeat_ms;
-            network.buses[0].bitrate = bitrate;
-            network.buses[0].load_limit_percent = limit;
-            let pauses = Pauses { drive_us: gap, host_us: gap };
-            let assumed = Assumptions {
-                pauses,
-                emergency_gap_us: gap,
-                sdo_gap_us: gap,
-                error_gap_us: Some(gap),
-            };
+            let (network, assumed) = with_figures(period_us, bitrate, heartbeat_ms, limit, gap);
             prop_assert_eq!(plans(&network, &values(), &assumed).len(), 1);
         }
     }

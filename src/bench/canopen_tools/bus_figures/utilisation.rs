@@ -68,7 +68,7 @@ impl Utilisation {
 /// Margin for unplanned traffic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margin {
-    /// Margin in bit/s.
+    /// Bit rate that the worst-case load leaves, in bit/s; zero if it leaves none.
     pub bits_per_s: f64,
     /// Margin in expedited SDO exchanges per second.
     pub expedited_sdo_per_s: f64,

@@ -12,7 +12,7 @@ use canopen::{error_codes, nmt, sync};
 /// Messages of the master itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Master {
-    /// Node-id.
+    /// Node-id in its heartbeat.
     pub node: u8,
     /// SYNC period, in µs.
     pub period_us: u32,
@@ -24,7 +24,7 @@ pub struct Master {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{id:03X}h is {first} on one bus and {second} on another")]
 pub struct Collision {
-    /// Identifier.
+    /// Identifier of both frames.
     pub id: u32,
     /// Meaning on one bus.
     pub first: String,
@@ -69,7 +69,7 @@ fn to_master() -> Vec<String> {
     vec![MASTER.to_owned()]
 }
 
-/// Plain number.
+/// Unsigned field without scale and unit.
 fn number(name: &str, start: u16, bits: u16) -> Field {
     let most = (1_u128 << bits) - 1;
     let most = u32::try_from(most).map_or(0.0, f64::from);
@@ -254,7 +254,7 @@ fn parts(signal: &Signal) -> Vec<Field> {
     fields
 }
 
-/// Scaled number.
+/// Field of a signal, with its scale, unit and range if it has a measure.
 fn scaled(signal: &Signal) -> Field {
     let plain = number(&signal.name, u16::from(signal.start), u16::from(signal.bits));
     let plain = if signal.is_signed {

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-/// Error frame.
+/// Error frame of Linux; `Display` names its classes and their details.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
     /// Error classes, one bit each.

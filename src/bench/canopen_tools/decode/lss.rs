@@ -10,7 +10,7 @@ use canopen_rs::time::TimeOfDay;
 pub struct Lss {
     /// Set for a request of the master.
     pub is_request: bool,
-    /// Data.
+    /// Command specifier (CiA 305), then its parameters.
     pub data: [u8; 8],
 }
 

@@ -54,11 +54,11 @@ pub struct Decoder {
     buses: Vec<BusState>,
 }
 
-/// Bus of a decoder.
+/// Index of a bus, from [`Decoder::listen`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bus(usize);
 
-/// State of one bus.
+/// Network index, frame monitor and SDO transfers of one bus.
 #[derive(Clone, Debug)]
 struct BusState {
     network: usize,
@@ -69,9 +69,9 @@ struct BusState {
 /// Node by its name or number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Who<'d> {
-    /// Configured node.
+    /// Name of a configured node.
     Named(&'d str),
-    /// Unknown node.
+    /// Node-id that no configured node has.
     Node(u8),
 }
 
@@ -89,9 +89,9 @@ pub enum What<'d> {
         /// Deviation from the period, in µs.
         jitter_us: Option<i64>,
     },
-    /// Time of day.
+    /// TIME message: days since 1984-01-01 and ms after midnight.
     Time(TimeOfDay),
-    /// Emergency.
+    /// EMCY message.
     Emergency(Emergency),
     /// PDO of the layout, with its zero-padded data and length.
     Pdo(&'d PdoFrame, [u8; 8], usize),
@@ -99,13 +99,13 @@ pub enum What<'d> {
     OtherPdo(Direction, u8),
     /// Step of an SDO transfer.
     Sdo(Step<'d>),
-    /// Heartbeat, with its change.
+    /// NMT state in a heartbeat; `None` without a change since the last one.
     Heartbeat(NmtState, Option<Change>),
     /// LSS message.
     Lss(Lss),
     /// Invalid length or content, with the expected one.
     Malformed(&'static str),
-    /// Unknown.
+    /// COB-ID outside the layout and the predefined connection set.
     Unknown,
 }
 
@@ -114,7 +114,7 @@ pub enum What<'d> {
 pub struct Annotation<'d> {
     /// Node that sends the frame, or receives it.
     pub who: Option<Who<'d>>,
-    /// Content.
+    /// Meaning of identifier and data.
     pub what: What<'d>,
     remarks: &'d [Remark],
     decoder: &'d Decoder,

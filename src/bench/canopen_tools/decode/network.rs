@@ -13,7 +13,7 @@ use canopen::{emcy, nmt, sync};
 /// Use of a COB-ID.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Unknown.
+    /// Neither predefined nor in a member's plan.
     #[default]
     Unknown,
     Nmt,
@@ -71,7 +71,7 @@ pub(super) struct Network {
 impl Network {
     /// Returns a bus with these members and their frames.
     ///
-    /// A COB-ID or node-id of two members is unknown, as `members` may be on several buses.
+    /// COB-IDs and node-ids of two members are unknown, as `members` may be on several buses.
     pub(super) fn new(
         members: &[Member],
         frames: &[PdoFrame],
@@ -107,7 +107,7 @@ impl Network {
         network
     }
 
-    /// Returns the use of a COB-ID.
+    /// Returns the use of a COB-ID on this bus; [`Use::Unknown`] beyond 7FFh.
     pub(super) fn use_of(&self, cob_id: u16) -> Use {
         self.uses.get(usize::from(cob_id)).copied().unwrap_or_default()
     }

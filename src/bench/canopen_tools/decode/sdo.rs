@@ -15,20 +15,20 @@ const SEGMENT: usize = 7;
 /// Side of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Client: a request, or a segment of a download.
+    /// Sender of the request, or of a segment of a download.
     Client,
-    /// Server.
+    /// Node that holds the object: a response, or a segment of an upload.
     Server,
 }
 
 /// Step of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step<'t> {
-    /// Side.
+    /// Sender of the frame.
     pub side: Side,
     /// Object, if known.
     pub object: Option<Object>,
-    /// Action.
+    /// Effect of the frame on its transfer.
     pub act: Act<'t>,
 }
 
@@ -56,9 +56,9 @@ pub enum Act<'t> {
 /// Value of an object, or its beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Value<'t> {
-    /// First bytes.
+    /// First bytes, at most 256, little-endian.
     pub bytes: &'t [u8],
-    /// Total length.
+    /// Total length, in bytes.
     pub length: usize,
     /// Indicated size, if it differs.
     pub announced: Option<u32>,

@@ -190,7 +190,6 @@ impl<'d> Annotation<'d> {
 }
 
 impl<'t> Value<'t> {
-    /// Text of a value of `object`.
     const fn text(&self, object: Object, fallback_type: Option<u16>) -> ValueText<'t> {
         ValueText { object, bytes: self.bytes, length: self.length, fallback_type }
     }

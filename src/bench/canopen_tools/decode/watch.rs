@@ -41,11 +41,11 @@ pub enum Remark {
 /// Change between two heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Boot-up.
+    /// Boot-up message: state 0.
     BootUp,
     /// First heartbeat.
     First,
-    /// Change from this state.
+    /// Another state than in the last heartbeat, which had this one.
     From(NmtState),
     /// Return after a loss of this duration.
     Back(Duration),
@@ -69,7 +69,7 @@ pub(super) struct Watch {
     pub(super) remarks: Vec<Remark>,
 }
 
-/// Synchronous PDO.
+/// Expected synchronous PDO, with its frames counted in SYNCs.
 #[derive(Clone, Debug)]
 struct ExpectedPdo {
     frame: usize,
@@ -82,7 +82,7 @@ struct ExpectedPdo {
     age: Option<u8>,
 }
 
-/// Node.
+/// Error control of one node-id.
 #[derive(Clone, Copy, Debug, Default)]
 struct Node {
     lost_after: Option<Duration>,

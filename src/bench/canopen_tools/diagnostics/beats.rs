@@ -14,7 +14,6 @@ const MAX_MISSED: u32 = 3;
 /// Heartbeat or boot-up message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Beat {
-    /// Node.
     pub node: NodeId,
     /// NMT state; [`NmtState::Initialising`] for a boot-up.
     pub state: NmtState,

@@ -13,10 +13,9 @@ use canopen::frame::Frame;
 use canopen::nmt::Order;
 use units::time::Instant;
 
-/// Response of one node.
+/// State and confirmation of one node after a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NodeResponse {
-    /// Node.
     pub node: NodeId,
     /// NMT state in its last heartbeat since the command; [`NmtState::Initialising`] for a boot-up.
     pub state: Option<NmtState>,
@@ -80,7 +79,7 @@ impl NodeResponse {
     }
 }
 
-/// Returns the state that confirms a command.
+/// Returns the state in whose heartbeat a node confirms a command; [`NmtState::Initialising`] for a reset.
 const fn confirming(command: NmtCommand) -> NmtState {
     match command {
         NmtCommand::StartRemoteNode => NmtState::Operational,

@@ -27,11 +27,9 @@ const MAX_OBJECTS: u8 = 64;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("node {}: {object}: {error}", node.raw())]
 pub struct Unreadable {
-    /// Node.
     pub node: NodeId,
-    /// Object.
     pub object: Object,
-    /// Reason.
+    /// Abort or timeout of the read.
     pub error: SdoError,
 }
 
@@ -280,7 +278,6 @@ mod tests {
         NodeId::new(3).unwrap()
     }
 
-    /// Device configured by `plan`.
     fn configured(plan: &NodePlan) -> ScriptedDevice {
         let mut device = ScriptedDevice::suiting(plan);
         for (object, value) in plan.pdos.iter().flat_map(Pdo::writes) {

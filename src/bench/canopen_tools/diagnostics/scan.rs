@@ -43,7 +43,6 @@ const TOGGLE: u8 = 0x80;
 /// Properties of one node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeReport {
-    /// Node-id.
     pub node: NodeId,
     /// Set if the node replied; otherwise it only sent unrequested frames.
     pub answers: bool,
@@ -116,7 +115,7 @@ impl NodeReport {
         self.is_answered_twice || self.boot_ups > 1
     }
 
-    /// Records the content of an object.
+    /// Stores the content of one of [`OBJECTS`]; numbers without four bytes count as unread.
     fn record(&mut self, object: Object, content: &Content) {
         let number = || content.exactly(4).and_then(|bytes| bytes.try_into().ok());
         let number = || number().map(u32::from_le_bytes);

@@ -1,8 +1,7 @@
-//! NMT states of nodes that send no heartbeat, polled by node guarding (CiA 301, 7.2.8.2.2.1): one node at a time, by one
-//! remote frame each.
+//! NMT states of nodes that send no heartbeat, polled one by one by remote frames: node guarding (CiA 301, 7.2.8.2.2.1).
 //!
-//! A node with a life time (100Ch times 100Dh) starts life guarding at its first remote frame, and would detect a lost master
-//! at the end of the polls. Such nodes are not polled.
+//! A node with a life time (100Ch times 100Dh) starts life guarding at its first remote frame. It would detect a lost master
+//! when the polls end, so such nodes are not polled.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -22,7 +21,7 @@ const TOGGLE: u8 = 0x80;
 /// Answer of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// Its NMT state.
+    /// State in its answer to the remote frame.
     State(NmtState),
     /// No answer in time.
     Silent,

@@ -1,8 +1,8 @@
 //! LSS fastscan (CiA 305): finds the identity of one unconfigured slave, bit by bit.
 //!
-//! All unconfigured slaves compare a number in its high bits; no reply means that the next bit is one. Slaves
-//! with a one drop out if others have a zero, so the lowest identity is found and that slave alone enters
-//! configuration, after 4 × (32 + 1) + 1 requests.
+//! All unconfigured slaves compare a number in its high bits; no reply means that the next bit is one. Slaves with a one drop
+//! out if others have a zero, so the lowest identity is found. That slave alone enters configuration, after 4 × (32 + 1) + 1
+//! requests.
 //!
 //! A late reply must not count for the next request, so every request waits for its full window.
 
@@ -20,7 +20,7 @@ pub enum FastscanOutcome {
     None,
     /// Identity of the slave, which is in configuration now.
     One(Address),
-    /// A slave replied at first, but none confirmed the complete number: replies came too late, or a slave was removed.
+    /// Number that no slave confirmed as a whole: replies came too late, or a slave was removed.
     Lost(Part),
 }
 

@@ -12,9 +12,9 @@ use units::time::Instant;
 /// Ranges of identity parts, ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Description {
-    /// Vendor-ID.
+    /// Vendor-ID, 1018h:1.
     pub vendor: u32,
-    /// Product code.
+    /// Product code, 1018h:2.
     pub product: u32,
     /// Lowest and highest revision number.
     pub revision: [u32; 2],

@@ -66,7 +66,7 @@ impl Job {
         }
     }
 
-    /// Steps of the job.
+    /// Requests, scans and pauses in the order in which they are sent.
     pub(super) fn steps(&self) -> Vec<Step> {
         let mut steps = Vec::new();
         // A slave in configuration takes neither selection nor scan and must not be configured as well.
@@ -106,7 +106,7 @@ impl Job {
     }
 }
 
-/// Timeouts of a job.
+/// Time limits by the kind of request.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeouts {
     /// Time allowed for a reply.
@@ -134,10 +134,10 @@ pub enum LssError {
     /// No slave has the selected address.
     #[error("no slave has the address {0}")]
     NoSuchSlave(Address),
-    /// A fastscan found no slave.
+    /// Fastscan without a reply.
     #[error("no unconfigured slave answers")]
     NoneUnconfigured,
-    /// A fastscan lost the slave it had found.
+    /// Fastscan whose slave did not confirm this part of its identity.
     #[error(
         "fastscan: no slave confirms the {0} that was found; replies exceed the probe window, or a slave was removed"
     )]
@@ -148,15 +148,14 @@ pub enum LssError {
     /// More than one slave replied.
     #[error("{0}: more than one slave answers; select one by its identity")]
     Several(Request),
-    /// The slave reported an invalid node-id.
+    /// Reported node-id outside 1..=127 and 255.
     #[error("the slave's node-id must be within 1..=127 or 255, got {0}")]
     NoNodeId(u8),
-    /// The slave refused the request.
+    /// Request that the slave answered with an error code.
     #[error("{request} refused: {}", Reason(*request, *answer))]
     Refused {
-        /// Request.
         request: Request,
-        /// Error code.
+        /// Error code of the reply, and the manufacturer's own.
         answer: Answer,
     },
 }

@@ -46,7 +46,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// Starts a job.
+    /// Sends the first requests of a job, up to the first reply that it waits for.
     pub fn start(job: Job, timeouts: Timeouts, now: Instant, out: &mut Vec<Frame>) -> Self {
         let mut master = Self {
             job,

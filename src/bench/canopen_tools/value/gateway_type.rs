@@ -32,12 +32,10 @@ impl Width {
         if bits.is_multiple_of(8) && bits >= 8 && bits <= 64 { Some(Self(bits / 8)) } else { None }
     }
 
-    /// Width in bits.
     pub const fn bits(self) -> u8 {
         self.0 * 8
     }
 
-    /// Width in bytes.
     pub fn bytes(self) -> usize {
         usize::from(self.0)
     }

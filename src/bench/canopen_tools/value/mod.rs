@@ -21,7 +21,7 @@ pub enum ValueError {
     /// Malformed text.
     #[error("{text}: not {expected}")]
     Malformed {
-        /// Text.
+        /// Text as given.
         text: String,
         /// Expected form.
         expected: &'static str,
@@ -29,11 +29,11 @@ pub enum ValueError {
     /// Out of range of the type or the object.
     #[error("{text}: must be within {low}..={high}")]
     OutOfRange {
-        /// Text.
+        /// Text as given.
         text: String,
-        /// Low limit.
+        /// Lowest valid value.
         low: i128,
-        /// High limit.
+        /// Highest valid value.
         high: i128,
     },
     /// Wrong number of bytes.
@@ -49,10 +49,10 @@ pub enum ValueError {
 /// Decoded value.
 #[derive(Clone, Debug, Display, PartialEq)]
 pub enum Value {
-    /// Boolean.
+    /// BOOLEAN, shown as `0` or `1`.
     #[display("{}", u8::from(*_0))]
     Boolean(bool),
-    /// Integer.
+    /// INTEGER or UNSIGNED, shown in decimal.
     #[display("{_0}")]
     Whole(i128),
     /// Unsigned integer, shown in hexadecimal.
@@ -64,10 +64,10 @@ pub enum Value {
     /// Floating-point number of 64 bits.
     #[display("{_0}")]
     Real64(f64),
-    /// Text.
+    /// VISIBLE_STRING or UNICODE_STRING.
     #[display("{_0}")]
     Text(String),
-    /// Bytes.
+    /// OCTET_STRING or DOMAIN.
     #[display("{}", Octets(_0))]
     Bytes(Vec<u8>),
     /// Time of day or time difference.

@@ -14,7 +14,7 @@ const ENDS: f64 = 1e4;
 /// Returns the curve rounded to the digits that are written, its range rounded down.
 ///
 /// # Errors
-/// The rounded curve is not monotone.
+/// Returns an error if the rounded curve is not monotone.
 pub(super) fn written(curve: &TorqueCurve) -> Result<TorqueCurve, InvalidTorqueCurve> {
     let coefficients = curve.coefficients().map(|c| significant(c, DIGITS));
     TorqueCurve::new(coefficients, (curve.max_torque() * ENDS).floor() / ENDS)

@@ -30,7 +30,7 @@ impl TorquePlot<'_> {
     /// Returns the plot as SVG. Targets of an inverted motor are drawn negated.
     ///
     /// # Errors
-    /// The picture cannot be drawn.
+    /// Returns an error if the picture cannot be drawn.
     pub(super) fn svg(&self) -> Result<String, Failure> {
         picture::svg(&[self.curve(), self.rest()], 1).or_fail(Kind::File)
     }

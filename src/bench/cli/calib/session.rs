@@ -17,7 +17,7 @@ pub(super) struct CurveResult<'a> {
     /// Name of the joint: that of the configuration, if given.
     pub(super) joint: String,
     pub(super) measured: &'a JointReadings,
-    /// CurveResult curve; `None` if the measurements do not determine one.
+    /// Fitted curve; `None` if the measurements do not determine one.
     pub(super) evidence: Option<Evidence>,
     /// Reasons to reject the curve; empty if accepted.
     pub(super) reasons: Vec<String>,

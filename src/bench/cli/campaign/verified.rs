@@ -64,7 +64,7 @@ impl ReplayReport {
     }
 
     /// # Errors
-    /// The replay of a case differs from the recording.
+    /// Returns an error if the replay of a case differs from the recording.
     pub(super) fn ensure_equal(&self) -> Result<(), Failure> {
         match &*self.differences {
             [] => Ok(()),

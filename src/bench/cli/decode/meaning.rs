@@ -6,12 +6,12 @@ use canopen_tools::decode::error_frame::ErrorFrame;
 
 /// Meaning of a line.
 pub(super) enum Meaning<'d> {
-    /// A CANopen frame.
+    /// CANopen frame.
     Frame(Annotation<'d>),
-    /// A line of the session recorder.
+    /// Line of the session recorder.
     RecorderLine(RecorderLine),
-    /// An error frame of the CAN controller.
+    /// Error frame of the CAN controller.
     Error(ErrorFrame),
-    /// A frame that is not CANopen, with the reason.
+    /// Frame that is not CANopen, with the reason.
     Other(&'static str),
 }

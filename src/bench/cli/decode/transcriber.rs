@@ -192,7 +192,7 @@ impl Transcriber {
         Some(self.clock)
     }
 
-    /// Returns the bus of an interface.
+    /// Returns the decoder's bus of an interface; a new one is added, at most [`MAX_INTERFACES`].
     fn bus(&mut self, interface: &str) -> Bus {
         if let Some((_, bus)) = self.buses.iter().find(|(name, _)| name == interface) {
             return *bus;

@@ -36,7 +36,7 @@ impl DemoTelemetry {
     /// any other demo.
     ///
     /// # Errors
-    /// The socket of `--telemetry`, or the address of the page, cannot be used.
+    /// Returns an error if the socket of `--telemetry`, or the address of the page, cannot be used.
     pub(super) fn start(args: &TelemetryArgs, config: &Config) -> Result<Option<Self>, Failure> {
         if args.socket.is_none() && args.speed().is_none() {
             return Ok(None);
@@ -50,7 +50,7 @@ impl DemoTelemetry {
     /// Offers the telemetry of the next run.
     ///
     /// # Errors
-    /// The socket cannot be created.
+    /// Returns an error if the socket cannot be created.
     pub(super) fn of_run(&self, config: &Config) -> Result<RunTelemetry, Failure> {
         let publisher = self.first.take().map_or_else(|| publisher(&self.socket, config), Ok)?;
         Ok(RunTelemetry { publisher, timing: Timing::default() })
@@ -93,7 +93,7 @@ fn serve(args: &TelemetryArgs, socket: PathBuf) -> Result<Running, Failure> {
     server.start().or_fail(Kind::System)
 }
 
-/// Telemetry of one run.
+/// Publisher of one run's telemetry, and the timing in it.
 #[derive(Debug)]
 pub(super) struct RunTelemetry {
     publisher: Publisher,

@@ -19,7 +19,7 @@ const MAX_LENGTH: u64 = 1 << 20;
 pub(super) struct Input {
     /// Name of a shipped configuration, as `kraft_like`.
     pub(super) device: Option<String>,
-    /// The question.
+    /// Joint positions and other inputs of the cycle to explain.
     #[serde(alias = "inputs")]
     pub(super) question: Question,
 }
@@ -31,7 +31,7 @@ pub(super) enum Flags {
     Absent,
     /// Some inputs, but not the joint positions.
     Some,
-    /// The joint positions, so that no further input is needed.
+    /// Joint positions, so that no further input is needed.
     Position,
 }
 

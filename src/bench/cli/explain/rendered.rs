@@ -1,4 +1,4 @@
-//! An explanation as JSON, and as text.
+//! Explanation as JSON, and as text.
 
 use serde_json::Value as Json;
 

@@ -33,7 +33,7 @@ pub struct Dcf {
     concise: bool,
 }
 
-/// A file to write.
+/// File to write.
 struct File {
     name: String,
     content: Vec<u8>,
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A node's name and EDS.
+/// Node's name and EDS.
 struct Node<'a> {
     name: &'a str,
     eds: &'a Eds,

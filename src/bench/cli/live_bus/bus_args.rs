@@ -36,7 +36,7 @@ pub(crate) struct ForceArg {
     pub(crate) force: bool,
 }
 
-/// The selected bus.
+/// Bus by its interface, with its configuration if one was given.
 #[derive(Debug)]
 pub(crate) struct SelectedBus {
     /// SocketCAN interface.
@@ -117,7 +117,7 @@ impl SelectedBus {
         }
     }
 
-    /// Returns the node-id of a node on this bus.
+    /// Returns the node-id of an argument; a name must be that of a node on this bus.
     pub(crate) fn node(&self, node: &NodeArg) -> Result<NodeId, Failure> {
         let (name, (config, channel)) = match (node, &self.configured) {
             (NodeArg::Id(id), _) => return Ok(*id),

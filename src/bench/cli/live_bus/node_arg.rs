@@ -10,7 +10,7 @@ use run::exit::{Failure, Kind};
 /// Node as given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum NodeArg {
-    /// Node-id.
+    /// Number within 1..=127.
     Id(NodeId),
     /// Name of a joint, or of the switch box.
     Name(String),
@@ -65,7 +65,7 @@ impl NodeArg {
     /// Returns bus and node-id of a named node; `None` if the node is given by its node-id.
     ///
     /// # Errors
-    /// The name is unknown; the error lists the known ones.
+    /// Returns an error if the name is unknown; the error lists the known ones.
     pub(super) fn find(&self, config: &Config) -> Result<Option<(Channel, NodeId)>, Failure> {
         let Self::Name(name) = self else { return Ok(None) };
         let nodes = config.node_plans();

@@ -12,9 +12,7 @@ use canopen_tools::value::Octets;
 /// Object of a node, and the options of its SDO transfer.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// Node-id.
     pub node: NodeId,
-    /// Object.
     pub object: Object,
     /// Response timeout, and segmented or block transfer.
     pub options: SdoOptions,
@@ -23,25 +21,21 @@ pub struct Target {
 /// Error of reading or writing an object.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ObjectError {
-    /// The bus failed, or the session was interrupted.
+    /// Failure of the bus, or an interrupted session.
     #[error("{0}")]
     Session(SessionError),
-    /// The node aborted the transfer or did not respond: `node 3: 6071h refused: 06090030h value is invalid`.
+    /// Transfer that the node aborted or did not answer: `node 3: 6071h refused: 06090030h value is invalid`.
     #[error("node {}: {object}{} {error}", node.raw(), if *error == SdoError::Timeout { ":" } else { "" })]
     Node {
-        /// Node-id.
         node: NodeId,
-        /// Object.
         object: Object,
         /// Error of the transfer.
         error: SdoError,
     },
-    /// The value read back differs from the one written.
+    /// Value read back that differs from the one written.
     #[error("node {}: {object} is {}, expected {}", node.raw(), Octets(read), Octets(written))]
     Differs {
-        /// Node-id.
         node: NodeId,
-        /// Object.
         object: Object,
         /// Bytes written.
         written: Vec<u8>,
@@ -53,7 +47,7 @@ pub enum ObjectError {
 /// Reads the value of an object.
 ///
 /// # Errors
-/// The bus fails, or the node aborts the transfer or does not respond.
+/// Returns an error if the bus fails, or the node aborts the transfer or does not respond.
 pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
     let Target { node, object, options } = target;
     let outcome = session.run(|now, out| Transfer::read_with(options, node, object, now, out));

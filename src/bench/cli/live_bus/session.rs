@@ -1,4 +1,4 @@
-//! A session on one bus: the event loop of the live-bus tools.
+//! Session on one bus: the event loop of the live-bus tools.
 //!
 //! A frame that the driver does not accept is queued and sent later. A tool may do so; the node's cycle must not.
 
@@ -24,21 +24,21 @@ const TRANSMIT_TIMEOUT: Duration = Duration::from_millis(500);
 /// Reasons why a session ended early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SessionError {
-    /// The stop flag was set.
+    /// Stop flag that was set.
     #[error("interrupted")]
     Interrupted,
-    /// The interface went down or was unplugged.
+    /// Interface that went down or was unplugged.
     #[error("the interface is down")]
     Down,
-    /// The controller has left the bus.
+    /// Controller in state bus-off.
     #[error("bus-off: the controller has left the bus")]
     BusOff,
-    /// The controller transmits no frames.
+    /// Controller that transmits no frames.
     #[error("no frame is transmitted: no node acknowledges, or the bit rate differs")]
     Stuck,
 }
 
-/// A session on one bus.
+/// Session on one bus.
 #[derive(Debug)]
 pub struct Session<B> {
     bus: B,
@@ -63,7 +63,7 @@ impl<B: Bus> Session<B> {
         self.bus.now().max(self.latest)
     }
 
-    /// Returns the bus.
+    /// Returns the bus, which is idle between procedures.
     pub const fn bus(&self) -> &B {
         &self.bus
     }
@@ -71,7 +71,7 @@ impl<B: Bus> Session<B> {
     /// Starts a procedure and runs it to its outcome.
     ///
     /// # Errors
-    /// The bus fails, or `stop` is set; the procedure is then aborted.
+    /// Returns an error if the bus fails, or `stop` is set; the procedure is then aborted.
     pub fn run<P: Procedure>(
         &mut self,
         begin: impl FnOnce(Instant, &mut Vec<Frame>) -> P,
@@ -198,7 +198,7 @@ mod tests {
     use canopen::object::Object;
     use canopen::sdo::{SdoError, Transfer};
 
-    /// A bus without other nodes.
+    /// Bus without other nodes.
     #[derive(Default)]
     struct EmptyBus {
         now: Instant,

@@ -33,7 +33,7 @@ impl Trip {
     /// Checks that the replay tripped in the same cycle by the same cause.
     ///
     /// # Errors
-    /// The cause differs, or the replay ended before the trip.
+    /// Returns an error if the cause differs, or the replay ended before the trip.
     pub(super) fn ensure_found(&self) -> Result<(), Failure> {
         let FaultRecord { cycle, cause, .. } = &self.recorded;
         let reason = match &self.replayed {

@@ -30,7 +30,7 @@ impl Clock {
         Instant::ZERO + read().saturating_sub(self.start)
     }
 
-    /// Waits until `until`.
+    /// Sleeps until this time of the clock.
     pub(super) fn wait(self, until: Instant) {
         let until = TimeSpec::from_duration(self.start + until.since(Instant::ZERO));
         let absolute = ClockNanosleepFlags::TIMER_ABSTIME;

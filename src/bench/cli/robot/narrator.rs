@@ -7,23 +7,23 @@ use net_ft::socket::SensorEvent;
 /// Change worth a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Event {
-    /// A change of the connection.
+    /// Change of the connection.
     Socket(SocketEvent),
-    /// A change of the force/torque sensor.
+    /// Change of the force/torque sensor.
     Sensor(SensorEvent),
-    /// A node leads.
+    /// Node that leads from now on.
     Leads {
         /// Session of the node.
         session: u64,
         /// Epoch of the node.
         epoch: u32,
     },
-    /// The robot follows.
+    /// Robot that follows from now on.
     Follows {
         /// Epoch of the node that leads.
         epoch: u32,
     },
-    /// The robot holds.
+    /// Reason of a hold from now on.
     Holds(Reason),
 }
 

@@ -11,9 +11,9 @@ const MAX_MESSAGES: usize = 64;
 /// Message from the robot's thread.
 #[derive(Debug)]
 pub(super) enum Message {
-    /// A line for the log.
+    /// Line for the log.
     Event(Event),
-    /// A requested status.
+    /// Requested status.
     Report(Box<Report>),
 }
 

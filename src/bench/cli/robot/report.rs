@@ -12,7 +12,7 @@ use units::time::Instant;
 pub(super) struct Report {
     /// Status of the robot.
     pub(super) status: Status,
-    /// A node listens and sends.
+    /// Set if a node listens and sends.
     pub(super) is_connected: bool,
     /// Status of a real force/torque sensor, if configured.
     pub(super) sensor: Option<SensorStatus>,

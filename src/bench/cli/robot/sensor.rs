@@ -33,7 +33,7 @@ fn no_sensor(config: &Config) -> Failure {
     Failure::new(Kind::Configuration, format!("{}: {reason}", config.file.display()))
 }
 
-/// Status of the sensor.
+/// Condition of a real force/torque sensor, and counts of its records.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SensorStatus {
     condition: Condition,
@@ -41,7 +41,6 @@ pub(super) struct SensorStatus {
 }
 
 impl SensorStatus {
-    /// Returns the status at `now`.
     pub(super) fn new(sensor: &NetFt, now: Instant) -> Self {
         Self { condition: sensor.condition(now), counts: *sensor.counts() }
     }

@@ -63,13 +63,13 @@ type Nodes = Vec<NodeArg>;
 enum Verdict {
     /// No configuration was given.
     Unchecked,
-    /// The identity is as configured.
+    /// Identity as configured.
     Expected,
-    /// The identity differs from the configured one.
+    /// Identity other than the configured one.
     Other,
-    /// The node reports an NMT state, but does not respond to SDO requests.
+    /// NMT state without a response to SDO requests.
     Mute,
-    /// The node is not in the configuration.
+    /// Node outside the configuration.
     Unexpected,
 }
 

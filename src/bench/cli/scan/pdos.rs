@@ -14,7 +14,7 @@ pub(super) type Pdos = (NodeId, Result<Vec<Pdo>, Unreadable>);
 /// Reads the PDOs of `nodes`, one after the other.
 ///
 /// # Errors
-/// The bus fails, or the command is interrupted.
+/// Returns an error if the bus fails, or the command is interrupted.
 pub(super) fn read<B: Bus>(
     session: &mut Session<B>,
     nodes: impl Iterator<Item = NodeId>,

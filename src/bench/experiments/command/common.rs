@@ -75,7 +75,7 @@ impl Robots {
     /// Loads the arms; the shipped ones without `--robot`.
     ///
     /// # Errors
-    /// A file is invalid (exit 3).
+    /// Returns an error if a file is invalid (exit 3).
     pub(super) fn load(&self) -> Result<Vec<RobotArm>, Failure> {
         let shipped = ROBOTS.map(Path::new);
         let named: Vec<&Path> = self.robot.iter().map(PathBuf::as_path).collect();
@@ -96,7 +96,7 @@ impl Common {
     /// Loads the configurations; the shipped ones without `--config`.
     ///
     /// # Errors
-    /// A file is invalid, or has no switch box (exit 3).
+    /// Returns an error if a file is invalid, or has no switch box (exit 3).
     pub(super) fn configs(&self) -> Result<Vec<NamedConfig>, Failure> {
         let files = match &*self.config {
             [] => CONFIGS.iter().map(PathBuf::from).collect(),
@@ -125,7 +125,7 @@ pub(super) fn none_stopped<'r>(
 /// Checks that `config` has a switch box, without which the node cannot be armed.
 ///
 /// # Errors
-/// The switch box is not configured (exit 3).
+/// Returns an error if the switch box is not configured (exit 3).
 pub fn require_switch_box(config: &Config) -> Result<(), Failure> {
     config.switch_box().map(drop).map_err(|reason| refused(&config.file, reason))
 }

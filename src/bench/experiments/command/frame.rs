@@ -62,7 +62,7 @@ impl<'a> Frame<'a> {
     /// Creates the frame after a check of the output folder, before any trial is played.
     ///
     /// # Errors
-    /// An output file exists, and `--force` is not given.
+    /// Returns an error if an output file exists, and `--force` is not given.
     pub(super) fn new(
         options: &'a Results,
         files: &'static Files,
@@ -76,7 +76,7 @@ impl<'a> Frame<'a> {
     /// Plays all jobs on all cores; the results are in the order of the jobs.
     ///
     /// # Errors
-    /// That of the first job that fails.
+    /// Returns the error of the first job that fails.
     pub(super) fn play<J: Sync, R: Send>(
         &self,
         jobs: &[J],
@@ -88,7 +88,7 @@ impl<'a> Frame<'a> {
     /// Runs `compute`, which prepares the jobs, with a progress indicator of this name.
     ///
     /// # Errors
-    /// Signals cannot be received.
+    /// Returns an error if signals cannot be received.
     pub(super) fn prepare<R: Send>(
         &self,
         name: &str,
@@ -100,7 +100,7 @@ impl<'a> Frame<'a> {
     /// Prints the report, and writes its files to the folder of `--out`, all or none.
     ///
     /// # Errors
-    /// A file cannot be written, or the gate has a reason to fail (exit 1).
+    /// Returns an error if a file cannot be written, or the gate has a reason to fail (exit 1).
     pub(super) fn conclude<F: Serialize, P: FnOnce() -> Result<Vec<Panel>, Failure>>(
         &self,
         report: Report<F, P>,

@@ -90,7 +90,7 @@ pub enum Experiment {
 /// Runs the experiment.
 ///
 /// # Errors
-/// The failure, with its exit code.
+/// Returns the failure, with its exit code.
 pub fn run(experiment: &Experiment, quiet: bool) -> Result<(), Failure> {
     match experiment {
         Experiment::Fidelity(args) => fidelity::run(args, quiet),

@@ -44,17 +44,6 @@ const MAX_SHARE: f64 = 0.25;
 /// Values of K_FA k_e τ_s, on both sides of [`MAX_SHARE`].
 const SHARES: [f64; 6] = [0.1, 0.225, 0.275, 0.5, 1.0, 2.0];
 
-/// K_FA in m/s per N, stiffness in N/m.
-const PRESS: Press = Press {
-    speed: 0.02,
-    accommodation: 0.002,
-    deadband: 0.0,
-    stiffness: 10_000.0,
-    noise: 0.0,
-    bias: 0.0,
-    seed: 1,
-};
-
 /// Noise and bias of the sensor in [`Part::Biased`], in N.
 const NOISE: f64 = 0.2;
 const BIAS: f64 = 1.0;
@@ -95,7 +84,7 @@ struct Figures {
     bounds: Vec<contact_bounds::Row>,
 }
 
-/// A press with its part.
+/// Press with its part.
 #[derive(Serialize)]
 struct Figure {
     part: Part,
@@ -140,19 +129,19 @@ fn presses(args: &Arguments, lag: f64) -> Vec<(Part, Press)> {
     let seed = args.results.seed;
     let every = if args.results.short { 3 } else { 1 };
     let speeds = SPEEDS.into_iter().step_by(every).flat_map(|speed| {
-        let ideal = Press { speed, seed, ..PRESS };
+        let ideal = Press { speed, seed, ..Press::IDEAL };
         [(Part::Ideal, ideal), (Part::Biased, Press { noise: NOISE, bias: BIAS, ..ideal })]
     });
     let gains = SHARES.into_iter().step_by(every).map(|share| {
-        let accommodation = share / (PRESS.stiffness * lag.max(1e-4));
+        let accommodation = share / (Press::IDEAL.stiffness * lag.max(1e-4));
         // The same force at rest for every gain.
         let speed = 10.0 * accommodation;
-        (Part::Gain, Press { accommodation, speed, seed, ..PRESS })
+        (Part::Gain, Press { accommodation, speed, seed, ..Press::IDEAL })
     });
     let deadband = DEADBAND_SPEEDS
         .into_iter()
         .step_by(every)
-        .map(|speed| (Part::Deadband, Press { speed, deadband: DEADBAND, seed, ..PRESS }));
+        .map(|speed| (Part::Deadband, Press { speed, deadband: DEADBAND, seed, ..Press::IDEAL }));
     speeds.chain(deadband).chain(gains).collect()
 }
 

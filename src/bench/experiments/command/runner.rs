@@ -11,7 +11,7 @@ use testbench::threads::each;
 /// Plays all jobs on all cores; the results are in the order of the jobs.
 ///
 /// # Errors
-/// That of the first job that fails.
+/// Returns the error of the first job that fails.
 pub(super) fn play_all<J: Sync, R: Send>(
     jobs: &[J],
     is_quiet: bool,
@@ -32,7 +32,7 @@ pub(super) fn play_all<J: Sync, R: Send>(
 /// Runs `compute` with a progress indicator of this name.
 ///
 /// # Errors
-/// Signals cannot be received.
+/// Returns an error if signals cannot be received.
 pub(super) fn prepare<R: Send>(
     name: &str,
     is_quiet: bool,

@@ -23,7 +23,7 @@ pub(super) struct Table {
 /// Returns `rows` as CSV below the comma-separated names of `head`. Structs and lists in a row are flattened.
 ///
 /// # Errors
-/// The number of values of a row is not that of the names.
+/// Returns an error if the number of values of a row is not that of the names.
 pub(super) fn csv(
     head: &str,
     rows: impl IntoIterator<Item = impl Serialize>,

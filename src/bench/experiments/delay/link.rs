@@ -15,7 +15,7 @@ const HALVINGS: u32 = 24;
 /// Largest K_T of translations that is tried.
 const MAX_GAIN: f64 = 8.0;
 
-/// A link between node and object.
+/// Link between node and object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Link {
     /// Constant delay per direction, in ms.

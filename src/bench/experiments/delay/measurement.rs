@@ -28,19 +28,19 @@ const MIN_TORQUE: f64 = 1e-9;
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The hand comes to rest at the wall.
+    /// Hand at rest at the wall.
     #[display("calm")]
     Calm,
-    /// The hand moves at the wall with more than 2 mm/s RMS.
+    /// Hand that moves at the wall with more than 2 mm/s RMS.
     #[display("swings")]
     Swings,
-    /// The node ended the reflection or stopped the drives.
+    /// Reflection ended or drives stopped by the node.
     #[display("stopped")]
     Stopped,
-    /// The link was lost, or no sample within the maximum age arrived.
+    /// Lost link, or no sample within the maximum age.
     #[display("link lost")]
     LinkLost,
-    /// The hand rests, but less than 0.5 N acts on the wall.
+    /// Hand at rest, but less than 0.5 N on the wall.
     #[display("wall not met")]
     WallNotMet,
 }

@@ -19,9 +19,9 @@ use testbench::side::Side;
 /// Object or arm that the hand leads.
 #[derive(Clone, Copy, Debug)]
 pub enum Follower<'a> {
-    /// The free object.
+    /// Free object.
     Object,
-    /// An arm of a robot file, simulated with masses, servos and wrist sensor.
+    /// Arm of a robot file, simulated with masses, servos and wrist sensor.
     Arm(&'a RobotArm),
 }
 
@@ -52,17 +52,17 @@ pub struct Trial<'a> {
     pub led: Follower<'a>,
     /// Link between node and object.
     pub link: Link,
-    /// Mode of the command.
+    /// Rate or pose commands, as the script requests.
     pub commanded: CommandMode,
     /// K_T along x; the others in proportion.
     pub k_t: f64,
-    /// The passivity layer is on.
+    /// Set if the passivity layer is on.
     pub has_layer: bool,
     /// Seed of the link, the sensor and the simulation.
     pub seed: u64,
 }
 
-/// A run in figures.
+/// Run in figures.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Object or arm that the hand led.
@@ -70,17 +70,17 @@ pub struct Row {
     /// Link between node and object.
     #[serde(flatten)]
     pub link: Link,
-    /// Mode of the command.
+    /// Rate or pose commands.
     pub commanded: CommandMode,
     /// K_T along x.
     pub k_t: f64,
     /// K_T k_e, in N/m.
     pub felt_stiffness_n_per_m: f64,
-    /// The passivity layer was on.
+    /// Set if the passivity layer was on.
     pub has_layer: bool,
-    /// A sample can arrive within the maximum age.
+    /// Set if a sample can arrive within the maximum age.
     pub is_usable: bool,
-    /// The gain check accepts gains and link.
+    /// Set if the gain check accepts gains and link.
     pub is_accepted: bool,
     /// Outcome: rest, swing, stop or loss of the link.
     pub outcome: Outcome,
@@ -106,7 +106,7 @@ pub struct Row {
 /// Refuses a configuration with which no run can be played.
 ///
 /// # Errors
-/// No wall, no reflection along x, or a command that does not come to rest at the wall.
+/// Returns an error without a wall or reflection along x, or if the command does not come to rest at the wall.
 pub fn ensure_playable(config: &Config) -> Result<(), NoTrial> {
     config.remote.wall.ok_or(NoTrial::NoWall)?;
     let [k_t, ..] = *config.controller.reflection.gain().values();
@@ -126,7 +126,7 @@ impl Trial<'_> {
     /// Plays the run.
     ///
     /// # Errors
-    /// A configuration without a wall, or where the drives or the arm cannot be simulated.
+    /// Returns an error if the configuration has no wall, or the drives or the arm cannot be simulated.
     pub fn play(&self, config: &Config) -> Result<Row, NoTrial> {
         let config = &self.configured(config);
         let wall = config.remote.wall.ok_or(NoTrial::NoWall)?.2;

@@ -70,7 +70,7 @@ impl Situation {
     }
 }
 
-/// A running trial.
+/// Running trial.
 #[derive(Debug)]
 pub struct PegBench {
     bench: Bench<()>,
@@ -78,8 +78,8 @@ pub struct PegBench {
     x_b_p: Isometry3<f64>,
     x_m_e: Isometry3<f64>,
     k_v: [f64; 6],
-    /// Displacement of the aim at which a command begins, in m and rad: the deadband, plus the hand's deflection under
-    /// the return to centre, which the operator compensates.
+    /// Displacement of the aim at which a command begins, in m and rad: the deadband plus the hand's deflection. The
+    /// operator compensates this deflection, which the return to centre causes.
     threshold: [f64; 6],
     /// Displacement of the hand from its reference, in m and rad.
     aim: [f64; 6],
@@ -90,7 +90,7 @@ impl PegBench {
     /// Creates a trial of an operator in a condition, and boots the drives.
     ///
     /// # Errors
-    /// The robot, pegs or plate cannot be simulated, or the drives do not boot.
+    /// Returns an error if the robot, pegs or plate cannot be simulated, or the drives do not boot.
     pub fn new(
         settings: &DualPeg,
         condition: Condition,

@@ -1,4 +1,4 @@
-//! The four conditions: reflection on or off, accommodation on or off. All other settings are equal.
+//! Four conditions: reflection on or off, accommodation on or off. All other settings are equal.
 
 use std::fmt;
 
@@ -11,9 +11,9 @@ use robot::accommodation::Accommodation;
 /// Positions of the switches of reflection and accommodation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Condition {
-    /// The wrench is reflected: K_T is not zero.
+    /// Set if the wrench is reflected: K_T is not zero.
     pub reflection: bool,
-    /// The arm yields to the wrench: K_FA is not zero.
+    /// Set if the arm yields to the wrench: K_FA is not zero.
     pub accommodation: bool,
 }
 

@@ -41,7 +41,7 @@ const DAMPING_DEPTH: f64 = 1e-4;
 pub struct DualPeg {
     /// Path of the settings file.
     pub file: PathBuf,
-    /// The hand controller with the robot, accommodation and reflection of the experiment, both switches on.
+    /// Hand controller with the robot, accommodation and reflection of the experiment, both switches on.
     pub config: Config,
     /// Names of the operators' presets.
     pub operators: Vec<String>,

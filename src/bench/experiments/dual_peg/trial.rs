@@ -20,11 +20,11 @@ const CONTACT: f64 = 0.5;
 pub enum Outcome {
     /// Both pegs have reached the insertion depth.
     Inserted,
-    /// The arm's wrench limit stopped it.
+    /// Stop of the arm at its wrench limit.
     ArmStopped,
-    /// The node stopped the hand controller.
+    /// Stop of the hand controller by the node.
     NodeStopped,
-    /// The time limit expired.
+    /// End of the time limit.
     TimedOut,
 }
 

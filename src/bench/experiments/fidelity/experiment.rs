@@ -118,7 +118,7 @@ impl Row {
     /// Plays one run of `config`; `each` is called in every cycle, with the time of the script in s and the sample.
     ///
     /// # Errors
-    /// `config` has no wall, or the drives cannot be enabled.
+    /// Returns an error if `config` has no wall, or the drives cannot be enabled.
     pub fn play(
         name: &str,
         config: &Config,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use telemetry::fidelity::{Fidelity, Figures, Sample, Situation, WrenchSource};
 
-/// A hold, by the motion before it.
+/// Hold by the motion before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hold {

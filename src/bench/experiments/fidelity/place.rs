@@ -34,7 +34,7 @@ impl Place {
     /// Returns the place at this distance, along x of {0}, from the start posture of `config`.
     ///
     /// # Errors
-    /// The arm does not reach the place.
+    /// Returns an error if the arm does not reach the place.
     pub fn new(config: &Config, way_m: f64) -> Result<Self, OutOfReach> {
         let start = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
         let friction = config.joints.each_ref().map(|joint| joint.plant.friction.coulomb);

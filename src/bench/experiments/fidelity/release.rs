@@ -1,8 +1,8 @@
 //! Force on a hand that withdraws, from the start of the release until half a second after the contact.
 //!
-//! The simulated force between grip and hand along the task force is judged, without the arm's inertia and friction, and
-//! without return to centre, friction compensation and soft stops, which do not depend on the contact. Task, passivity
-//! damper and damping K_D remain. Their sum must be within
+//! The simulated force between grip and hand along the task force is judged, without the arm's inertia and friction.
+//! Return to centre, friction compensation and soft stops do not depend on the contact and are left out as well. Task,
+//! passivity damper and damping K_D remain. Their sum must be within
 //!
 //! ```text
 //!  0  ≤  force  ≤  task + K_D |v|      in contact: no force pulls the hand into the surface

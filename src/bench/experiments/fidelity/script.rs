@@ -38,7 +38,7 @@ pub const HANDS: [Hand; 4] = [
     Hand("nervous", OperatorSettings::NERVOUS),
 ];
 
-/// A named operator.
+/// Named operator.
 #[derive(Clone, Copy, Debug, Display)]
 #[display("{}", self.0)]
 pub struct Hand(pub &'static str, pub OperatorSettings);
@@ -63,7 +63,7 @@ pub enum Course {
 pub struct Times {
     /// Start of the release.
     pub release: f64,
-    /// End.
+    /// End of the run.
     pub end: f64,
 }
 

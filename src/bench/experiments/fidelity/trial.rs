@@ -25,7 +25,7 @@ pub enum Arm {
 }
 
 impl Arm {
-    /// All arms.
+    /// Arms, the identified one first.
     pub const ALL: [Self; 4] =
         [Self::Identified, Self::LessFriction, Self::MoreFriction, Self::Frictionless];
 

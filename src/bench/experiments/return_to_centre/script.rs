@@ -35,7 +35,7 @@ const RETURN_S: f64 = 3.0;
 /// Names of the components of ΔX.
 pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
-/// A motion along one axis.
+/// Motion along one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Axis of ΔX, 0 to 5.

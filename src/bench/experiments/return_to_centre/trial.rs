@@ -71,7 +71,7 @@ impl Row {
     /// Plays the sweep of one axis; the object touches nothing.
     ///
     /// # Errors
-    /// The hand cannot reach the ends of the sweep, or the drives cannot be enabled.
+    /// Returns an error if the hand cannot reach the ends of the sweep, or the drives cannot be enabled.
     pub fn play(name: &str, config: &Config, sweep: &Sweep, seed: u64) -> Result<Self, NoTrial> {
         let (axis, reach) = (sweep.name(), sweep.reach);
         let scenario = sweep.script(config).ok_or(NoTrial::OutOfReach { axis, reach })?;

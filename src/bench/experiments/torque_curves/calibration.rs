@@ -30,7 +30,7 @@ pub struct JointCurves {
     pub fitted: TorqueCurve,
     /// Dry friction from the same fit, in N·m or N.
     pub friction: f64,
-    /// The motor turns against the joint.
+    /// Set if the motor turns against the joint.
     pub is_reversed: bool,
 }
 
@@ -92,7 +92,7 @@ impl JointCurves {
     /// Measures a joint on the rig and fits its curve.
     ///
     /// # Errors
-    /// One of the curves does not rise, or the readings do not determine it.
+    /// Returns an error if one of the curves does not rise, or the readings do not determine it.
     pub fn measure(joint: &JointParameters, seed: u64) -> Result<Self, NoJointCurves> {
         let no_curves = |reason| NoJointCurves { joint: joint.name.clone(), reason };
         let Actuator { rated_torque, gear_ratio, max_torque, .. } = joint.plant.actuator;
@@ -119,7 +119,7 @@ impl JointCurves {
     /// Measures all joints of a configuration.
     ///
     /// # Errors
-    /// That of [`measure`](Self::measure) for the first joint that fails.
+    /// Returns the error of [`measure`](Self::measure) for the first joint that fails.
     pub fn measure_all(config: &Config, seed: u64) -> Result<Vec<Self>, NoJointCurves> {
         let seeds = (0..).map(|place: u64| seed.wrapping_add(SEED_STEP.wrapping_mul(place)));
         config.joints.iter().zip(seeds).map(|(joint, seed)| Self::measure(joint, seed)).collect()

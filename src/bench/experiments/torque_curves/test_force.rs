@@ -92,7 +92,7 @@ impl Row {
     /// Plays one run: the motors have the curves of `joint_curves`, the controller has `curve`.
     ///
     /// # Errors
-    /// The number of curves is not six, or the drives cannot be enabled.
+    /// Returns an error if the number of curves is not six, or the drives cannot be enabled.
     pub fn play(
         name: &str,
         config: &Config,

@@ -24,7 +24,7 @@ fn record(sequence: u32) -> Record {
     }
 }
 
-/// A reader that has requested records, and its time.
+/// Reader that has requested records, and its time.
 struct Cycles {
     reader: Reader,
     now: Instant,
@@ -146,7 +146,7 @@ fn datagrams_of_others_are_dropped_and_counted() {
     assert_eq!(cycles.read(&[3]).number, 2, "the sequence is as before");
 }
 
-/// A stopped process later reads the oldest records of its pause: a full socket drops the newer ones.
+/// Reads as a stopped process does: first the oldest records of its pause, as a full socket drops the newer ones.
 #[test]
 fn records_that_waited_for_a_stopped_process_are_no_reading() {
     let mut cycles = Cycles::new();
@@ -281,7 +281,8 @@ proptest! {
         prop_assert_eq!(records + malformed, datagrams);
     }
 
-    /// A network that loses, repeats and reorders: each reading is newer than the one before, and every record is accounted for.
+    /// Network that loses, repeats and reorders: each reading is newer than the one before, and every record is
+    /// accounted for.
     #[test]
     fn readings_ascend_whatever_the_network_does(
         start in any::<u32>(),

@@ -1,4 +1,4 @@
-//! The boot: how long it took, and what happened on the buses.
+//! Boot: how long it took, and what happened on the buses.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use crate::view::View;
 use crate::words::{count, counted, moment};
 use node::record::Mode;
 
-/// Time that is looked at where the node never became ready, in s.
+/// Time shown if the node never became ready, in s.
 const WITHOUT_END: f64 = 20.0;
 
 /// Writes the boot.

@@ -1,4 +1,4 @@
-//! Positions and torques of the joints, the torques with the ledger of what they are made of.
+//! Positions and torques of the joints, the torques with their terms by the ledger.
 
 use crate::gather::LEDGER;
 use crate::html::Html;

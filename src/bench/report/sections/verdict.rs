@@ -1,4 +1,5 @@
-//! Verdict: what stopped the session, or that nothing did, and how to leave that state; each stop with its seconds; the modes.
+//! Verdict: cause of a stop and the way out, or that nothing stopped the session. Each stop with its seconds, and the
+//! modes.
 
 use crate::html::{Cell, Html};
 use crate::modes::{self, AFTER, BEFORE, Moment};
@@ -10,7 +11,7 @@ use picture::strip::{Band, Curve, Event, Extent, Plot, Strip};
 use telemetry::manifest::SessionKind;
 use telemetry::way_out;
 
-/// Writes the answer to the first question.
+/// Writes whether the session was stopped, by what, and the way out.
 pub(crate) fn write(html: &mut Html, view: &View<'_>) {
     let last = view.stops.iter().rev().find(|stop| stop.ended.is_none());
     html.open("div", if last.is_some() { "verdict-box stopped" } else { "verdict-box" });

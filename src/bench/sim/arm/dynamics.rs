@@ -16,7 +16,7 @@ use units::spatial::Wrench;
 /// Equation of motion at one state: `M qdd + bias = tau`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dynamics<const N: usize = 6> {
-    /// Mass matrix.
+    /// `M(q)`, with the rotor inertias.
     pub(crate) mass: JointMatrix<N>,
     /// Bias: `C(q, qd) qd + g(q)`.
     pub(crate) bias: Joints<N>,
@@ -95,7 +95,7 @@ impl<const N: usize> Arm<N> {
         self.dynamics(posture, qd).bias
     }
 
-    /// Returns the mass matrix.
+    /// Returns `M(q)` with the rotor inertias, in kg·m² (kg for a prismatic joint).
     pub fn mass_matrix(&self, posture: &Posture<N>) -> JointMatrix<N> {
         self.dynamics(posture, &Joints::zeros()).mass
     }

@@ -27,7 +27,7 @@ pub type Joints<const N: usize = 6> = SVector<f64, N>;
 /// Parameters of a link and the joint before it.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkSettings {
-    /// The joint is prismatic, not revolute.
+    /// Set if the joint is prismatic, not revolute.
     pub is_prismatic: bool,
     /// Angle α from the previous axis, in rad.
     pub alpha: f64,
@@ -121,7 +121,7 @@ impl<const N: usize> Arm<N> {
     ///
     /// # Errors
     ///
-    /// The number of links is zero, or above `N`.
+    /// Returns an error if the number of links is zero, or above `N`.
     pub fn padded(
         links: &[LinkSettings],
         x_n_g: Isometry3<f64>,

@@ -1,9 +1,9 @@
 //! Contact of a tool with fixed solids, by analytic geometry and springs at points.
 //!
-//! The tool, fixed to {M}, is a cube or one or two pegs; the scene, fixed in {b}, has a wall, a box, a sphere, and a
-//! plate with one or two holes. Points fixed in one body are pushed out of the other (`surface`): the corners of the
-//! cube and the rims of the pegs out of all solids, and the edges of the holes out of the pegs. A tilted peg in a hole
-//! needs both: its rim touches the bore on one side, and the edge of the hole its side on the other.
+//! The tool, fixed to {M}, is a cube or one or two pegs. The scene, fixed in {b}, has a wall, a box, a sphere, and a
+//! plate with one or two holes. Points fixed in one body are pushed out of the other (`surface`): corners of the cube and
+//! rims of the pegs out of all solids, edges of the holes out of the pegs. A tilted peg in a hole needs both: its rim
+//! touches the bore on one side, and the edge of the hole its side on the other.
 //!
 //! Depth and normal are exact at each point. A circle has 36 points, so the deepest point is found within 5°, and its
 //! depth within 0.4 % of the eccentricity. Two contacts are not modelled: edges of box, wall or sphere against the side of a
@@ -88,7 +88,7 @@ impl Contact {
     ///
     /// # Errors
     ///
-    /// A size is not positive, a peg does not fit its hole, or holes overlap.
+    /// Returns an error if a size is not positive, a peg does not fit its hole, or holes overlap.
     pub fn new(shape: Shape, scene: Scene) -> Result<Self, InvalidContact> {
         scene::check(&shape, &scene)?;
         let tool_points = tool_points(&shape);
@@ -200,7 +200,7 @@ impl Contact {
         &self.shape
     }
 
-    /// Returns the scene.
+    /// Returns the solids of the environment, in {b}.
     pub const fn scene(&self) -> &Scene {
         &self.scene
     }

@@ -3,9 +3,9 @@
 //! Their frame {E} has its origin in the plane of the ends, midway between the pegs, z out of the pegs, and the pegs on
 //! x. A peg is convex: the distance to its surface is the smallest of those to its planes.
 //!
-//! An edge inside a hole lies between cone and bore, or bore and lower face: no normal of it points out of the hole, so
-//! it cannot bear the end of a peg. The rim bears the peg while it passes the edge; the push of the edge on side
-//! or chamfer grows from zero behind the end, as the gradient of an energy. Depths above L are those of a convex peg:
+//! An edge inside a hole lies between cone and bore, or bore and lower face. Its normals do not point out of the hole, so
+//! it cannot bear the end of a peg. The rim bears the peg while it passes the edge. The push of the edge on side or
+//! chamfer grows from zero behind the end, as the gradient of an energy. Depths above L are those of a convex peg:
 //!
 //! ```text
 //!  s = min(side, chamfer)        depth = min(s, end, s end / L)        L = r / 20
@@ -126,8 +126,7 @@ impl Solid for Peg {
         (depth > 0.0).then_some(Touch { depth, normal, feature })
     }
 
-    /// The points are a circle: its projection along the peg is an ellipse, whose half axes are between `inner` and the
-    /// radius.
+    /// Projects the points, a circle, along the peg: an ellipse with half axes between `inner` and the radius.
     fn is_clear_of(&self, bounds: &Bounds) -> bool {
         let Bounds { centre, radius, axis } = *bounds;
         let height = bounds.reach(|axis| axis.z);
@@ -145,7 +144,7 @@ impl Solid for Peg {
 mod tests {
     use super::*;
 
-    /// A peg of 5 mm with a chamfer of `width` and length.
+    /// Returns a peg of 5 mm radius with a chamfer of `width` and equal length.
     fn pegs(width: f64) -> Pegs {
         Pegs {
             x_m_t: Isometry3::identity(),

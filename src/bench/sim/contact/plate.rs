@@ -1,8 +1,8 @@
-//! A plate with one or two round holes, chamfered or with sharp edges.
+//! Plate with one or two round holes, chamfered or with sharp edges.
 //!
 //! The plate's frame {P} has its origin in the face, midway between the holes, z out of the material, and the holes on
 //! x. Around each hole the cross-section of the material is convex, so the distance to its surface is the smallest of
-//! those to its planes, and the spring force of a point is the gradient of its energy:
+//! those to its planes. The spring force of a point is the gradient of its energy:
 //!
 //! ```text
 //!           r_h   w                            depth = min(-z, z + t, sides, cone, ρ - r_h)
@@ -32,7 +32,7 @@ pub struct Holes {
     pub chamfer_depth: f64,
 }
 
-/// A plate with through holes.
+/// Plate with through holes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plate {
     /// Pose of {P} in {b}.
@@ -41,13 +41,13 @@ pub struct Plate {
     pub half_size: [f64; 2],
     /// Thickness, in m.
     pub thickness: f64,
-    /// Holes.
+    /// Number, radius, distance and chamfer of the holes.
     pub holes: Holes,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
-/// A plate with what its points need.
+/// Plate with the slope of its chamfers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlateSolid {
     plate: Plate,
@@ -55,7 +55,7 @@ pub(super) struct PlateSolid {
     slope: Option<[f64; 2]>,
 }
 
-/// A circle in a plane of equal z of {P}.
+/// Circle in a plane of equal z of {P}.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     pub(super) centre: Vector3<f64>,

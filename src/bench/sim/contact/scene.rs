@@ -23,11 +23,9 @@ pub enum Shape {
 /// Solids of the environment, fixed in {b}; all optional.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// Wall.
     pub wall: Option<Wall>,
-    /// Box.
+    /// Box along the axes of {b}.
     pub block: Option<Block>,
-    /// Sphere.
     pub sphere: Option<Sphere>,
     /// Plate with holes.
     pub plate: Option<Plate>,
@@ -36,23 +34,23 @@ pub struct Scene {
 /// Tool and scene that cannot be simulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidContact {
-    /// A length or stiffness that must be positive.
+    /// Length or stiffness that must be positive.
     #[error("{name} must be positive and finite, got {got}")]
     NotPositive {
         /// Name of the parameter.
         name: &'static str,
-        /// Value.
+        /// Value, in the SI unit of the parameter.
         got: f64,
     },
-    /// A parameter that must not be negative.
+    /// Parameter that must not be negative.
     #[error("{name} must be 0 or above and finite, got {got}")]
     Negative {
         /// Name of the parameter.
         name: &'static str,
-        /// Value.
+        /// Value, in the SI unit of the parameter.
         got: f64,
     },
-    /// A number of pegs or holes other than 1 or 2.
+    /// Number of pegs or holes other than 1 or 2.
     #[error("{name} must be 1 or 2, got {got}")]
     Count {
         /// Name of the parameter.
@@ -68,7 +66,7 @@ pub enum InvalidContact {
         /// Number of holes.
         holes: u8,
     },
-    /// A hole that no peg enters.
+    /// Hole that no peg enters.
     #[error(
         "the hole radius must be above the peg radius {peg} m, got {hole} m; widen the hole or use a thinner peg"
     )]
@@ -88,7 +86,7 @@ pub enum InvalidContact {
         /// Value, in m.
         got: f64,
     },
-    /// A chamfer without one of its sizes, or as large as its peg or plate.
+    /// Chamfer without one of its sizes, or as large as its peg or plate.
     #[error(
         "the chamfer of the {body} must have a width and a depth below its radius and length, got {width} m by {depth} m"
     )]

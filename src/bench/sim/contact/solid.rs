@@ -7,11 +7,11 @@ use crate::contact::surface::{Feature, Surface, Touch};
 /// Half-space behind a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// A point of the plane, in {b}.
+    /// Point of the plane, in {b}.
     pub point: Vector3<f64>,
     /// Outward normal, in {b}.
     pub normal: Unit<Vector3<f64>>,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
@@ -22,7 +22,7 @@ pub struct Block {
     pub centre: Vector3<f64>,
     /// Half the edge lengths, in m.
     pub half_size: Vector3<f64>,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 
@@ -33,7 +33,7 @@ pub struct Sphere {
     pub centre: Vector3<f64>,
     /// Radius, in m.
     pub radius: f64,
-    /// Surface.
+    /// Stiffness, damping and friction.
     pub surface: Surface,
 }
 

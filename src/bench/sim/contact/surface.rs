@@ -1,8 +1,8 @@
 //! Force of a surface on one point inside it: a spring, a damper that grows with depth, and dry friction.
 //!
 //! The normal force is never negative and continuous at contact (Hunt and Crossley 1975). Friction is a tangential
-//! spring, the bristle, whose force is at most µ times the normal force (Cundall and Strack 1979): a point at rest does
-//! not creep. Its anchor follows the point when the limit is reached, and when the surface turns:
+//! spring, the bristle, whose force is at most µ times the normal force (Cundall and Strack 1979), so a point at rest
+//! does not creep. The anchor of the bristle follows the point when the limit is reached, and when the surface turns:
 //!
 //! ```text
 //!  f_n = max(0, k d - c min(d/d_c, 1) v_n)      f_t = -k_t ξ - β c v_t,   |k_t ξ| ≤ µ f_n,  |f_t| ≤ µ f_n,  0 ≤ β ≤ 1

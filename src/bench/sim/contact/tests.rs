@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A dual peg of 10 mm in holes with a clearance of 0.2 mm, chamfered by 1.5 mm at 45°.
+/// Dual peg of 10 mm in holes with a clearance of 0.2 mm, chamfered by 1.5 mm at 45°.
 pub(super) const PEGS: Pegs = Pegs {
     x_m_t: Isometry3 {
         rotation: UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
@@ -261,15 +261,15 @@ fn place(kind: u8, surface: Surface) -> (Contact, Isometry3<f64>) {
     }
 }
 
-/// Energy that a path misses where a point of a circle enters or leaves between two steps, in J: k d² / 2, d = 5 µm, a
-/// step's length. Without it a graze of a few steps, 10⁻⁷ J in all, would be held to 0.2 % of itself.
+/// Energy that a path misses where a point of a circle enters or leaves between two steps, in J: k d² / 2 with a step of
+/// d = 5 µm. Without it a contact of a few steps, 10⁻⁷ J in all, would have to be accurate to 0.2 %.
 const GRAIN_J: f64 = 0.5 * SMOOTH.stiffness / 36.0 * 5e-6 * 5e-6;
 
 /// Steps of a closed path.
 const STEPS: u32 = 40_000;
 
-/// Returns the work of the scene on the tool along a closed path around `middle` that comes from free space, in J, and
-/// its positive part.
+/// Returns the work of the scene on the tool in J, and its positive part, along a closed path around `middle`. The path
+/// starts and ends in free space.
 fn work(kind: u8, surface: Surface, reach: &[f64; 6], steps: u32) -> (f64, f64) {
     const SECONDS: f64 = 2.0;
     let (mut contact, middle) = place(kind, surface);
@@ -297,9 +297,9 @@ fn work(kind: u8, surface: Surface, reach: &[f64; 6], steps: u32) -> (f64, f64) 
 
 /// Returns whether a closed path of `steps` takes and gives the same energy within 0.2 %.
 ///
-/// The path counts a point that enters or leaves within a step as in or out for all of it. The errors are of either sign
-/// and add up at random, a few paths of 10,000 to over 0.2 %; they fall with the steps, what a contact gains does not.
-/// So a path that fails is walked again in a quarter of the step.
+/// Counts a point that enters or leaves within a step as in or out for all of it. These errors are random: a few of
+/// 10,000 paths have more than 0.2 %. They fall with the step, and energy gained by a contact does not. So a path that
+/// fails is repeated with a quarter of the step.
 fn conserves_energy(kind: u8, reach: &[f64; 6]) -> bool {
     [STEPS, 4 * STEPS].into_iter().any(|steps| {
         let (total, given) = work(kind, SMOOTH, reach, steps);

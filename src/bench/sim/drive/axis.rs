@@ -1,4 +1,4 @@
-//! The CiA 402 application behind the communication: objects in, torque demand and status out.
+//! CiA 402 application behind the communication: objects in, torque demand and status out.
 //!
 //! Combines dictionary, power state machine, modes, limits and stops; each of them decides in its own file. In cyclic
 //! synchronous torque mode nothing happens between two set-points. In every other mode, and during a stop, the control
@@ -24,7 +24,7 @@ use canopen_device::dictionary::Dictionary;
 use canopen_device::{Application, ConnectionLoss, Reset};
 use units::time::Instant;
 
-/// One axis.
+/// CiA 402 application of one drive.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     encoder: Encoder,

@@ -6,7 +6,7 @@ use canopen::nameplate::units::SiUnit;
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
 
-/// The limits of one drive.
+/// Limits of one drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limits {
     /// Positive limit, in ‰ of rated torque, not negative.

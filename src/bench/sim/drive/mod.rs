@@ -1,4 +1,4 @@
-//! A CiA 402 drive with the unsafe defaults of real ones: no heartbeat consumer, and the last torque is held when the
+//! CiA 402 drive with the unsafe defaults of real ones: no heartbeat consumer, and the last torque is held when the
 //! master is lost.
 //!
 //! The motor is not part of it: the plant supplies the joint position and reads the torque demand.
@@ -49,12 +49,11 @@ use canopen_device::dictionary::Dictionary;
 use canopen_device::station::{Station, earlier};
 use units::time::Instant;
 
-/// Settings of one drive.
+/// Place on the bus, dictionary, motor and tuning of a drive.
 #[derive(Clone, Debug)]
 pub struct DriveSettings {
     /// CAN bus.
     pub channel: Channel,
-    /// Node-ID.
     pub node: NodeId,
     /// Object dictionary with default values.
     pub dictionary: Dictionary,
@@ -75,7 +74,7 @@ pub struct Delivery {
     pub has_unlisted_torque_mode: bool,
 }
 
-/// A simulated CiA 402 drive.
+/// Simulated CiA 402 drive.
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
@@ -145,7 +144,7 @@ impl Drive {
         self.device.node()
     }
 
-    /// Returns the NMT state.
+    /// Returns the state of the NMT slave (CiA 301, 7.3.2.2).
     pub const fn nmt_state(&self) -> NmtState {
         self.device.state()
     }

@@ -12,7 +12,7 @@ pub(super) struct Monitor {
     pub(super) link_voltage: f64,
     /// Digital inputs.
     pub(super) inputs: Inputs,
-    /// The motor exceeds its trip speed.
+    /// Set if the motor exceeds its trip speed.
     pub(super) is_too_fast: bool,
 }
 

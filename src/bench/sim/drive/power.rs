@@ -1,4 +1,4 @@
-//! The power state machine of a drive (CiA 402-2, 6.1): controlword in, statusword out.
+//! Power state machine of a drive (CiA 402-2, 6.1): controlword in, statusword out.
 //!
 //! ```text
 //!  start ─0→ not ready ─1→ switch on ─2→ ready to ─3→ switched ─4→ operation ─11→ quick stop
@@ -22,7 +22,7 @@ pub(super) struct Power {
     stop: Option<Stop>,
 }
 
-/// A stop in progress.
+/// Ramp of a stop in progress, and the state after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Stop {
     ramp: Ramp,
@@ -63,7 +63,7 @@ impl Command {
 }
 
 impl Power {
-    /// Returns the state.
+    /// Returns the state of the power drive system, as the statusword shows it.
     pub(super) const fn state(&self) -> State {
         self.state
     }
@@ -95,7 +95,7 @@ impl Power {
 
     /// Applies a controlword; `options` select the stops.
     ///
-    /// A *rising edge* of bit 7 resets a fault if its cause is gone (`may_reset`). A bit that stays set has no effect.
+    /// Resets a fault at a *rising edge* of bit 7 if its cause is gone (`may_reset`). A bit that stays set has no effect.
     pub(super) fn on_controlword(&mut self, word: Controlword, options: &Options, may_reset: bool) {
         let reset = Controlword::FAULT_RESET.0;
         let is_rising_edge = word.0 & reset != 0 && self.last.0 & reset == 0;

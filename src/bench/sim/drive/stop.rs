@@ -1,4 +1,4 @@
-//! A stop on a ramp (605Ah to 605Eh), with a timeout of [`MAX_STOP_TIME`].
+//! Stop on a ramp (605Ah to 605Eh), with a timeout of [`MAX_STOP_TIME`].
 
 use crate::motion::{Feedback, Motion, Ramp, TorqueDemand};
 use canopen_device::dictionary::Dictionary;
@@ -6,7 +6,7 @@ use canopen_device::dictionary::Dictionary;
 /// Maximum duration of a stop, in s; afterwards the motor is released.
 pub(super) const MAX_STOP_TIME: f64 = 4.0;
 
-/// A stop in progress.
+/// Ramp of a stop in progress, and its time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stop {
     ramp: Ramp,
@@ -25,7 +25,7 @@ impl Stop {
         Self { ramp, ..self }
     }
 
-    /// Returns whether the stop has timed out.
+    /// Returns whether [`MAX_STOP_TIME`] has passed.
     pub(super) const fn has_timed_out(&self) -> bool {
         self.elapsed >= MAX_STOP_TIME
     }

@@ -74,7 +74,7 @@ mod tests {
     const H: f64 = 250e-6;
     const ROTOR: f64 = 0.008;
 
-    /// A joint of `INERTIA`, including the rotor, with backlash.
+    /// Joint of `INERTIA`, including the rotor, with backlash.
     struct GearedJoint {
         backlash: Backlash,
         q: f64,

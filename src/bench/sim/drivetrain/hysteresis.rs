@@ -1,7 +1,7 @@
 //! Hysteresis between motor torque and gear output: a play operator (Visintin 1994).
 //!
-//! The output stays until the input is half the width beyond it, then follows at that distance: rising torque is half a
-//! width too low, falling torque half a width too high. The remanence at zero current is at most half a width.
+//! The output stays until the input is half the width beyond it, then follows at that distance. So rising torque is half
+//! a width too low, falling torque half a width too high. The remanence at zero current is at most half a width.
 
 /// Hysteresis of one joint.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use canopen::frame::Telegram;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// A delayed frame of the device at `place`.
+/// Delayed frame of the device at `place`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DelayedFrame {
     pub(super) due: Instant,

@@ -1,9 +1,9 @@
-//! The devices to which faults are applied.
+//! Devices to which faults are applied.
 
 use crate::fault::breakable::Breakable;
 use units::numbering::NodeIndex;
 
-/// The six drives and the switch box; `None` for a device that is not on the buses.
+/// Six drives and the switch box; `None` for a device that is not on the buses.
 pub type Devices<'a> = [Option<&'a mut dyn Breakable>; 7];
 
 /// Returns the devices on the buses, with their indices.

@@ -34,13 +34,13 @@ use units::time::Instant;
 pub struct Notice {
     /// Time after the first SYNC.
     pub at: Duration,
-    /// The fault.
+    /// Fault that starts or ends.
     pub fault: Fault,
-    /// The fault has ended.
+    /// Set if the fault has ended.
     pub is_over: bool,
 }
 
-/// The fault without its target: `unplugged`, and `over: unplugged` at its end.
+/// Fault without its target: `unplugged`, and `over: unplugged` at its end.
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { fault, is_over, .. } = self;
@@ -48,14 +48,14 @@ impl fmt::Display for Notice {
     }
 }
 
-/// The faults of a scenario's devices and of its link, and those that run.
+/// Faults of a scenario's devices and of its link, and those that run.
 #[derive(Clone, Debug)]
 pub struct Faults {
     script: Vec<Fault>,
     /// Number of faults of the script that have started.
     started: usize,
     seed: u64,
-    /// The first SYNC.
+    /// Time of the first SYNC, from which the times of faults count.
     zero: Option<Instant>,
     running: Vec<Running>,
     held: DelayQueue,

@@ -12,7 +12,7 @@ use faults::{
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
 
-/// A fault that has started and not ended.
+/// Started fault with its random sequence and counts.
 #[derive(Clone, Debug)]
 pub(super) struct Running {
     pub(super) fault: Fault,
@@ -33,17 +33,17 @@ pub(super) struct Running {
 /// One device's data, sent again under another one's COB-ID.
 #[derive(Clone, Copy, Debug)]
 struct Imitation {
-    /// The device whose data is sent again.
+    /// Device whose data is sent again.
     of: NodeIndex,
-    /// The COB-ID under which it sends the data itself.
+    /// COB-ID under which it sends the data itself.
     original: u16,
-    /// The bus on which the data is sent again.
+    /// Bus on which the data is sent again.
     channel: Channel,
-    /// The COB-ID under which the data is sent again.
+    /// COB-ID under which the data is sent again.
     imitated: u16,
 }
 
-/// A target among the simulated devices.
+/// Target among the simulated devices.
 pub(super) trait OfDevices {
     /// Returns whether the target contains the device at a place.
     fn has(self, place: NodeIndex) -> bool;

@@ -17,7 +17,7 @@ use units::time::Instant;
 /// Joint of the device at place 2.
 const ELBOW: Joint = Joint::of::<3>();
 
-/// The first SYNC.
+/// First SYNC.
 const ZERO: Instant = Instant::from_micros(5_000);
 
 /// Device that sends given frames and records received ones.

@@ -21,7 +21,7 @@ struct Passing {
 }
 
 impl Faults {
-    /// Delivers a frame on a bus to the device at `place`. Needless while they are [idle](Self::is_idle).
+    /// Delivers a frame on a bus to the device at `place`. Not necessary while the faults are [idle](Self::is_idle).
     pub fn deliver(
         &mut self,
         now: Instant,

@@ -1,11 +1,11 @@
 //! Servo and friction of one joint over one step.
 //!
-//! The servo follows a rate that lags the commanded one by its time constant: feed-forward of the torques that this
-//! rate needs, and a proportional-integral law around it, five times as fast. Its torque is limited; at the limit the
-//! integrator is frozen.
+//! The servo follows a rate that lags the commanded one by its time constant. It has a feed-forward of the torques that
+//! this rate needs, and a proportional-integral law around it, five times as fast. Its torque is limited; at the limit
+//! the integrator is frozen.
 //!
-//! Servo and friction act on the rate at the end of the step, which is stable for any gain, and a joint that dry
-//! friction can hold does not move at all (Stewart and Trinkle 1996):
+//! Servo and friction act on the rate at the end of the step, which is stable for any gain. A joint that dry friction can
+//! hold does not move at all (Stewart and Trinkle 1996):
 //!
 //! ```text
 //!  m v + Σ m_j v_j + h (b v + c sgn v) = p + h clamp(u - k v, ±max)

@@ -1,13 +1,13 @@
-//! A slave arm in motion: rate servos, joint friction, a tool behind a wrist sensor, and contact with a scene.
+//! Slave arm in motion: rate servos, joint friction, a tool behind a wrist sensor, and contact with a scene.
 //!
-//! One step of at most [`MAX_STEP`] advances the rates with the wrench of the scene at its start, and servo and friction
-//! at its end (`joint`), then the positions with the new rates (symplectic Euler): a spring of stiffness k at an
-//! effective mass m is stable up to `h² k / m = 4`, 64 MN/m for 1 kg. Feed-forward of this model, with the payload,
-//! compensates gravity and Coriolis torques; the integrators of the servos compensate contact and friction. Joints have no
-//! end stops: the commands keep the limits.
+//! One step of at most [`MAX_STEP`] advances the rates, with the wrench of the scene at its start, and servo and friction
+//! at its end (`joint`). The new rates advance the positions (symplectic Euler). A spring of stiffness k at an effective
+//! mass m is stable up to `h² k / m = 4`, 64 MN/m for 1 kg. Feed-forward of this model, with the payload, compensates
+//! gravity and Coriolis torques; the integrators of the servos compensate contact and friction. Joints have no end stops:
+//! the commands keep the limits.
 //!
-//! The sensed wrench at {S} is that of environment and gravity on the body beyond the sensor minus its inertial wrench
-//! (Newton-Euler), as a mean over the step: `f_s = contact + m (g - a)`.
+//! The sensed wrench at {S} is that of environment and gravity on the body beyond the sensor, minus the body's inertial
+//! wrench (Newton-Euler). It is a mean over the step: `f_s = contact + m (g - a)`.
 
 mod joint;
 mod solve;
@@ -43,7 +43,7 @@ pub struct JointSettings {
     pub max_torque: f64,
 }
 
-/// An arm with its servos.
+/// Arm with its servos.
 #[derive(Clone, Debug)]
 pub struct ManipulatorSettings {
     /// Joints, base first; 1 to [`MAX_JOINTS`].
@@ -62,7 +62,7 @@ pub struct ManipulatorSettings {
     pub seed: u64,
 }
 
-/// The body beyond the wrist sensor.
+/// Body beyond the wrist sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Tool {
     /// Shape in contact, fixed to {M}.
@@ -76,13 +76,13 @@ pub struct Tool {
 /// Reason why a manipulator cannot be simulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidManipulator {
-    /// Joints.
+    /// Number of joints outside 1..=[`MAX_JOINTS`].
     #[error(transparent)]
     JointCount(#[from] InvalidJointCount),
     /// Tool or scene.
     #[error(transparent)]
     Contact(#[from] InvalidContact),
-    /// A parameter out of range.
+    /// Parameter out of range.
     #[error("{name} must be {constraint} and finite, got {got}")]
     Parameter {
         /// Name of the parameter.
@@ -94,7 +94,7 @@ pub enum InvalidManipulator {
     },
 }
 
-/// An arm in motion.
+/// Arm in motion.
 #[derive(Clone, Debug)]
 pub struct Manipulator {
     arm: Arm<MAX_JOINTS>,
@@ -122,7 +122,7 @@ impl Manipulator {
     ///
     /// # Errors
     ///
-    /// The number of joints, a parameter, the tool or the scene is invalid.
+    /// Returns an error if the number of joints, a parameter, the tool or the scene is invalid.
     pub fn new(
         settings: &ManipulatorSettings,
         tool: Tool,

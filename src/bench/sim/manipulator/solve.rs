@@ -11,8 +11,8 @@ const MAX_ITERATIONS: usize = 60;
 
 /// Returns the rates with which `mass` times them equals `momentum` and the impulses of the laws; `guess` is near them.
 ///
-/// The problem is the minimum of a strictly convex function. Each iteration solves it with the sticking, sliding and
-/// limited joints of the previous one, then improves joint after joint, which determines these sets again.
+/// Minimises a strictly convex function. Each iteration solves it with the sticking, sliding and limited joints of the
+/// previous one, then improves joint after joint, which determines these sets again.
 pub(super) fn rates<const N: usize>(
     mass: &JointMatrix<N>,
     momentum: &Joints<N>,

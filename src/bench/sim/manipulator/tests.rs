@@ -1,4 +1,4 @@
-//! The PUMA 560 of Corke, and an 8R arm, in free motion and in contact.
+//! PUMA 560 of Corke, and an 8R arm, in free motion and in contact.
 
 use nalgebra::{Matrix3, Unit};
 use proptest::prelude::*;

@@ -9,7 +9,7 @@ use crate::motion::units::{Units, saturated, wrapped};
 use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
 
-/// One axis.
+/// Shaft, demand and control loops of one drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Axis {
     pub(super) shaft: Shaft,

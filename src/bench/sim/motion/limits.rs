@@ -41,11 +41,11 @@ impl TorqueLimits {
 /// Largest value of a limit, and that of an absent one, in ‰: finite, as a deceleration follows from it.
 const NO_TORQUE_LIMIT: f64 = 65_535.0;
 
-/// A value within a limit.
+/// Value within a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LimitedValue {
     pub(super) value: f64,
-    /// The limit has changed the value.
+    /// Set if the limit has changed the value.
     pub(super) is_limited: bool,
 }
 

@@ -102,7 +102,7 @@ pub struct Motion {
     word: Controlword,
     /// Stop in progress or completed; a step in operation ends it.
     stop: Option<Stop>,
-    /// The objects still show the previous mode.
+    /// Set if the objects still show the previous mode.
     is_fresh: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Profile position mode (CiA 402-2, 10): single set-points and sets of set-points.
 //!
-//! One set-point can wait for the one before. Controlword bit 9 (change on set-point) is ignored and 60F2h is absent:
-//! a relative target is relative to the previous target, and the axis is linear.
+//! One set-point can wait for the one before. Controlword bit 9 (change on set-point) is ignored. 60F2h is absent: a
+//! relative target is relative to the previous target, and the axis is linear.
 
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::following::Following;

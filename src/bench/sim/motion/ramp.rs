@@ -62,7 +62,7 @@ impl Profile {
 /// Smallest limit: avoids a division by zero.
 const MIN_LIMIT: f64 = 1e-9;
 
-/// A phase of constant acceleration.
+/// Phase of constant acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Phase {
     duration: f64,

@@ -22,7 +22,7 @@ const POSITION_BANDWIDTH: f64 = TAU * 4.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reference {
     pub(super) demand: Demand,
-    /// The position loop is closed, not the velocity loop alone.
+    /// Set if the position loop is closed, not the velocity loop alone.
     pub(super) has_position: bool,
     /// Torque feed-forward, in ‰.
     pub(super) torque: f64,

@@ -52,7 +52,7 @@ impl Shaft {
         self.units.shown(position - self.zero)
     }
 
-    /// Converts position units to the unwrapped position in the same turn of the counter as `here`: the axis is
+    /// Converts position units to the unwrapped position in the same turn of the counter as `here`. The axis is
     /// linear (60F2h, bits 6 and 7, absent).
     pub(super) fn linear_target(&self, here: f64, units: f64) -> f64 {
         here + self.units.increments(units - f64::from(self.position_units(here))) - self.rest(here)

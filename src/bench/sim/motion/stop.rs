@@ -1,7 +1,7 @@
 //! Stops in all modes: halt, quick stop, shutdown, fault (605Ah to 605Eh).
 //!
-//! Modes with a velocity decelerate. Torque modes remove their torque: on the slope of 6087h in profile torque mode, at
-//! once in cyclic synchronous torque mode, in which a hand may hold the load.
+//! Modes with a velocity decelerate. Torque modes remove their torque: in profile torque mode on the slope of 6087h, in
+//! cyclic synchronous torque mode at once. In the latter a hand may hold the load.
 
 use crate::motion::axis::{Axis, StepInput};
 use crate::motion::limits::{LimitedValue, deceleration};
@@ -20,7 +20,7 @@ pub(super) enum StopQuantity {
     CyclicTorque,
 }
 
-/// A stop in progress or completed.
+/// Ramp, quantity and time of a stop in progress or completed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stop {
     ramp: Ramp,

@@ -49,7 +49,7 @@ impl Tuning {
     /// Converts a load to the units of the drive.
     ///
     /// # Errors
-    /// The first invalid value.
+    /// Returns the first invalid value.
     pub fn from_load(load: &Load) -> Result<Self, InvalidLoad> {
         let Load { inertia, viscous, counts_per_turn, per_mille_per_newton_metre } = *load;
         if !(inertia.is_finite() && inertia > 0.0) {

@@ -1,7 +1,7 @@
-//! The arm in motion: motors, friction, end stops and a hand, integrated in small fixed steps.
+//! Arm in motion: motors, friction, end stops and a hand, integrated in small fixed steps.
 //!
-//! A step has two parts. The first finds the resisting torques for the velocities `v` at the end of the step, so that
-//! a firm hand on a light wrist and a hard stop are stable (time stepping after Stewart and Trinkle 1996):
+//! A step has two parts. The first finds the resisting torques for the velocities `v` at the end of the step (time
+//! stepping after Stewart and Trinkle 1996). So a firm hand on a light wrist and a hard stop are stable:
 //!
 //! ```text
 //!  (M + h D + h² K) v + h c sgn(v) = M qd + h (tau - bias + Jᵀ f_g)
@@ -52,7 +52,7 @@ pub fn steps(dt: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// An arm in motion.
+/// Arm in motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Plant {
     arm: Arm,

@@ -12,11 +12,11 @@ const STRIBECK_SPEED: f64 = 0.05;
 /// Friction and end stops of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resistance {
-    /// Dry friction, in N·m.
+    /// Dry friction, in N·m (N).
     pub coulomb: f64,
-    /// Excess of static over dry friction, in N·m; it vanishes with the speed (Stribeck 1902).
+    /// Excess of static over dry friction, in N·m (N); it vanishes with the speed (Stribeck 1902).
     pub stiction: f64,
-    /// Viscous friction, in N·m·s/rad.
+    /// Viscous friction, in N·m·s/rad (N·s/m).
     pub viscous: f64,
     /// Positions of the end stops, in rad (m).
     pub range: [f64; 2],
@@ -33,8 +33,8 @@ impl Resistance {
         self.coulomb + self.stiction * (-(qd / STRIBECK_SPEED).powi(2)).exp()
     }
 
-    /// Returns the velocity after `h` s of a joint at `q` with `inertia` and `momentum`, against the [dry](Self::dry)
-    /// friction, the viscous one, and an end stop within reach. A stop never pulls.
+    /// Returns the velocity after `h` s of a joint at `q` with `inertia` and `momentum`. [Dry](Self::dry) and viscous
+    /// friction and an end stop within reach oppose it. A stop never pulls.
     pub(super) fn velocity(&self, h: f64, q: f64, dry: f64, [inertia, momentum]: [f64; 2]) -> f64 {
         let dry = h * dry;
         let inertia = inertia + h * self.viscous;

@@ -23,7 +23,7 @@ struct Entry {
     _former_quirks: (),
 }
 
-/// A joint by its number in a file.
+/// Joint by its number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "i64", into = "u8")]
 struct JointNumber(Joint);

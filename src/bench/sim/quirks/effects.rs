@@ -16,7 +16,7 @@ use units::time::Instant;
 pub(crate) struct AxisQuirks {
     /// Mode that it obeys and displays, only when enabled.
     pub(crate) mode_when_enabled: Option<i8>,
-    /// The first edge of bit 7 after a fault does not reset it.
+    /// Set if the first edge of bit 7 after a fault does not reset it.
     pub(crate) ignores_first_reset: bool,
 }
 

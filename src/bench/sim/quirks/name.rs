@@ -16,13 +16,13 @@ pub enum UnknownQuirk {
     /// No quirk has this name.
     #[error("unknown quirk `{0}`; expected one of {list}", list = Quirk::NAMES.join(", "))]
     Name(String),
-    /// The quirk has no parameter.
+    /// Value of a quirk that has no parameter.
     #[error("quirk `{0}` takes no value")]
     NoValue(&'static str),
     /// Invalid value.
     #[error("value of quirk `{name}` must be {wanted}, got `{value}`")]
     Value {
-        /// Name of the quirk.
+        /// Name without the value: `slow-sdo`.
         name: &'static str,
         /// Values allowed.
         wanted: String,

@@ -1,4 +1,4 @@
-//! The quirks, each with the real drives that have it.
+//! Quirks, each with the real drives that have it.
 //!
 //! Sources: defaults in drive manuals, and reports by users of open-source CANopen masters.
 
@@ -66,7 +66,7 @@ macro_rules! quirks {
     };
 }
 
-/// The quirk of one row with `value`, or with the default without one.
+/// Quirk of one row with `value`, or with its default.
 macro_rules! quirk {
     ($quirk:ident $name:literal, $value:ident) => {
         $value.map_or(Ok(Self::$quirk), |_| Err(UnknownQuirk::NoValue($name)))
@@ -142,8 +142,8 @@ quirks! {
     /// Sends its first SDO response since power-up after this time: its file system or encoder starts first.
     SlowFirstAnswer(time: Duration) "slow-first-answer",
         default "1500", read millis(1..=10_000), shown time.as_millis();
-    /// Reports torque actual (6077h) behind a low pass of 10 ms and off by this share, in %: current sensors and the
-    /// filters behind them, within their makers' tolerances.
+    /// Reports torque actual (6077h) behind a low pass of 10 ms and off by this share, in %. Current sensors and their
+    /// filters do so within their makers' tolerances.
     FilteredTorque(percent: i8) "filtered-torque",
         default "5", read number(-20..=20, " %"), shown percent;
     /// Has this value in an object since before power-up: a maker's tool stored it. Low bytes count.
@@ -187,7 +187,7 @@ impl TryFrom<String> for Quirk {
     }
 }
 
-/// The name used in scenarios.
+/// Writes the form used in scenarios.
 impl Serialize for Quirk {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

@@ -1,4 +1,4 @@
-//! Each quirk has its effect and no other.
+//! Effect of each quirk, and that it has no other.
 
 mod stored;
 

@@ -47,7 +47,7 @@ pub(crate) struct FrameQuirks {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TransmitPath {
     quirks: FrameQuirks,
-    /// The quirks are none: frames pass as they are.
+    /// Set if no quirk changes frames.
     is_transparent: bool,
     /// Delayed frames, in order of their due times.
     delayed: VecDeque<(Instant, Frame)>,

@@ -1,4 +1,4 @@
-//! A `[[fault]]` entry, read and written: `at_s`, `kind`, the keys of its kind, `for_s`.
+//! `[[fault]]` entry, read and written: `at_s`, `kind`, the keys of its kind, `for_s`.
 
 use std::time::Duration;
 
@@ -33,19 +33,19 @@ fn read(kind: &str, at_s: f64, length: f64, keys: &mut Keys) -> Result<Fault, Lo
     let (target, kind) = fault_table::read(kind, keys)?;
     let mut fault = Fault::new(Duration::from_secs_f64(at_s), target, kind);
     if !kind.is_momentary() {
-        // A host or an adapter may stand still for a part of a cycle.
+        // A host or an adapter may stall for a part of a cycle.
         let least = if matches!(kind, Kind::Host(_) | Kind::Bus(_)) { 0.0 } else { MIN_DURATION };
         let duration = keys.value("for_s", |it| it.number(least..=length - at_s))?;
         fault.duration = duration.map(Duration::from_secs_f64);
     }
-    // Without an end, virtual time would never come back to the process.
+    // Without an end, the process would never run again in virtual time.
     if matches!(kind, Kind::Host(_)) && !kind.is_momentary() {
         keys.needed("for_s", fault.duration)?;
     }
     Ok(fault)
 }
 
-/// A fault as a table of TOML, its keys in the order in which people write them.
+/// Fault as a table of TOML, its keys in the order in which people write them.
 #[derive(Debug)]
 pub(super) struct FaultEntry<'a>(pub(super) &'a Fault);
 

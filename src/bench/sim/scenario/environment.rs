@@ -15,10 +15,10 @@ const MAX_COORDINATE: f64 = 100.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
-    /// Stiffness of the wall, in N/m.
+    /// Stiffness instead of the configured one, within 1 to 1e7 N/m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_stiffness_n_per_m: Option<f64>,
-    /// A point of the wall, in the object's base, in m; its normal stays.
+    /// Point of the wall, in the object's base, in m; its normal stays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_point_m: Option<[f64; 3]>,
 }

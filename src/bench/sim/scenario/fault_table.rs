@@ -1,4 +1,4 @@
-//! The table of faults: a row has the word of `kind`, the target, the keys, and the kind of fault that they make.
+//! Table of faults: a row has the word of `kind`, the target, the keys, and the kind of fault that they make.
 
 use std::time::Duration;
 
@@ -139,7 +139,7 @@ const DRIVE: Key<Target> = Key::new(
     },
 );
 
-/// A bus, with the host's adapter to it.
+/// Bus, with the host's adapter to it.
 const BUS: Key<Target> = Key::new(
     "bus",
     |it| it.whole("a bus, from 0", 0..=u8::MAX).map(|bus| Target::Bus(Channel(bus))),
@@ -252,7 +252,7 @@ const COMMAND: Key<NmtCommand> = Key::words(
     ],
 );
 
-/// The node that a command is for; `None` for all.
+/// Node that a command is for; `None` for all.
 const NODE: Key<Option<NodeId>> = Key::new(
     "node_id",
     |it| it.whole("1 to 127", 1..=127).map(|raw| NodeId::new(raw).ok()),
@@ -260,7 +260,7 @@ const NODE: Key<Option<NodeId>> = Key::new(
 )
 .or(None);
 
-/// In N.
+/// Sensed force, in N; NaN and infinities are valid.
 const FORCE: Key<f64> = Key::new("force_n", |it| it.any_number(), |force| Some(force.into()));
 
 /// Time of a wall clock since 1970, up to the year 2106.
@@ -285,7 +285,7 @@ const AFTER: Key<Option<u16>> =
 /// `cob_id` and `payload`.
 const FRAME: FrameKeys = FrameKeys;
 
-/// The two keys of [`FRAME`].
+/// Two keys of [`FRAME`].
 #[derive(Debug)]
 pub(super) struct FrameKeys;
 

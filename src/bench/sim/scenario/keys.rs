@@ -7,13 +7,13 @@ use toml::{Spanned, Value};
 
 use crate::scenario::problem::{LocatedProblem, Problem, within};
 
-/// A table of a file.
+/// Table of a file.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;
 
 /// Keys as they are written, in order.
 pub(super) type KeyList = Vec<(&'static str, Value)>;
 
-/// A key of a fault, read and written. It is required unless it has a default, or another key in its place.
+/// Key of a fault, read and written. It is required unless it has a default, or another key in its place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Key<T: 'static> {
     name: &'static str,
@@ -58,7 +58,7 @@ impl<T: Copy + PartialEq> Key<T> {
         Self { name, form: Form::Words(wanted, words), default: None, other: None }
     }
 
-    /// Returns the key with a default.
+    /// Makes the key optional: absent, it has this value.
     pub(super) const fn or(self, default: T) -> Self {
         Self { default: Some(default), ..self }
     }
@@ -141,7 +141,7 @@ impl Keys {
     }
 }
 
-/// A key as given, with its value.
+/// Key as given, with its value.
 #[derive(Debug)]
 pub(super) struct KeyValue<'a> {
     key: &'static str,

@@ -1,4 +1,4 @@
-//! A scenario: the operator's actions and the faults of a run, read from TOML or built from entries.
+//! Scenario: the operator's actions and the faults of a run, read from TOML or built from entries.
 //!
 //! Times are in s after the first SYNC. Hand movements are relative to where the grip was at the start:
 //! along the axes of {0} and about those of the grip.
@@ -37,7 +37,7 @@ use faults::{Fault, Target};
 /// Maximum length of a scenario, in s.
 const MAX_LENGTH: f64 = 86_400.0;
 
-/// A scenario that can be played.
+/// Scenario that can be played.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     seconds: f64,
@@ -49,29 +49,29 @@ pub struct Scenario {
     faults: Vec<Fault>,
 }
 
-/// One entry of a scenario.
+/// Action of the operator, or a fault.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
-    /// A movement of the hand.
+    /// Movement of the hand.
     Move(Move),
     /// Switches pressed or released.
     Switch(Switch),
-    /// A request to the console.
+    /// Request to the console.
     Console(Console),
-    /// The hand releases or takes the grip.
+    /// Release or hold of the grip.
     Hold(Hold),
-    /// A fault.
+    /// Fault of a device, a bus, the host or the link.
     Fault(Fault),
 }
 
-/// A scenario as its file has it.
+/// Sections of a file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Script {
     seconds: Spanned<f64>,
     /// Changes of the configured environment.
     environment: Option<Spanned<Environment>>,
-    /// The scenario is played twice: without and with the passivity layer.
+    /// Set if the scenario is played twice: without and with the passivity layer.
     #[serde(default)]
     compares_passivity: bool,
     #[serde(default)]
@@ -95,7 +95,7 @@ impl Scenario {
     /// Reads a scenario.
     ///
     /// # Errors
-    /// The first problem, with its line.
+    /// Returns the first problem, with its line.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
@@ -114,7 +114,7 @@ impl Scenario {
     /// Builds a scenario of this duration in s from its entries, each kind in order.
     ///
     /// # Errors
-    /// The first entry that is out of order or beyond the end.
+    /// Returns the first entry that is out of order or beyond the end.
     pub fn new(seconds: f64, entries: impl IntoIterator<Item = Entry>) -> Result<Self, Problem> {
         let (mut moves, mut switches, mut console) = (Vec::new(), Vec::new(), Vec::new());
         let (mut holds, mut faults): (_, Vec<Fault>) = (Vec::new(), Vec::new());
@@ -243,7 +243,7 @@ fn check_times(faults: &[Fault], seconds: f64) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The keys of a file, in the order in which people write them.
+/// Keys of a file, in the order in which people write them.
 #[derive(Serialize)]
 struct File<'a> {
     seconds: f64,

@@ -66,11 +66,11 @@ pub struct Operator {
     pub translation: Vector3<f64>,
     /// Desired rotation of the grip from its start.
     pub rotation: UnitQuaternion<f64>,
-    /// The switch box's inputs: deadman A and B (antivalent), reference, reflection, buttons.
+    /// Switch box's inputs: deadman A and B (antivalent), reference, reflection, buttons.
     pub inputs: u8,
     /// Lever of a gripper at the analogue inputs, in counts.
     pub lever: i16,
-    /// The hand holds the grip.
+    /// Set if the hand holds the grip.
     pub is_holding: bool,
 }
 
@@ -138,18 +138,18 @@ pub struct Hold {
 }
 
 impl Move {
-    /// A movement to a displacement along {0}, in m.
+    /// Movement to a displacement along {0}, in m.
     pub const fn new(at_s: f64, duration_s: f64, to_m: [f64; 3]) -> Self {
         Self { at_s, duration_s, to_m: Some(List(to_m)), to_rad: None }
     }
 
-    /// The same movement with a turn to a rotation vector in {G} at the start, in rad.
+    /// Adds a turn to a rotation vector in {G} at the start, in rad.
     #[must_use]
     pub const fn turning(self, to_rad: [f64; 3]) -> Self {
         Self { to_rad: Some(List(to_rad)), ..self }
     }
 
-    /// A turn to a rotation vector in {G} at the start, in rad.
+    /// Turn to a rotation vector in {G} at the start, in rad.
     pub const fn turn(at_s: f64, duration_s: f64, to_rad: [f64; 3]) -> Self {
         Self { at_s, duration_s, to_m: None, to_rad: Some(List(to_rad)) }
     }
@@ -168,31 +168,31 @@ impl Switch {
         }
     }
 
-    /// The deadman pressed or released.
+    /// Deadman pressed or released.
     pub const fn deadman(at_s: f64, is_pressed: bool) -> Self {
         Self { deadman: Some(is_pressed), ..Self::none(at_s) }
     }
 
-    /// The reference button pressed or released.
+    /// Reference button pressed or released.
     pub const fn reference(at_s: f64, is_pressed: bool) -> Self {
         Self { reference: Some(is_pressed), ..Self::none(at_s) }
     }
 
-    /// The reflection button pressed or released.
+    /// Reflection button pressed or released.
     pub const fn reflection(at_s: f64, is_pressed: bool) -> Self {
         Self { reflection: Some(is_pressed), ..Self::none(at_s) }
     }
 }
 
 impl Hold {
-    /// The grip held or released.
+    /// Grip held or released.
     pub const fn new(at_s: f64, holding: bool) -> Self {
         Self { at_s, holding }
     }
 }
 
 impl Console {
-    /// A request at a time, in s.
+    /// Request at a time, in s.
     pub const fn new(at_s: f64, request: ConsoleRequest) -> Self {
         Self { at_s, request }
     }

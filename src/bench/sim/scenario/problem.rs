@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct ScenarioError {
     /// Line, from 1.
     pub line: usize,
-    /// Problem.
+    /// Kind of the error, with key and values.
     pub problem: Problem,
 }
 
@@ -27,7 +27,7 @@ pub enum Problem {
     /// Invalid TOML, or unknown keys.
     #[error("{0}")]
     Toml(String),
-    /// A number is out of its range, or NaN.
+    /// Number out of its range, or NaN.
     #[error("{quantity} must be within {low}..={high}, got {value}")]
     Number {
         /// Key.
@@ -39,7 +39,7 @@ pub enum Problem {
         /// Upper limit.
         high: f64,
     },
-    /// The entries of a list overlap in time.
+    /// Entries of a list that overlap in time.
     #[error("at_s must be at least {free_s}, the end of the entry before, got {at_s}")]
     Order {
         /// Begin of the entry.
@@ -47,7 +47,7 @@ pub enum Problem {
         /// End of the entry before.
         free_s: f64,
     },
-    /// A key of the kind of fault is missing.
+    /// Key that the kind of fault requires.
     #[error("`{kind}` needs `{key}`")]
     Missing {
         /// Kind of fault.
@@ -55,7 +55,7 @@ pub enum Problem {
         /// Missing key.
         key: &'static str,
     },
-    /// The kind of fault has no such key.
+    /// Key that the kind of fault does not have.
     #[error("`{key}` does not belong to `{kind}`")]
     Unrelated {
         /// Kind of fault.
@@ -66,7 +66,6 @@ pub enum Problem {
     /// Invalid value of a key.
     #[error("{key} must be {wanted}, got {value}")]
     Value {
-        /// Key.
         key: &'static str,
         /// Value given.
         value: String,
@@ -75,7 +74,7 @@ pub enum Problem {
     },
 }
 
-/// A problem, and its byte range in the text.
+/// Problem, and its byte range in the text.
 pub(super) type LocatedProblem = (Range<usize>, Problem);
 
 /// Checks a range; NaN is out of range.

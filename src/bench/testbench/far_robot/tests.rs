@@ -1,4 +1,4 @@
-//! The far side with the node's end of the contract: each reason to hold, epochs, sessions, and a process that was stopped.
+//! Far side with the node's end of the contract: each reason to hold, epochs, sessions, and a process that was stopped.
 
 use std::path::Path;
 

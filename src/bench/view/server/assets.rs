@@ -1,6 +1,6 @@
 //! Files of the page, in the program.
 
-/// A file of the page.
+/// File of the page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Asset {
     pub(super) path: &'static str,

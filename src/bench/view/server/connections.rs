@@ -1,4 +1,5 @@
-//! Connections, bounded: in number, in the time until a request, and in what the kernel keeps for a browser that does not read.
+//! Connections with limits: their number, the time until a request, and the bytes that the kernel keeps for a browser
+//! that does not read.
 
 use std::future::Future;
 use std::io;
@@ -21,7 +22,7 @@ const MAX_CONNECTIONS: usize = 256;
 /// Time allowed from the connection to the first byte of its response.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Time after which a connection is closed whose other end has not taken what was sent.
+/// Time until a connection is closed if its other end does not take sent data.
 const UNREAD_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Bytes that the kernel keeps for a connection: about a tenth of a second of the feed.
@@ -30,7 +31,7 @@ const SEND_BUFFER: usize = 32_768;
 /// Time until the next connection is accepted after an error, such as too many open files.
 const ACCEPT_AGAIN_AFTER: Duration = Duration::from_millis(200);
 
-/// A listener whose connections are bounded.
+/// Listener whose connections are bounded.
 #[derive(Debug)]
 pub(super) struct BoundedListener {
     listener: TcpListener,
@@ -71,11 +72,11 @@ fn bound(stream: &TcpStream) -> io::Result<()> {
     let socket = SockRef::from(stream);
     socket.set_send_buffer_size(SEND_BUFFER)?;
     socket.set_tcp_user_timeout(Some(UNREAD_TIMEOUT))?;
-    // Finds the end of a machine that went away while nothing was sent.
+    // Detects a machine that disappeared while nothing was sent.
     socket.set_keepalive(true)
 }
 
-/// A connection, which carries one request.
+/// Connection, which carries one request.
 #[derive(Debug)]
 pub(super) struct Connection {
     stream: TcpStream,

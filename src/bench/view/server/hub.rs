@@ -14,7 +14,7 @@ pub(super) const MAX_VIEWERS: usize = 64;
 /// Number of lines after which a viewer that has read none of them misses some.
 const MAX_RECENT: usize = 16;
 
-/// A line as an event of Server-Sent Events, with its number in the order of arrival.
+/// Line as an event of Server-Sent Events, with its number in the order of arrival.
 #[derive(Clone, Debug)]
 struct Event {
     number: u64,

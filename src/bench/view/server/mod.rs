@@ -54,7 +54,7 @@ impl Server {
     /// Takes the address. The node is read at the first of these sockets on which one listens.
     ///
     /// # Errors
-    /// The address cannot be used: another program has it, for example.
+    /// Returns an error if the address cannot be used: another program has it, for example.
     pub fn bind(listen: SocketAddr, sockets: Vec<PathBuf>) -> io::Result<Self> {
         let listener = TcpListener::bind(listen)?;
         listener.set_nonblocking(true)?;
@@ -70,7 +70,7 @@ impl Server {
     /// Starts to read the node and to answer browsers.
     ///
     /// # Errors
-    /// A thread cannot be started.
+    /// Returns an error if a thread cannot be started.
     pub fn start(self) -> io::Result<Running> {
         let hub = Arc::new(Hub::default());
         let runtime = Builder::new_current_thread().enable_io().enable_time().build()?;

@@ -1,4 +1,4 @@
-//! The feed as the body of a response that does not end: Server-Sent Events.
+//! Feed as the body of a response that does not end: Server-Sent Events.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -14,7 +14,7 @@ use crate::server::hub::Seat;
 #[derive(Debug)]
 pub(super) struct EventStream {
     seat: Seat,
-    /// Events that were taken and are not yet sent.
+    /// Events taken from the hub and not yet sent.
     pending: VecDeque<Bytes>,
 }
 

@@ -1,4 +1,4 @@
-//! The server over real connections: HTTP/1.1 by hand.
+//! Server over real connections: HTTP/1.1 by hand.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -15,7 +15,7 @@ const MODE: &str = r#"{"version":1,"kind":"mode","mode":"ready"}"#;
 const SNAPSHOT: &str =
     r#"{"version":1,"kind":"snapshot","cycle":7,"q":[null,0.10000000000000001]}"#;
 
-/// A server, and the folder of its node's socket.
+/// Server, and the folder of its node's socket.
 struct Bench {
     address: SocketAddr,
     socket: PathBuf,
@@ -58,7 +58,7 @@ impl Bench {
     }
 }
 
-/// A node that one reader is connected to.
+/// Node that one reader is connected to.
 struct Node(UnixStream);
 
 impl Node {
@@ -204,7 +204,7 @@ fn stream_beyond_the_last_seat_is_refused_with_a_reason() {
     assert!(refused.ends_with(NO_SEAT), "{refused}");
     assert_eq!(status(&bench.answer("GET /", "")), "200");
     viewers.pop();
-    // The server finds the end of that connection by itself.
+    // The server detects the end of that connection without a request.
     let mut tries = 0;
     while tries < 1_000 && status_of_feed(&bench) != "200" {
         tries += 1;

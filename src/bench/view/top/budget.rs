@@ -22,7 +22,7 @@ const COMPONENTS: [(&str, &str, usize); 7] = [
 /// Columns of a joint's name.
 const NAME: usize = 13;
 
-/// Returns the budget of each joint below a heading, and what was scaled: 80 columns.
+/// Returns the budget of each joint below a heading, and the scales of its terms: 80 columns.
 pub(super) fn table(state: &State) -> Vec<Row> {
     let budget = |key: &'static str| at(&state.snapshot, &["budget", key]);
     let names: String =

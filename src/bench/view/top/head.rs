@@ -35,7 +35,7 @@ pub(super) fn title(state: &State, view: &View, palette: Palette, columns: usize
     let pause = if view.is_paused { " PAUSED" } else { "" };
     let rest = columns.saturating_sub(BADGE + width(&right) + width(&time) + 1 + pause.len());
     let middle = match rest {
-        // The word of a pause takes the place of the cycle.
+        // The word PAUSED replaces the cycle.
         0..10 if view.is_paused => return narrow_pause(badge, style, &time, columns),
         0..10 => fitted("", rest),
         _ => fitted(&format!("  {}", origin(state)), rest),

@@ -52,7 +52,7 @@ const SILENCE_S: u64 = 2;
 /// Shows the node that listens on the first of these sockets until a key or a signal ends it.
 ///
 /// # Errors
-/// There is no terminal, or it cannot be used.
+/// Returns an error if there is no terminal, or it cannot be used.
 pub fn watch(sockets: Vec<PathBuf>) -> Result<(), Failure> {
     let is_dumb = std::env::var_os("TERM").is_none_or(|name| name.is_empty() || name == "dumb");
     if is_dumb || !io::stdout().is_terminal() || !io::stdin().is_terminal() {
@@ -103,7 +103,7 @@ pub fn watch(sockets: Vec<PathBuf>) -> Result<(), Failure> {
 /// Prints one snapshot of the node that listens on the first of these sockets.
 ///
 /// # Errors
-/// There is no node, or it does not send.
+/// Returns an error if there is no node, or it does not send.
 pub fn print_once(sockets: Vec<PathBuf>) -> Result<(), Failure> {
     let (sender, news) = channel();
     // The receiver is gone when the snapshot is complete.

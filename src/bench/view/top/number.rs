@@ -1,10 +1,10 @@
-//! Numbers of a constant width: they do not move while they change, and none is cut.
+//! Numbers of constant width: columns stay in place, and digits are never cut.
 
 /// Shown for a number that is absent.
 const ABSENT: &str = "–";
 
-/// Returns a number of at least `width` columns with these decimals, aligned on the right: fewer decimals, then powers
-/// of ten, then a bound, where it does not fit.
+/// Returns a number with these decimals, aligned on the right in at least `width` columns. One that does not fit has
+/// fewer decimals, then a power of ten, then is shown as a bound.
 pub(super) fn fixed(value: Option<f64>, width: usize, decimals: usize) -> String {
     let Some(value) = value.filter(|value| value.is_finite()) else {
         return format!("{ABSENT:>width$}");

@@ -5,7 +5,7 @@ use ratatui::text::{Line, Span};
 
 use super::text::fitted;
 
-/// A row of the screen.
+/// Row of the screen.
 pub(super) type Row = Line<'static>;
 
 /// Rows that belong together.
@@ -49,7 +49,7 @@ impl Block {
     }
 }
 
-/// A block, or its fuller form, that is given room.
+/// Block, or its fuller form, that is given room.
 #[derive(Clone, Copy, Debug)]
 struct Claim {
     importance: u8,
@@ -89,7 +89,7 @@ pub(super) fn row<const N: usize>(parts: [(String, Style); N]) -> Row {
     Row::from(parts.map(|(text, style)| Span::styled(text, style)).to_vec())
 }
 
-/// Returns a row of one text.
+/// Returns a row in the default style.
 pub(super) fn plain(text: impl Into<String>) -> Row {
     Row::from(text.into())
 }

@@ -1,14 +1,14 @@
-//! Styles of the screen. A colour never says what a word does not, and under `NO_COLOR` no colours are used.
+//! Styles of the screen. Words say all that colours say; under `NO_COLOR` no colours are used.
 
 use ratatui::style::{Color, Modifier, Style};
 
-/// Share of a limit from which it is remarked on.
+/// Share of a limit from which a value is highlighted.
 const NEAR_LIMIT: f64 = 0.8;
 
 /// Styles, with colours or without.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Palette {
-    /// Colours are used.
+    /// Set if colours are used.
     pub(super) is_coloured: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The terminal while the screen is on it: raw mode and its second page, undone at every end of the process.
+//! Terminal in raw mode with its alternate screen; restored at every end of the process.
 
 use std::io::{self, Stdout, Write};
 use std::os::fd::AsFd;
@@ -25,7 +25,7 @@ const DRAW_PERIOD_MS: i64 = 100;
 /// Number of drawings in a second.
 pub(super) const DRAWINGS_PER_S: u64 = 10;
 
-/// A terminal with the screen on it. Dropping it restores the terminal.
+/// Terminal in raw mode with its alternate screen; restored on drop.
 #[derive(Debug)]
 pub(super) struct Screen {
     terminal: Terminal<CrosstermBackend<Stdout>>,
@@ -35,13 +35,13 @@ pub(super) struct Screen {
 /// Reason why the wait for the next drawing has ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    /// The next drawing is due.
+    /// Due time of the next drawing.
     Tick,
-    /// A signal was received.
+    /// Received signal.
     Signal,
     /// Keys were pressed.
     Keys(Vec<u8>),
-    /// The terminal is gone.
+    /// Terminal that is gone.
     HungUp,
 }
 
@@ -49,13 +49,13 @@ impl Screen {
     /// Takes over the terminal, whose state a panic restores, too.
     ///
     /// # Errors
-    /// The terminal or the timer cannot be set.
+    /// Returns an error if the terminal or the timer cannot be set.
     pub(super) fn start() -> io::Result<Self> {
         let clock = TimerFd::new(ClockId::CLOCK_MONOTONIC, TimerFlags::TFD_CLOEXEC)?;
         let period = TimeSpec::new(0, DRAW_PERIOD_MS * 1_000_000);
         clock.set(Expiration::Interval(period), TimerSetTimeFlags::empty())?;
         let terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
-        // The message of a panic belongs on the first page, and a release build ends without dropping anything.
+        // The message of a panic belongs on the main screen, and a release build ends without dropping anything.
         let report = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
             restore();
@@ -70,7 +70,7 @@ impl Screen {
     /// Draws a scene in the present size of the terminal.
     ///
     /// # Errors
-    /// The terminal cannot be written.
+    /// Returns an error if the terminal cannot be written.
     pub(super) fn draw(&mut self, scene: &Scene<'_>) -> io::Result<()> {
         self.terminal.draw(|frame| scene.draw(frame.area(), frame.buffer_mut())).map(drop)
     }
@@ -78,7 +78,7 @@ impl Screen {
     /// Waits for the next event: not longer than the period of drawings.
     ///
     /// # Errors
-    /// The terminal or the timer cannot be read.
+    /// Returns an error if the terminal or the timer cannot be read.
     pub(super) fn wait(&self) -> io::Result<Event> {
         let stdin = io::stdin();
         let mut sources = [

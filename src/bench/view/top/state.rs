@@ -8,7 +8,7 @@ use crate::feed::{Kind, Line, News};
 /// Time for which the greatest value of a watchdog is shown, in µs.
 const PEAK_HOLD_US: f64 = 1_000_000.0;
 
-/// Age of the snapshot that is remarked on, in µs: a boot sends none.
+/// Age from which a snapshot is marked as old, in µs: a boot sends none.
 const MAX_SNAPSHOT_AGE_US: f64 = 1_000_000.0;
 
 /// State of the node, as far as it was received.
@@ -26,11 +26,11 @@ pub(super) struct State {
     pub(super) received: u64,
     /// Greatest values of the watchdogs, in their order.
     pub(super) watchdogs: Vec<Watchdog>,
-    /// The snapshot is newer than the mode.
+    /// Set if the snapshot is newer than the mode.
     is_snapshot_newest: bool,
 }
 
-/// A watchdog, and its greatest value within the last second.
+/// Watchdog, and its greatest value within the last second.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Watchdog {
     pub(super) name: String,
@@ -42,7 +42,7 @@ pub(super) struct Watchdog {
 }
 
 impl State {
-    /// Takes in what the reader passes on.
+    /// Takes a line, or the reason why there is no node.
     pub(super) fn on_news(&mut self, news: News) {
         match news {
             News::Line(line) => self.on_line(&line),
@@ -51,13 +51,13 @@ impl State {
     }
 
     fn on_line(&mut self, line: &Line) {
-        // A line that is no JSON is as one of an unknown kind.
+        // A line that is not JSON counts as one of an unknown kind.
         let Ok(value) = serde_json::from_str::<Value>(&line.text) else { return };
         self.received = self.received.wrapping_add(1);
         self.absence = None;
         match line.kind {
             Kind::Description => {
-                // Another connection: values of the node before are not this one's.
+                // Another connection: the values of the previous node are dropped.
                 *self = Self { description: value, received: self.received, ..Self::default() };
             }
             Kind::Mode => {
@@ -92,12 +92,12 @@ impl State {
         list(at(snapshot, &["watchdogs"])).iter().map(watchdog).collect()
     }
 
-    /// Returns the newest line that says the mode.
+    /// Returns the newest line with the mode.
     fn newest(&self) -> &Value {
         if self.is_snapshot_newest { &self.snapshot } else { &self.mode }
     }
 
-    /// Returns the mode; empty before the first line that says it.
+    /// Returns the mode; empty before the first line with it.
     pub(super) fn mode_name(&self) -> String {
         text(at(self.newest(), &["mode"])).unwrap_or_default()
     }
@@ -159,7 +159,7 @@ impl Watchdog {
         (limit > 0.0).then_some(value / limit)
     }
 
-    /// Returns whether this value is still shown when that one comes.
+    /// Returns whether this value stays on the screen when `new` arrives.
     fn outlasts(&self, new: &Self) -> bool {
         let age = new.at_us.zip(self.at_us).map(|(new, old)| new - old);
         let is_young = age.is_some_and(|age| (0.0..PEAK_HOLD_US).contains(&age));

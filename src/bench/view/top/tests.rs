@@ -1,4 +1,4 @@
-//! The screen as a terminal of a given size has it.
+//! Screen as a terminal of a given size has it.
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -206,7 +206,7 @@ fn hostile() -> State {
     state(&[description, snapshot, mode])
 }
 
-/// Returns a node whose numbers are as large as numbers are.
+/// Returns a node with numbers near the limits of `f64`.
 fn extreme() -> State {
     let [description, mode, mut snapshot] = feed();
     fn grow(value: &mut Value) {
@@ -237,7 +237,7 @@ fn hostile_names_are_shown_without_an_effect() {
         for name in ["\u{fffd}[31mred", "<b>bold", "関節", "a\u{fffd}b"] {
             assert!(text.contains(name), "{name}: {text}");
         }
-        // Each joint's torque stands where it does with plain names.
+        // Each joint's torque is in the column that it has with plain names.
         let torques = rows.iter().filter(|row| row.contains(" rad ")).count();
         assert_eq!(torques, 6, "{text}");
     }

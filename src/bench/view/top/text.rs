@@ -1,15 +1,16 @@
-//! Text of a given number of columns. A node sends any names; what a terminal would obey is replaced here.
+//! Text of a given number of columns. Names from a node may have characters that a terminal interprets; they are
+//! replaced here.
 
 use ratatui::text::Span;
 
-/// Shown in place of a character that a terminal obeys.
+/// Replacement of a character that a terminal interprets.
 const REPLACEMENT: char = '\u{fffd}';
 
 /// Shown at the end of a text that was cut.
 const ELLIPSIS: char = '…';
 
-/// Returns a text without control characters and marks of direction, which are replaced, and without characters of no
-/// width, which would join others in a cell; at most `max` characters.
+/// Returns at most `max` characters of a text. Control characters and marks of direction are replaced; characters without
+/// width are left out, as they would join others in a cell.
 pub(super) fn clean(text: &str, max: usize) -> String {
     let mut cleaned: String = text.chars().filter_map(harmless).take(max + 1).collect();
     if let Some((end, _)) = cleaned.char_indices().nth(max) {

@@ -20,7 +20,7 @@ pub(super) fn nth(list: &Value, place: usize) -> &Value {
     list.get(place).unwrap_or(&ABSENT)
 }
 
-/// Returns the elements of a list; none if it is no list.
+/// Returns the elements of a list; empty for any other value.
 pub(super) fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }

@@ -1,4 +1,4 @@
-//! The screen for a state of the node, as a drawing in a buffer: no I/O.
+//! Screen for a state of the node, as a drawing in a buffer: no I/O.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -24,9 +24,9 @@ const BUDGET_ROWS: usize = 30;
 /// Choices of the user.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct View {
-    /// The screen is frozen.
+    /// Set if the screen is frozen.
     pub(super) is_paused: bool,
-    /// The torque budget replaces timing and buses.
+    /// Set if the torque budget replaces timing and buses.
     pub(super) is_budget: bool,
 }
 
@@ -94,7 +94,7 @@ impl Scene<'_> {
         links.extend(links::watchdogs(state, palette, right));
         let extras = [wrenches::gripper(state, columns), wrenches::adjusted(state, columns)];
         let extras: Vec<Row> = extras.into_iter().flatten().collect();
-        // Other blocks than the times and the budget have at most so many rows where nothing is stopped.
+        // Without a stop, the blocks other than times and budget have at most this many rows.
         links.truncate(height.saturating_sub(OTHER_ROWS + extras.len()).max(timing::ROWS));
         let times = beside(&timing::table(state), timing::COLUMNS + 2, &links);
         let has_both = height >= BUDGET_ROWS;

@@ -34,7 +34,7 @@ pub enum FrictionDoubt {
         /// Viscous friction, in N·m·s/rad or N·s/m.
         viscous: Estimate,
     },
-    /// The readings do not determine Coulomb friction.
+    /// Coulomb friction that the readings do not determine.
     Uncertain {
         /// Two standard deviations relative to Coulomb friction.
         share: f64,

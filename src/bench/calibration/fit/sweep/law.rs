@@ -95,7 +95,7 @@ impl JointFriction {
     /// `has_gravity`, gravity was not subtracted: the fitted load is then subtracted from each direction.
     ///
     /// # Errors
-    /// The readings do not determine friction in both directions.
+    /// Returns an error if the readings do not determine friction in both directions.
     pub fn fit(
         readings: &[Moving],
         resolution: f64,

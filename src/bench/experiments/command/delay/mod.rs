@@ -69,7 +69,7 @@ enum Part {
     Disturbed,
 }
 
-/// A run with its part.
+/// Run with its part.
 #[derive(Debug, Serialize)]
 struct Figure {
     part: Part,

@@ -21,7 +21,7 @@ error_rms_n,error_max_n,error_rms_nm,error_x_n,error_y_n,error_z_n,error_x_nm,er
 beyond_assist_rms_n,friction_n,compensation_n,centring_n,damping_n,passivity_n,inertia_n,pull_n,excess_n,step_n,\
 taken_j,saturated_cycles,stopped_by";
 
-/// Returns the tables.
+/// Returns the tables of still contact and of releases.
 pub(super) fn tables(pooled: &WorstCases) -> [Table; 2] {
     let hands = pooled.still.first().map(|one| {
         let names: Vec<&str> = one.hands.iter().map(|hand| hand.hand).collect();

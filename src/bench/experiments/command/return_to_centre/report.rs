@@ -59,7 +59,7 @@ impl Row {
     }
 }
 
-/// Returns the table.
+/// Returns one line for each configuration and axis.
 pub(super) fn table(rows: &[Row]) -> Table {
     let columns: [Column<&Row>; 10] = [
         ("configuration", |row| row.config.clone()),

@@ -14,7 +14,7 @@ const SHARE: f64 = 0.4;
 /// Minimum number of points whose stiffness limits a step.
 const MIN_POINTS: u16 = 8;
 
-/// A peg, and the plate at {b}.
+/// Peg, and the plate at {b}.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     contact: Contact,

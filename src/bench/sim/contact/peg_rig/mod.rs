@@ -39,9 +39,9 @@ const GAP: f64 = 1e-4;
 /// Settings of one peg and one hole; lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PegRigSettings {
-    /// Radius of the peg.
+    /// Radius outside its chamfer.
     pub peg_radius: f64,
-    /// Length of the peg.
+    /// Length from base to end.
     pub peg_length: f64,
     /// Radial width and length of the peg's chamfer; zeros for a sharp edge.
     pub peg_chamfer: [f64; 2],
@@ -83,18 +83,18 @@ pub struct Grip {
 #[derive(Clone, Copy, Debug, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
-    /// The end reached the requested depth.
+    /// End of the peg at the requested depth.
     Inserted,
-    /// The peg stopped with its end in the bore.
+    /// Peg that stopped with its end in the bore.
     Jammed,
-    /// The peg stopped on the face or in the chamfer.
+    /// Peg that stopped on the face or in the chamfer.
     Rejected,
 }
 
-/// Result of a lowering.
+/// Outcome of a lowering, with the final pose and contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoweringResult {
-    /// Outcome.
+    /// Depth reached, or where the peg stopped.
     pub outcome: Outcome,
     /// Pose of the peg's end in {P}; its z axis points into the hole.
     pub x_p_e: Isometry3<f64>,
@@ -124,7 +124,7 @@ pub struct Push {
     pub moment: f64,
 }
 
-/// A peg and a plate.
+/// Peg and plate.
 #[derive(Clone, Debug)]
 pub struct PegRig {
     settings: PegRigSettings,
@@ -136,7 +136,7 @@ impl PegRig {
     ///
     /// # Errors
     ///
-    /// A size is not positive, or the hole is smaller than the peg.
+    /// Returns an error if a size is not positive, or the hole is smaller than the peg.
     pub fn new(settings: PegRigSettings) -> Result<Self, InvalidContact> {
         let [peg_width, peg_chamfer_length] = settings.peg_chamfer;
         let [hole_width, hole_depth] = settings.hole_chamfer;
@@ -191,8 +191,8 @@ impl PegRig {
         self.run(&mut body, |_| load, |body| body.depth() >= start + enough)
     }
 
-    /// Returns whether a peg at `depth` stays wedged after the removal of the `moment`, in N·m, that tilted it: its two
-    /// contacts retain at least 5 % of their force.
+    /// Returns whether a peg at `depth` stays wedged after the removal of the `moment`, in N·m, that tilted it. The two
+    /// contacts of a wedged peg retain at least 5 % of their force.
     pub fn wedges(&self, depth: f64, moment: f64) -> bool {
         let mut body = self.settled(depth, &Push { across: 0.0, into: 0.0, moment }.wrench());
         let loaded = body.pressure();

@@ -1,5 +1,5 @@
-//! The rig against the analysis of a single peg by Whitney 1982 (Quasi-static assembly of compliantly supported rigid
-//! parts) and Simunovic 1975 (Force information in assembly processes).
+//! Rig against the analysis of a single peg by Whitney 1982 (Quasi-static assembly of compliantly supported rigid parts)
+//! and Simunovic 1975 (Force information in assembly processes).
 
 use super::*;
 
@@ -14,7 +14,7 @@ const SETTINGS: PegRigSettings = PegRigSettings {
     stiffness: 3.6e8,
 };
 
-/// Force into the hole, in N: small, so that the peg is as good as rigid.
+/// Force into the hole, in N: small, so that the peg is nearly rigid.
 const PUSH: f64 = 2.0;
 
 /// Returns the ratio of a load to the boundary of the jamming diagram in its direction: below 1 the peg moves in.

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use canopen::error_codes;
 
-/// An input of the drive.
+/// Input of the drive.
 #[derive(Clone, Copy, Debug)]
 enum Input {
     Word(u16),

@@ -41,7 +41,7 @@ const WITHOUT_MODE_10: [(&str, &[u8]); 3] =
 /// 6502h with mode 10 and no other: a firmware that has it.
 const MODE_10: &str = "stored:6502h=0x200";
 
-/// A drive and its master's end of the bus: one frame per millisecond.
+/// Drive and its master's end of the bus: one frame per millisecond.
 struct Line {
     drive: Drive,
     now: Instant,

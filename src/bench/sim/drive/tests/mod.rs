@@ -1,4 +1,4 @@
-//! A drive on a bus, as its master sees it.
+//! Drive on a bus, as its master sees it.
 
 mod anything;
 mod commands;
@@ -70,7 +70,7 @@ fn sample(data: &[u8]) -> Option<DriveSample> {
     })
 }
 
-/// A drive and its master's end of the bus.
+/// Drive and its master's end of the bus.
 struct Wire {
     drive: Drive,
     /// Motor values; the motor applies the torque demand.

@@ -26,22 +26,22 @@ const IFF_UP: u32 = 1;
 /// Reasons to refuse an interface.
 #[derive(Debug, Error)]
 pub enum Unfit {
-    /// The interface is down.
+    /// Interface without `IFF_UP`.
     #[error("{interface}: the interface is down (ip link set {interface} up)")]
     Down { interface: String },
-    /// The transmit queue is so long that torques would be stale when transmitted.
+    /// Transmit queue so long that torques would be stale when transmitted.
     #[error(
         "{interface}: txqueuelen must be at most {most}, the frames of one cycle, got {queue}: torques would \
          be old (ip link set {interface} txqueuelen {most})"
     )]
     Queues { interface: String, queue: u32, most: u32 },
-    /// The controller restarts automatically; only a boot of the network may follow bus-off.
+    /// Automatic restart of the controller; only a boot of the network may follow bus-off.
     #[error(
         "{interface}: restart-ms must be 0, got {millis}: the controller would restart by itself after bus-off \
          (ip link set {interface} type can restart-ms 0)"
     )]
     Restarts { interface: String, millis: u32 },
-    /// The kernel does not answer.
+    /// Kernel that does not answer.
     #[error("{interface}: {error}")]
     Unknown { interface: String, error: io::Error },
 }
@@ -49,9 +49,9 @@ pub enum Unfit {
 /// Remarks about an accepted interface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Remark {
-    /// The driver does not confirm transmissions.
+    /// Driver that does not confirm transmissions.
     NoEcho { interface: String },
-    /// A virtual bus has a queue.
+    /// Queue of a virtual bus.
     VirtualQueue { interface: String, qdisc: String },
 }
 

@@ -83,10 +83,10 @@ pub trait Bus {
 /// Reasons why a bus cannot be opened again.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReopenError {
-    /// The interface is missing.
+    /// Missing interface.
     #[error("bus {}: interface not found", .0.0)]
     Gone(Channel),
-    /// The interface is not [fit](interface::check) for torques: reason and remedy.
+    /// Interface that is not [fit](interface::check) for torques: reason and remedy.
     #[error("{0}")]
     Unfit(String),
 }
@@ -103,20 +103,20 @@ pub struct Wake {
 /// Frame or fault received from a bus, with time and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceivedEvent {
-    /// Time at which it was complete on the wire.
+    /// Time at which the frame or fault was complete on the wire.
     pub at: Instant,
-    /// Bus.
+    /// Bus on which the frame or fault was received.
     pub channel: Channel,
     /// Frame or fault.
     pub event: BusEvent,
 }
 
-/// A frame, or a change of the bus state.
+/// Frame, or change of the bus state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
-    /// A data frame with an 11-bit identifier; a remote frame only if requested.
+    /// Data frame with an 11-bit identifier; a remote frame only if requested.
     Frame(Frame),
-    /// A fault of the bus.
+    /// Worst fault that an error frame or the interface reports.
     Fault(BusFault),
 }
 
@@ -129,19 +129,19 @@ pub enum BusFault {
     Overrun,
     /// Error passive: an error counter is at least 128, or a transmit timeout.
     Passive,
-    /// Bus-off.
+    /// Bus-off: the controller neither sends nor receives until the bus is reopened.
     Off,
-    /// The interface went down or was unplugged.
+    /// Interface that went down or was unplugged.
     Down,
 }
 
 /// Reasons why a frame was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// The transmit queue is full; its frames are already stale.
+    /// Full transmit queue, whose frames are already stale.
     #[error("transmit queue full")]
     Full,
-    /// The interface is down or gone.
+    /// Interface that is down or gone.
     #[error("interface down")]
     Down,
 }

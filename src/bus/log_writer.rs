@@ -16,7 +16,7 @@ pub struct LogWriter<W> {
     to: W,
     interfaces: Vec<String>,
     epoch_micros: u64,
-    /// The line being written.
+    /// Line being written.
     line: Vec<u8>,
     /// Bytes written.
     written: u64,
@@ -28,12 +28,12 @@ impl<W: Write> LogWriter<W> {
         Self { to, interfaces: interfaces.to_vec(), epoch_micros, line: Vec::new(), written: 0 }
     }
 
-    /// Returns the number of bytes written.
+    /// Returns the number of bytes written, line ends included.
     pub const fn written(&self) -> u64 {
         self.written
     }
 
-    /// Returns the writer.
+    /// Returns the sink, without flushing it.
     pub fn into_inner(self) -> W {
         self.to
     }
@@ -41,7 +41,7 @@ impl<W: Write> LogWriter<W> {
     /// Writes a frame.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the write fails.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) -> io::Result<()> {
         self.stamp(at);
         let Channel(place) = telegram.channel;
@@ -55,7 +55,7 @@ impl<W: Write> LogWriter<W> {
     /// Writes data of a pseudo-interface, as a CAN FD frame with a 29-bit identifier.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the write fails.
     pub fn pseudo(&mut self, at: Instant, name: &str, id: u32, data: &[u8]) -> io::Result<()> {
         self.stamp(at);
         self.line.extend_from_slice(name.as_bytes());
@@ -69,7 +69,7 @@ impl<W: Write> LogWriter<W> {
     /// Flushes the writer.
     ///
     /// # Errors
-    /// The flush fails.
+    /// When the flush fails.
     pub fn flush(&mut self) -> io::Result<()> {
         self.to.flush()
     }

@@ -21,11 +21,11 @@ pub(super) const SIZE: usize = 16;
 
 /// Error classes, in the identifier.
 mod class {
-    /// Transmit timeout.
+    /// No frame could be transmitted within the driver's time.
     pub(super) const TRANSMIT_TIMEOUT: u32 = 0x001;
     /// Controller status, in data byte 1.
     pub(super) const CONTROLLER: u32 = 0x004;
-    /// Bus-off.
+    /// Controller left the bus: its transmit error counter exceeds 255 (ISO 11898-1).
     pub(super) const BUS_OFF: u32 = 0x040;
     /// Controller restarted after bus-off.
     pub(super) const RESTARTED: u32 = 0x100;

@@ -18,7 +18,7 @@ use thread_priority::{
 /// `SCHED_FIFO` priority, of 99 at most: above ordinary work, below the threads of the CAN interrupt.
 const PRIORITY: u8 = 80;
 
-/// The kernel's view of the processors (Documentation/ABI/testing/sysfs-devices-system-cpu).
+/// Attributes of the processors (Documentation/ABI/testing/sysfs-devices-system-cpu).
 const CPUS: &str = "/sys/devices/system/cpu";
 
 /// Limit of the time in which an idle processor wakes up; valid while the file is open
@@ -34,7 +34,7 @@ pub struct Settings {
     pub cpu_latency_us: Option<i32>,
 }
 
-/// Settings granted.
+/// Settings in effect, and the reasons of those that the kernel refused.
 #[derive(Debug, Default)]
 pub struct GrantedSettings {
     /// `SCHED_FIFO` at priority 80.

@@ -22,7 +22,7 @@ use canopen::frame::Frame;
 /// Send buffer in bytes: about one cycle of frames. A larger one would store stale torques.
 const SEND_BUFFER: usize = 8 << 10;
 
-/// A raw socket bound to one interface.
+/// Raw socket bound to one interface.
 #[derive(Debug)]
 pub(super) struct Socket {
     raw: CanSocket,
@@ -33,30 +33,30 @@ pub(super) struct Socket {
     lost: u32,
 }
 
-/// Result of a read.
+/// Frame or fault read from a socket, with its receive time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ReadResult {
     /// Receive time since boot, in ns.
     pub(super) arrived: u64,
     /// Frame or fault; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
-    /// Set if frames before it were lost.
+    /// Set if frames before this one were lost.
     pub(super) has_overrun: bool,
 }
 
-/// Socket options.
+/// Frames that a socket receives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Purpose<'a> {
     /// Receive filters.
     pub(super) filters: &'a [CanFilter],
-    /// Receives error frames.
+    /// Set to receive error frames.
     pub(super) receives_errors: bool,
-    /// Receives its own frames.
+    /// Set to receive this socket's own frames.
     pub(super) receives_own: bool,
 }
 
 impl Socket {
-    /// Opens a socket.
+    /// Opens a raw CAN socket, bound to `interface` once its options are set.
     pub(super) fn open(interface: &str, purpose: &Purpose<'_>) -> io::Result<Self> {
         let address = CanAddr::from_iface(interface)?;
         let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;

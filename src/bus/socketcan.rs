@@ -37,18 +37,18 @@ const BACKLOG: usize = 256;
 /// Reasons why a bus cannot be opened.
 #[derive(Debug, Error)]
 pub enum OpenError {
-    /// The kernel has no CAN support.
+    /// Kernel without CAN support.
     #[error(
         "{interface}: the kernel has no CAN support (scripts/with_vcan.sh runs a kernel that has)"
     )]
     NoCan { interface: String },
-    /// The interface does not exist.
+    /// Interface that does not exist.
     #[error("{0}: no such interface")]
     Absent(String),
     /// Any other error of the kernel.
     #[error("{interface}: {error}")]
     Failed { interface: String, error: io::Error },
-    /// Too many buses.
+    /// More buses than a node can have.
     #[error("at most 8 buses, got {0}")]
     TooMany(usize),
 }
@@ -110,7 +110,7 @@ impl SocketCan {
     /// Limits reception on each bus to its patterns: a flood of other frames does not wake the node.
     ///
     /// # Errors
-    /// The first interface that refuses the filters.
+    /// Returns the first interface that refuses the filters.
     pub fn with_filters(mut self, patterns: &[Vec<Pattern>]) -> Result<Self, OpenError> {
         for (line, patterns) in self.lines.iter_mut().zip(patterns) {
             line.filters = patterns.iter().map(data_frames).collect();
@@ -122,7 +122,7 @@ impl SocketCan {
     /// Receives remote frames as well: simulated devices answer node guarding and TPDO requests. A master ignores them.
     ///
     /// # Errors
-    /// The first interface that refuses the filter.
+    /// Returns the first interface that refuses the filter.
     pub fn with_remote_frames(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.filters.push(remote_frames());
@@ -134,7 +134,7 @@ impl SocketCan {
     /// Receives its own frames once they are on the bus, so that simulated devices receive each other.
     ///
     /// # Errors
-    /// The first interface that refuses it.
+    /// Returns the first interface that refuses the option.
     pub fn with_own_frames(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.receives_own = true;
@@ -146,7 +146,7 @@ impl SocketCan {
     /// Records the transmit confirmation of each SYNC.
     ///
     /// # Errors
-    /// The first interface that cannot be opened a second time.
+    /// Returns the first interface that cannot be opened a second time.
     pub fn with_transmit_confirmation(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.confirmation = Some(ConfirmationSocket::open(&line.interface)?);
@@ -158,7 +158,7 @@ impl SocketCan {
     /// remarks.
     ///
     /// # Errors
-    /// The first interface that is not fit.
+    /// Returns the first interface that is not fit.
     pub fn fit_for_torques(mut self, bursts: Vec<u32>) -> Result<(Self, Vec<Remark>), Unfit> {
         let remarks = interface::check(&self.interfaces(), &bursts)?;
         self.bursts = Some(bursts);
@@ -331,7 +331,7 @@ impl Line {
         Ok(())
     }
 
-    /// Returns whether its socket is read: no frame is held.
+    /// Returns whether the socket is read: no frame is held.
     fn is_read(&self) -> bool {
         self.held.is_none()
     }

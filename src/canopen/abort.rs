@@ -2,7 +2,7 @@
 
 use derive_more::Display;
 
-/// 32-bit reason in an SDO abort. Devices use codes of their own, so any value is possible.
+/// 32-bit reason in an SDO abort. Devices may use manufacturer-specific codes, so any value is possible.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[display("{:08X}h {}", self.0, self.description().unwrap_or("unknown reason"))]
 pub struct AbortCode(pub u32);

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 /// Kind of a data type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Boolean.
+    /// One bit: 0 is false, 1 is true.
     Boolean,
     /// Two's complement integer.
     Signed,
@@ -23,14 +23,14 @@ pub enum Kind {
     Octets,
 }
 
-/// Data type.
+/// Static data type with an index of its own in the object dictionary (CiA 301, 7.4.7.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DataType {
     /// Number: an index below 0020h.
     pub number: u16,
     /// Name in CiA 301.
     pub name: &'static str,
-    /// Kind.
+    /// Encoding of the values.
     pub kind: Kind,
     /// Length in bits; `None` for texts and domains.
     pub bits: Option<u8>,
@@ -40,7 +40,7 @@ pub struct DataType {
 pub const UNSIGNED8: u16 = 0x05;
 /// UNSIGNED32: COB-IDs and mapping entries.
 pub const UNSIGNED32: u16 = 0x07;
-/// DOMAIN.
+/// DOMAIN: any number of bytes, whose format the application defines.
 pub const DOMAIN: u16 = 0x0F;
 
 /// All types.

@@ -123,7 +123,7 @@ pub enum Goal {
     /// Power stage disabled.
     #[default]
     VoltageDisabled,
-    /// Operation enabled.
+    /// Power stage enabled, target values acting.
     OperationEnabled,
 }
 
@@ -179,12 +179,12 @@ enum Reset {
     #[default]
     Idle,
     Requested,
-    /// The bit is high.
+    /// Bit 7 is high.
     Raised {
         edges: u8,
         words: u8,
     },
-    /// The bit is low before the next edge.
+    /// Bit 7 is low before the next edge.
     Lowered {
         edges: u8,
         words: u8,

@@ -15,11 +15,11 @@ pub const OVER_TEMPERATURE: u16 = 0x4310;
 pub const OVER_SPEED: u16 = 0x7310;
 /// Life guard or heartbeat error: the monitored node is lost.
 pub const MASTER_LOST: u16 = 0x8130;
-/// Recovered from bus-off.
+/// Recovered from bus-off: the node has returned to a bus that its error counter had taken it off.
 pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
 /// RPDO event timer expired.
 pub const RPDO_TIMEOUT: u16 = 0x8250;
-/// Following error.
+/// Following error: the position has left its window around the demanded one (6065h, CiA 402-2).
 pub const FOLLOWING_ERROR: u16 = 0x8611;
 /// Safe torque off requested. CiA 402 defines only its class, control monitoring; this is maxon's code.
 pub const SAFE_TORQUE_OFF: u16 = 0x8A88;

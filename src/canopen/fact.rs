@@ -14,7 +14,7 @@ use derive_more::Display;
 use crate::nameplate::{Nameplate, Ratio, StoredValue};
 use crate::object::Object;
 
-/// A fact about a drive.
+/// Property of a drive that gives its samples or set-points their meaning.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum Fact {
     /// Direction in which 6064h counts.
@@ -32,7 +32,7 @@ impl Fact {
     /// All facts, in the order of reports.
     pub const ALL: [Self; 3] = [Self::Sign, Self::PositionScale, Self::TorqueUnit];
 
-    /// Returns its name in a configuration.
+    /// Returns the name of the fact in a configuration.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Sign => "sign",
@@ -41,7 +41,7 @@ impl Fact {
         }
     }
 
-    /// Returns the objects that would verify it.
+    /// Returns the objects that would verify the fact.
     pub const fn objects(self) -> &'static str {
         match self {
             Self::Sign => "607Eh",

@@ -76,7 +76,7 @@ impl Frame {
         self.bytes.get(..usize::from(length)).unwrap_or_default()
     }
 
-    /// Returns whether this is a remote frame.
+    /// Returns whether the frame requests data by its RTR bit and has none itself.
     pub const fn is_remote(&self) -> bool {
         self.is_remote
     }
@@ -132,7 +132,7 @@ pub struct Channel(pub u8);
 pub struct Telegram {
     /// Bus.
     pub channel: Channel,
-    /// Frame.
+    /// Frame on this bus, received or to be sent.
     pub frame: Frame,
 }
 

@@ -76,7 +76,7 @@ impl Guard {
         self.health
     }
 
-    /// Stops polling, so that the node must miss it.
+    /// Stops polling, so that the node misses its master.
     pub const fn pause(&mut self) {
         self.is_paused = true;
     }
@@ -100,12 +100,7 @@ impl Guard {
         if state == NmtState::Initialising {
             self.toggle = Some(0);
             self.on_state(now, NmtState::PreOperational);
-            let news = if before == Health::NeverSeen {
-                HeartbeatEvent::BootedUp
-            } else {
-                HeartbeatEvent::Rebooted
-            };
-            return Some(news);
+            return Some(before.on_boot_up());
         }
         let toggle = answer & TOGGLE;
         if self.toggle.is_some_and(|expected| expected != toggle) {

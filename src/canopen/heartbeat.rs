@@ -1,6 +1,6 @@
 //! Heartbeats (CiA 301, 7.2.8.3.2): producer of the master's heartbeat, consumer of each node's.
 //!
-//! The cycle polls the [`Producer`] after its checks have passed. The heartbeat thus stops with the cycle, and the drives
+//! The cycle polls the [`Producer`] after its checks have passed. The heartbeat stops with the cycle, and the drives
 //! react (1016h). The [`Consumer`] only reports.
 //!
 //! One byte: the NMT state, or 0 as the boot-up message.
@@ -68,6 +68,16 @@ pub enum Health {
     Lost,
 }
 
+impl Health {
+    /// Returns the event of a boot-up message from a node with this health before.
+    pub(crate) const fn on_boot_up(self) -> HeartbeatEvent {
+        match self {
+            Self::NeverSeen => HeartbeatEvent::BootedUp,
+            Self::Alive(_) | Self::Lost => HeartbeatEvent::Rebooted,
+        }
+    }
+}
+
 /// Change of a node's health.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeartbeatEvent {
@@ -127,12 +137,7 @@ impl Consumer {
         if state == NmtState::Initialising {
             self.health = Health::Alive(NmtState::PreOperational);
             self.monitor.restart();
-            let news = if before == Health::NeverSeen {
-                HeartbeatEvent::BootedUp
-            } else {
-                HeartbeatEvent::Rebooted
-            };
-            return Some(news);
+            return Some(before.on_boot_up());
         }
         self.health = Health::Alive(state);
         if let Some(sign) = self.monitor.on_heartbeat(now, state) {

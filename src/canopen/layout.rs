@@ -1,115 +1,42 @@
-//! PDO layouts of nodes, and the SDO writes that configure them (CiA 301, 7.5.2.35 to 7.5.2.38).
+//! PDO layouts of nodes: which PDOs of a node are in use, with which objects.
 //!
 //! [`exchange`](crate::exchange) derives bit positions from a layout, [`load`](crate::load) its bus load. A further
 //! layout is one more function here.
 
+mod pdo;
+
+pub use pdo::{Direction, MappedObject, Pdo, Service};
+
 use std::ops::RangeInclusive;
 
-use canopen_rs::pdo::{PDO_COB_ID_INVALID, default_cob_id};
-use canopen_rs::{NodeId, PdoKind, Value};
+use canopen_rs::pdo::default_cob_id;
+use canopen_rs::{NodeId, PdoKind};
 
 use crate::master::check::COB_ID_NO_RTR;
 use crate::object::Object;
 use crate::sync::Transmission;
 
-/// Direction of a PDO, as seen from the node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Direction {
-    /// RPDO: sent by the master.
-    Receive,
-    /// TPDO: sent by the node.
-    Transmit,
-}
-
-/// Object mapped into a PDO, with its length (CiA 301, 7.5.2.36).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MappedObject {
-    /// Object.
-    pub object: Object,
-    /// Length in bits.
-    pub bits: u8,
-}
-
-impl MappedObject {
-    /// Returns the entry of a mapping parameter: index, sub-index and length in bits (CiA 301, 7.5.2.36).
-    pub const fn entry(&self) -> u32 {
-        let [high, low] = self.object.index.to_be_bytes();
-        u32::from_be_bytes([high, low, self.object.sub, self.bits])
-    }
-}
-
-/// PDO of a node.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pdo {
-    /// Direction.
-    pub direction: Direction,
-    /// Number, from 1.
-    pub number: u16,
-    /// COB-ID.
-    pub cob_id: u16,
-    /// Set if bit 30 of its COB-ID entry stays set: a TPDO that may not be requested by RTR.
-    pub has_no_rtr: bool,
-    /// Configuration; `None` disables the PDO, as drives power up with some enabled.
-    pub service: Option<Service>,
-}
-
-/// Configuration of a PDO.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Service {
-    /// Transmission type.
-    pub transmission: Transmission,
-    /// Inhibit time, in 100 µs; `None` leaves the drive's value.
-    pub inhibit_100us: Option<u16>,
-    /// Event timer in ms: maximum period of a TPDO, timeout of an RPDO. `None` leaves the drive's value.
-    pub event_timer_ms: Option<u16>,
-    /// Mapped objects, in order.
-    pub mapping: Vec<MappedObject>,
-}
-
-impl Service {
-    /// Length of the frame, in bytes.
-    pub fn bytes(&self) -> u32 {
-        let bits: u32 = self.mapping.iter().map(|mapped| u32::from(mapped.bits)).sum();
-        bits.div_ceil(8)
-    }
-}
-
 /// Layout for any CiA 402 drive: one RPDO and one TPDO, cyclic synchronous; all others disabled.
 ///
-/// A drive without an RPDO for `rpdo_timer_ms` faults (1400h:5). `None` is for drives without that timer, which
-/// stop by the heartbeat only.
+/// Without an RPDO for `rpdo_timer_ms`, a drive faults (1400h:5). `None` is for drives without that timer, which stop
+/// by the heartbeat only.
 pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
-    let sample = Service {
-        transmission: Transmission::EVERY_SYNC,
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping: vec![
-            MappedObject { object: Object::STATUSWORD, bits: 16 },
-            MappedObject { object: Object::POSITION_ACTUAL, bits: 32 },
-            MappedObject { object: Object::TORQUE_ACTUAL, bits: 16 },
-        ],
-    };
-    let target = Service {
-        transmission: Transmission::EVERY_SYNC,
-        inhibit_100us: None,
-        event_timer_ms: rpdo_timer_ms,
-        mapping: vec![
-            MappedObject { object: Object::CONTROLWORD, bits: 16 },
-            MappedObject { object: Object::TARGET_TORQUE, bits: 16 },
-        ],
-    };
+    let sample = Service::new(
+        Transmission::EVERY_SYNC,
+        &[(Object::STATUSWORD, 16), (Object::POSITION_ACTUAL, 32), (Object::TORQUE_ACTUAL, 16)],
+    );
+    let target = Service::new(
+        Transmission::EVERY_SYNC,
+        &[(Object::CONTROLWORD, 16), (Object::TARGET_TORQUE, 16)],
+    );
+    let target = Service { event_timer_ms: rpdo_timer_ms, ..target };
     predefined(node, vec![sample], vec![target])
 }
 
 /// TPDO service of the torque demand (6074h) at every tenth SYNC: it shows which target a drive without an RPDO timer
 /// has taken.
 pub fn torque_demand() -> Service {
-    Service {
-        transmission: Transmission(DEMAND_SYNCS),
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping: vec![MappedObject { object: Object::TORQUE_DEMAND, bits: 16 }],
-    }
+    Service::new(Transmission(DEMAND_SYNCS), &[(Object::TORQUE_DEMAND, 16)])
 }
 
 /// Transmission type of the torque demand.
@@ -145,47 +72,27 @@ impl Group {
 /// Layout with shared target torques and short position TPDOs, both cyclic synchronous. Statusword and controlword
 /// are sent on change, the torque about every hundredth SYNC. Six drives fit 1 kHz on 1 Mbit/s.
 ///
-/// A drive skips the slots of others by dummies (CiA 301, 7.4.7.1), which its EDS must declare in `[DummyUsage]`.
-/// `place` is the index of the drive on its bus; periods differ by it so that not all repeat in one cycle.
-/// The timer is that of [`per_drive`].
+/// By dummies (CiA 301, 7.4.7.1), a drive skips the slots of others; its EDS must declare them in `[DummyUsage]`.
+/// `place` is the index of the drive on its bus: periods differ by it, so that not all repeat in one cycle.
+/// `rpdo_timer_ms` is as in [`per_drive`].
 pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     let spread = |periods: &[u8]| periods.iter().copied().cycle().nth(place).unwrap_or(u8::MAX);
-    let position = Service {
-        transmission: Transmission::EVERY_SYNC,
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping: vec![MappedObject { object: Object::POSITION_ACTUAL, bits: 32 }],
-    };
+    let position = Service::new(Transmission::EVERY_SYNC, &[(Object::POSITION_ACTUAL, 32)]);
     let status = Service {
-        transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: Some(100),
         event_timer_ms: Some(spread(&STATUS_MS).into()),
-        mapping: vec![MappedObject { object: Object::STATUSWORD, bits: 16 }],
+        ..Service::new(Transmission::EVENT_OF_PROFILE, &[(Object::STATUSWORD, 16)])
     };
-    let torque = Service {
-        transmission: Transmission(spread(&TORQUE_SYNCS)),
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping: vec![MappedObject { object: Object::TORQUE_ACTUAL, bits: 16 }],
-    };
+    let torque_syncs = Transmission(spread(&TORQUE_SYNCS));
+    let torque = Service::new(torque_syncs, &[(Object::TORQUE_ACTUAL, 16)]);
     let object_of = |slot: u8| {
         let is_own = slot == group.slot;
         if is_own { Object::TARGET_TORQUE } else { Object::DUMMY_INTEGER16 }
     };
-    let targets = Service {
-        transmission: Transmission::EVERY_SYNC,
-        inhibit_100us: None,
-        event_timer_ms: rpdo_timer_ms,
-        mapping: (0..group.size)
-            .map(|slot| MappedObject { object: object_of(slot), bits: 16 })
-            .collect(),
-    };
-    let control = Service {
-        transmission: Transmission::EVENT_OF_PROFILE,
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping: vec![MappedObject { object: Object::CONTROLWORD, bits: 16 }],
-    };
+    let slots: Vec<_> = (0..group.size).map(|slot| (object_of(slot), 16)).collect();
+    let targets =
+        Service { event_timer_ms: rpdo_timer_ms, ..Service::new(Transmission::EVERY_SYNC, &slots) };
+    let control = Service::new(Transmission::EVENT_OF_PROFILE, &[(Object::CONTROLWORD, 16)]);
     let mut pdos = predefined(node, vec![position, status, torque], vec![targets, control]);
     let is_shared = |pdo: &&mut Pdo| pdo.direction == Direction::Receive && pdo.number == 1;
     pdos.iter_mut().filter(is_shared).for_each(|pdo| pdo.cob_id = group.cob_id);
@@ -201,14 +108,12 @@ const TORQUE_SYNCS: [u8; 6] = [97, 99, 100, 101, 103, 107];
 /// Layout of the switch box: inputs on change and every 5 ms; all other PDOs disabled. An analogue input, by its number,
 /// follows the digital ones in the same frame, so that it is never newer or older than the deadman.
 pub fn switches(node: NodeId, analogue: Option<u8>) -> Vec<Pdo> {
-    let digital = MappedObject { object: Object::DIGITAL_INPUTS, bits: 8 };
-    let analogue =
-        analogue.map(|number| MappedObject { object: Object::analogue_input(number), bits: 16 });
+    let mut objects = vec![(Object::DIGITAL_INPUTS, 8)];
+    objects.extend(analogue.map(|number| (Object::analogue_input(number), 16)));
     let inputs = Service {
-        transmission: Transmission::EVENT_OF_PROFILE,
         inhibit_100us: Some(10),
         event_timer_ms: Some(5),
-        mapping: std::iter::once(digital).chain(analogue).collect(),
+        ..Service::new(Transmission::EVENT_OF_PROFILE, &objects)
     };
     predefined(node, vec![inputs], vec![])
 }
@@ -248,7 +153,7 @@ pub fn rpdo1(node: NodeId) -> u16 {
     0x200 + u16::from(node.raw())
 }
 
-/// The eight PDOs of the predefined connection set, the first ones configured as given.
+/// Eight PDOs of the predefined connection set, the first ones configured as given.
 fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo> {
     let mut pdos = Vec::new();
     for (direction, kind, services) in [
@@ -266,49 +171,11 @@ fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo
     pdos
 }
 
-impl Pdo {
-    /// Sub-index `sub` of the communication parameter.
-    pub const fn communication(&self, sub: u8) -> Object {
-        match self.direction {
-            Direction::Receive => Object::rpdo_communication(self.number, sub),
-            Direction::Transmit => Object::tpdo_communication(self.number, sub),
-        }
-    }
-
-    /// Sub-index `sub` of the mapping parameter.
-    pub const fn mapping(&self, sub: u8) -> Object {
-        match self.direction {
-            Direction::Receive => Object::rpdo_mapping(self.number, sub),
-            Direction::Transmit => Object::tpdo_mapping(self.number, sub),
-        }
-    }
-
-    /// Writes that configure the PDO, in the order of CiA 301 (7.5.2.36): disable, clear the mapping, map, count,
-    /// transmission, enable.
-    pub fn writes(&self) -> Vec<(Object, Value)> {
-        let bit_30 = if self.has_no_rtr { COB_ID_NO_RTR } else { 0 };
-        let cob_id = u32::from(self.cob_id) | bit_30;
-        let mut writes =
-            vec![(self.communication(1), Value::Unsigned32(PDO_COB_ID_INVALID | cob_id))];
-        let Some(service) = &self.service else { return writes };
-        writes.push((self.mapping(0), Value::Unsigned8(0)));
-        let mut entries = 0;
-        for mapped in &service.mapping {
-            entries += 1;
-            writes.push((self.mapping(entries), Value::Unsigned32(mapped.entry())));
-        }
-        writes.push((self.mapping(0), Value::Unsigned8(entries)));
-        writes.push((self.communication(2), Value::Unsigned8(service.transmission.0)));
-        writes.extend(service.inhibit_100us.map(|t| (self.communication(3), Value::Unsigned16(t))));
-        writes
-            .extend(service.event_timer_ms.map(|t| (self.communication(5), Value::Unsigned16(t))));
-        writes.push((self.communication(1), Value::Unsigned32(cob_id)));
-        writes
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use canopen_rs::Value;
+    use canopen_rs::pdo::PDO_COB_ID_INVALID;
+
     use super::*;
 
     fn node() -> NodeId {

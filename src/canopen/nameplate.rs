@@ -66,10 +66,10 @@ impl PartialEq for Ratio {
     }
 }
 
-/// A rated value in the unit of its object.
+/// Rated value in the unit of its object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rating {
-    /// Value.
+    /// Value in `unit`, as the configuration gives it.
     pub value: f64,
     /// Unit: `mN·m`.
     pub unit: &'static str,
@@ -115,9 +115,9 @@ pub struct Nameplate {
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 #[display("{object} = {value:0digits$X}h", digits = usize::from(2 * size))]
 pub struct StoredValue {
-    /// Object.
+    /// Object that was read.
     pub object: Object,
-    /// Value.
+    /// Value, decoded from its little-endian bytes.
     pub value: u32,
     /// Number of bytes.
     pub size: u8,
@@ -141,13 +141,13 @@ impl StoredValue {
         Some(Self { object, value, size })
     }
 
-    /// Returns whether it may change while the drive runs, and matters then.
+    /// Returns whether the value may change while the drive runs, and matters then.
     pub fn may_change(&self) -> bool {
         ![Object::SUPPORTED_MODES, Object::ACCELERATION_UNIT].contains(&self.object)
     }
 }
 
-/// A value that is not the configured one.
+/// Stored value of a drive that is not the configured one.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name} ({object}) is {found}, expected {expected}: {remedy}")]
 pub struct Misfit {
@@ -159,7 +159,7 @@ pub struct Misfit {
     pub found: String,
     /// Value of the configuration.
     pub expected: String,
-    /// Remedy.
+    /// Instruction for the operator, which ends the message.
     pub remedy: &'static str,
 }
 

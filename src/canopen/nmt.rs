@@ -21,7 +21,7 @@ pub const COB_ID: u16 = NMT_COMMAND_COB_ID;
 /// NMT command with its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// Command.
+    /// Command specifier.
     pub command: NmtCommand,
     /// Target node; `None` for every node on the bus.
     pub node: Option<NodeId>,

@@ -24,7 +24,7 @@ impl fmt::Display for Object {
     }
 }
 
-/// Error of a text that is no object.
+/// Error of a text that names no object.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("\"{0}\" is no object; write index and sub-index as 3001h:2, and 6071h for sub-index 0")]
 pub struct NoObject(String);
@@ -154,7 +154,6 @@ impl Object {
     pub const VELOCITY_FACTOR: Self = Self { index: 0x6094, sub: 1 };
     pub const VELOCITY_FACTOR_DIVISOR: Self = Self { index: 0x6094, sub: 2 };
     pub const HOMING_METHOD: Self = var(0x6098);
-    pub const HOMING_SPEED_SWITCH: Self = Self { index: 0x6099, sub: 1 };
     pub const HOMING_SPEED_ZERO: Self = Self { index: 0x6099, sub: 2 };
     pub const HOMING_ACCELERATION: Self = var(0x609A);
     pub const POSITION_UNIT: Self = var(0x60A8);
@@ -173,8 +172,6 @@ impl Object {
     pub const FOLLOWING_ERROR: Self = var(0x60F4);
     pub const POSITION_DEMAND_INTERNAL: Self = var(0x60FC);
     pub const DRIVE_INPUTS: Self = var(0x60FD);
-    pub const DRIVE_OUTPUTS: Self = Self { index: 0x60FE, sub: 1 };
-    pub const DRIVE_OUTPUTS_MASK: Self = Self { index: 0x60FE, sub: 2 };
     pub const TARGET_VELOCITY: Self = var(0x60FF);
     pub const SUPPORTED_MODES: Self = var(0x6502);
 
@@ -186,7 +183,8 @@ impl Object {
         Self { index: 0x6401, sub: number }
     }
 
-    /// Returns whether it is an analogue input.
+    /// Returns whether the object is one of the 16-bit analogue inputs (CiA 401, 6401h), not their number (sub-index
+    /// 0).
     pub const fn is_analogue_input(self) -> bool {
         self.index == Self::analogue_input(1).index && self.sub != 0
     }
@@ -216,7 +214,7 @@ impl Object {
         Self { index: 0x1A00 + number - 1, sub }
     }
 
-    /// Returns whether it is of the maker, by its index (CiA 301, 7.4.1).
+    /// Returns whether the object is manufacturer-specific, by its index: 2000h to 5FFFh (CiA 301, 7.4.1).
     pub const fn is_of_maker(self) -> bool {
         matches!(self.index, 0x2000..=0x5FFF)
     }

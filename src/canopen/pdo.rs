@@ -12,7 +12,7 @@ use units::numbering::NodeIndex;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("PDO must have {expected} bytes, got {found}")]
 pub struct WrongLength {
-    /// Node that sent it.
+    /// Sender of the PDO.
     pub node: NodeIndex,
     /// Length of the mapping, in bytes.
     pub expected: usize,
@@ -23,10 +23,10 @@ pub struct WrongLength {
 /// Last sample of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveSample {
-    /// Statusword.
+    /// Statusword (6041h).
     pub statusword: Statusword,
     /// Position actual value at the SYNC.
     pub position: Counts,
-    /// Torque actual value.
+    /// Torque actual value (6077h), in ‰ of rated torque.
     pub torque: PerMille,
 }

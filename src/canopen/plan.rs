@@ -3,17 +3,17 @@
 //! [`steps`](crate::master::steps) derives the boot steps and their order from it;
 //! [`commission`](crate::master::commission) runs them.
 
+mod settings;
+
 use std::time::Duration;
 
 use canopen_rs::{ByteString, NodeId, Value};
 
 use crate::guarding::Guarding;
-use crate::layout::{self, Direction, Pdo};
-use crate::master::check::{COB_ID_INVALID, Check};
-use crate::master::configuration::Stamp;
+use crate::layout::{self, Pdo};
 use crate::nameplate::Nameplate;
 use crate::object::Object;
-use crate::setting::{self, Need, OFFSETS, Setting, interpolation_time};
+use crate::setting::{self, Need, OFFSETS, interpolation_time};
 use crate::{drive, emcy};
 
 /// Required identity of a node (1000h and 1018h).
@@ -46,15 +46,15 @@ pub enum Revisions {
     /// Only the planned revision.
     #[default]
     Exact,
-    /// The planned revision and later minor ones of the same major revision, which behave the same and may
-    /// do more (CiA 301, 7.5.2.19).
+    /// Accepts the planned revision and later minor ones of the same major revision, which behave the same and may do
+    /// more (CiA 301, 7.5.2.19).
     Compatible,
 }
 
 /// Heartbeat settings of master and node, which monitor each other (1016h, 1017h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeartbeatSettings {
-    /// Node-id of the master.
+    /// Node-id under which the master sends its heartbeat.
     pub master: NodeId,
     /// Consumer heartbeat time of a drive (1016h:1), in ms: without the master's heartbeat it faults.
     pub master_lost_ms: u16,
@@ -67,14 +67,14 @@ pub struct HeartbeatSettings {
 /// Error control service of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorControl {
-    /// The node produces a heartbeat.
+    /// Heartbeat that the node produces.
     Heartbeat {
         /// Producer heartbeat time (1017h), in ms.
         period_ms: u16,
         /// Consumer heartbeat time of the master.
         lost_after: Duration,
     },
-    /// The master polls the node by remote frames.
+    /// Guarding: the master polls the node by remote frames.
     Guarding(Guarding),
 }
 
@@ -116,13 +116,13 @@ impl Default for Timeouts {
     }
 }
 
-/// When a drive displays its mode (6061h).
+/// Condition under which a drive displays its mode (6061h).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ShownMode {
-    /// As soon as it has taken it.
+    /// Always: displayed as soon as the drive has taken the mode.
     #[default]
     Always,
-    /// Only while it is enabled: the boot reads 6060h back, and the mode is checked under reduced torque limits.
+    /// Drive enabled: the boot reads 6060h back, and the mode is checked under reduced torque limits.
     WhenEnabled {
         /// Torque limits of the boot, in place of those among the [settings](NodePlan::settings).
         reduced_limits: Vec<(Object, Value)>,
@@ -134,7 +134,7 @@ pub enum ShownMode {
 pub struct NodePlan {
     /// Name in the configuration: `joint 3 (elbow)`.
     pub name: String,
-    /// Node-id.
+    /// Node-id, 1 to 127, unique on its bus.
     pub node: NodeId,
     /// Device profile, the low word of 1000h: 402 for drives, 401 for inputs.
     pub profile: u16,
@@ -149,14 +149,14 @@ pub struct NodePlan {
     pub keep_alive: bool,
     /// Set if the boot first restores the default parameters (1011h:1), followed by NMT reset node.
     pub restores_defaults: bool,
-    /// Set if the node stores its configuration (1010h:1) with its [stamp](Stamp), so that the next boot need
+    /// Set if the node stores its configuration (1010h:1) with its [stamp](NodePlan::stamp), so that the next boot need
     /// not write it again.
     pub stores_configuration: bool,
-    /// Time limits of its boot.
+    /// Time limits of the boot.
     pub timeouts: Timeouts,
-    /// Writes of the configuration, before those of the plan.
+    /// Writes that the configuration adds; they precede all others of the plan.
     pub first_writes: Vec<(Object, Value)>,
-    /// All its PDOs, those switched off included.
+    /// PDOs of the node, those switched off included.
     pub pdos: Vec<Pdo>,
     /// Reaction to a communication error (1029h:1): 0 enters pre-operational, 1 changes nothing, 2 stops.
     /// `None` leaves the node's value; a node without 1029h passes.
@@ -166,7 +166,7 @@ pub struct NodePlan {
     pub safety: Vec<(Object, Value)>,
     /// Mode of operation (6060h), confirmed by the display (6061h). Commanded at every boot, not stored.
     pub mode: Option<i8>,
-    /// When it displays its mode.
+    /// Condition under which the drive displays its mode.
     pub shown_mode: ShownMode,
     /// Error codes of its emergencies that are warnings while their error register is 0.
     pub emcy_warnings: Vec<u16>,
@@ -334,129 +334,16 @@ impl NodePlan {
     pub const fn is_drive(&self) -> bool {
         self.profile == PROFILE_DRIVE
     }
-
-    /// Objects that must be writable for the plan to succeed, those of PDOs excepted: [`lacks`](crate::load::lacks) checks
-    /// these.
-    pub fn demands(&self) -> impl Iterator<Item = Object> + '_ {
-        let first = self.first_writes.iter().map(|(object, _)| *object);
-        let safety = self.safety.iter().map(|(object, _)| *object);
-        let safety = safety.filter(|object| !OFFSETS.contains(object));
-        let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
-        let watch = self.watch_settings();
-        let watch = watch.into_iter().filter(|setting| setting.need.is_must());
-        let watch = watch.map(|setting| setting.check.object);
-        first.chain(safety).chain(mode).chain(watch)
-    }
-
-    /// Settings in the order of their writes: those of the configuration, PDOs, emergencies, reactions and limits, error
-    /// control. The mode is a command, not a setting.
-    pub fn settings(&self) -> Vec<Setting> {
-        let first = self.first_writes.iter();
-        let mut settings: Vec<_> =
-            first.map(|(object, value)| Setting::must(*object, *value)).collect();
-        for pdo in &self.pdos {
-            for (object, value) in pdo.writes() {
-                let is_cob_id = object == pdo.communication(1);
-                let check = if is_cob_id { Check::cob_id } else { Check::exactly };
-                // The timer is optional here. Whether torques may be sent without it is decided before enabling.
-                let is_timer =
-                    pdo.direction == Direction::Receive && object == pdo.communication(5);
-                let need = match (is_timer, &pdo.service) {
-                    (true, _) => Need::IfAccepted,
-                    (false, None) => Need::IfPresent,
-                    (false, Some(_)) => Need::Must,
-                };
-                settings.push(Setting { check: check(object, value), need });
-            }
-        }
-        if self.emcy_cob_id != emcy::default_cob_id(self.node) {
-            let valid = u32::from(self.emcy_cob_id);
-            for raw in [COB_ID_INVALID | valid, valid] {
-                let check = Check::cob_id(Object::EMCY_COB_ID, Value::Unsigned32(raw));
-                settings.push(Setting { check, need: Need::Must });
-            }
-        }
-        settings.extend(self.error_behaviour.map(|behaviour| Setting {
-            check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
-            need: Need::for_object(Object::ERROR_BEHAVIOUR),
-        }));
-        settings.extend(self.safety.iter().map(|(object, value)| Setting {
-            check: Check::exactly(*object, *value),
-            need: Need::for_object(*object),
-        }));
-        settings.extend(self.watch_settings());
-        settings
-    }
-
-    /// Torque limits that replace the reduced ones once the mode is seen. They are among the settings.
-    pub fn limits_to_raise(&self) -> Vec<Setting> {
-        let ShownMode::WhenEnabled { reduced_limits } = &self.shown_mode else { return Vec::new() };
-        let is_reduced = |setting: &Setting| {
-            reduced_limits.iter().any(|(object, _)| *object == setting.check.object)
-        };
-        self.settings().into_iter().filter(is_reduced).collect()
-    }
-
-    /// Settings as bare writes.
-    pub fn writes(&self) -> Vec<(Object, Value)> {
-        let settings = self.settings().into_iter();
-        settings.map(|Setting { check, .. }| (check.object, check.expected)).collect()
-    }
-
-    /// Stamp that 1020h contains once all settings are stored.
-    pub fn stamp(&self) -> Stamp {
-        Stamp::from_writes(&self.writes())
-    }
-
-    /// Settings of the error control service. A guarded node sends no heartbeat, which would take precedence.
-    fn watch_settings(&self) -> Vec<Setting> {
-        match self.error_control {
-            ErrorControl::Heartbeat { period_ms, .. } => {
-                vec![Setting::must(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(period_ms))]
-            }
-            ErrorControl::Guarding(Guarding { guard_time_ms, life_time_factor }) => {
-                let none = Check::exactly(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(0));
-                vec![
-                    Setting { check: none, need: Need::IfPresent },
-                    Setting::must(Object::GUARD_TIME, Value::Unsigned16(guard_time_ms)),
-                    Setting::must(Object::LIFE_TIME_FACTOR, Value::Unsigned8(life_time_factor)),
-                ]
-            }
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::plans::{elbow, guarded_elbow};
+    use crate::testing::plans::elbow;
 
     #[test]
     fn consumer_heartbeat_is_packed_as_the_standard_defines() {
         let safety = elbow().safety;
         assert!(safety.contains(&(Object::CONSUMER_HEARTBEAT, Value::Unsigned32(0x007F_0016))));
-    }
-
-    #[test]
-    fn moved_emcy_cob_id_is_disabled_first() {
-        let moved = |plan: &NodePlan| -> Vec<Value> {
-            let writes = plan.writes().into_iter();
-            writes.filter(|(object, _)| *object == Object::EMCY_COB_ID).map(|(_, v)| v).collect()
-        };
-        let mut plan = elbow();
-        assert_eq!(moved(&plan), []);
-        plan.emcy_cob_id = 0x683;
-        assert_eq!(moved(&plan), [Value::Unsigned32(0x8000_0683), Value::Unsigned32(0x0000_0683)]);
-    }
-
-    #[test]
-    fn guarded_node_produces_and_consumes_no_heartbeat() {
-        let writes = guarded_elbow().writes();
-        let of = |object| writes.iter().find(|(o, _)| *o == object).map(|(_, value)| *value);
-        assert_eq!(of(Object::CONSUMER_HEARTBEAT), None);
-        assert_eq!(of(Object::PRODUCER_HEARTBEAT), Some(Value::Unsigned16(0)));
-        assert_eq!(of(Object::GUARD_TIME), Some(Value::Unsigned16(10)));
-        assert_eq!(of(Object::LIFE_TIME_FACTOR), Some(Value::Unsigned8(3)));
-        assert!(guarded_elbow().demands().all(|o| o != Object::PRODUCER_HEARTBEAT));
     }
 }

@@ -13,18 +13,18 @@ use crate::object::Object;
 pub struct Setting {
     /// Object, value to write, and comparison at the read-back.
     pub check: Check,
-    /// Consequence of its absence.
+    /// Consequence if a node lacks the object.
     pub need: Need,
 }
 
 /// Consequence of a node without an object, or one that refuses its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Need {
-    /// The boot fails.
+    /// Mandatory object: the boot fails.
     Must,
-    /// A node without the object passes.
+    /// Optional object: a node without it passes.
     IfPresent,
-    /// A node passes if it lacks the object or refuses the value. The proof test measures its reaction.
+    /// Optional object whose value a node may also refuse. The proof test measures the reaction of the node.
     IfAccepted,
 }
 
@@ -108,8 +108,8 @@ pub(crate) const fn remedy(object: Object) -> &'static str {
     }
 }
 
-/// Returns whether an object can limit torque inside a drive: 6072h, 6073h, 60E0h, 60E1h, or one of the maker (2000h to
-/// 5FFFh). No other object of CiA 301 or CiA 402-2 does; 6087h, for one, is the slope of a profile.
+/// Returns whether an object can limit torque inside a drive: 6072h, 6073h, 60E0h, 60E1h, or one of the maker (2000h
+/// to 5FFFh). No other object of CiA 301 or CiA 402-2 does: 6087h, for example, is the slope of a profile.
 pub fn can_limit_torque(object: Object) -> bool {
     let standard = [
         Object::MAX_TORQUE,

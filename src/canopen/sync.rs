@@ -49,7 +49,7 @@ impl Counter {
         Self { overflow, last: 0 }
     }
 
-    /// Returns the next SYNC.
+    /// Returns the SYNC to send now, and advances the counter.
     pub const fn next(&mut self) -> Sync {
         let Some(overflow) = self.overflow else { return Sync { counter: None } };
         self.last = if self.last >= overflow { 1 } else { self.last + 1 };

@@ -22,7 +22,7 @@ const UNIX_TO_CANOPEN: Duration = Duration::from_secs((14 * 365 + 3) * SECONDS_P
 const SECONDS_PER_DAY: u64 = 86_400;
 const MILLIS_PER_DAY: u128 = 86_400_000;
 
-/// Time of day (TIME_OF_DAY).
+/// Days since 1984 and milliseconds since midnight: TIME_OF_DAY (CiA 301, 7.4.7.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TimeOfDay {
     /// Days since 1 January 1984.

@@ -35,9 +35,9 @@ impl LifeSign {
 /// Configured timer of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchdog {
-    /// Message it waits for.
+    /// Message that the drive waits for.
     pub awaited: LifeSign,
-    /// Object with its time.
+    /// Object that holds the time.
     pub object: Object,
     /// Time in ms, at least 1.
     pub millis: u16,

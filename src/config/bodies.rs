@@ -10,7 +10,7 @@ use toml_input::List;
 /// Range of gravity on a planet or moon, in m/s². It excludes 9810, which is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
 
-/// Maximum distance of a centre of mass from its link's frame, in m. A link's length is no bound, because
+/// Maximum distance of a centre of mass from its link's frame, in m. The length of a link does not bound it, because
 /// counterweights lie behind their joint.
 const MAX_DISTANCE: f64 = 2.0;
 

@@ -29,7 +29,7 @@ pub struct BootSettings {
     pub timeouts: Timeouts,
     /// Set if the drive displays its mode (6061h) only while it is enabled.
     pub shows_mode_when_enabled: bool,
-    /// SDO downloads before those of the plan: `[[joint.boot.write]]`.
+    /// SDO downloads that precede those of the plan: `[[joint.boot.write]]`.
     pub writes: Vec<ObjectWrite>,
 }
 
@@ -38,7 +38,7 @@ pub struct BootSettings {
 pub(super) struct Context<'a> {
     /// `safety.drive_lost_ms`.
     pub(super) lost_ms: Option<u16>,
-    /// EDS of the node.
+    /// EDS of the node; `None` if it could not be read.
     pub(super) eds: Option<&'a Eds>,
     /// Communication cycle period (1006h).
     pub(super) period: Option<Duration>,

@@ -1,4 +1,4 @@
-//! `[[joint.boot.write]]`: additional SDO downloads, before those of the plan.
+//! `[[joint.boot.write]]`: additional SDO downloads, which precede those of the plan.
 
 use crate::drive_object::{self, ObjectWrite};
 use crate::problem::Problems;

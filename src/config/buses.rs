@@ -21,7 +21,7 @@ pub struct BusSettings {
     pub interface: String,
     /// Bit rate, in bit/s.
     pub bitrate: u32,
-    /// PDO layout of its drives.
+    /// PDO layout of the drives on the bus.
     pub layout: Layout,
     /// Maximum worst-case load, in percent of the bit rate.
     pub load_limit_percent: f64,

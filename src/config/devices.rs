@@ -88,7 +88,7 @@ fn twice(config: &Parameters, joint: &JointParameters) -> String {
     }
 }
 
-/// Checks that the configured vendor and product are those of the EDS.
+/// Checks that the EDS has the configured vendor and product.
 fn identity(at: &impl HasPlace, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
     let Identity { vendor, product, .. } = *identity;
     let (eds_vendor, eds_product) = (eds.vendor(), eds.product());

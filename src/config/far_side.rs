@@ -32,7 +32,7 @@ const MAX_FIGURE: f64 = 1e9;
 /// End of the message for a missing figure.
 const NEEDED: &str = "a robot in another process needs: stability depends on it";
 
-/// A robot in another process.
+/// Settings of a robot in another process, behind the contract of docs/link.md.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FarSide {
     /// Path of the socket, if configured.

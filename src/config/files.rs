@@ -59,7 +59,7 @@ impl Files {
     }
 }
 
-/// Returns the bytes of a file on disk, or of the shipped copy if there is no such file.
+/// Returns the bytes of a file on disk, or of the shipped copy if the file does not exist.
 ///
 /// # Errors
 /// When neither exists, or the file is not regular, cannot be read or is larger than 4 MiB.

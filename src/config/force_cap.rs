@@ -40,18 +40,18 @@ pub struct Forces {
     pub reflected: f64,
     /// Return to centre and walls.
     pub centring: f64,
-    /// Soft stops.
+    /// Springs of the soft stops, at the ends of the joints' ranges; zero without them.
     pub soft_stops: f64,
 }
 
 impl Forces {
-    /// Returns their sum, as if all act along one line.
+    /// Returns the sum of the forces, as if all act along one line.
     pub fn total(&self) -> f64 {
         let Self { reflected, centring, soft_stops } = self;
         reflected + centring + soft_stops
     }
 
-    /// Returns the kind of the largest force.
+    /// Returns the kind that contributes most to the sum.
     pub fn largest(&self) -> ForceKind {
         let Self { reflected, centring, soft_stops } = *self;
         if reflected >= centring && reflected >= soft_stops {
@@ -64,14 +64,14 @@ impl Forces {
     }
 }
 
-/// Kinds of forces in [`Forces`].
+/// Origin of a force at the grip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ForceKind {
     /// Reflection, of a sensed force or of the virtual coupling.
     Reflected,
     /// Return to centre and walls.
     Centring,
-    /// Soft stops.
+    /// Springs of the soft stops, at the ends of the joints' ranges.
     SoftStops,
 }
 

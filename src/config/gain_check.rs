@@ -126,7 +126,7 @@ impl Parameters {
     }
 }
 
-/// The six Cartesian axes of the grip as configured, and the postures in which they are checked.
+/// Cartesian axes of the grip as configured, and the postures in which they are checked.
 struct JudgedAxes {
     axes: [Axis; 6],
     postures: Vec<GripDynamics>,

@@ -39,7 +39,7 @@ pub struct GripperInput {
 /// Terminals of the switch box for a gripper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GripperTerminals {
-    /// An analogue input (6401h).
+    /// Analogue input (6401h).
     Analogue {
         /// Number of the input: sub-index of 6401h, 1 to 254.
         number: u8,

@@ -15,7 +15,6 @@ use canopen::load::network::Assumptions;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::watchdog::LifeSign;
-use units::numbering::Joint;
 
 /// Number of cycles before a reading whose targets the drive may have applied at the reading.
 pub const TAKEN_CYCLES: u32 = 5;
@@ -62,11 +61,6 @@ impl Parameters {
             HeldTorque { seen_by, time }
         };
         drives().map(of).collect()
-    }
-
-    /// Returns the maximum time for which the drive of `joint` may hold a torque other than its targets undetected.
-    pub fn held_torque_time(&self, joint: Joint) -> Duration {
-        self.held_torques().get(joint.index()).map_or(Duration::ZERO, |held| held.time)
     }
 
     /// Returns the time of detection by TPDO. It covers the cycles whose targets the drive may have applied, two TPDOs, and

@@ -117,7 +117,7 @@ use canopen::frame::Channel;
 
 /// Configuration of one hand controller: the values of a file, and the cyclic PDO exchange resolved from them.
 ///
-/// The values cannot be changed in place, so the exchange always matches them.
+/// Values cannot be changed in place, so the exchange always matches them.
 #[derive(Clone, Debug)]
 pub struct Config {
     parameters: Parameters,
@@ -160,7 +160,7 @@ impl Config {
     /// As [`load`](Self::load), with these values in place of the file's.
     ///
     /// # Errors
-    /// Every problem found, those of the settings without a line.
+    /// Every problem found; those of the settings have no line.
     pub fn load_with(file: &Path, settings: &[Setting]) -> Result<Self, Invalid> {
         let files = Files::on_disk(Trust::Any);
         Self::checked(file, &problem::text(&files, file)?, &files, settings, loads::check)
@@ -217,8 +217,8 @@ impl Config {
 
     /// Returns the maximum number of frames that the node queues at once on each bus, in the order of the channels.
     ///
-    /// A cycle sends SYNC, targets, all controlwords, heartbeat, TIME and one request. A boot sends two frames for each
-    /// node and two for all.
+    /// Counts SYNC, all RPDOs, heartbeat, TIME and one request of a cycle, or a boot's two frames for each node and two for
+    /// all nodes, whichever are more.
     pub fn bursts(&self) -> Vec<u32> {
         let rpdos = &self.exchange.rpdos;
         let plans = self.node_plans();

@@ -28,9 +28,9 @@ const COUNTS: RangeInclusive<f64> = 1e-3..=1e9;
 pub struct NetFtSensor {
     /// Address and UDP port.
     pub address: SocketAddr,
-    /// Counts per N.
+    /// Counts of a force per N, as the sensor is set up.
     pub counts_per_n: f64,
-    /// Counts per N·m.
+    /// Counts of a moment per N·m, as the sensor is set up.
     pub counts_per_nm: f64,
 }
 

@@ -26,7 +26,7 @@ enum Step {
     Index(usize),
 }
 
-/// A setting of a key that a file cannot have.
+/// Error of a key that a file cannot have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct KeyError<'s> {
     pub(super) key: &'s str,
@@ -78,10 +78,10 @@ pub(super) fn documents(settings: &[Setting], length: usize) -> Vec<String> {
     settings.iter().map(|setting| format!("{behind}{}", setting.document)).collect()
 }
 
-/// Puts values into a file. `documents` are those of the settings.
+/// Puts values into a file. `documents` are the settings as [`documents`] returns them.
 ///
 /// # Errors
-/// The first setting whose key leads through a value that is no table or list, or beyond the end of a list.
+/// Returns the first setting whose key leads through a value that is neither table nor list, or beyond the end of a list.
 pub(super) fn apply<'d, 's>(
     file: &mut DeTable<'d>,
     settings: &'s [Setting],

@@ -28,7 +28,7 @@ use units::numbering::Joint;
 /// Values of a configuration file: hand controller, network, commanded side and limits.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// File it was read from.
+    /// Path of the configuration file.
     pub file: PathBuf,
     /// Communication cycle period (1006h).
     pub period: Duration,
@@ -62,7 +62,7 @@ pub struct Parameters {
     pub contact_bounds: PostureBounds,
     /// Switch box, which arming requires.
     pub switches: Option<SwitchBox>,
-    /// Settings of the controller.
+    /// Arm, calibration, gains, limits and extensions of the controller.
     pub controller: Settings,
     /// Command mode at the start: rate or pose.
     pub command_mode: Mode,
@@ -117,7 +117,7 @@ impl Parameters {
         joints.chain(self.switches.iter().map(|switches| ("switch box", &switches.eds)))
     }
 
-    /// Returns the EDS of a node.
+    /// Returns the EDS of a node; `None` if no plan has this node on this bus.
     pub fn eds_of(&self, channel: Channel, node: NodeId) -> Option<&Eds> {
         let is_it = |one: (Channel, NodeId)| one == (channel, node);
         let joint = self.joints.iter().find(|joint| is_it((joint.channel, joint.node)));

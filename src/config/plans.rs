@@ -46,7 +46,7 @@ impl Parameters {
     }
 }
 
-/// Returns the plan of the drive of a joint.
+/// Returns the plan of a drive: PDO layout of its bus, torque and speed limits, nameplate, error control.
 pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters) -> NodePlan {
     let place = number.index();
     let name = format!("joint {number} ({})", joint.name);
@@ -157,7 +157,7 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
     NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
 }
 
-/// Returns the plan of the switch box.
+/// Returns the plan of the switch box: its inputs by TPDO, without a heartbeat consumer.
 pub(super) fn switches(config: &Parameters, switches: &SwitchBox) -> NodePlan {
     let SwitchBox { node, identity, boot, eds, gripper, .. } = switches;
     let mut plan = NodePlan::switches(
@@ -183,8 +183,8 @@ fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     }
 }
 
-/// Returns the error control of the node at `place`. Each heartbeat period is 1 % of the configured one shorter than the one
-/// before. Heartbeats that start together thus drift apart and do not delay a SYNC together.
+/// Returns the error control of the node at `place`. Each heartbeat period is 1 % of the configured one shorter than
+/// the one before. Heartbeats that start together drift apart, and do not delay a SYNC together.
 fn heartbeats(config: &Parameters, place: usize) -> HeartbeatSettings {
     let place = u16::try_from(place).unwrap_or(u16::MAX);
     let period = config.safety.drive_heartbeat_ms;

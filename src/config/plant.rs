@@ -27,7 +27,7 @@ pub struct JointPlant {
     pub link: Link,
     /// Start position in simulation, in rad or m.
     pub start: f64,
-    /// Friction at the joint.
+    /// Friction of bearings and gear, at the joint.
     pub friction: Friction,
     /// Motor, encoder and gear.
     pub actuator: Actuator,
@@ -35,7 +35,7 @@ pub struct JointPlant {
     pub drivetrain: Drivetrain,
 }
 
-/// Friction at a joint.
+/// Coulomb and viscous friction of a joint. Stiction is part of its [`Drivetrain`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Coulomb friction, in N·m or N.
@@ -44,7 +44,7 @@ pub struct Friction {
     pub viscous: f64,
 }
 
-/// A motor with its encoder and its gear.
+/// Motor with its encoder and its gear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuator {
     /// Encoder counts per revolution of the motor.

@@ -18,7 +18,7 @@ use units::wording::{grouped, listed};
 /// One problem: file, line, key and reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// File of the problem.
+    /// Path of the file that has the problem.
     pub file: PathBuf,
     /// Line of the key, if known.
     pub line: Option<usize>,
@@ -115,7 +115,7 @@ impl<'t> Problems<'t> {
         &self.files
     }
 
-    /// Adds a problem at a place.
+    /// Adds a problem with the reason: the violated constraint, and the value.
     pub fn add(&mut self, at: &impl HasPlace, reason: impl fmt::Display) {
         let problem = self.problem(at, reason);
         self.found.push(problem);
@@ -225,29 +225,17 @@ impl<'t> Problems<'t> {
 
     /// Checks for a finite number.
     pub fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
-        let number = value.get()?;
-        if !number.is_finite() {
-            self.add(value, format_args!("must be finite, got {number}"));
-        }
-        Some(number)
+        self.number(value, FINITE)
     }
 
     /// Checks for a finite number above zero.
     pub fn positive<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
-        let number = value.get()?;
-        if !(number.is_finite() && number > 0.0) {
-            self.add(value, format_args!("must be above zero, got {number}"));
-        }
-        Some(number)
+        self.number(value, POSITIVE)
     }
 
     /// Checks for a finite number that is not below zero.
     pub fn not_negative<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
-        let number = value.get()?;
-        if !(number.is_finite() && number >= 0.0) {
-            self.add(value, format_args!("must be zero or above, got {number}"));
-        }
-        Some(number)
+        self.number(value, NOT_NEGATIVE)
     }
 
     /// Checks for finite numbers.
@@ -255,11 +243,7 @@ impl<'t> Problems<'t> {
         &mut self,
         value: &Value<List<f64, N>, NEEDED>,
     ) -> Option<[f64; N]> {
-        let List(numbers) = value.get()?;
-        if let Some(wrong) = numbers.iter().find(|number| !number.is_finite()) {
-            self.add(value, format_args!("must be finite, got {wrong}"));
-        }
-        Some(numbers)
+        self.numbers(value, FINITE)
     }
 
     /// Checks for finite numbers that are not below zero.
@@ -267,12 +251,7 @@ impl<'t> Problems<'t> {
         &mut self,
         value: &Value<List<f64, N>>,
     ) -> Option<[f64; N]> {
-        let List(numbers) = value.get()?;
-        let is_wrong = |number: &&f64| !(number.is_finite() && **number >= 0.0);
-        if let Some(wrong) = numbers.iter().find(is_wrong) {
-            self.add(value, format_args!("must be zero or above, got {wrong}"));
-        }
-        Some(numbers)
+        self.numbers(value, NOT_NEGATIVE)
     }
 
     /// Checks for finite numbers above zero.
@@ -280,12 +259,34 @@ impl<'t> Problems<'t> {
         &mut self,
         value: &Value<List<f64, N>>,
     ) -> Option<[f64; N]> {
+        self.numbers(value, POSITIVE)
+    }
+
+    fn number<const NEEDED: bool>(
+        &mut self,
+        value: &Value<f64, NEEDED>,
+        constraint: Constraint,
+    ) -> Option<f64> {
+        let number = value.get()?;
+        self.check(value, &[number], constraint);
+        Some(number)
+    }
+
+    fn numbers<const N: usize, const NEEDED: bool>(
+        &mut self,
+        value: &Value<List<f64, N>, NEEDED>,
+        constraint: Constraint,
+    ) -> Option<[f64; N]> {
         let List(numbers) = value.get()?;
-        let is_wrong = |number: &&f64| !(number.is_finite() && **number > 0.0);
-        if let Some(wrong) = numbers.iter().find(is_wrong) {
-            self.add(value, format_args!("must be above zero, got {wrong}"));
-        }
+        self.check(value, &numbers, constraint);
         Some(numbers)
+    }
+
+    /// Notes the first number that does not satisfy a constraint.
+    fn check(&mut self, at: &impl HasPlace, numbers: &[f64], (is_valid, must): Constraint) {
+        if let Some(wrong) = numbers.iter().find(|number| !is_valid(**number)) {
+            self.add(at, format_args!("must be {must}, got {wrong}"));
+        }
     }
 
     /// Returns the value of `choices` with this name. Any other name is a problem.
@@ -331,6 +332,13 @@ impl<'t> Problems<'t> {
         if found.is_empty() { Ok(()) } else { Err(Invalid(found)) }
     }
 }
+
+/// Constraint on a number, and its text after "must be".
+type Constraint = (fn(f64) -> bool, &'static str);
+
+const FINITE: Constraint = (f64::is_finite, "finite");
+const POSITIVE: Constraint = (|number| number.is_finite() && number > 0.0, "above zero");
+const NOT_NEGATIVE: Constraint = (|number| number.is_finite() && number >= 0.0, "zero or above");
 
 /// Merges equal problems of several joints at the key of the first one, with the numbers of all.
 fn merged(of_nodes: Vec<(String, Problem)>) -> impl Iterator<Item = Problem> {

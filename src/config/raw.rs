@@ -48,7 +48,7 @@ sections! {
         write: Option<Sections<BootWrite>>,
     }
 
-    /// SDO download before those of the plan.
+    /// SDO download that precedes those of the plan.
     BootWrite {
         object: Value<String>,
         value: Value<i64>,

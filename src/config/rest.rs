@@ -28,7 +28,7 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Returns the kind of the joint.
+    /// Returns whether the joint is revolute or prismatic, which decides unit and key.
     pub(super) const fn kind(&self) -> JointKind {
         self.kind
     }

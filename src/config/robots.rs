@@ -27,7 +27,7 @@ const CENTRING: f64 = 0.5;
 /// Robot arm of a robot file.
 #[derive(Clone, Debug)]
 pub struct RobotArm {
-    /// Path of the robot file.
+    /// Path by which the robot file was read.
     pub file: PathBuf,
     /// Displayed name.
     pub name: String,

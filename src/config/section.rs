@@ -76,7 +76,7 @@ pub trait Section: HasPlace + Sized {
 
 /// Value or section at a key.
 pub trait Entry: Sized {
-    /// Reads the entry of `table` at `key`.
+    /// Reads `key` of `table`. Notes an entry that is missing or of another type.
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self;
 }
 
@@ -90,7 +90,7 @@ pub struct Table<'d> {
 }
 
 impl<'d> Table<'d> {
-    /// Returns the root table of a document.
+    /// Returns the table at the root of a document, whose key is empty.
     pub fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
         let line = problems.line_at(document.span().start);
         let place = Place::new(String::new(), None);

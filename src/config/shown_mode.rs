@@ -32,7 +32,7 @@ const SET_POINTS: [Object; 2] = [Object::TARGET_POSITION, Object::TARGET_VELOCIT
 pub(super) struct Drive<'a> {
     /// Torque limit in place of 6072h.
     pub(super) limit: Option<&'a TorqueLimit>,
-    /// EDS of the drive.
+    /// EDS of the drive; `None` if it could not be read.
     pub(super) eds: Option<&'a Eds>,
     /// Communication cycle period (1006h).
     pub(super) period: Option<Duration>,

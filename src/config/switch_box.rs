@@ -21,18 +21,18 @@ use canopen::plan::Identity;
 use controller::adjustment::Bounds;
 use units::adjustment::{Adjustment, InvalidAdjustment};
 
-/// The switch box on the network.
+/// Switch box as a node of the network.
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
     /// Bus of the switch box.
     pub channel: Channel,
-    /// Node-id of the switch box.
+    /// Node-id, 1 to 127, unique on its bus.
     pub node: NodeId,
     /// Identity that the switch box must report (1018h).
     pub identity: Identity,
-    /// Boot of the switch box.
+    /// Criteria of admission, time limits and error control, where they differ from the defaults.
     pub boot: BootSettings,
-    /// EDS of the switch box.
+    /// EDS, shared by the nodes that name the same file.
     pub eds: Arc<Eds>,
     /// Adjustments made by the buttons at input bits 4 to 7.
     pub buttons: [Option<Adjustment>; 4],

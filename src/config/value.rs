@@ -8,8 +8,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// Returns the place of a key such as `joint[2].torque_curve`. `line` is that of the key, or of the innermost table
-    /// present around it.
+    /// Returns the place of a key such as `joint[2].torque_curve`, at the line of the key, or of the innermost table
+    /// around it.
     pub const fn new(key: String, line: Option<usize>) -> Self {
         Self { key, line }
     }

@@ -1,4 +1,4 @@
-//! A configuration with another part of its values. No PDO depends on these, so the exchange stays that of the file.
+//! Configuration with another part of its values. No PDO depends on these, so the exchange of the file remains valid.
 
 use crate::Config;
 use crate::link::RemoteLink;

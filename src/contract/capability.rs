@@ -11,11 +11,11 @@ const MAX_FIGURE: f64 = 1e9;
 codes! {
     /// Part of the payload's load that the far side removes from its sensor's reading.
     pub enum PayloadRemoval {
-        /// The reading includes the payload.
+        /// Reading with the payload.
         None = 0, "nothing";
         /// Weight only.
         Weight = 1, "weight";
-        /// Weight and inertia.
+        /// Weight, and inertial load while the payload accelerates.
         Inertia = 2, "weight and inertia";
     }
 }
@@ -23,15 +23,15 @@ codes! {
 /// Figures of a far side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capability {
-    /// Has a force/torque sensor.
+    /// Set if the far side has a force/torque sensor.
     pub senses_wrench: bool,
-    /// Measures the pose of {MRF}.
+    /// Set if the far side measures the pose of {MRF}.
     pub senses_pose: bool,
-    /// Has a gripper.
+    /// Set if the far side takes gripper commands and reports opening and force.
     pub has_gripper: bool,
-    /// Follows rate commands.
+    /// Set if the far side follows rate commands.
     pub follows_rates: bool,
-    /// Follows pose commands.
+    /// Set if the far side follows pose commands.
     pub follows_poses: bool,
     /// Removal of the payload from the wrench.
     pub payload_removal: PayloadRemoval,

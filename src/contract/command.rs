@@ -59,7 +59,7 @@ pub struct Command {
     pub head: Head,
     /// Commanded motion of {MRF}.
     pub motion: Motion,
-    /// The operator's hand commands the motion.
+    /// Set if the operator's hand commands the motion.
     pub is_engaged: bool,
     /// Requests the capability of the far side's session.
     pub asks_capability: bool,

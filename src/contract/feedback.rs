@@ -27,19 +27,19 @@ codes! {
         None = 0, "none";
         /// No node leads, or its session was never armed.
         NotArmed = 1, "not armed";
-        /// The newest command is older than `hold_after`.
+        /// Newest command older than `hold_after`.
         Silence = 2, "no fresh command";
-        /// The force/torque sensor reports an invalid reading.
+        /// Invalid reading of the force/torque sensor.
         SensorInvalid = 3, "force sensor invalid";
-        /// The force/torque sensor is beyond its range.
+        /// Reading of the force/torque sensor beyond its range.
         SensorSaturated = 4, "force sensor saturated";
-        /// The force/torque sensor sends no new readings.
+        /// Force/torque sensor without new readings.
         SensorSilent = 5, "force sensor silent";
-        /// The contact wrench is above its limit.
+        /// Contact force or moment beyond the limit of the far side.
         WrenchLimit = 6, "contact wrench above its limit";
-        /// The far side terminates.
+        /// End of the far side's process.
         Ending = 7, "far side ends";
-        /// Fault of the robot.
+        /// Any other fault that the robot reports.
         Robot = 8, "fault of the robot";
     }
 }

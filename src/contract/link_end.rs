@@ -8,7 +8,7 @@ use crate::reject::{Reject, Rejects};
 use crate::sent::SendTimes;
 use units::time::Instant;
 
-/// One end of a link.
+/// Numbers and sessions that both ends keep in the same way.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkEnd {
     arm: u16,
@@ -26,7 +26,7 @@ impl LinkEnd {
         Self { arm, max_age, sent, peers, rejects: Rejects::default() }
     }
 
-    /// Returns the session of this end.
+    /// Returns the random number of this process, never zero.
     pub(crate) const fn session(&self) -> u64 {
         self.sent.session()
     }

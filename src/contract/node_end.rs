@@ -19,7 +19,7 @@ const MAX_AGE: Duration = Duration::from_millis(100);
 pub struct Order {
     /// Commanded motion of {MRF}.
     pub motion: Motion,
-    /// The operator's hand commands the motion.
+    /// Set if the operator's hand commands the motion.
     pub is_engaged: bool,
     /// Opening and maximum force of the gripper; `None` without a gripper command.
     pub gripper: Option<Gripper>,
@@ -68,7 +68,7 @@ impl NodeEnd {
         self.epoch
     }
 
-    /// Returns the session of this end.
+    /// Returns the random number of this node's process, never zero.
     pub const fn session(&self) -> u64 {
         self.end.session()
     }

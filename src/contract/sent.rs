@@ -39,7 +39,7 @@ impl SendTimes {
         Echo { session: self.session, sequence: self.newest }
     }
 
-    /// Returns the send time of an echoed message, a lower bound of that of the message with the echo.
+    /// Returns the send time of an echoed message. The message with the echo was sent later.
     ///
     /// # Errors
     /// Returns [`Reject::Session`], [`Reject::NeverSent`], or [`Reject::Old`] if it was sent more than `max_age` ago.

@@ -28,7 +28,7 @@ pub struct AdjustmentState {
     pub locked: [bool; 6],
     /// Present factors on the gains.
     pub factors: Factors,
-    /// An alignment of the object to the grip is in progress.
+    /// Set while an alignment of the object to the grip is in progress.
     pub is_aligning: bool,
 }
 
@@ -49,7 +49,7 @@ pub enum AdjustmentError {
         /// Requested factor.
         value: f64,
     },
-    /// In rate mode the command along a yielding axis maintains the contact force.
+    /// Lock of a yielding axis in contact: in rate mode the command along it maintains the contact force.
     #[error(
         "lock of {axis}: the rate along it holds the force of the contact, since the object yields; move off first"
     )]
@@ -57,19 +57,19 @@ pub enum AdjustmentError {
         /// Requested axis.
         axis: LockAxis,
     },
-    /// In rate mode the orientation of the grip commands a rate.
+    /// Alignment in rate mode, in which the orientation of the grip commands a rate.
     #[error("align turns the object by pose: select pose mode first")]
     NotPose,
-    /// The operator does not command, and the object moves by command only.
+    /// Alignment while the operator does not command: the object moves by command only.
     #[error("align turns the object: hold the deadman until it commands")]
     NotCommanding,
-    /// The object is in contact.
+    /// Alignment of an object in contact.
     #[error("align turns the object, which is in contact: move off first")]
     InContact,
-    /// A rotation is locked.
+    /// Alignment with a locked rotation.
     #[error("align turns the object about {axis}, which is locked")]
     Locked {
-        /// Locked axis.
+        /// First locked rotation.
         axis: LockAxis,
     },
 }
@@ -93,7 +93,7 @@ impl Bounds {
 }
 
 impl AdjustmentState {
-    /// Combines the state of a scaling with that of the alignment.
+    /// Combines the state of a scaling with the state of the alignment.
     pub(crate) const fn new(scaling: &Scaling, is_aligning: bool) -> Self {
         Self {
             scale: *scaling.scale(),

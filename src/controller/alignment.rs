@@ -1,4 +1,4 @@
-//! Alignment: turns the commanded orientation to that of the grip, in pose mode.
+//! Alignment: turns the commanded orientation to the orientation of the grip, in pose mode.
 //!
 //! The rate profile is a trapezoid with [`ACCELERATION`] and [`MAX_RATE`], at rest on both ends. The axes of {0} and {b}
 //! are assumed parallel.

@@ -1,9 +1,9 @@
 //! Hand controller as a chain of `N` joints: forward kinematics (Eq. 1), Jacobian at the grip, gravity torques (3.3)
 //! and mass matrix.
 //!
-//! Frames are Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4): link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)` from
-//! link `i - 1`, with α and a of the axis before it. The Jacobian is always that at {G}, so a spherical wrist needs no
-//! second wrench transformation (decisions 10, 11 and 31).
+//! Frames are Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4). Link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)`
+//! from link `i - 1`, with α and a of the axis before it. The Jacobian is always that at {G}, so a spherical wrist
+//! needs no second wrench transformation (decisions 10, 11 and 31).
 
 use nalgebra::{Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -83,7 +83,7 @@ pub struct Posture<const N: usize> {
 /// Reason why a description is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidArm {
-    /// A joint or its link is invalid.
+    /// Invalid joint or link.
     #[error("joint {joint}: {link}")]
     Link {
         /// Joint number, from 1 to `N`.
@@ -197,8 +197,8 @@ impl<const N: usize> Arm<N> {
         Jacobian::from_columns(&columns)
     }
 
-    /// Computes the torques that hold the weight of the arm, `Σ J_ciᵀ (-m_i g)`, in N·m or N: each joint carries only the
-    /// links beyond it (decision 12).
+    /// Computes the torques that hold the weight of the arm, `Σ J_ciᵀ (-m_i g)`, in N·m or N. Each joint carries only
+    /// the links beyond it (decision 12).
     pub fn gravity(&self, posture: &Posture<N>) -> SVector<f64, N> {
         let mut tau = SVector::<f64, N>::zeros();
         let mut mass = 0.0;

@@ -69,7 +69,7 @@ impl Damping {
         }
     }
 
-    /// Damps translation along the axes of the reference, and rotation about those of the grip.
+    /// Damps translation along the axes of the reference, and rotation about the axes of the grip.
     fn against(&self, v_g: &Twist, x_h_g: &Isometry3<f64>) -> Wrench {
         let moving = Twist { linear: x_h_g.rotation * v_g.linear, angular: v_g.angular };
         let against = moving.scaled(self.gain.values()) * -1.0;

@@ -9,7 +9,7 @@
 //!  p = p_before + w (p_requested - p_before)                         the port's part of τ_held
 //! ```
 //!
-//! The parts add up to the held torque. All torques are those of the actuators, in N·m or N.
+//! The parts add up to the held torque. All torques are at the actuators, in N·m or N.
 
 use crate::JointVector;
 
@@ -26,7 +26,6 @@ pub(crate) struct PortTorques {
 }
 
 impl PortTorques {
-    /// Returns zero torques.
     pub(crate) fn zero() -> Self {
         Self { port: JointVector::zeros(), damper: JointVector::zeros() }
     }

@@ -42,8 +42,8 @@ pub enum InvalidChannels {
 }
 
 impl Channels {
-    /// Creates channels from half-widths of the deadband (m, rad) and plateaus of the return force (N, N·m).
-    /// The paper's parabolic constant `a` is the plateau over the deadband squared.
+    /// Creates channels from half-widths of the deadband (m, rad) and plateaus of the return force (N, N·m). In the
+    /// paper's parabola, the constant `a` is the plateau over the deadband squared.
     ///
     /// # Errors
     /// Returns the first invalid value, or a plateau without a deadband.

@@ -34,7 +34,7 @@ pub enum Gate {
     Waiting,
     /// Deadman held; the object holds, since the hand's rotation from its reference exceeds the commandable range.
     TurnedTooFar,
-    /// The displacement commands the object.
+    /// Deadman held: the displacement commands the object.
     Open,
 }
 

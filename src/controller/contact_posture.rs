@@ -65,7 +65,7 @@ pub enum OutOfReach {
         /// Length of the path that is reachable, in m.
         reached: f64,
     },
-    /// A joint leaves its range.
+    /// Path on which a joint leaves its range.
     #[error("joint {joint} would leave its range")]
     JointRange {
         /// Joint number, from 1.

@@ -66,7 +66,7 @@ impl ContactStiffness {
         Some(product / spread).filter(|stiffness| is_known && STIFFNESSES.contains(stiffness))
     }
 
-    /// Computes the energy that the contact stores at object force `f_m` and grip force `f_g_task`, in J:
+    /// Computes the energy in J that the contact stores at object force `f_m` and grip force `f_g_task`. It is
     /// `½ Σ f_g f_m / (K_P k_e)` over the translations, at most [`MAX_STORED`].
     pub(crate) fn stored(&self, f_g_task: &Wrench, f_m: &Wrench, pose_gain: &Gains) -> f64 {
         let Some(stiffness) = self.value() else { return 0.0 };

@@ -23,10 +23,7 @@ use crate::self_drive::SelfDrive;
 use units::math;
 use units::numbering::Joint;
 
-/// Relative excess of identified over real friction that the compensation allows for: load, temperature, wear.
-pub const UNCERTAINTY: f64 = 0.3;
-
-/// Maximum compensated share of friction: `1 - UNCERTAINTY`.
+/// Maximum compensated share of friction: load, temperature and wear may reduce real friction to 0.7 of the identified one.
 pub const MAX_SHARE: f64 = 0.7;
 
 /// Parameters of the compensation.
@@ -112,8 +109,8 @@ impl FrictionCompensation {
 
     /// Updates the state with joint positions `q`; returns the compensating torques, in N·m or N.
     ///
-    /// The state follows every motion, gaps included. `qd` is the rate since the last cycle, in rad/s or m/s. `load` bounds
-    /// the share; `weight`, 0 to 1, scales the result.
+    /// Each motion updates the state, gaps included. `qd` is the rate since the last cycle, in rad/s or m/s. `load`
+    /// bounds the share; `weight`, 0 to 1, scales the result.
     pub fn torques(
         &mut self,
         q: &JointVector,

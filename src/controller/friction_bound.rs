@@ -23,7 +23,8 @@ const DAMPING_PART: f64 = 0.4;
 /// Reflected forces at which the share starts to rise, and at which it is full, in N.
 const CONTACT_N: [f64; 2] = [0.3, 1.0];
 
-/// Minimum power of damping, relative to that of the compensation, at which the source of a motion is observable.
+/// Minimum power of damping, as a share of the power of the compensation, at which the source of a motion is
+/// observable.
 const MIN_DAMPING_PART: f64 = 0.05;
 
 /// Size of the grip, in m; converts a moment to a force.

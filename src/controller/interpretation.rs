@@ -37,7 +37,7 @@ pub enum ReflectionFrame {
 /// Conversion of the return to centre into a wrench (Eq. 8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Centring {
-    /// Wrench whose work on the grip equals that of the six forces on the six components.
+    /// Wrench that does the same work on the grip as the six forces on the six components.
     Conjugate,
     /// Six forces, taken as a wrench at {G}.
     Components,

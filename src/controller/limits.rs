@@ -69,7 +69,7 @@ pub struct LimitedTorques<const N: usize> {
     pub rest_scale: f64,
     /// Joint that determines `rest_scale`, from 0; `None` at a scale of 1.
     pub limiting_joint: Option<usize>,
-    /// A requested torque was not finite, so all are zero.
+    /// Set if a requested torque was not finite, so that all are zero.
     pub is_broken: bool,
 }
 

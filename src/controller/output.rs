@@ -18,14 +18,14 @@ use units::spatial::{Jacobian, Motion, Wrench};
 /// Target torques (6071h) that the drives hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveTargets {
-    /// Targets as sent.
+    /// Targets that the node has sent to the drives.
     Sent([PerMille; 6]),
     /// Zero, because the sent targets were withdrawn after a stall; torques rise from zero again.
     Withdrawn,
 }
 
 impl DriveTargets {
-    /// Returns the target of each drive.
+    /// Returns the held target of each drive, base first.
     pub const fn targets(self) -> [PerMille; 6] {
         match self {
             Self::Sent(targets) => targets,
@@ -84,7 +84,7 @@ pub struct Output {
     pub adjusted: AdjustmentState,
     /// Twist of the grip, in {G}.
     pub twist: GripTwist,
-    /// Wrench on the object at {MRF} (Eq. 6), or that of the virtual coupling, reflected or not.
+    /// Wrench on the object at {MRF} (Eq. 6), or the wrench of the virtual coupling, reflected or not.
     pub f_m_task: Wrench,
     /// Reflected task wrench at {G}.
     pub f_g_task: Wrench,
@@ -177,22 +177,22 @@ impl Output {
 /// Invalid value that was replaced, most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Fault {
-    /// All torques are zero.
+    /// Infinite or NaN torque: all torques are zero.
     #[error("a torque is not a finite number")]
     TorqueNotFinite,
-    /// Reflection is zero.
+    /// Infinite or NaN component of the sensed wrench: reflection is zero.
     #[error("the sensed wrench is not finite")]
     WrenchNotFinite,
-    /// Reflection is zero.
+    /// Component of the sensed wrench beyond 1e5 N or N·m: reflection is zero.
     #[error("the sensed wrench is larger than any sensor reads")]
     WrenchTooLarge,
-    /// The last valid pose is used.
+    /// Invalid pose of the object: the last valid pose is used.
     #[error("the object's pose is not finite or its rotation is not a unit quaternion")]
     ObjectPoseNotFinite,
-    /// Gravity compensation or reflection is zero.
+    /// Share outside 0 to 1: gravity compensation or reflection is zero.
     #[error("a share is not within 0 and 1")]
     ShareOutOfRange,
-    /// The object holds until the operator sets a new reference.
+    /// Orientation of the hand beyond the commandable range: the object holds until the operator sets a new reference.
     #[error("the hand is turned too far from its reference to be commanded")]
     TurnedTooFar,
 }

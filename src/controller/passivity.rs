@@ -127,8 +127,8 @@ impl Passivity {
         };
     }
 
-    /// Returns the damping in N·s/m that dissipates the energy debt in the next `dt` s at the present velocity:
-    /// `α = -(E + E_f) / (dt vᵀ W v)`. `in_flight` is E_f, the energy in J that damping in flight will dissipate.
+    /// Returns the damping in N·s/m that dissipates the energy debt in the next `dt` s at the present velocity. It is
+    /// `α = -(E + E_f) / (dt vᵀ W v)`; E_f = `in_flight` is the energy in J that damping in flight will dissipate.
     pub fn damping(&self, dt: f64, v_g: &Twist, in_flight: f64) -> f64 {
         let strength = self.weighted(v_g).power(v_g);
         let energy = self.energy + in_flight.max(0.0);

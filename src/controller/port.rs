@@ -92,8 +92,8 @@ impl Port {
 
     /// Updates the layers with new joint positions; returns the permitted part of `f_g_task` and the dampers' wrench.
     ///
-    /// A target takes effect at the next SYNC. The torque of two cycles ago therefore acted during all of the motion since
-    /// the last sample, skipped cycles included.
+    /// Targets take effect at the next SYNC. The torque of two cycles ago therefore acted during all of the motion
+    /// since the last sample, skipped cycles included.
     pub(crate) fn pass(
         &mut self,
         q: &JointVector,

@@ -66,7 +66,7 @@ pub struct Reference {
     pub x_0_h: Isometry3<f64>,
     /// Pose of the object at the reference, in its base.
     pub x_b_r: Isometry3<f64>,
-    /// The operator has set a reference.
+    /// Set once the operator has set a reference.
     pub is_set: bool,
 }
 
@@ -93,7 +93,7 @@ impl Reference {
         set
     }
 
-    /// Returns the rotation from the axes of ΔX to those of the grip at `x_0_g`.
+    /// Returns the rotation from the axes of ΔX to the axes of the grip at `x_0_g`.
     pub fn turn_to_grip(
         &self,
         displaced: DisplacementFrame,

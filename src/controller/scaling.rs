@@ -51,7 +51,7 @@ impl Scale {
     /// Scales of 1.
     pub const ONE: Self = Self { motion: 1.0, rotation: 1.0, force: 1.0 };
 
-    /// Returns the scale of one quantity.
+    /// Returns the factor on a quantity, dimensionless.
     pub const fn factor(&self, quantity: Quantity) -> f64 {
         match quantity {
             Quantity::Motion => self.motion,
@@ -62,7 +62,7 @@ impl Scale {
 }
 
 impl Factors {
-    /// Factors of 1.
+    /// Factors that change no gain.
     pub const ONE: Self = Self { command: [1.0; 6], force: 1.0 };
 }
 

@@ -109,7 +109,7 @@ impl TorqueCurve {
 
     /// Returns the minimum slope within the range, in ‰ per N·m, and its torque in N·m.
     ///
-    /// The slope is a parabola in `s = t²`, with its minimum at an end of the range or at the vertex.
+    /// Being a parabola in `s = t²`, the slope has its minimum at an end of the range or at the vertex.
     pub fn least_slope(&self) -> (f64, f64) {
         let [_, c3, c5] = self.coefficients;
         let vertex = (-3.0 * c3 / (10.0 * c5)).sqrt(); // NaN without a vertex
@@ -138,7 +138,7 @@ impl TorqueCurve {
 
 /// Returns the smallest torque in N·m, within 0 and `max_torque`, at which the slope is not positive.
 ///
-/// The slope is the quadratic `c1 + 3 c3 s + 5 c5 s²` in `s = t²`. If it is positive at 0, it is positive up to its
+/// With `s = t²` the slope is the quadratic `c1 + 3 c3 s + 5 c5 s²`. If it is positive at 0, it is positive up to its
 /// smallest positive root.
 fn first_flat([c1, c3, c5]: [f64; 3], max_torque: f64) -> Option<f64> {
     if c1 <= 0.0 {

@@ -13,8 +13,8 @@ pub(crate) struct Unloading {
 }
 
 impl Unloading {
-    /// Returns the credit of this cycle, in J: `initial` at the start of a contact, and each rise of `returned`, the energy
-    /// that an unloading would return now.
+    /// Returns the credit of this cycle, in J. It is `initial` at the start of a contact, and each rise of `returned`,
+    /// the energy that an unloading would return now.
     pub(crate) fn grant(&mut self, is_contact: bool, initial: f64, returned: f64) -> f64 {
         let returned = if returned.is_finite() { returned.max(0.0) } else { 0.0 };
         match (is_contact, self.peak) {

@@ -14,12 +14,12 @@ use units::spatial::{Twist, rotation};
 #[error("the velocity filter must be within 0..=1 s, got {0}")]
 pub struct InvalidFilter(pub f64);
 
-/// Time constant of a first-order low pass on velocities, in s. Zero, the default, is no filter.
+/// Time constant of a first-order low pass on velocities, in s. Zero, the default, disables the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Filter(f64);
 
 impl Filter {
-    /// Creates a filter with this time constant; zero is no filter.
+    /// Creates a filter with this time constant; zero disables it.
     ///
     /// # Errors
     /// Returns an error if the time constant is not within 0 and 1 s.

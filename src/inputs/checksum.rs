@@ -3,7 +3,7 @@
 use canopen::frame::{Channel, Telegram};
 
 /// FNV-1a, 32 bits, over each frame: channel u8, COB-ID u16, flag of a remote frame u8, length u8, data. It detects
-/// differences, but is no protection.
+/// differences, but not manipulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checksum {
     value: u32,
@@ -28,12 +28,12 @@ impl Checksum {
         self.frames = self.frames.saturating_add(1);
     }
 
-    /// Returns the checksum.
+    /// Returns the 32 bits of the hash; the offset basis before the first frame.
     pub const fn value(&self) -> u32 {
         self.value
     }
 
-    /// Returns the number of frames.
+    /// Returns the number of frames added.
     pub const fn frames(&self) -> u32 {
         self.frames
     }

@@ -31,12 +31,12 @@ pub enum Call {
 /// Input of a node: a call of its owner, or an answer to the node.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
-    /// A call begins.
+    /// Start of a call.
     Call(Call),
-    /// The call has returned, after it has sent frames of this [checksum](crate::Checksum).
+    /// Return of the call, with the [checksum](crate::Checksum) of the frames that it has sent.
     Returned(u32),
-    /// Digest of the control law in the cycle of this number. It is no input, but a replay is compared with it. It precedes
-    /// or follows the inputs of its cycle by some cycles.
+    /// Digest of the control law in the cycle of this number. A replay is compared with the digest, which does not
+    /// affect the node. It precedes or follows the inputs of its cycle by some cycles.
     Intermediates(u64, Digest),
     /// Clock of the bus.
     Now(Instant),
@@ -46,7 +46,7 @@ pub enum Input {
     Suspended(Duration),
     /// Time of the last SYNC confirmed on the wire.
     Confirmed(Channel, Option<Instant>),
-    /// The bus has not accepted a frame, identified by its number within the call, from 1. All others were accepted.
+    /// Frame that the bus has not accepted, by its number within the call, from 1. All others were accepted.
     NotSent(u32, SendError),
     /// End of a wait.
     Woken(Wake),
@@ -71,6 +71,15 @@ pub trait InputSink {
 
     /// Records an input.
     fn on_input(&self, input: Input);
+
+    /// Records an answer as the input that `input` makes of it, and returns the answer.
+    fn record<T: Clone>(&self, answer: T, input: impl FnOnce(T) -> Input) -> T
+    where
+        Self: Sized,
+    {
+        self.on_input(input(answer.clone()));
+        answer
+    }
 }
 
 /// Records nothing.

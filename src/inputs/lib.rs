@@ -1,7 +1,7 @@
 //! Inputs of a node, recorded in call order.
 //!
-//! A [`Node`](node::Node) depends on four inputs only: its configuration, the calls of its owner, and the answers of its
-//! buses and of its commanded side. Wrappers record the last three where they enter. A recorded session can thus be
+//! A [`Node`](node::Node) depends on four inputs only: its configuration, the calls of its owner, and the answers of
+//! its buses and of its commanded side. Wrappers record the last three where they enter. A recorded session can be
 //! replayed without drives: with the same answers the same node sends the same frames.
 //!
 //! ```text

@@ -31,27 +31,20 @@ impl<B, S> RecordedBus<B, S> {
 
 impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
     fn now(&self) -> Instant {
-        let now = self.bus.now();
-        self.sink.on_input(Input::Now(now));
-        now
+        self.sink.record(self.bus.now(), Input::Now)
     }
 
     fn wall(&self) -> Duration {
-        let wall = self.bus.wall();
-        self.sink.on_input(Input::Wall(wall));
-        wall
+        self.sink.record(self.bus.wall(), Input::Wall)
     }
 
     fn suspended(&self) -> Duration {
-        let suspended = self.bus.suspended();
-        self.sink.on_input(Input::Suspended(suspended));
-        suspended
+        self.sink.record(self.bus.suspended(), Input::Suspended)
     }
 
     fn transmit_confirmed_at(&mut self, channel: Channel) -> Option<Instant> {
         let at = self.bus.transmit_confirmed_at(channel);
-        self.sink.on_input(Input::Confirmed(channel, at));
-        at
+        self.sink.record(at, |at| Input::Confirmed(channel, at))
     }
 
     fn send_at(&mut self, now: Instant, telegram: Telegram) -> Result<(), SendError> {
@@ -66,15 +59,11 @@ impl<B: Bus, S: InputSink> Bus for RecordedBus<B, S> {
     }
 
     fn wait(&mut self, now: Instant, until: Instant) -> Wake {
-        let wake = self.bus.wait(now, until);
-        self.sink.on_input(Input::Woken(wake));
-        wake
+        self.sink.record(self.bus.wait(now, until), Input::Woken)
     }
 
     fn reopen(&mut self) -> Result<(), ReopenError> {
-        let outcome = self.bus.reopen();
-        self.sink.on_input(Input::Reopened(outcome.clone()));
-        outcome
+        self.sink.record(self.bus.reopen(), Input::Reopened)
     }
 
     /// Passes an event to the observer of the bus. Its answer does not affect the frames that the node sends.

@@ -150,7 +150,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         &self.node.bus().bus
     }
 
-    /// Returns the bus, as [`bus`](Self::bus).
+    /// Returns the bus, for changes that no replay sees.
     pub const fn bus_mut(&mut self) -> &mut B {
         &mut self.node.bus_mut().bus
     }
@@ -160,7 +160,7 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         &self.node.remote().remote
     }
 
-    /// Returns the commanded side itself.
+    /// Returns the commanded side itself, for changes that no replay sees.
     pub const fn remote_mut(&mut self) -> &mut R {
         &mut self.node.remote_mut().remote
     }

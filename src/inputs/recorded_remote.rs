@@ -20,9 +20,7 @@ impl<R, S> RecordedRemote<R, S> {
 
 impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
-        let sensed = self.remote.exchange(now, command);
-        self.sink.on_input(Input::Sensed(sensed));
-        sensed
+        self.sink.record(self.remote.exchange(now, command), Input::Sensed)
     }
 
     fn begin_epoch(&mut self) {
@@ -47,8 +45,6 @@ impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
     }
 
     fn fault(&mut self) -> Option<SideFault> {
-        let fault = self.remote.fault();
-        self.sink.on_input(Input::SideFault(fault));
-        fault
+        self.sink.record(self.remote.fault(), Input::SideFault)
     }
 }

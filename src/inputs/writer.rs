@@ -90,7 +90,7 @@ impl<W: Write> InputWriter<W> {
     /// Writes an input.
     ///
     /// # Errors
-    /// The write fails.
+    /// When the write fails.
     pub fn write(&mut self, input: &Input) -> io::Result<()> {
         self.entry.clear();
         self.encode(input);
@@ -103,7 +103,7 @@ impl<W: Write> InputWriter<W> {
     /// Flushes the writer.
     ///
     /// # Errors
-    /// The flush fails.
+    /// When the flush fails.
     pub fn flush(&mut self) -> io::Result<()> {
         self.to.flush()
     }

@@ -11,10 +11,10 @@
 //! not a rate of zero, after which lagging servos would move on, in contact deeper into the surface.
 //!
 //! A wrench above the limit stops the arm, and so does a measurement that is infinite or NaN, until
-//! [`reset`](ArmControl::reset). After a reset with the wrench still above the limit, the arm yields, and may move out and
-//! sideways. Commands against the wrench have no effect ([`WrenchLimit::without_advance`]). If the wrench nevertheless
-//! rises by more than 5 % above its minimum since the reset, the arm stops again: the environment moves, or a servo lags.
-//! The configured limit applies again as soon as the wrench is within it.
+//! [`reset`](ArmControl::reset). After a reset with the wrench still above the limit, the arm yields, and may move out
+//! and sideways. Commands against the wrench have no effect ([`WrenchLimit::without_advance`]). The arm stops again if
+//! the wrench rises by more than 5 % above its minimum since the reset: the environment moves, or a servo lags. The
+//! configured limit applies again as soon as the wrench is within it.
 
 use nalgebra::Isometry3;
 
@@ -38,7 +38,7 @@ pub struct ArmControl {
     qd: Joints,
     /// Contact wrench at {MRF}.
     f_m: Wrench,
-    /// Wrench for the operator, at {S}.
+    /// Wrench for the operator, at {S} in {S}: the contact, with the payload if so configured.
     f_s_operator: Wrench,
     is_stopped: bool,
     /// Pose at the start of the present hold.

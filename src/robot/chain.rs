@@ -2,7 +2,8 @@
 //! {MRF}. Frames are Craig's modified Denavit-Hartenberg frames (Craig 1989, 3.4).
 //!
 //! All numbers of joints share one type: [`Joints`] has nine entries, and absent joints have zero columns in the
-//! Jacobian. The chain has no masses, since rates command the robot; that of the hand controller is in `controller`.
+//! Jacobian. The chain has no masses, since rates command the robot; `controller` has the chain of the hand
+//! controller.
 
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;

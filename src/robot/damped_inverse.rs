@@ -49,7 +49,7 @@ impl Default for DampedInverse {
     }
 }
 
-/// Inverse at one posture.
+/// Inverse of one Jacobian, by its singular values and directions.
 #[derive(Clone, Copy, Debug)]
 pub struct PostureInverse {
     /// `A`: the Jacobian with translations over the characteristic length.

@@ -1,5 +1,5 @@
-//! God-object: in pose mode, an object that a virtual coupling draws to its command and that surfaces stop
-//! (Zilles and Salisbury 1995; coupling: Colgate, Stanley and Brown 1995).
+//! God-object (Zilles and Salisbury 1995): in pose mode, an object that a virtual coupling draws to its command and
+//! that surfaces stop. The coupling is that of Colgate, Stanley and Brown (1995).
 //!
 //! The object has no mass. At the end of every period the coupling and the contact are in equilibrium:
 //!
@@ -144,7 +144,8 @@ impl<C: Fn(&Isometry3<f64>, &Twist) -> Wrench> Balance<C> {
         dx
     }
 
-    /// Returns the contact wrench on the object less that of the coupling on the hand, after a displacement.
+    /// Returns the contact wrench on the object, less the wrench that the coupling exerts on the hand, after a
+    /// displacement.
     fn imbalance(&self, dx: &Twist) -> Wrench {
         let moved = dx.over(1.0);
         let stretch = Twist::reaching(&(self.x_d_m * moved), 1.0);

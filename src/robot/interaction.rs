@@ -47,7 +47,7 @@ pub struct ToolState {
 }
 
 impl ToolState {
-    /// Returns a tool at rest.
+    /// Returns a tool without motion, with {MRF} at `x_b_m` in the base.
     pub const fn at_rest(x_b_m: Isometry3<f64>) -> Self {
         Self { x_b_m, v_m: Twist::ZERO, v_dot_m: Twist::ZERO }
     }

@@ -15,7 +15,7 @@ pub struct JointLimits {
     joints: [JointLimit; MAX_JOINTS],
 }
 
-/// Limits of one joint.
+/// Range, maximum rate and maximum acceleration of a revolute joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimit {
     /// Minimum and maximum position, in rad.
@@ -50,13 +50,13 @@ impl JointLimits {
         Self { joints: all }
     }
 
-    /// Returns the limits of each joint.
+    /// Returns the limits, base first; infinite for absent joints.
     pub const fn joints(&self) -> &[JointLimit; MAX_JOINTS] {
         &self.joints
     }
 
     /// Returns the allowed rates for the next `dt` s nearest to `wanted`, on the line from `before`, at positions `q`.
-    /// The arm stops if `wanted` is not finite.
+    /// Stops the arm if `wanted` is not finite.
     pub fn allowed(&self, dt: f64, q: &Joints, before: &Joints, wanted: &Joints) -> Joints {
         let braked = before * (1.0 - self.part(dt, before).min(1.0));
         if !wanted.iter().all(|rate| rate.is_finite()) {

@@ -29,7 +29,7 @@ pub struct Payload {
 /// Motion of {S}, written in {S}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorMotion {
-    /// Twist of {S}.
+    /// Linear and angular velocity, in m/s and rad/s.
     pub v_s: Twist,
     /// Rate of change of the twist's components, in m/s² and rad/s².
     pub v_dot_s: Twist,

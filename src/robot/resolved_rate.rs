@@ -67,7 +67,7 @@ impl ResolvedRate {
         &self.inverse
     }
 
-    /// Returns the joint limits.
+    /// Returns the limits of positions, rates and accelerations.
     pub const fn limits(&self) -> &JointLimits {
         &self.limits
     }

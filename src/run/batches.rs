@@ -21,7 +21,7 @@ pub(super) struct Batch {
     inputs: Vec<Input>,
 }
 
-/// A frame, or the next record.
+/// Frame, or the place of the next record.
 #[derive(Debug)]
 enum Entry {
     Frame(Instant, Telegram),

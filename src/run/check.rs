@@ -34,7 +34,7 @@ pub struct Check {
 /// Checks the configuration or the EDS files.
 ///
 /// # Errors
-/// An invalid configuration (exit 3), or an EDS with errors (exit 1).
+/// Returns an error for an invalid configuration (exit 3), or an EDS with errors (exit 1).
 pub fn run(args: &Check) -> Result<(), Failure> {
     match &args.config {
         Some(file) => configuration(file, args.json),

@@ -28,7 +28,7 @@ pub(crate) enum CommandedSide {
     Link(Box<LinkSide>),
 }
 
-/// Returns the path of the link's socket: that of the configuration, or `link.sock` beside the control socket.
+/// Returns the path of the link's socket: the configured one, or `link.sock` beside the control socket.
 pub fn socket_of(config: &Config) -> PathBuf {
     let console = || config.socket.clone().unwrap_or_else(default_socket);
     let given = config.far_side.socket.clone();

@@ -1,5 +1,7 @@
 //! `frhc ctl`: sends one request to a running node and prints the response.
 
+mod table;
+
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,6 +13,7 @@ use tokio::net::UnixStream;
 use tokio::time::{sleep, timeout};
 
 use crate::console::{ConsoleCommand, RequestLine, default_sockets};
+use crate::ctl::table::{row, table};
 use crate::exit::{Failure, Kind, OrFail};
 use crate::print;
 use config::Config;
@@ -30,7 +33,7 @@ const MAX_ATTEMPTS: u32 = 100;
 /// `frhc ctl`.
 #[derive(Debug, Args)]
 pub struct Ctl {
-    /// The request.
+    /// Request to send, with its arguments.
     #[command(subcommand)]
     pub request: CtlRequest,
     /// Control socket of the node [default: $XDG_RUNTIME_DIR/frhc/node.sock, then /run/frhc/node.sock].
@@ -163,7 +166,7 @@ fn command(request: &CtlRequest) -> Result<ConsoleCommand, Failure> {
     words.parse().map(ConsoleCommand::Adjust).or_fail(Kind::Usage)
 }
 
-/// Returns the paths to try: that of the option or the configuration, else the default ones.
+/// Returns the paths to try: the one of the option or the configuration, else the default ones.
 fn socket_paths(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
     if let Some(socket) = &args.socket {
         return Ok(vec![socket.clone()]);
@@ -215,7 +218,7 @@ async fn send(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<String> 
 enum Answer {
     /// Line of the response.
     Line(String),
-    /// The node closed the connection first; text for people.
+    /// Reason in words why the node closed the connection without a response.
     Closed(String),
 }
 
@@ -283,140 +286,12 @@ fn reason(error: &io::Error) -> String {
     }
 }
 
-/// Units of members that have no unit in their name. Torques of a prismatic joint are in N.
-const UNITS: [(&str, &str); 4] = [
-    ("f_g_task", "N, N·m"),
-    ("p_b_m", "m"),
-    ("budget", "N·m; N of a prismatic joint"),
-    ("joints", "position, torque, target torque of rated"),
-];
-
-/// Members that are omitted, because the rows of the joints contain them with names and units.
-const IN_JOINTS: [&str; 3] = ["q", "tau", "targets"];
-
-/// Formats a status as rows of name and value; members of an object follow it, indented.
-fn table(status: &serde_json::Value) -> String {
-    let mut status = status.clone();
-    let joints = status.get("joints").and_then(|joints| joints.as_array().cloned());
-    let joints = joints.unwrap_or_default();
-    if let Some(members) = status.as_object_mut().filter(|_| !joints.is_empty()) {
-        IN_JOINTS.iter().for_each(|name| drop(members.remove(*name)));
-    }
-    rows(&status, 0, &joints).join("\n")
-}
-
-fn rows(object: &serde_json::Value, indent: usize, joints: &[serde_json::Value]) -> Vec<String> {
-    let members = object.as_object().into_iter().flatten();
-    let members = members.filter(|(_, value)| !value.is_null());
-    let of_member = |(name, value): (&String, &serde_json::Value)| {
-        let unit = UNITS.iter().find(|(member, _)| member == name).map(|(_, unit)| *unit);
-        let name = format!("{:indent$}{name}", "");
-        let headed = || unit.map_or_else(|| name.clone(), |unit| format!("{name}, {unit}"));
-        let items = value.as_array().filter(|list| list.iter().any(serde_json::Value::is_object));
-        if let Some(list) = items {
-            [vec![headed()], list.iter().map(joint_row).collect()].concat()
-        } else if let Some(members) = value.as_object().filter(|of| is_percentiles(of)) {
-            let value = |(name, value)| format!("{name} {}", plain(value));
-            let values = members.iter().map(value).collect::<Vec<_>>().join(", ");
-            vec![format!("{:26} {values}", headed())]
-        } else if let Some(members) = value.as_object() {
-            // Each list contains all joints.
-            let has_lists = members.values().any(serde_json::Value::is_array);
-            let joints_shown = if has_lists { joints } else { &[] };
-            let names = joints_shown.iter().filter_map(|joint| joint.get("name")?.as_str());
-            let names: String = names.map(|name| format!("{name:>8.8} ")).collect();
-            let columns = (!names.is_empty()).then(|| row("", &names));
-            let columns = columns.into_iter().collect();
-            [vec![headed()], columns, rows(value, indent + 2, joints)].concat()
-        } else {
-            vec![row(&headed(), &plain(value))]
-        }
-    };
-    members.flat_map(of_member).collect()
-}
-
-/// Returns whether these are percentiles of one time, which fit into a row.
-fn is_percentiles(members: &serde_json::Map<String, serde_json::Value>) -> bool {
-    members.get("p50").is_some_and(serde_json::Value::is_u64)
-}
-
-/// Formats position, torque and target of a joint with their units.
-fn joint_row(joint: &serde_json::Value) -> String {
-    let member = |name: &str| joint.get(name).map(plain).unwrap_or_default();
-    let value = |name: &str| {
-        let unit = member(&format!("{name}_unit"));
-        format!("{:>8} {unit:4}", member(name))
-    };
-    let values =
-        format!("{} {} {:>5} ‰", value("position"), value("torque"), member("target_per_mille"));
-    row(&format!("  {}", member("name")), &values)
-}
-
-fn row(name: &str, value: &str) -> String {
-    format!("{name:16} {value}")
-}
-
-fn plain(value: &serde_json::Value) -> String {
-    if let Some(text) = value.as_str() {
-        return text.to_owned();
-    }
-    if let Some(number) = value.as_f64().filter(|_| value.is_f64()) {
-        return format!("{number:.3}");
-    }
-    match value.as_array() {
-        Some(list) => list.iter().map(|item| format!("{:>8} ", plain(item))).collect(),
-        None => value.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
     use std::os::unix::net::UnixListener;
 
     use super::*;
-
-    #[test]
-    fn status_is_rows_of_names_and_values() {
-        let status = serde_json::json!({
-            "mode": "armed", "stopped_by": null, "q": [0.5, -1.0],
-            "budget": { "task": [0.0, 1.5], "assist_scale": 1.0, "limiting_joint": null },
-        });
-        let rows = "mode             armed\n\
-            q                   0.500   -1.000 \n\
-            budget, N·m; N of a prismatic joint\n\
-            \x20 task              0.000    1.500 \n\
-            \x20 assist_scale   1.000";
-        assert_eq!(table(&status), rows);
-    }
-
-    #[test]
-    fn joints_have_names_and_units() {
-        let joint = |name: &str, units: [&str; 2]| {
-            serde_json::json!({
-                "joint": 1, "name": name, "position": 0.5, "position_unit": units[0],
-                "torque": -1.25, "torque_unit": units[1], "target_per_mille": -12,
-            })
-        };
-        let status = serde_json::json!({
-            "reflection": "off", "q": [0.5, 0.5], "p_b_m": [0.1, 0.2, 0.3],
-            "joints": [joint("azimuth", ["rad", "N·m"]), joint("lift", ["m", "N"])],
-            "budget": { "gravity": [0.0, 1.5] }, "lost": { "frames": 0 },
-        });
-        let table = table(&status);
-        for line in [
-            "reflection       off",
-            "  azimuth           0.500 rad    -1.250 N·m    -12 ‰",
-            "  lift              0.500 m      -1.250 N      -12 ‰",
-            "p_b_m, m            0.100    0.200    0.300 ",
-            "                  azimuth     lift ",
-            "  gravity           0.000    1.500 ",
-        ] {
-            assert!(table.lines().any(|one| one == line), "{line:?} in\n{table}");
-        }
-        assert!(!table.lines().any(|line| line.starts_with("q ")), "{table}");
-        assert_eq!(table.matches("azimuth").count(), 2, "{table}");
-    }
 
     #[test]
     fn first_socket_with_a_node_is_used() {

@@ -4,8 +4,8 @@
 //! keeps the last 2 s in memory, so a trip is complete even if the session's disk stalls. After about 5 s of stall the
 //! queue is full, and further batches are dropped and counted.
 //!
-//! Each thread closes its own recording at the end of the run. A stalled disk thus delays no other thread, and the
-//! process only for a limited time.
+//! Each thread closes its own recording at the end of the run. A stalled disk delays no other thread, and the process
+//! only for a limited time.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ use units::time::Instant;
 /// Capacity of a writer's queue in batches: 5 s at one batch per poll of the recorder thread.
 const QUEUE_CAPACITY: usize = 1_000;
 
-/// The writer threads of a run.
+/// Writer threads of a run.
 #[derive(Debug)]
 pub(super) struct DiskWriters {
     faults: Option<Writer<FaultRecords>>,
@@ -164,10 +164,10 @@ impl Recording for Session {
     }
 }
 
-/// Thread that is closing its recording.
+/// Writer thread that gets no more batches, and closes its recording once it has written them.
 #[derive(Debug)]
 struct ClosingThread {
-    /// Name of its recording.
+    /// Name of the recording.
     name: String,
     messages: Receiver<String>,
     closed: Receiver<Outcome>,
@@ -192,7 +192,7 @@ impl ClosingThread {
 /// Thread that writes batches to its recording, and the queue to it.
 #[derive(Debug)]
 struct Writer<T> {
-    /// Name of its recording.
+    /// Name of the recording.
     name: String,
     batches: SyncSender<Arc<Batch>>,
     messages: Receiver<String>,

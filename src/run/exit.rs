@@ -8,30 +8,30 @@ use derive_more::Display;
 /// Kinds of failure. The exit codes are stable (docs/commands.md, "Exit codes").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A check, comparison or request had a negative result.
+    /// Negative result of a check, comparison or request: exit code 1.
     Negative,
-    /// The command line is invalid.
+    /// Invalid command line: 2.
     Usage,
-    /// Configuration, EDS or calibration is invalid; no frame was sent.
+    /// Invalid configuration, EDS or calibration; no frame was sent: 3.
     Configuration,
-    /// An interface, bus or control socket failed.
+    /// Failure of an interface, bus or control socket: 4.
     Bus,
-    /// A file, or stdout, cannot be read or written; the same exit code as [`Bus`](Self::Bus).
+    /// Failure to read or write a file, or stdout: 4, as for [`Bus`](Self::Bus).
     File,
-    /// The operating system refused a thread or a signal handler; the same exit code as [`Bus`](Self::Bus).
+    /// Thread or signal handler that the operating system refused: 4, as for [`Bus`](Self::Bus).
     System,
-    /// A drive is missing, has the wrong identity, or failed.
+    /// Drive that is missing, has the wrong identity, or failed: 5.
     Drive,
-    /// The run ended with a latched safety stop.
+    /// Run that ended with a latched safety stop: 6.
     Stopped,
-    /// A signal ended the command before it was complete.
+    /// Command that a signal ended before it was complete: [`INTERRUPTED`].
     Interrupted,
 }
 
 /// Exit code that shells report for a command ended by SIGINT.
 pub const INTERRUPTED: u8 = 130;
 
-/// A failure and its kind.
+/// Error that ends a command, with the kind that decides the exit code.
 #[derive(Debug, Display)]
 #[display("{:#}", self.error)]
 pub struct Failure {
@@ -40,12 +40,12 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Returns a failure with this message.
+    /// Returns a failure without further causes.
     pub fn new(kind: Kind, message: impl fmt::Display) -> Self {
         Self { kind, error: anyhow::anyhow!("{message}") }
     }
 
-    /// Returns the exit code of its kind.
+    /// Returns the exit code of the kind.
     pub fn code(&self) -> ExitCode {
         ExitCode::from(match self.kind {
             Kind::Negative => 1,

@@ -81,7 +81,7 @@ impl FaultRecords {
         })
     }
 
-    /// Returns the folder of the records.
+    /// Returns the folder in which each record has a folder.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
@@ -244,18 +244,7 @@ fn write_document(folder: &Path, document: &Value) -> io::Result<()> {
 
 /// Removes every record in `folder`, and the folder if nothing else is in it.
 pub(super) fn clear(folder: &Path) -> io::Result<()> {
-    match fs::symlink_metadata(folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
-        // Removes the link, never its target.
-        Ok(found) if !found.is_dir() => return fs::remove_file(folder),
-        Ok(_) => {}
-    }
-    let entries = fs::read_dir(folder)?.flatten();
-    let records = entries.filter(|entry| number(&entry.file_name()).is_some());
-    records.for_each(|entry| discard(&entry.path()));
-    fs::remove_dir(folder).ok();
-    Ok(())
+    results::clear_numbered(folder, discard)
 }
 
 /// Removes the files of a record, and its folder if nothing else is in it.

@@ -44,7 +44,7 @@ pub fn beside(socket: Option<&Path>) -> PathBuf {
     }
 }
 
-/// Returns the default paths of a viewer: that of the user's own node, then that of the service.
+/// Returns the default paths of a viewer: for the user's own node, then for the service.
 pub fn default_sockets() -> Vec<PathBuf> {
     let mut places: Vec<_> =
         crate::console::default_sockets().iter().map(|socket| of_default(socket)).collect();

@@ -6,7 +6,7 @@ use crate::exit::{Failure, Kind, OrFail};
 use bus::SocketCan;
 use config::Config;
 
-/// Interfaces that override those of the configuration.
+/// Interfaces in place of those in the configuration.
 #[derive(Debug, Args)]
 pub struct Interfaces {
     /// SocketCAN interface of the bus; with several buses NAME=INTERFACE, once for each.

@@ -23,7 +23,7 @@ const GROUP: &str = "frhc";
 /// Permissions of a folder created by this program. The setgid bit gives new files the group of the folder.
 const FOLDER_PERMISSIONS: u32 = 0o2770;
 
-/// The latch of one run.
+/// Latch of one run.
 #[derive(Debug)]
 pub struct Latch {
     folder: PathBuf,

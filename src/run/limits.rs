@@ -51,7 +51,7 @@ pub struct LimitArgs {
 }
 
 impl LimitArgs {
-    /// Returns the limits.
+    /// Converts the options to bytes and time.
     pub const fn limits(&self) -> Limits {
         Limits {
             part_bytes: self.part_size,
@@ -64,7 +64,7 @@ impl LimitArgs {
 /// Parses a size in MB.
 ///
 /// # Errors
-/// It is not a number, or out of range.
+/// Returns an error for other text, or a size out of range.
 pub fn megabytes(text: &str) -> Result<u64, String> {
     // A byte is to a megabyte as a microsecond to a second.
     number(text, MIN_PART, 1.0).map(|size| u64::try_from(size.as_micros()).unwrap_or(u64::MAX))
@@ -73,7 +73,7 @@ pub fn megabytes(text: &str) -> Result<u64, String> {
 /// Parses a time in minutes.
 ///
 /// # Errors
-/// It is not a number, or out of range.
+/// Returns an error for other text, or a time out of range.
 pub fn minutes(text: &str) -> Result<Duration, String> {
     number(text, MIN_PART, 60.0)
 }

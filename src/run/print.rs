@@ -16,7 +16,7 @@ use crate::stderr;
 static STDOUT: LazyLock<io::Result<File>> =
     LazyLock::new(|| io::stdout().as_fd().try_clone_to_owned().map(File::from));
 
-/// The first error of writing data.
+/// First error of writing data.
 static FAILED: OnceLock<io::Error> = OnceLock::new();
 
 /// Prints a line of data.

@@ -23,7 +23,7 @@ impl RealtimeArgs {
     /// Checks that the processor exists.
     ///
     /// # Errors
-    /// When it does not exist.
+    /// When no processor has this number.
     pub(super) fn check(&self) -> Result<(), Failure> {
         match self.cpu.filter(|cpu| !realtime::has_cpu(*cpu)) {
             Some(cpu) => {

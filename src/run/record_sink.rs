@@ -5,11 +5,11 @@ use inputs::Input;
 use node::record::Record;
 use units::time::Instant;
 
-/// A recording on disk.
+/// Recording on disk.
 pub(super) trait RecordSink: Send + 'static {
     /// Records a frame that was sent or received `at` this time.
     fn on_frame(&mut self, at: Instant, telegram: &Telegram);
-    /// Records a cycle.
+    /// Records the end of a cycle.
     fn on_cycle(&mut self, record: &Record);
     /// Records an input of the node.
     fn on_input(&mut self, _input: &Input) {}

@@ -14,7 +14,7 @@ impl RecordingState {
         self.lock().clone()
     }
 
-    /// Sets the report.
+    /// Replaces the report, which readers then see.
     pub(super) fn set(&self, report: RecordingReport) {
         *self.lock() = report;
     }

@@ -50,7 +50,7 @@ impl Access {
 /// Creates a folder and its parents for their owner only; does not change an existing one.
 ///
 /// # Errors
-/// When it cannot be created.
+/// When the folder cannot be created.
 pub fn private_folder(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
 }
@@ -88,6 +88,22 @@ pub(super) fn number(name: &OsStr) -> Option<u64> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
+/// Removes each numbered entry of `folder` by `remove`, and the folder if nothing else is in it. A symbolic link is
+/// removed instead of its target.
+pub(super) fn clear_numbered(folder: &Path, remove: impl Fn(&Path)) -> io::Result<()> {
+    match fs::symlink_metadata(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+        Ok(found) if !found.is_dir() => return fs::remove_file(folder),
+        Ok(_) => {}
+    }
+    let entries = fs::read_dir(folder)?.flatten();
+    let numbered = entries.filter(|entry| number(&entry.file_name()).is_some());
+    numbered.for_each(|entry| remove(&entry.path()));
+    fs::remove_dir(folder).ok();
+    Ok(())
+}
+
 /// Returns an error if the path cannot be written, or exists, unless forced. Devices and pipes are accepted.
 ///
 /// # Errors
@@ -112,7 +128,7 @@ fn ensure_not_taken(path: &Path, force: Force) -> Result<(), Failure> {
 /// Returns an error if nothing can be created at `path`: a command finds that before it computes for minutes.
 ///
 /// # Errors
-/// The nearest folder above that exists is not writable.
+/// Returns an error if the nearest existing folder above is not writable.
 pub fn ensure_writable(path: &Path) -> Result<(), Failure> {
     let above = path.ancestors().skip(1).find(|above| above.exists());
     let above = above.unwrap_or(Path::new("."));
@@ -210,7 +226,7 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
 /// Creates a temporary file beside `path`.
 ///
 /// # Errors
-/// When it cannot be created.
+/// When the file cannot be created.
 pub fn beside(path: &Path, access: Access) -> io::Result<NamedTempFile> {
     temporary_in(folder_of(path), access)
 }
@@ -229,7 +245,7 @@ fn temporary_in(folder: &Path, access: Access) -> io::Result<NamedTempFile> {
 /// Syncs the folder of `path`, which makes a renaming durable.
 ///
 /// # Errors
-/// When it cannot be synced.
+/// When the folder cannot be synced.
 pub fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
 }

@@ -22,7 +22,7 @@ const FRAME_CAPACITY: usize = 3 << 13;
 /// Capacity in records: three quarters of a second at 1 kHz. The memory of all rings is locked, and a record has 2 kB.
 const RECORD_CAPACITY: usize = 768;
 
-/// Capacity in events.
+/// Maximum number of events on the network that wait for the recorder thread.
 const EVENT_CAPACITY: usize = 1 << 10;
 
 /// Slot of the ring that orders all entries. Frames are stored inline; records and events have separate rings.

@@ -69,7 +69,7 @@ impl RunRecorder {
         }
     }
 
-    /// Records a cycle.
+    /// Records the end of a cycle, and detects a trip.
     pub fn on_cycle(&mut self, record: &Record) {
         if let Some(faults) = &mut self.faults {
             faults.on_cycle(record);

@@ -72,7 +72,7 @@ impl Session {
         session
     }
 
-    /// Returns the folder of the session.
+    /// Returns the folder that has the parts and documents.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }

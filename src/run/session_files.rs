@@ -47,9 +47,9 @@ pub(super) struct SessionFiles {
 /// Reason why writing has ended.
 #[derive(Debug)]
 enum End {
-    /// The limit of the recording is reached.
+    /// Limit of the recording.
     Limit,
-    /// The next part cannot be created.
+    /// Part that cannot be created.
     Failed(io::Error),
 }
 

@@ -18,15 +18,15 @@ pub(super) const FILES: &str = "files";
 /// Files and command of a recorded session.
 #[derive(Clone, Debug)]
 pub struct Sources {
-    /// Command that records it.
+    /// Command that records the session.
     pub kind: SessionKind,
-    /// Path of the configuration.
+    /// Path of the configuration, which `copies` contains.
     pub configuration: PathBuf,
     /// Path of a robot file that replaces the configuration's.
     pub robot: Option<PathBuf>,
-    /// Path of the scenario.
+    /// Path of the scenario; `None` without a simulation.
     pub scenario: Option<PathBuf>,
-    /// Case of a campaign.
+    /// Case that a campaign records; `None` for other sessions.
     pub case: Option<CampaignCase>,
     /// Set if the passivity layer of the configuration is disabled.
     pub without_passivity: bool,
@@ -103,19 +103,7 @@ impl Sources {
 
 /// Removes the copies of an earlier session, and their folder if nothing else is in it.
 pub(super) fn clear(folder: &Path) -> io::Result<()> {
-    let folder = folder.join(FILES);
-    match fs::symlink_metadata(&folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
-        // Removes the link, never its target.
-        Ok(found) if !found.is_dir() => return fs::remove_file(folder),
-        Ok(_) => {}
-    }
-    let copies = fs::read_dir(&folder)?.flatten();
-    let copies = copies.filter(|entry| results::number(&entry.file_name()).is_some());
-    copies.for_each(|entry| _ = fs::remove_file(entry.path()));
-    fs::remove_dir(folder).ok();
-    Ok(())
+    results::clear_numbered(&folder.join(FILES), |copy| _ = fs::remove_file(copy))
 }
 
 /// Returns the model of the first processor (proc_cpuinfo(5)).

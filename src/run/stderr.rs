@@ -18,7 +18,7 @@ const QUEUE_CAPACITY: usize = 1_024;
 /// Time allowed for the queue to empty at the end of the process.
 const FLUSH_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// The queue of this process, once [`detach`] was called.
+/// Queue of this process, once [`detach`] was called.
 static QUEUE: OnceLock<StderrQueue> = OnceLock::new();
 
 /// Starts the writer thread, after which no message blocks its sender.
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn hazard_32_closed_stderr_is_no_failure() {
-        /// A pipe whose other end is closed.
+        /// Pipe whose other end is closed.
         struct Broken;
         impl Write for Broken {
             fn write(&mut self, _bytes: &[u8]) -> io::Result<usize> {

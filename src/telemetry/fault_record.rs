@@ -25,12 +25,12 @@ const CAPACITY: usize = 1 << 16;
 /// Capacity reserved for cycles: more than 2 s at 1 kHz. At a higher rate it grows once.
 const CYCLES: usize = 1 << 11;
 
-/// An observed event.
+/// Observed frame or cycle.
 #[derive(Clone, Copy, Debug)]
 pub enum Observation<'a> {
-    /// A frame.
+    /// Frame sent or received, with its time.
     Frame(Instant, &'a Telegram),
-    /// A cycle.
+    /// End of a cycle, with the part of its record that the log keeps.
     Cycle(&'a Brief),
 }
 
@@ -53,7 +53,7 @@ impl Place {
 pub struct Trip {
     /// Cycle of the entry, from 1.
     pub cycle: u64,
-    /// Time of its SYNC.
+    /// Time of the cycle's SYNC.
     pub at: Instant,
     /// Cause of the stop: the first one of the cycle.
     pub cause: Cause,

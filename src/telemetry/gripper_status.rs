@@ -5,7 +5,7 @@ use serde::Serialize;
 use node::record::GripperRecord;
 use remote::Gripper;
 
-/// Status of the gripper.
+/// Opening and force of a gripper, commanded and measured; `None` where there is no value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GripperStatus {
     /// State in words. Nothing is commanded before the commanded side has reported its gripper.
@@ -21,7 +21,7 @@ pub struct GripperStatus {
 }
 
 impl GripperStatus {
-    /// Returns the status of a cycle.
+    /// Returns the status of a cycle from its record.
     pub fn from_record(GripperRecord { command, measured }: GripperRecord) -> Self {
         let state = match (command, measured) {
             (None, None) => "the commanded side reports none",

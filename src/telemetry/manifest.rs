@@ -15,7 +15,7 @@ pub struct Manifest {
     pub format: u16,
     /// Program and version.
     pub program: String,
-    /// Command that recorded it.
+    /// Command that recorded the session.
     pub kind: SessionKind,
     /// Time zero of the session, in µs since 1970; zero in virtual time.
     pub origin_us: u64,
@@ -29,7 +29,7 @@ pub struct Manifest {
     pub robot: Option<String>,
     /// Path of the scenario, one of `files`.
     pub scenario: Option<String>,
-    /// Case of a campaign.
+    /// Case that a campaign has recorded; `None` for other sessions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub case: Option<CampaignCase>,
     /// Set if the passivity layer of the configuration was disabled.
@@ -52,19 +52,19 @@ pub enum SessionKind {
     Campaign,
 }
 
-/// Case of a campaign.
+/// Seed and number by which `frhc campaign` repeats a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CampaignCase {
-    /// Seed of the campaign.
+    /// Seed that all random choices of the campaign follow from.
     pub seed: u64,
     /// Number of the case, from 1.
     pub number: u32,
 }
 
-/// Copy of a file.
+/// File of the session that is a copy of one that the run has read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileCopy {
-    /// Path by which the session has read it.
+    /// Path by which the session has read the original.
     pub path: String,
     /// Name of the copy in the folder of the session.
     pub copy: String,
@@ -75,7 +75,7 @@ pub struct FileCopy {
 /// Facts about a host.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Host {
-    /// Host name; `None` if it was dropped.
+    /// Host name; `None` in an anonymous session.
     pub name: Option<String>,
     /// Release of the kernel.
     pub kernel: String,

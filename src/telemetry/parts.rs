@@ -20,7 +20,7 @@ const PACKED: &str = ".gz";
 /// One file of a session.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Stream of the part.
+    /// Stream that the file is part of.
     pub stream: Stream,
     /// Number in the stream, from 1.
     pub number: u32,

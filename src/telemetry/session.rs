@@ -1,6 +1,6 @@
 //! Log of a session: one candump file of all buses and cycles.
 //!
-//! CAN FD frames of pseudo-interfaces are interleaved with the frames of the buses. One file thus contains the complete
+//! CAN FD frames of pseudo-interfaces are interleaved with the frames of the buses. One file contains the complete
 //! run, and candump readers accept it.
 //!
 //! | interface | identifier | bytes                                                                 |
@@ -30,7 +30,7 @@ pub const NODE: (&str, u32) = ("node0", 0x18FF_0001);
 pub struct Brief {
     /// Number of the cycle, from 1.
     pub cycle: u64,
-    /// Time of its SYNC.
+    /// Time of the cycle's SYNC.
     pub at: Instant,
     /// Mode of the node.
     pub mode: Mode,
@@ -94,7 +94,7 @@ impl<W: Write> SessionLog<W> {
         }
     }
 
-    /// Flushes the log.
+    /// Flushes the log. A failure ends it.
     pub fn flush(&mut self) {
         let latest = self.latest;
         self.write(latest, |log, _| log.flush());
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
     use canopen::frame::{Channel, Frame};
 
-    /// A disk with limited room.
+    /// Disk with limited room.
     struct Disk {
         room: usize,
         written: Vec<u8>,

@@ -20,7 +20,7 @@ use units::numbering::Joint;
 /// Status of the node in one cycle.
 #[derive(Clone, Debug, Serialize)]
 pub struct Status {
-    /// Mode.
+    /// Mode of the node: `armed`, `engaged`, …
     pub mode: &'static str,
     /// Cause of the stop, while stopped.
     pub stopped_by: Option<String>,
@@ -30,7 +30,7 @@ pub struct Status {
     pub cycle: u64,
     /// Cycles whose torques were too late to be sent, or whose SYNC was skipped.
     pub overruns: u64,
-    /// Missed samples.
+    /// Position samples not received in time so far, over all joints.
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk.
     pub lost: Losses,
@@ -110,9 +110,9 @@ pub fn labels(config: &Config) -> Vec<JointLabel> {
 /// Difference between predicted and sensed pose of a robot.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct ModelDifference {
-    /// Distance, in mm.
+    /// Distance between the positions, in mm.
     pub distance_mm: f64,
-    /// Angle, in degrees.
+    /// Angle of the rotation between the orientations, in degrees.
     pub angle_deg: f64,
 }
 
@@ -184,7 +184,7 @@ impl Status {
         }
     }
 
-    /// Adds the joint's name to the cause. `labels` are those of the joints, base first.
+    /// Adds the joint's name to the cause. `labels` names the joints, base first.
     #[must_use]
     pub fn with_cause_named(mut self, labels: &[JointLabel]) -> Self {
         let names: Vec<_> = labels.iter().map(|label| label.name.as_str()).collect();

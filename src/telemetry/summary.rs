@@ -39,7 +39,7 @@ pub struct Summary {
     pub overruns: u64,
     /// Cycles in which at least one joint's sample was missing.
     pub cycles_with_missing_samples: u64,
-    /// Missed samples.
+    /// Position samples not received in time, over all joints.
     pub missing_samples: u64,
     /// Frames, records and events lost before the disk. The other figures exclude lost records.
     pub lost: Losses,

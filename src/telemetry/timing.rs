@@ -63,16 +63,16 @@ pub struct TimingReport {
     pub sync_to_last_target_us: Percentiles,
     /// From SYNC to its transmit confirmation; no values if the bus does not confirm.
     pub sync_to_confirmation_us: Percentiles,
-    /// From SYNC to the sample of each joint.
+    /// From SYNC to the sample of each joint, in cycles that have it.
     pub sync_to_sample_us: PerJoint,
 }
 
 /// One class of a histogram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Class {
-    /// Smallest time in it, in µs.
+    /// Smallest time in the class, in µs.
     pub from: u64,
-    /// Largest time in it, in µs.
+    /// Largest time in the class, in µs.
     pub to: u64,
     /// Number of values.
     pub count: u64,
@@ -160,7 +160,7 @@ impl Timing {
         }
     }
 
-    /// Returns the percentiles.
+    /// Returns the percentiles of each time, over all cycles so far.
     pub fn report(&self) -> TimingReport {
         TimingReport {
             wake_up_late_us: Percentiles::new(&self.wake_up),
@@ -171,10 +171,8 @@ impl Timing {
             sync_to_sample_us: PerJoint::new(self.joints.each_ref().map(Percentiles::new)),
         }
     }
-}
 
-impl Timing {
-    /// Returns the histograms.
+    /// Returns all classes with values, for a file.
     pub fn histograms(&self) -> HistogramReport {
         HistogramReport {
             largest_us: MAX_US,

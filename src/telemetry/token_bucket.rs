@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use units::time::Instant;
 
-/// A token bucket, stored as the time at which it is full again: integer arithmetic does not accumulate errors.
+/// Token bucket, stored as the time at which it is full again: integer arithmetic does not accumulate errors.
 #[derive(Clone, Copy, Debug)]
 pub struct TokenBucket {
     /// Time per token.

@@ -85,7 +85,7 @@ impl LockAxis {
         }
     }
 
-    /// Returns whether the axis is a rotation.
+    /// Returns whether the axis is `Rx`, `Ry` or `Rz`.
     pub const fn is_rotation(self) -> bool {
         matches!(self, Self::Rx | Self::Ry | Self::Rz)
     }

@@ -52,16 +52,8 @@ impl Joint {
     }
 
     /// Returns the entry of this joint in a list of all joints, base first.
-    pub const fn entry<T>(self, all: &[T; 6]) -> &T {
-        let [first, second, third, fourth, fifth, sixth] = all;
-        match self.0 {
-            1 => first,
-            2 => second,
-            3 => third,
-            4 => fourth,
-            5 => fifth,
-            _ => sixth,
-        }
+    pub fn entry<T>(self, all: &[T; 6]) -> &T {
+        self.entry_mut(&mut all.each_ref())
     }
 
     /// Returns the mutable entry of this joint in a list of all joints, base first.

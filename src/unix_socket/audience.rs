@@ -1,4 +1,4 @@
-//! Readers of a stream socket, who get every line and send nothing. Who does not keep up is dropped; nothing here waits.
+//! Readers of a stream socket, who get every line and send nothing. Slow readers are dropped; nothing here waits.
 
 use std::io;
 use std::net::Shutdown;
@@ -10,7 +10,7 @@ use nix::sys::socket::{MsgFlags, send};
 /// Maximum number of readers. A further one is closed at once.
 pub const MAX_READERS: usize = 64;
 
-/// A listener with its readers.
+/// Listening socket with its readers.
 #[derive(Debug)]
 pub struct Audience {
     listener: UnixListener,
@@ -21,7 +21,7 @@ impl Audience {
     /// Takes a listening socket.
     ///
     /// # Errors
-    /// The socket cannot be set not to block.
+    /// When the socket cannot be made non-blocking.
     pub fn new(listener: UnixListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener, readers: Vec::new() })
@@ -32,7 +32,7 @@ impl Audience {
         self.readers.is_empty()
     }
 
-    /// Accepts those who wait, and sends them these first lines.
+    /// Accepts the waiting connections, and sends these first lines to each.
     pub fn admit(&mut self, first_lines: &[&[u8]]) {
         for _ in 0..MAX_READERS {
             let Ok((reader, _)) = self.listener.accept() else { return };

@@ -1,4 +1,4 @@
-//! The socket of the link: a listener, and one peer at a time. Nothing here waits but [`Door::wait`].
+//! Socket of the link: it listens, and has one peer at a time. Only [`Door::wait`] waits.
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd};
@@ -16,27 +16,27 @@ use socket2::Socket;
 /// Requested send buffer, in bytes: the kernel raises it to its minimum, which is a few messages. No backlog of commands.
 const SEND_BUFFER: usize = 1;
 
-/// A connection that was accepted.
+/// Accepted connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// It is the peer.
+    /// First connection: its process is the peer from now on.
     Peer(UnixCredentials),
-    /// There is a peer already: it was closed.
+    /// Further connection beside that of a peer: it was closed.
     Second(UnixCredentials),
 }
 
-/// Result of a look at the peer's messages.
+/// Result of one attempt to receive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reception {
-    /// A message of this length.
+    /// Message of this length.
     Message(usize),
-    /// Nothing yet.
+    /// No message yet.
     Nothing,
-    /// The peer has closed its end, or its process has ended.
+    /// End of the connection: the peer has closed it, or its process has ended.
     Closed,
 }
 
-/// A listener with its peer.
+/// Listening socket with at most one peer.
 #[derive(Debug)]
 pub struct Door {
     listener: Socket,
@@ -47,7 +47,7 @@ impl Door {
     /// Takes a listening SEQPACKET socket.
     ///
     /// # Errors
-    /// The socket cannot be set not to block.
+    /// When the socket cannot be made non-blocking.
     pub fn new(listener: Socket) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener, peer: None })

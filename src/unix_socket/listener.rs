@@ -1,4 +1,4 @@
-//! A listening Unix socket and its file: permissions, replacement of a stale one, removal at the end.
+//! Listening Unix socket and its file: permissions, replacement of a stale one, removal at the end.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, DirBuilder, File, Metadata, OpenOptions, Permissions};
@@ -19,7 +19,7 @@ const PERMISSIONS: u32 = 0o660;
 const WRITABLE_BY_OTHERS: u32 = 0o002;
 const STICKY: u32 = 0o1000;
 
-/// The file of a listening socket; removes it when dropped, and no other that is at its path by then.
+/// File of a listening socket. Dropping it removes the file, unless another one is at its path by then.
 #[derive(Debug)]
 pub struct SocketFile {
     path: PathBuf,
@@ -30,8 +30,8 @@ pub struct SocketFile {
 /// group. Replaces a stale socket, which refuses connections, and no other file.
 ///
 /// # Errors
-/// When another process listens there, the file is not a socket, the folder cannot be written by this user or can be by
-/// any, or this process is not a member of the group.
+/// When another process listens there, or the file is not a socket. When this user cannot write the folder, or any
+/// user can. When this process is not a member of the group.
 pub fn listen<L>(
     path: PathBuf,
     group: Option<&str>,
@@ -51,7 +51,7 @@ pub fn listen<L>(
 /// Listens at `path` with a SEQPACKET socket, as [`listen`] does; `backlog` connections may wait to be accepted.
 ///
 /// # Errors
-/// Those of [`listen`].
+/// As [`listen`].
 pub fn listen_for_messages(
     path: PathBuf,
     group: Option<&str>,
@@ -106,7 +106,7 @@ struct StartLock {
     _file: File,
 }
 
-/// Returns the path of the start lock of a socket.
+/// Returns the path of the lock that processes starting on `socket` share.
 fn start_lock_of(folder: &Path, socket: &Path) -> PathBuf {
     let mut name = OsString::from(".");
     name.push(socket.file_name().unwrap_or(OsStr::new("node.sock")));

@@ -12,7 +12,7 @@ pub struct DeviceInfo {
     pub vendor_name: String,
     /// Vendor-ID, 1018h:1.
     pub vendor: u32,
-    /// Name of the product.
+    /// Product name of the manufacturer; not compared with the device.
     pub product_name: String,
     /// Product code, 1018h:2.
     pub product: u32,
@@ -26,7 +26,7 @@ pub struct DeviceInfo {
     pub rpdos: u16,
     /// Number of TPDOs.
     pub tpdos: u16,
-    /// Set if it supports LSS.
+    /// Set if the device supports LSS (CiA 305).
     pub has_lss: bool,
 }
 
@@ -66,17 +66,17 @@ pub(super) fn dummies(ini: &Ini<'_>) -> u8 {
 /// Commissioning of a device (CiA 306, 5.2).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Commissioning {
-    /// Node-id.
+    /// Node-id, 1 to 127; `None` if absent or out of range.
     pub node: Option<NodeId>,
     /// Name in this system.
     pub node_name: String,
-    /// Bit rate of its network, in kbit/s.
+    /// Bit rate of the network, in kbit/s.
     pub bitrate: Option<u32>,
-    /// Number of its network.
+    /// Number of the network.
     pub network: Option<u32>,
-    /// Name of its network.
+    /// Name of the network in this system; empty if absent.
     pub network_name: String,
-    /// Set if it manages the network.
+    /// Set if the device manages the network.
     pub is_manager: bool,
     /// Serial number, for LSS.
     pub serial: Option<u32>,

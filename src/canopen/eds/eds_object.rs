@@ -7,7 +7,7 @@ use crate::{NodeId, data_type};
 /// Access to an object by SDO and PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Constant.
+    /// Readable; the value never changes.
     Constant,
     /// Readable.
     ReadOnly,
@@ -47,22 +47,22 @@ impl Access {
         }
     }
 
-    /// Returns whether SDO may read it.
+    /// Returns whether SDO may read the object.
     pub const fn is_readable(self) -> bool {
         !matches!(self, Self::WriteOnly)
     }
 
-    /// Returns whether SDO may write it.
+    /// Returns whether SDO may write the object.
     pub const fn is_writable(self) -> bool {
         !matches!(self, Self::Constant | Self::ReadOnly)
     }
 
-    /// Returns whether a TPDO may contain it, if it can be mapped.
+    /// Returns whether a TPDO may contain the object, if it can be mapped.
     pub const fn is_input(self) -> bool {
         !matches!(self, Self::WriteOnly | Self::ReadWriteOutput)
     }
 
-    /// Returns whether an RPDO may contain it, if it can be mapped.
+    /// Returns whether an RPDO may contain the object, if it can be mapped.
     pub const fn is_output(self) -> bool {
         matches!(self, Self::WriteOnly | Self::ReadWrite | Self::ReadWriteOutput)
     }
@@ -71,7 +71,7 @@ impl Access {
 /// Object description of an EDS: name, data type, access, limits and default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdsObject {
-    /// Object.
+    /// Index and sub-index.
     pub object: Object,
     /// Name by the manufacturer.
     pub name: String,
@@ -83,11 +83,11 @@ pub struct EdsObject {
     pub default: String,
     /// Default value as a number, for integer types.
     pub number: Option<Number>,
-    /// Low limit, if it is a value of the type.
+    /// Low limit; `None` if absent, or not a value of the type.
     pub low: Option<Number>,
-    /// High limit, if it is a value of the type.
+    /// High limit; `None` if absent, or not a value of the type.
     pub high: Option<Number>,
-    /// Set if it can be mapped into a PDO.
+    /// Set if a PDO may contain the object.
     pub is_mappable: bool,
     /// `ObjFlags`: bit 0, not written when a configuration is downloaded; bit 1, not read when a device is
     /// scanned.
@@ -103,9 +103,9 @@ pub struct Setting {
     pub value: Option<String>,
     /// Name in this system.
     pub denotation: Option<String>,
-    /// File for its uploaded content (DOMAIN).
+    /// File for the uploaded content (DOMAIN).
     pub upload_file: Option<String>,
-    /// File with its content for download (DOMAIN).
+    /// File with the content for download (DOMAIN).
     pub download_file: Option<String>,
     /// Reference of the configuration tool.
     pub reference: Option<String>,

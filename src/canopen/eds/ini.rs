@@ -18,7 +18,7 @@ pub struct Ini<'t> {
     strays: Vec<Stray>,
 }
 
-/// Section.
+/// One `[section]` and its entries.
 #[derive(Debug)]
 pub struct Section<'t> {
     /// Text in the brackets.
@@ -33,12 +33,12 @@ pub struct Section<'t> {
     pub entries: Vec<Entry<'t>>,
 }
 
-/// Entry of a section.
+/// One line `key=value`.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry<'t> {
     /// Text before the `=`.
     pub key: &'t str,
-    /// Text after it.
+    /// Text after the `=`.
     pub value: &'t str,
     /// Line, from 1.
     pub line: usize,
@@ -58,11 +58,11 @@ pub struct Stray {
 pub enum Oddity {
     /// Not a section, an entry or a comment; skipped.
     NoEntry,
-    /// An entry before the first section; skipped.
+    /// Entry before the first section; skipped.
     Homeless,
-    /// A comment behind `#`.
+    /// Comment behind `#`.
     Hash,
-    /// A section without `]`.
+    /// Section without `]`.
     Unclosed,
     /// Text after `]` that is not a comment; skipped.
     BehindSection,

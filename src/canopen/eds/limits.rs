@@ -16,13 +16,13 @@ use crate::object::Object;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{object} must be within {low}..={high} of the EDS, got {value}")]
 pub struct OutsideLimits {
-    /// Object.
+    /// Object whose limits are exceeded.
     pub object: Object,
-    /// Value.
+    /// Refused value.
     pub value: i128,
-    /// Low limit.
+    /// Smallest permitted value.
     pub low: i128,
-    /// High limit.
+    /// Largest permitted value.
     pub high: i128,
 }
 
@@ -40,7 +40,7 @@ impl EdsObject {
     /// Checks a number for `node`.
     ///
     /// # Errors
-    /// Returns an error if it is outside the limits.
+    /// Returns an error for a number outside the limits.
     pub fn check_number(&self, number: i128, node: NodeId) -> Result<(), OutsideLimits> {
         let object = self.object;
         match self.limits(node) {
@@ -55,7 +55,7 @@ impl EdsObject {
     /// Checks a value for `node`, little-endian, signed or not as the data type is.
     ///
     /// # Errors
-    /// Returns an error if it is outside the limits.
+    /// Returns an error for a value outside the limits.
     pub fn check_content(&self, content: &[u8], node: NodeId) -> Result<(), OutsideLimits> {
         match data_type::find(self.data_type).map(|data_type| data_type.kind) {
             Some(Kind::Signed) => self.check_number(value::signed(content), node),

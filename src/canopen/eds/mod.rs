@@ -42,13 +42,13 @@ const MAX_SECTIONS: usize = 60_000;
 /// Error of a file that is not an EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EdsError {
-    /// Too many bytes.
+    /// More bytes than any device's file has.
     #[error("larger than 2 MiB")]
     TooLarge,
-    /// Too many lines.
+    /// More lines than any device's file has.
     #[error("more than {MAX_LINES} lines")]
     TooManyLines,
-    /// Too many objects.
+    /// More objects than any device has, or more bytes of compact descriptions.
     #[error("more objects are described than any device has")]
     TooMany,
     /// No object.
@@ -149,7 +149,7 @@ impl Eds {
         &self.objects
     }
 
-    /// Returns one object.
+    /// Returns the description of `object`; `None` if the file does not describe it.
     pub fn object(&self, object: Object) -> Option<&EdsObject> {
         let found = self.objects.binary_search_by_key(&object, |described| described.object);
         self.objects.get(found.ok()?)

@@ -7,17 +7,17 @@ use crate::object::Object;
 /// Configurable properties of one PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PdoAbility {
-    /// Its COB-ID is writable (1400h:1 or 1800h:1), so it can be shared.
+    /// Set if the COB-ID is writable (1400h:1 or 1800h:1), so that the PDO can be shared.
     pub can_move: bool,
-    /// Its mapping is writable.
+    /// Set if the mapping is writable.
     pub can_map: bool,
     /// Maximum number of mapped objects.
     pub max_entries: u8,
-    /// Its transmission type is writable.
+    /// Set if the transmission type is writable.
     pub has_transmission: bool,
-    /// Its inhibit time is writable.
+    /// Set if the inhibit time is writable.
     pub has_inhibit_time: bool,
-    /// Its event timer is writable; that of an RPDO is a timeout.
+    /// Set if the event timer is writable; that of an RPDO is a timeout.
     pub has_event_timer: bool,
 }
 

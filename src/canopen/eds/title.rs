@@ -7,7 +7,7 @@ use crate::object::Object;
 /// Parsed title of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Title<'t> {
-    /// A named section.
+    /// Section with a fixed name.
     Named(Heading),
     /// `[1A00]`: an object, or the head of an array or record.
     Object(u16),
@@ -28,15 +28,15 @@ pub enum Title<'t> {
 /// Sections with a fixed name in CiA 306, in the order they are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Heading {
-    /// `[FileInfo]`.
+    /// `[FileInfo]`: version, author and dates of the file.
     FileInfo,
-    /// `[DeviceInfo]`.
+    /// `[DeviceInfo]`: identity, bit rates and features of the device.
     DeviceInfo,
-    /// `[DeviceComissioning]`, of a DCF.
+    /// `[DeviceComissioning]`: node-id and bit rate in this system; only in a DCF.
     Commissioning,
-    /// `[DummyUsage]`.
+    /// `[DummyUsage]`: data types that may be dummies in RPDOs.
     DummyUsage,
-    /// `[Comments]`.
+    /// `[Comments]`: free text in numbered lines.
     Comments,
     /// `[MandatoryObjects]`.
     Mandatory,

@@ -8,7 +8,7 @@ use crate::data_type::{DataType, Kind};
 /// Number, optionally plus the node-id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Number {
-    /// Number.
+    /// Value without the node-id.
     pub value: i128,
     /// Set if the node-id is added.
     pub plus_node_id: bool,

@@ -76,8 +76,8 @@ impl Exchange {
     /// Maximum time until a drive's statusword reports "disable voltage", from the SYNC after which its RPDO carries it.
     /// Without lost frames it is 2 T for one synchronous PDO in each direction.
     ///
-    /// A controlword in a separate RPDO adds (2 n + 1) T for the n such RPDOs on its bus, sent in every other cycle. A
-    /// statusword in a separate TPDO adds the inhibit time.
+    /// For a controlword in a separate RPDO, adds (2 n + 1) T: a bus sends its n such RPDOs in every other cycle. For
+    /// a statusword in a separate TPDO, adds the inhibit time.
     pub fn power_off_time(&self, node: NodeIndex, period: Duration) -> Duration {
         let turns = self.rpdos.controlword_turns(node);
         let wait = if turns > 0 { 2 * turns + 1 } else { 0 };

@@ -29,7 +29,7 @@ pub struct RpdoImage {
     event_driven_of: Vec<Vec<usize>>,
     /// Index of the event-driven RPDO with the next turn.
     next: usize,
-    /// An event-driven RPDO was sent in the last cycle.
+    /// Set if an event-driven RPDO was sent in the last cycle.
     skips_cycle: bool,
 }
 
@@ -53,7 +53,7 @@ struct Field {
     node: NodeIndex,
     object: Object,
     slot: Slot,
-    /// The node has reached the commanded state.
+    /// Set if the node has reached the commanded state.
     is_reached: bool,
 }
 
@@ -255,7 +255,7 @@ impl Rpdo {
         Ok(())
     }
 
-    /// Returns whether it has an object of a node.
+    /// Returns whether the RPDO has an object of `node`.
     fn is_for(&self, node: NodeIndex) -> bool {
         self.fields.iter().any(|field| field.node == node)
     }
@@ -326,7 +326,6 @@ fn set<'a>(
     }
 }
 
-/// Returns the places of an object of a node.
 fn places(cyclic: &[Rpdo], event_driven: &[Rpdo], node: NodeIndex, object: Object) -> Vec<Place> {
     let in_rpdos = |rpdos: &[Rpdo], is_cyclic| -> Vec<Place> {
         let of = |(rpdo, it): (usize, &Rpdo)| {
@@ -340,7 +339,6 @@ fn places(cyclic: &[Rpdo], event_driven: &[Rpdo], node: NodeIndex, object: Objec
     first.into_iter().chain(second).collect()
 }
 
-/// Returns the indices of the items that match.
 fn indices<T>(items: &[T], matches: impl Fn(&T) -> bool) -> Vec<usize> {
     let items = items.iter().enumerate();
     items.filter(|(_, item)| matches(item)).map(|(index, _)| index).collect()

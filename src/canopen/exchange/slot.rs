@@ -6,7 +6,7 @@ use crate::layout::{MappedObject, Service};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Slot {
     shift: u32,
-    /// Mask of its bits in the content.
+    /// Mask of the field's bits in the content.
     mask: u64,
 }
 
@@ -55,14 +55,8 @@ mod tests {
     use crate::sync::Transmission;
 
     fn service(bits: &[u8]) -> Service {
-        let mapping =
-            bits.iter().map(|bits| MappedObject { object: Object::STATUSWORD, bits: *bits });
-        Service {
-            transmission: Transmission::EVERY_SYNC,
-            inhibit_100us: None,
-            event_timer_ms: None,
-            mapping: mapping.collect(),
-        }
+        let mapping: Vec<_> = bits.iter().map(|bits| (Object::STATUSWORD, *bits)).collect();
+        Service::new(Transmission::EVERY_SYNC, &mapping)
     }
 
     proptest! {

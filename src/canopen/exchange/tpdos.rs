@@ -27,7 +27,7 @@ pub struct TpdoSample {
     pub demand: Option<PerMille>,
     /// First eight digital inputs (6000h:1).
     pub inputs: Option<u8>,
-    /// An analogue input (6401h), the first that is mapped.
+    /// Analogue input (6401h), the first that is mapped.
     pub analogue: Option<i16>,
 }
 

@@ -10,7 +10,7 @@ use crate::object::Object;
 /// Changes that a device's EDS permits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Abilities {
-    /// Parts of the grouped layout that it lacks; empty if it can share an RPDO.
+    /// Parts of the grouped layout that the device lacks; empty if it can share an RPDO.
     pub no_group: Vec<Lack>,
     /// Set if the EMCY COB-ID (1014h) is writable.
     pub moves_emergencies: bool,
@@ -27,7 +27,8 @@ impl Abilities {
         Self { no_group, moves_emergencies: emcy.is_some_and(|emcy| emcy.access.is_writable()) }
     }
 
-    /// Returns whether it can have the PDOs of the grouped layout with a separate RPDO, which needs no dummies.
+    /// Returns whether the device can have the PDOs of the grouped layout with a separate RPDO, which needs no
+    /// dummies.
     pub fn can_split_states(&self) -> bool {
         self.no_group.iter().all(|lack| matches!(lack, Lack::Dummy(_) | Lack::Entries { .. }))
     }

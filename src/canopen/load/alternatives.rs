@@ -22,7 +22,7 @@ pub enum Change {
     /// Three drives share one torque RPDO; states are sent on change.
     #[display("three torques in one RPDO")]
     Grouped,
-    /// Statusword and controlword are sent on change, in PDOs of their own.
+    /// Statusword and controlword are sent on change, in separate PDOs.
     #[display("statusword and controlword on change")]
     StatesOnChange,
     /// Half of a bus's drives move to a second bus.
@@ -34,7 +34,7 @@ pub enum Change {
     /// Nodes with an RPDO timer, or without torque, send a heartbeat every 100 ms.
     #[display("the nodes' heartbeats every {SLOW_HEARTBEAT_MS} ms")]
     SlowHeartbeats,
-    /// EMCY COB-IDs behind those of the cycle.
+    /// EMCY COB-IDs with a lower priority than all cyclic frames.
     #[display("emergencies behind the PDOs")]
     EmergenciesMoved,
 }

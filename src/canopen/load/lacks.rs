@@ -17,7 +17,7 @@ pub enum Lack {
     Dummy(Object),
     /// Absent PDO, by its communication parameter.
     Pdo {
-        /// Direction.
+        /// TPDO or RPDO of the device.
         direction: Direction,
         /// Number, from 1.
         number: u16,

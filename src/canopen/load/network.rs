@@ -15,9 +15,9 @@ use crate::plan::NodePlan;
 /// Node on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
-    /// Plan of the node.
+    /// Planned configuration, from which the load follows.
     pub plan: NodePlan,
-    /// Changes that its EDS permits.
+    /// Changes that the node's EDS permits.
     pub abilities: Abilities,
 }
 
@@ -39,11 +39,11 @@ pub struct Bus {
 pub struct Network {
     /// SYNC period, in µs.
     pub period_us: u32,
-    /// Node-id of the master.
+    /// Node-id of the heartbeat's producer.
     pub master: NodeId,
     /// Producer heartbeat time of the master, in ms.
     pub master_heartbeat_ms: u16,
-    /// Buses.
+    /// Buses in the order of their channels.
     pub buses: Vec<Bus>,
 }
 

@@ -1,8 +1,8 @@
 //! Frequency of a frame.
 //!
-//! Three figures answer three questions. *Planned* counts periodic frames (SYNC, event timers, heartbeats), which
-//! the load limit applies to. *Busiest* adds measured values at their inhibit time. The maximum count in a
-//! *window* serves the response time analysis.
+//! Three figures answer three questions. *Planned* counts periodic frames (SYNC, event timers, heartbeats); the load
+//! limit applies to them. *Busiest* adds measured values at their inhibit time. The maximum count in a *window* serves
+//! the response time analysis.
 
 /// Share of time in which a joint moves and its measured values change.
 pub const MOVING: f64 = 0.25;
@@ -22,10 +22,10 @@ const MICRO: u64 = 1_000;
 pub enum Pace {
     /// Periodic.
     Clock {
-        /// Period.
+        /// Time between two frames.
         period_us: u32,
     },
-    /// On change.
+    /// Sent on change of a mapped value.
     Change {
         /// Inhibit time: minimum time between two frames.
         gap_us: u32,

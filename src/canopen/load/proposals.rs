@@ -13,7 +13,7 @@ const PERIODS_US: [u32; 12] =
 /// Variant of a network, and its figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// Changes.
+    /// Changes against the network in use, applied in order.
     pub changes: Vec<Change>,
     /// Worst-case load of each bus.
     pub loads: Vec<BusLoad>,

@@ -1,8 +1,8 @@
 //! Worst-case response time of every frame of a bus: Davis, Burns, Bril and Lukkien, "Controller Area Network
 //! (CAN) schedulability analysis: Refuted, revisited and revised" (Real-Time Systems 35, 2007).
 //!
-//! A frame of priority m and C bits, released up to J late, waits for at most one frame of lower priority, B, and
-//! for all frames of higher priority. All its instances in the busy period count:
+//! Frame m has C bits and is released up to J late. It waits for at most one frame of lower priority, B, and for all
+//! frames of higher priority. All its instances in the busy period count:
 //!
 //! ```text
 //! t = B + E(t) + Σ η_k(t) C_k                    over k of m's priority and above: the busy period
@@ -10,9 +10,9 @@
 //! R = max J + w - δ(q) + C                       over all q released in the busy period
 //! ```
 //!
-//! η_k(t) is the maximum number of frames in a window, ⌈(t + J_k) / T_k⌉ for a periodic one; δ(q) the earliest
-//! release of instance q; τ one bit; E(t) the cost of errors: every T_err an error frame of at most 31 bits and
-//! the longest frame again.
+//! η_k(t) is the maximum number of frames in a window, ⌈(t + J_k) / T_k⌉ for a periodic one. δ(q) is the earliest
+//! release of instance q, τ one bit. E(t) is the cost of errors: every T_err an error frame of at most 31 bits and the
+//! longest frame again.
 //!
 //! Drivers are assumed to send by priority. The master, whose driver may send in order of queueing, queues
 //! heartbeat and SDO after the RPDOs of a cycle.

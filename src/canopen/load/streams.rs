@@ -22,15 +22,15 @@ const FULL: u32 = 8;
 /// Kind of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// SYNC.
+    /// SYNC message (COB-ID 80h).
     Sync,
-    /// A TPDO, by its number.
+    /// TPDO, by its number.
     Tpdo(u16),
-    /// An RPDO, by its number.
+    /// RPDO, by its number.
     Rpdo(u16),
-    /// A heartbeat.
+    /// Error control frame: a heartbeat, or the poll or answer of node guarding.
     Heartbeat,
-    /// An emergency.
+    /// EMCY message.
     Emergency,
     /// SDO request of the master.
     SdoRequest,
@@ -41,9 +41,9 @@ pub enum Role {
 /// Sender of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sender {
-    /// The master.
+    /// Master of the network.
     Master,
-    /// A node.
+    /// Slave with this node-id.
     Node(NodeId),
 }
 
@@ -52,18 +52,18 @@ pub enum Sender {
 pub struct Slot {
     /// Object; a dummy if no drive takes it.
     pub mapped: MappedObject,
-    /// Node that sends or takes it.
+    /// Node that sends or takes the object.
     pub node: NodeId,
 }
 
 /// Recurring frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// COB-ID.
+    /// COB-ID, 11 bits: the lower one has priority.
     pub cob_id: u16,
     /// Kind.
     pub role: Role,
-    /// Sender.
+    /// Node or master that queues the frame.
     pub sender: Sender,
     /// Nodes that send or take it; empty for SYNC and the master's heartbeat.
     pub nodes: Vec<NodeId>,
@@ -95,7 +95,7 @@ impl Stream {
         }
     }
 
-    /// Heartbeat of a node or the master; `None` if disabled. Its consumer heartbeat time is `lost_ms`.
+    /// Heartbeat of a node or the master; `None` if disabled. The receiver allows `lost_ms` between two of them.
     pub fn heartbeat(
         node: NodeId,
         sender: Sender,
@@ -181,7 +181,7 @@ impl Stream {
         }
     }
 
-    /// Returns whether every cycle has it.
+    /// Returns whether every cycle has the frame.
     pub const fn is_cyclic(&self) -> bool {
         matches!(self.syncs, Some(1))
     }

@@ -40,7 +40,7 @@ pub enum Stage {
 /// Step of a cycle, in µs after the SYNC was due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Stage.
+    /// Transmission or pause that takes the time.
     pub stage: Stage,
     /// Start time.
     pub start_us: f64,

@@ -56,9 +56,9 @@ impl BusLoad {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("bus load of {load} is above the limit of {limit_percent} %")]
 pub struct Overload {
-    /// Load.
+    /// Worst-case load of the bus.
     pub load: BusLoad,
-    /// Limit, in percent.
+    /// Limit in percent of the bit rate, below `load`.
     pub limit_percent: f64,
 }
 

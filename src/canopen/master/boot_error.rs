@@ -20,7 +20,7 @@ use crate::setting::remedy;
 pub struct BootError {
     /// Name of the node in the configuration.
     pub name: String,
-    /// Node-id.
+    /// Node-id of the failed node.
     pub node: NodeId,
     /// Reason.
     pub problem: Problem,
@@ -29,51 +29,51 @@ pub struct BootError {
 /// Reason why a node cannot be booted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Problem {
-    /// It never replied.
+    /// No reply since the boot began.
     #[error("does not answer, waited {:.1} s", waited.as_secs_f64())]
     Absent {
         /// Time waited.
         waited: Duration,
     },
-    /// It stopped replying.
+    /// No reply to a later request.
     #[error("{0}: no answer")]
     Timeout(Object),
-    /// An object differs: another device, or a write without effect.
+    /// Value of an object that differs: another device, or a write without effect.
     #[error("{object} is {found}, expected {expected}{}", remedy(*object))]
     Differs {
-        /// Object.
+        /// Object that was compared.
         object: Object,
-        /// Expected value.
+        /// Planned value, with the bits that are compared.
         expected: DisplayedValue,
-        /// Value found.
+        /// Value that the node holds.
         found: DisplayedValue,
     },
-    /// Sign, scale or ratings stored in the drive are not those of the configuration.
+    /// Stored sign, scale or ratings of the drive that differ from the configuration.
     #[error(transparent)]
     Misfit(#[from] Misfit),
-    /// As `Misfit`, but another drive of the configuration, which does not fit its place either, is meant to hold these
-    /// values.
+    /// Misfit of a drive that holds the values of another drive of the configuration, which does not fit its place
+    /// either.
     #[error(
         "{} ({}) is {}, expected {}: it fits {owner}, so the drives seem to be swapped: exchange their node-ids or cables, \
          not their keys",
         misfit.name, misfit.object, misfit.found, misfit.expected
     )]
     Swapped {
-        /// Its own misfit.
+        /// Mismatch of this drive.
         misfit: Misfit,
         /// Drive that is meant to hold these values.
         owner: String,
     },
-    /// The node aborted a transfer.
+    /// Transfer that the node aborted.
     #[error("{0} refused: {1}{remedy}", remedy = remedy(*.0))]
     AbortedByServer(Object, AbortCode),
-    /// The node does not let its PDO mapping be written, and an entry is not as planned.
+    /// Mapping entry that is not as planned, in a node that does not let its PDO mapping be written.
     #[error("{0} refused: {1}; {2}: choose a layout that the device has")]
     FixedMapping(Object, AbortCode, Box<Self>),
-    /// The master aborted a transfer.
+    /// Transfer that the master aborted.
     #[error("{0} aborted by the master: {1}")]
     AbortedLocally(Object, AbortCode),
-    /// The drive was found with its power on and keeps moving without it.
+    /// Motion of a drive that was found with its power on, after it was switched off.
     #[error("still moves, {:.1} s after its power was taken off", waited.as_secs_f64())]
     Moving {
         /// Time waited.
@@ -82,22 +82,22 @@ pub enum Problem {
     /// No boot-up message after a reset.
     #[error("did not boot up after its reset")]
     NoBootUp,
-    /// A boot-up message during the boot: its configuration is lost.
+    /// Boot-up message during the boot: the configuration of the node is lost.
     #[error("rebooted by itself")]
     Rebooted,
-    /// Two nodes seem to share the node-id.
+    /// Sign of two nodes that share the node-id.
     #[error("{0}: are there two nodes with this node-id?")]
     Duplicate(Sign),
-    /// The node is configured, but no heartbeat or answer to guarding was received.
+    /// No heartbeat or answer to guarding from a configured node.
     #[error("no heartbeat")]
     NoHeartbeat,
-    /// Started, but it did not report operational.
+    /// No report of operational after the start.
     #[error("did not become operational")]
     NotStarted,
 }
 
 impl BootError {
-    /// Returns the error of the node of `plan`.
+    /// Adds name and node-id of `plan` to `problem`.
     pub fn new(plan: &NodePlan, problem: Problem) -> Self {
         Self { name: plan.name.clone(), node: plan.node, problem }
     }

@@ -12,7 +12,7 @@ use crate::sdo::{Content, bytes};
 /// Expected value of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// Object.
+    /// Object to read, and to write where the step writes.
     pub object: Object,
     /// Value to compare; also the value to write.
     pub expected: Value,
@@ -36,7 +36,7 @@ impl Check {
         Self { object, expected, mask, or_later: false }
     }
 
-    /// Returns the same COB-ID with bit 30 turned over, for a node that accepts no other; `None` for a check of something
+    /// Returns the same COB-ID with bit 30 inverted, for a node that accepts no other; `None` for a check of something
     /// else.
     pub const fn with_other_bit_30(&self) -> Option<Self> {
         match (self.expected, self.mask) {
@@ -102,7 +102,7 @@ pub const COB_ID_NO_RTR: u32 = 1 << 30;
 /// Mask of a COB-ID without bit 30.
 const NOT_NO_RTR: u64 = !(1 << 30);
 
-/// Value for display.
+/// Value of an object in the notation of error messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DisplayedValue {
     /// Number in the notation of CiA 301: most significant digit first, suffix `h`. Digits that are not compared are

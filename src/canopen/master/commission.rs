@@ -39,7 +39,7 @@ pub const STANDSTILL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Maximum repetitions of a transfer that another client disturbed.
 const MAX_REPEATS: u32 = 3;
 
-/// Outcome of a boot.
+/// Origin of the node's configuration, or the reason why it has none.
 pub type BootOutcome = Result<Configuration, BootError>;
 
 /// Boot of one node.
@@ -48,7 +48,7 @@ pub struct Boot {
     plan: NodePlan,
     /// Time allowed for the first reply.
     probe_timeout: Duration,
-    /// The node is not reset before.
+    /// Time before which the node is not reset.
     reset_from: Instant,
     stage: Stage,
     /// Steps of the stage.
@@ -71,7 +71,7 @@ pub struct Boot {
     refused: Vec<(Object, AbortCode)>,
     /// Mapping parameters that the node does not let be written, by their sub-index 0.
     fixed_mappings: Vec<(Object, AbortCode)>,
-    /// Nameplate as read in its last stage with one.
+    /// Nameplate as read in the last stage that reads one.
     held: Vec<StoredValue>,
     /// Set if the node has not accepted the mode, because it is not operational yet.
     awaits_mode: bool,
@@ -89,11 +89,11 @@ pub struct Boot {
 /// Second attempts of one step, one of each kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Retries {
-    /// An upload without an answer was requested again.
+    /// Set if an upload without an answer was requested again.
     is_read_again: bool,
-    /// A download without an answer was sent again.
+    /// Set if a download without an answer was sent again.
     is_written_again: bool,
-    /// A refused COB-ID was written with bit 30 turned over.
+    /// Set if a refused COB-ID was written with bit 30 inverted.
     has_other_bit_30: bool,
 }
 
@@ -109,19 +109,19 @@ struct Resets {
 /// Awaited event.
 #[derive(Clone, Debug)]
 enum Wait {
-    /// The first call of `on_time`.
+    /// First call of `on_time`.
     Start,
-    /// A reply to a read, or to the read-back of a write.
+    /// Reply to a read, or to the read-back of a write.
     Read(Transfer),
-    /// The confirmation of a write.
+    /// Confirmation of a write.
     Write(Transfer),
-    /// The boot-up message.
+    /// Boot-up message.
     BootUp,
-    /// A heartbeat.
+    /// Heartbeat that reports operational.
     Heartbeat,
-    /// The next attempt.
+    /// Time of the next attempt.
     Retry(Instant),
-    /// The end of the time in which another master may be detected.
+    /// End of the time in which another master may be detected.
     Listen,
     /// No event: the node is configured, or the boot has failed.
     Over,
@@ -381,7 +381,7 @@ impl Boot {
         &self.missing
     }
 
-    /// Optional objects whose value it refuses.
+    /// Optional objects whose value the node refuses, with the abort code.
     pub fn refused(&self) -> &[(Object, AbortCode)] {
         &self.refused
     }

@@ -21,8 +21,8 @@ pub struct Stamp {
 impl Stamp {
     /// Computes the stamp of a configuration from its writes, in their order.
     ///
-    /// The 64-bit FNV-1a hash h runs over index (little-endian), sub-index, length and value of every write.
-    /// The date is 1 + h mod 65,535, the time ⌊h / 65,535⌋ mod 86,400,000: 5.7·10¹² different stamps.
+    /// Hashes index (little-endian), sub-index, length and value of every write to h, by 64-bit FNV-1a. Date: 1 + h
+    /// mod 65,535. Time: ⌊h / 65,535⌋ mod 86,400,000. There are 5.7·10¹² different stamps.
     pub fn from_writes<'a>(writes: impl IntoIterator<Item = &'a (Object, Value)>) -> Self {
         let mut hash = OFFSET_BASIS;
         let mut take = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);

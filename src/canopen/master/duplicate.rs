@@ -10,6 +10,7 @@ use canopen_rs::{NmtState, NodeId};
 use derive_more::Display;
 
 use crate::frame::Frame;
+use crate::sdo::command::{CCS_DOWNLOAD, CCS_UPLOAD, SCS_DOWNLOAD, SCS_UPLOAD};
 use units::time::Instant;
 
 /// Sign of two nodes with one node-id.
@@ -103,7 +104,7 @@ struct Tally {
 }
 
 impl ReplyCounter {
-    /// Counts those of the sent frames that request an object from `node`.
+    /// Counts the sent frames that request an object from `node`.
     pub fn on_requests(&mut self, node: NodeId, sent: &[Frame]) {
         for frame in sent.iter().filter(|frame| frame.cob_id == request_cob_id(node)) {
             let &[command, low, high, sub, ..] = frame.data() else { continue };
@@ -147,12 +148,6 @@ impl ReplyCounter {
         is_behind(&self.newest) || is_behind(&self.before)
     }
 }
-
-/// Command specifiers of the frames that initiate a transfer: the three highest bits.
-const CCS_DOWNLOAD: u8 = 1;
-const CCS_UPLOAD: u8 = 2;
-const SCS_DOWNLOAD: u8 = 3;
-const SCS_UPLOAD: u8 = 2;
 
 /// Maximum level in periods: heartbeats may bunch on a busy bus or after a change of state.
 const MAX_LEVEL_PERIODS: u32 = 6;

@@ -26,19 +26,19 @@ use units::numbering::NodeIndex;
 /// Event of the master.
 #[derive(Clone, Debug, Display, PartialEq)]
 pub enum Event {
-    /// Every mandatory node is configured, started and operational.
+    /// End of the boot: every mandatory node is configured, started and operational.
     #[display("every node is operational")]
     Booted,
-    /// A node could not be booted. The others are booted further, but none is started.
+    /// Node that could not be booted. The others are booted further, but none is started.
     #[display("{_0}")]
     BootFailed(BootError),
-    /// A drive was found enabled before its boot. The boot disabled voltage and awaited standstill.
+    /// Drive that was enabled before its boot. The boot disabled voltage and awaited standstill.
     #[display("was found enabled; it is disabled now")]
     FoundEnabled {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node is configured.
+    /// End of a node's configuration; the node is not started yet.
     #[display("configuration {configuration}")]
     Configured {
         /// Index of the node in the list of plans.
@@ -46,17 +46,17 @@ pub enum Event {
         /// Origin of the configuration.
         configuration: Configuration,
     },
-    /// A node refuses the value of an object that is only a means; the boot has gone on without it.
+    /// Node that refuses the value of an object that is only a means; the boot has gone on without it.
     #[display("{object}: value refused: {code}; goes on as if it had no such object")]
     ValueRefused {
         /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// Object.
+        /// Object whose write was refused.
         object: Object,
         /// Reason that the node gave.
         code: AbortCode,
     },
-    /// An optional node is absent. The others continue; it is booted when it appears.
+    /// Optional node that is absent. The others continue; it is booted when it appears.
     #[display("missing, waited {:.1} s; optional, so the others start without it", waited.as_secs_f64())]
     Absent {
         /// Index of the node in the list of plans.
@@ -64,13 +64,13 @@ pub enum Event {
         /// Time waited.
         waited: Duration,
     },
-    /// An optional node that was absent is operational.
+    /// Optional node that was absent and now is operational.
     #[display("has appeared and is operational")]
     Joined {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node reports an error, or an error reset.
+    /// Emergency of a node: an error, or an error reset.
     #[display("emergency {emergency}")]
     Emergency {
         /// Index of the node in the list of plans.
@@ -78,7 +78,7 @@ pub enum Event {
         /// Content of the EMCY message.
         emergency: Emergency,
     },
-    /// A node reports a warning: an emergency without an error, with a code that its plan lists.
+    /// Warning of a node: an emergency without an error, with a code that its plan lists.
     #[display("warning {emergency} (emcy_warnings)")]
     EmergencyWarning {
         /// Index of the node in the list of plans.
@@ -86,7 +86,7 @@ pub enum Event {
         /// Content of the EMCY message.
         emergency: Emergency,
     },
-    /// A drive reports the error that the test of its watchdog has caused.
+    /// Emergency of a drive that the test of its watchdog has caused.
     #[display("proof test of its watchdog: emergency {emergency}")]
     Tested {
         /// Index of the node in the list of plans.
@@ -94,7 +94,7 @@ pub enum Event {
         /// Content of the EMCY message.
         emergency: Emergency,
     },
-    /// The error history (1003h) of a node was read after an emergency.
+    /// Error history (1003h) of a node, read after an emergency.
     #[display("error history (1003h): {history}")]
     ErrorHistory {
         /// Index of the node in the list of plans.
@@ -102,7 +102,7 @@ pub enum Event {
         /// Error codes, the newest first.
         history: History,
     },
-    /// The statusword (6041h) of a drive was read on request.
+    /// Statusword (6041h) of a drive, read on request.
     #[display("6041h = {:04X}h", statusword.0)]
     Statusword {
         /// Index of the node in the list of plans.
@@ -110,7 +110,7 @@ pub enum Event {
         /// Value read.
         statusword: Statusword,
     },
-    /// A drive did not report in time that its power stage is off, so the next step follows.
+    /// Drive that did not report in time that its power stage is off, so the next step follows.
     #[display("does not report power off after disable voltage (6041h = {:04X}h); next: {step}", statusword.0)]
     StillOn {
         /// Index of the node in the list of plans.
@@ -120,7 +120,7 @@ pub enum Event {
         /// Step that follows.
         step: PowerOffStep,
     },
-    /// A drive that did not follow disable voltage in its RPDO reports that its power stage is off.
+    /// Drive that did not follow disable voltage in its RPDO, and now reports that its power stage is off.
     #[display("confirmed power off after {step}")]
     PowerOffConfirmed {
         /// Index of the node in the list of plans.
@@ -128,51 +128,51 @@ pub enum Event {
         /// Last step before.
         step: PowerOffStep,
     },
-    /// An object that the boot has verified was read again.
+    /// Read-back of an object that the boot has verified.
     #[display("{object} {read}")]
     ReadBack {
         /// Index of the node in the list of plans.
         node: NodeIndex,
         /// Object read.
         object: Object,
-        /// Outcome.
+        /// Comparison with the verified value, or the reason of a failed read.
         read: ReadBack,
     },
-    /// The torque limits of a drive are the planned ones again, after its mode was checked under reduced ones.
+    /// Planned torque limits of a drive in effect again, after its mode was checked under reduced ones.
     #[display("shows the planned mode when enabled; torque limit raised to the planned one")]
     LimitsRaised {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node no longer monitors its master, on request.
+    /// End of a node's monitoring of its master, on request.
     #[display("no longer monitors this master")]
     MonitoringEnded {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node keeps monitoring its master: the write that ends it failed.
+    /// Failed write that should end a node's monitoring of its master; the node keeps monitoring it.
     #[display("still monitors this master, so it will report 8130h: {object} = 0 {error}")]
     MonitoringKept {
         /// Index of the node in the list of plans.
         node: NodeIndex,
         /// Object that could not be written.
         object: Object,
-        /// Reason.
+        /// Failure of the write.
         error: SdoError,
     },
-    /// A node sent no heartbeat within its consumer heartbeat time.
+    /// Loss of a node: no heartbeat or answer to guarding within the time allowed.
     #[display("heartbeat lost")]
     HeartbeatLost {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node has rebooted without a command, so its configuration is lost.
+    /// Reboot of a node without a command: its configuration is lost.
     #[display("rebooted by itself")]
     Rebooted {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node has changed its NMT state, or its heartbeat has returned after a loss.
+    /// Change of a node's NMT state, or its heartbeat's return after a loss.
     #[display("is {}", nmt::description(*state))]
     StateChanged {
         /// Index of the node in the list of plans.
@@ -180,7 +180,7 @@ pub enum Event {
         /// NMT state now.
         state: NmtState,
     },
-    /// Two nodes seem to share one node-id.
+    /// Sign of two nodes that share one node-id.
     #[display("{sign}: are there two nodes with this node-id?")]
     Duplicate {
         /// Index of the node in the list of plans.
@@ -188,24 +188,24 @@ pub enum Event {
         /// Evidence.
         sign: Sign,
     },
-    /// A node that is in no plan sends on the bus. Reported once.
+    /// Frame of a node that is in no plan. Reported once for each such node.
     #[display("bus {}: node {node_id} is not in the configuration", channel.0)]
     UnknownNode {
-        /// Bus it is on.
+        /// Bus of the node.
         channel: Channel,
         /// Node-id, 1 to 127.
         node_id: u8,
     },
-    /// Another SDO client reads from a node. Reported once for each node and boot.
+    /// Upload by another SDO client. Reported once for each node and boot.
     #[display("another SDO client reads from it; transfers may disturb each other")]
     ReadByAnother {
         /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// Another master commands this network.
+    /// Frame of another master that commands this network.
     #[display("bus {}: {} {frame}", channel.0, evidence(frame))]
     ForeignMaster {
-        /// Bus it is on.
+        /// Bus of the frame.
         channel: Channel,
         /// Frame that only the master may send: NMT command, SYNC, RPDO, SDO download or its heartbeat; or the
         /// confirmation of such a download.

@@ -30,9 +30,9 @@ pub(super) struct Inquiry {
     task: Task,
     is_disturbed: bool,
     repeats: u8,
-    /// Requested again after no answer.
+    /// Set if an unanswered upload was requested again.
     is_read_again: bool,
-    /// Its frames precede those of all other nodes.
+    /// Set if the frames precede those of all other nodes.
     is_urgent: bool,
 }
 
@@ -56,7 +56,7 @@ pub(super) enum Answer {
     History(History),
     /// Statusword of the drive.
     Statusword(Statusword),
-    /// Outcome of the end of its monitoring.
+    /// Outcome of the end of the node's monitoring of the master.
     Monitoring(EndResult),
     /// No content: the node did not reply, or refused.
     Nothing,
@@ -83,12 +83,12 @@ impl Inquiry {
         Some(Self::new(node, Task::PowerOff(transfer)).urgent())
     }
 
-    /// Sends its frames ahead of those of all other nodes.
+    /// Sends the frames ahead of those of all other nodes.
     pub(super) fn urgent(self) -> Self {
         Self { is_urgent: true, ..self }
     }
 
-    /// Returns whether its frames precede those of all other nodes.
+    /// Returns whether the frames precede those of all other nodes.
     pub(super) const fn is_urgent(&self) -> bool {
         self.is_urgent
     }
@@ -281,7 +281,7 @@ mod tests {
     const READ: [u8; 8] = [0x40, 0x41, 0x60, 0, 0, 0, 0, 0];
     const OFF: [u8; 8] = [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0];
 
-    /// The sent requests, without aborts.
+    /// Sent requests, without aborts.
     fn requests(out: &[Frame]) -> Vec<Frame> {
         out.iter().filter(|frame| frame.data().first() != Some(&0x80)).copied().collect()
     }

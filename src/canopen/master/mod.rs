@@ -21,6 +21,7 @@ mod node_request;
 mod phase;
 mod power_off;
 pub mod read_back;
+mod receive;
 mod report;
 mod sdo_traffic;
 mod slave;
@@ -30,24 +31,20 @@ mod unknown_nodes;
 
 use std::collections::VecDeque;
 
-use canopen_rs::nmt::{HEARTBEAT_COB_BASE, heartbeat_cob_id};
+use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::{SDO_REQUEST_COB_BASE, SDO_RESPONSE_COB_BASE};
 use canopen_rs::{NmtCommand, NodeId};
 
-use crate::emcy::{self, Emergency};
 use crate::frame::{Channel, FUNCTION_CODE, Frame, Telegram};
 use crate::heartbeat::Health;
-use crate::layout::Direction;
 use crate::master::event::Event;
 use crate::master::read_back::Setting;
-use crate::master::sdo_traffic::Foreign;
 use crate::master::slave::Slave;
 use crate::master::unknown_nodes::UnknownNodes;
 use crate::nameplate::StoredValue;
-use crate::nmt::{self, Order};
+use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
-use crate::sync;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
@@ -58,7 +55,7 @@ const MAX_QUEUED: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Master {
     slaves: Vec<Slave>,
-    /// Node-ID of this master, if it produces a heartbeat.
+    /// Node-ID of this master, if the master produces a heartbeat.
     own: Option<NodeId>,
     unknown_nodes: UnknownNodes,
     /// Number of uploads that other clients have initiated.
@@ -109,8 +106,8 @@ impl Master {
         Self { own: Some(own), ..self }
     }
 
-    /// Boots every node again, as after power-up. Before `reset_from` only the power of drives is switched off, and no node
-    /// is reset. The nodes of another master, if one is detected, thus remain unchanged.
+    /// Boots every node again, as after power-up. Before `reset_from` only the power of drives is switched off, and no
+    /// node is reset: if another master is detected, its nodes remain unchanged.
     pub fn restart(&mut self, reset_from: Instant) {
         self.slaves.iter_mut().for_each(|slave| slave.restart(reset_from));
         self.transmit_queue.clear();
@@ -196,10 +193,7 @@ impl Master {
     /// Starts to read the error history (1003h) of a node, reported as [`Event::ErrorHistory`]. Does nothing
     /// while another request to the node is pending.
     pub fn read_error_history(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node.0) {
-            slave.read_error_history(now, &mut self.frames);
-            self.after(now, node, None, out);
-        }
+        self.request(now, node, out, |slave, frames| slave.read_error_history(now, frames));
     }
 
     /// Optional objects that the node lacks, or whose value it refuses; they are not configured.
@@ -220,10 +214,7 @@ impl Master {
     /// Starts to read the statusword (6041h) of a drive, reported as [`Event::Statusword`]. Does nothing
     /// while another request to the drive is pending.
     pub fn read_statusword(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node.0) {
-            slave.read_statusword(now, &mut self.frames);
-            self.after(now, node, None, out);
-        }
+        self.request(now, node, out, |slave, frames| slave.read_statusword(now, frames));
     }
 
     /// Starts to read an object of a node again, reported as [`Event::ReadBack`]. Returns false while another
@@ -235,39 +226,25 @@ impl Master {
         setting: Setting,
         out: &mut Vec<Telegram>,
     ) -> bool {
-        let slave = self.slaves.get_mut(node.0);
-        let is_requested = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
-        if is_requested {
-            self.after(now, node, None, out);
-        }
-        is_requested
+        self.request(now, node, out, |slave, frames| slave.read_back(now, setting, frames))
     }
 
     /// Starts to write and read back the planned torque limits of a drive whose mode was checked under reduced ones. Reported
     /// as [`Event::LimitsRaised`] or [`Event::BootFailed`]. Returns false while another request to the drive is pending.
     pub fn raise_limits(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) -> bool {
-        let slave = self.slaves.get_mut(node.0);
-        let is_requested = slave.is_some_and(|it| it.raise_limits(now, &mut self.frames));
-        if is_requested {
-            self.after(now, node, None, out);
-        }
-        is_requested
+        self.request(now, node, out, |slave, frames| slave.raise_limits(now, frames))
     }
 
     /// Starts to end a node's monitoring of this master (1016h:1 or 100Dh and 100Ch set to zero), reported as
-    /// [`Event::MonitoringEnded`] or [`Event::MonitoringKept`]. Returns false if it is not booted or monitors nothing.
+    /// [`Event::MonitoringEnded`] or [`Event::MonitoringKept`]. Returns false if the node is not booted or monitors
+    /// nothing.
     pub fn end_monitoring(
         &mut self,
         now: Instant,
         node: NodeIndex,
         out: &mut Vec<Telegram>,
     ) -> bool {
-        let slave = self.slaves.get_mut(node.0);
-        let is_requested = slave.is_some_and(|slave| slave.end_monitoring(now, &mut self.frames));
-        if is_requested {
-            self.after(now, node, None, out);
-        }
-        is_requested
+        self.request(now, node, out, |slave, frames| slave.end_monitoring(now, frames))
     }
 
     /// Indices of all nodes, those that are not booted included.
@@ -304,104 +281,26 @@ impl Master {
         self.foreign_uploads
     }
 
-    /// Returns the node that a frame of the predefined connection set comes from or goes to.
-    fn place(&self, channel: Channel, frame: &Frame) -> Option<NodeIndex> {
-        let node_id = frame.cob_id & !FUNCTION_CODE;
-        let is_its =
-            |slave: &Slave| slave.channel == channel && u16::from(slave.plan.node.raw()) == node_id;
-        self.slaves.iter().position(is_its).map(NodeIndex)
-    }
-
-    /// Takes an SDO request of another client: a download shows another master, an upload is allowed.
-    fn request_of_another(&mut self, now: Instant, channel: Channel, frame: &Frame) {
-        let Some(node) = self.place(channel, frame) else { return };
-        let Some(slave) = self.slaves.get_mut(node.0) else { return };
-        match slave.on_foreign_request(now, frame) {
-            Some(Foreign::Download) => self.report(Event::ForeignMaster { channel, frame: *frame }),
-            Some(Foreign::Upload) => {
-                self.foreign_uploads = self.foreign_uploads.saturating_add(1);
-                if slave.is_newly_read() {
-                    self.report(Event::ReadByAnother { node });
-                }
-            }
-            Some(Foreign::Other) | None => {}
+    /// Sends or queues the frames of a request to a node. Returns false if `start` starts none.
+    fn request(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        out: &mut Vec<Telegram>,
+        start: impl FnOnce(&mut Slave, &mut Vec<Frame>) -> bool,
+    ) -> bool {
+        let slave = self.slaves.get_mut(node.0);
+        let is_requested = slave.is_some_and(|slave| start(slave, &mut self.frames));
+        if is_requested {
+            self.after(now, node, None, out);
         }
-    }
-
-    /// Takes an SDO reply, a heartbeat, a boot-up message or an answer to guarding.
-    fn answer(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        let Some(place) = self.place(channel, frame) else { return };
-        let Some(slave) = self.slaves.get_mut(place.0) else { return };
-        if slave.is_foreign_reply(now, frame) {
-            return self.report(Event::ForeignMaster { channel, frame: *frame });
-        }
-        let report = slave.on_frame(now, frame, &mut self.frames);
-        self.after(now, place, report, out);
+        is_requested
     }
 
     /// Queues an event; drops it if the queue is full.
     fn report(&mut self, event: Event) {
         if self.events.len() < MAX_QUEUED {
             self.events.push_back(event);
-        }
-    }
-
-    /// Returns whether only a master sends this frame, SDO excepted: an NMT command, a SYNC or an RPDO.
-    pub fn is_foreign(&self, Telegram { channel, frame }: &Telegram) -> bool {
-        !frame.is_remote() && self.is_ours_alone(*channel, frame)
-    }
-
-    /// Returns whether a frame that is received before the boot is of another master: it [is foreign](Self::is_foreign), or
-    /// has the COB-ID of this master's heartbeat. The heartbeat of a master with another node-id looks like that of a node.
-    pub fn is_of_other_master(&self, telegram: &Telegram) -> bool {
-        self.is_foreign(telegram) || self.has_own_heartbeat_id(&telegram.frame)
-    }
-
-    /// Returns whether the frame has the COB-ID of this master's heartbeat while the network runs.
-    fn is_own_heartbeat(&self, frame: &Frame) -> bool {
-        self.phase == Phase::Running && self.has_own_heartbeat_id(frame)
-    }
-
-    fn has_own_heartbeat_id(&self, frame: &Frame) -> bool {
-        !frame.is_remote() && self.own.is_some_and(|own| frame.cob_id == heartbeat_cob_id(own))
-    }
-
-    /// Returns whether only this master may send the frame.
-    fn is_ours_alone(&self, channel: Channel, frame: &Frame) -> bool {
-        let is_rpdo = |slave: &Slave| {
-            slave.channel == channel
-                && slave.plan.pdos.iter().any(|pdo| {
-                    pdo.direction == Direction::Receive
-                        && pdo.service.is_some()
-                        && pdo.cob_id == frame.cob_id
-                })
-        };
-        frame.cob_id == nmt::COB_ID
-            || frame.cob_id == sync::COB_ID
-            || self.slaves.iter().any(is_rpdo)
-    }
-
-    /// Takes an emergency at the planned COB-ID or at the default one, which holds until 1014h is written.
-    fn emergency(
-        &mut self,
-        now: Instant,
-        channel: Channel,
-        frame: &Frame,
-        out: &mut Vec<Telegram>,
-    ) {
-        let is_its = |slave: &Slave| {
-            let cob_ids = [slave.plan.emcy_cob_id, emcy::default_cob_id(slave.plan.node)];
-            slave.channel == channel && cob_ids.contains(&frame.cob_id)
-        };
-        let Some(node) = self.slaves.iter().position(is_its).map(NodeIndex) else { return };
-        let Some(emergency) = Emergency::decode(frame.data()) else { return };
-        let plan = self.slaves.get(node.0).map(|slave| &slave.plan);
-        if plan.is_some_and(|plan| emergency.is_warning(&plan.emcy_warnings)) {
-            return self.report(Event::EmergencyWarning { node, emergency });
-        }
-        self.report(Event::Emergency { node, emergency });
-        if self.reads_error_history && !emergency.is_reset() {
-            self.read_error_history(now, node, out);
         }
     }
 }

@@ -14,7 +14,7 @@ pub(super) enum NodeRequest {
     Inquiry(Box<Inquiry>),
     /// Abandoned for an inquiry.
     ReadBack(ObjectReader),
-    /// Stage of its boot.
+    /// Boot stage that runs after the node's start: its mode, or its torque limits.
     Stage(Box<Boot>),
 }
 
@@ -23,7 +23,7 @@ pub(super) enum NodeRequest {
 pub(super) struct Completion(pub(super) Option<Report>);
 
 impl NodeRequest {
-    /// Takes one received frame. Returns its end once.
+    /// Takes one received frame. Returns the end of the request once.
     pub(super) fn on_frame(
         &mut self,
         now: Instant,
@@ -41,7 +41,7 @@ impl NodeRequest {
         }
     }
 
-    /// Handles expired timers. Returns its end once.
+    /// Handles expired timers. Returns the end of the request once.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Completion> {
         match self {
             Self::Inquiry(inquiry) => inquiry.on_time(now, out).map(of_answer),
@@ -72,7 +72,7 @@ impl NodeRequest {
         }
     }
 
-    /// Returns whether its frames precede those of all other nodes.
+    /// Returns whether the frames precede those of all other nodes.
     pub(super) const fn is_urgent(&self) -> bool {
         matches!(self, Self::Inquiry(inquiry) if inquiry.is_urgent())
     }

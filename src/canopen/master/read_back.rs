@@ -14,6 +14,7 @@ use crate::frame::Frame;
 use crate::master::check::Check;
 use crate::nameplate::StoredValue;
 use crate::object::Object;
+use crate::sdo::command::{ABORT, CCS_UPLOAD, CS_ABORT, EXPEDITED, SCS_UPLOAD, SIZE_INDICATED};
 use crate::sdo::{SdoError, bytes};
 use units::time::Instant;
 
@@ -79,10 +80,10 @@ impl Setting {
 /// Outcome of a read-back.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum ReadBack {
-    /// The object holds the verified value.
+    /// Value as verified by the boot.
     #[display("is as proven")]
     Unchanged,
-    /// The object holds another value.
+    /// Value other than the verified one.
     #[display("is {found:X}h, was {expected:X}h at boot")]
     Changed {
         /// Verified value.
@@ -93,7 +94,7 @@ pub enum ReadBack {
     /// Value of an object without an expected value.
     #[display("is {_0:X}h")]
     Value(u32),
-    /// The object could not be read: its value is unknown.
+    /// Failed read: the value is unknown.
     #[display("cannot be read again: {_0}")]
     Unread(SdoError),
 }
@@ -106,7 +107,7 @@ pub(super) struct ObjectReader {
     until: Instant,
     is_disturbed: bool,
     repeats: u8,
-    /// Requested again after no answer.
+    /// Set if the object was requested again after no answer.
     is_read_again: bool,
 }
 
@@ -203,15 +204,8 @@ impl ObjectReader {
     }
 }
 
-/// First byte of the requests (CiA 301, 7.2.4.3).
-const UPLOAD: u8 = 0x40;
-const ABORT: u8 = 0x80;
-/// Command specifiers of replies: the three highest bits.
-const SCS_UPLOAD: u8 = 2;
-const CS_ABORT: u8 = 4;
-/// Upload response: bit e marks the value as inline, bits 2 and 3 count its unused bytes.
-const EXPEDITED: u8 = 1 << 1;
-const SIZE_INDICATED: u8 = 1;
+/// First byte of the request.
+const UPLOAD: u8 = CCS_UPLOAD << 5;
 
 #[cfg(test)]
 mod tests {

@@ -16,20 +16,20 @@ use crate::object::Object;
 pub(super) enum Report {
     /// Configured, and monitored from now on.
     Configured(Configuration),
-    /// Boot failed.
+    /// Boot that has failed, with its reason.
     Failed(BootError),
-    /// A stage of its boot after its start is over.
+    /// End of a boot stage that ran after the node's start.
     StageDone,
-    /// Optional and absent. Reported once.
+    /// Optional node that is absent, with the time waited. Reported once.
     Absent(Duration),
-    /// Change of its NMT state, or loss of its heartbeat.
+    /// Change of the NMT state, or loss of the heartbeat.
     HeartbeatEvent(HeartbeatEvent),
-    /// Content of its error history (1003h).
+    /// Content of the error history (1003h).
     History(History),
-    /// Content of its statusword (6041h).
+    /// Content of the statusword (6041h).
     Statusword(Statusword),
     /// Outcome of a read-back.
     ReadBack(Object, ReadBack),
-    /// Outcome of the end of its monitoring of the master.
+    /// Outcome of the end of the node's monitoring of the master.
     Monitoring(EndResult),
 }

@@ -11,6 +11,10 @@ use std::time::Duration;
 
 use crate::frame::Frame;
 use crate::object::Object;
+use crate::sdo::command::{
+    CCS_BLOCK_DOWNLOAD, CCS_BLOCK_UPLOAD, CCS_DOWNLOAD, CCS_DOWNLOAD_SEGMENT, CCS_UPLOAD, CS_ABORT,
+    SCS_BLOCK_DOWNLOAD, SCS_DOWNLOAD,
+};
 use units::time::Instant;
 
 /// Maximum downloads of this master awaiting confirmation; the oldest is forgotten first.
@@ -108,17 +112,6 @@ fn object(frame: &Frame) -> Option<Object> {
     Some(Object { index: u16::from_le_bytes([low, high]), sub })
 }
 
-/// Client command specifiers: the three highest bits (CiA 301, 7.2.4.3).
-const CCS_DOWNLOAD_SEGMENT: u8 = 0;
-const CCS_DOWNLOAD: u8 = 1;
-const CCS_UPLOAD: u8 = 2;
-const CCS_BLOCK_UPLOAD: u8 = 5;
-const CCS_BLOCK_DOWNLOAD: u8 = 6;
-/// Server command specifiers.
-const SCS_DOWNLOAD: u8 = 3;
-const SCS_BLOCK_DOWNLOAD: u8 = 5;
-/// Command specifier of an abort, from either side.
-const CS_ABORT: u8 = 4;
 /// Subcommand bits of a block upload request.
 const BLOCK_SUBCOMMAND: u8 = 0b11;
 const BLOCK_INITIATE: u8 = 0;

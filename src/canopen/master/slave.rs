@@ -34,20 +34,20 @@ pub(super) struct Slave {
     pub(super) channel: Channel,
     pub(super) plan: NodePlan,
     stage: Stage,
-    /// Set if it was absent when the other nodes started.
+    /// Set if the node was absent when the others started.
     pub(super) is_late: bool,
-    /// Set if its last boot found its power on.
+    /// Set if the last boot found the drive's power on.
     pub(super) was_enabled: bool,
-    /// Optional objects that its last boot found absent, or whose value was refused.
+    /// Optional objects that the last boot found absent, or whose value was refused.
     pub(super) missing: Vec<Object>,
     /// Optional objects whose value the node refused, until they are reported.
     pub(super) refused: Vec<(Object, AbortCode)>,
-    /// Nameplate that its last boot read.
+    /// Nameplate that the last boot read.
     pub(super) held: Vec<StoredValue>,
-    /// Set while its mode is still to be commanded: it takes none before it is operational.
+    /// Set while the mode is still to be commanded: some drives take none before they are operational.
     awaits_mode: bool,
     traffic: SdoTraffic,
-    /// Set if another client has read from it since its last boot.
+    /// Set if another client has read from the node since the last boot.
     is_read_by_another: bool,
 }
 
@@ -100,23 +100,23 @@ impl Slave {
         }
     }
 
-    /// Returns whether the other nodes wait for its boot.
+    /// Returns whether the other nodes wait for the boot of this one.
     pub(super) const fn is_pending(&self) -> bool {
         !self.is_late && matches!(self.stage, Stage::Booting(_))
     }
 
-    /// Returns whether it is configured and monitored.
+    /// Returns whether the node is configured and monitored.
     pub(super) const fn is_watched(&self) -> bool {
         matches!(self.stage, Stage::Watched { .. })
     }
 
-    /// Returns whether it is configured in time but has not reported operational yet, or has no mode yet.
+    /// Returns whether the node is configured in time but has not reported operational yet, or has no mode yet.
     pub(super) fn is_starting(&self) -> bool {
         let is_operational = self.health() == Health::Alive(NmtState::Operational);
         !self.is_late && self.is_watched() && (!is_operational || self.awaits_mode)
     }
 
-    /// Returns whether it has failed.
+    /// Returns whether the node could not be booted or started.
     pub(super) const fn has_failed(&self) -> bool {
         matches!(self.stage, Stage::Failed)
     }
@@ -221,25 +221,26 @@ impl Slave {
         }
     }
 
-    /// Starts to read the error history, unless another request is pending.
-    pub(super) fn read_error_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    /// Starts to read the error history; returns false while another request is pending.
+    pub(super) fn read_error_history(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
         let node = self.plan.node;
-        self.inquire(|| Inquiry::history(node, now, out));
+        self.inquire(|| Inquiry::history(node, now, out))
     }
 
-    /// Starts to read the statusword, unless another request is pending.
-    pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    /// Starts to read the statusword; returns false while another request is pending.
+    pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) -> bool {
         let node = self.plan.node;
-        self.inquire(|| Inquiry::statusword(node, now, out));
+        self.inquire(|| Inquiry::statusword(node, now, out))
     }
 
-    /// Starts an inquiry, in place of a read-back, unless another request is pending.
-    fn inquire(&mut self, start: impl FnOnce() -> Inquiry) {
-        if let Stage::Watched { request, .. } = &mut self.stage
-            && request.as_ref().is_none_or(NodeRequest::yields)
-        {
+    /// Starts an inquiry, in place of a read-back; returns false while another request is pending.
+    fn inquire(&mut self, start: impl FnOnce() -> Inquiry) -> bool {
+        let Stage::Watched { request, .. } = &mut self.stage else { return false };
+        let is_free = request.as_ref().is_none_or(NodeRequest::yields);
+        if is_free {
             *request = Some(NodeRequest::Inquiry(Box::new(start())));
         }
+        is_free
     }
 
     /// Starts to read an object again; returns false while another request is pending.
@@ -277,7 +278,7 @@ impl Slave {
         true
     }
 
-    /// Stops guarding the node, if it is guarded.
+    /// Stops guarding; without effect on a node with a heartbeat.
     pub(super) const fn pause_guarding(&mut self) {
         if let Stage::Watched { monitor, .. } = &mut self.stage {
             monitor.pause();

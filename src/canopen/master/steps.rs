@@ -69,7 +69,7 @@ pub enum Configuration {
     /// Already stored by the node: only read.
     #[display("already stored, verified")]
     Skipped,
-    /// Found operational with it: not even reset.
+    /// Found in the node, which was operational: not even reset.
     #[display("kept, node not reset")]
     Kept,
 }
@@ -150,7 +150,7 @@ impl Stage {
     }
 }
 
-/// One step.
+/// Part of a stage: an awaited message, a reset, or access to one object.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// Waits for a heartbeat that reports operational.
@@ -189,7 +189,7 @@ pub enum Action {
 }
 
 impl Action {
-    /// Returns whether the action writes.
+    /// Returns whether the action downloads a value.
     pub const fn writes(self) -> bool {
         match self {
             Self::Write | Self::WriteIfPresent | Self::WriteIfAccepted | Self::Command => true,

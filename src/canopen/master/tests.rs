@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::abort::AbortCode;
+use crate::emcy::Emergency;
 use crate::master::duplicate::Sign;
 use crate::master::steps::Configuration;
 use crate::object::Object;
@@ -39,7 +40,7 @@ impl Bench {
         Self::with_plans(plans())
     }
 
-    /// A master with a scripted device for each of `plans`.
+    /// Master with a scripted device for each of `plans`.
     fn with_plans(plans: Vec<(Channel, NodePlan)>) -> Self {
         let devices =
             plans.iter().map(|(channel, plan)| (*channel, ScriptedDevice::suiting(plan))).collect();

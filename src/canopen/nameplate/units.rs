@@ -27,7 +27,7 @@ impl SiUnit {
     /// Revolutions per minute: default of 60A9h.
     pub const RPM: Self = Self(0x00B4_4700);
 
-    /// Returns how many of the unit one revolution has; `None` for increments and anything else that is no angle.
+    /// Returns the number of units per revolution; `None` for increments and all other units that are not angles.
     pub fn per_revolution(self) -> Option<f64> {
         let [exponent, numerator, denominator, _] = self.0.to_be_bytes();
         let angle = match (numerator, denominator) {
@@ -39,7 +39,7 @@ impl SiUnit {
         Some(angle / power_of_ten(exponent))
     }
 
-    /// Returns how many revolutions per minute the unit is; `None` for anything but revolutions per time.
+    /// Returns the unit in revolutions per minute; `None` for anything but revolutions per time.
     pub fn rpm(self) -> Option<f64> {
         let [exponent, numerator, denominator, _] = self.0.to_be_bytes();
         let time = match (numerator, denominator) {

@@ -38,7 +38,7 @@ enum State {
 }
 
 impl BlockDownload {
-    /// Returns a download of `bytes`.
+    /// Returns a download that has sent nothing yet.
     pub(super) const fn new(about: Address, bytes: Vec<u8>, block: Block) -> Self {
         Self { about, block, state: State::Opening { bytes } }
     }

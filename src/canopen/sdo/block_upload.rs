@@ -19,10 +19,10 @@ use canopen_rs::sdo::block::{
 };
 
 use crate::abort::AbortCode;
+use crate::sdo::command::SCS_UPLOAD;
 use crate::sdo::content::{Content, Size};
 use crate::sdo::options::Block;
 use crate::sdo::receiver::{BlockParameters, Receiver, SegmentEffect};
-use crate::sdo::segmented::SCS_UPLOAD;
 use crate::sdo::step::Step;
 
 /// Block upload in progress.

@@ -31,7 +31,7 @@ impl Content {
         &self.bytes
     }
 
-    /// The `size` bytes of the object's type; `None` if the node sent another number of bytes.
+    /// Returns the `size` bytes of the object's type; `None` if the node sent another number of bytes.
     pub fn exactly(&self, size: usize) -> Option<&[u8]> {
         if self.size == Size::Unknown { self.bytes.get(..size) } else { Some(self.bytes()) }
             .filter(|bytes| bytes.len() == size)

@@ -29,6 +29,7 @@
 
 mod block_download;
 mod block_upload;
+pub(crate) mod command;
 mod content;
 mod crc;
 mod options;
@@ -53,13 +54,13 @@ use crate::abort::AbortCode;
 /// Failure of a transfer, and the side that aborted it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SdoError {
-    /// The server aborted the transfer.
+    /// Abort by the server, with the reason that it sent.
     #[error("refused: {0}")]
     AbortedByServer(AbortCode),
-    /// This client aborted the transfer.
+    /// Abort by this client, with the reason sent to the server.
     #[error("aborted by the client: {0}")]
     AbortedLocally(AbortCode),
-    /// The server did not reply in time; this client aborted the transfer.
+    /// No reply in time, after which this client aborted the transfer.
     #[error("no answer")]
     Timeout,
 }

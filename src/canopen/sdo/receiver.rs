@@ -11,10 +11,10 @@ use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;
 use crate::sdo::sender::LAST;
 
-/// Effect of a segment.
+/// Consequence of a segment for the sub-block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentEffect {
-    /// The next segment; more follow.
+    /// Next segment in sequence; more follow.
     InSequence,
     /// Out of sequence: segments were lost, or it is a repetition. More follow.
     Ignored,

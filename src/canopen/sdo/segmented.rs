@@ -9,6 +9,7 @@ use canopen_rs::sdo::{
 use canopen_rs::{Address, ByteString, Value};
 
 use crate::abort::AbortCode;
+use crate::sdo::command::{EXPEDITED, SCS_UPLOAD, SIZE_INDICATED};
 use crate::sdo::content::{Content, Size};
 use crate::sdo::step::Step;
 
@@ -104,7 +105,7 @@ pub(super) struct Download {
 }
 
 impl Download {
-    /// Returns a download of `bytes`.
+    /// Returns a download that has sent nothing yet.
     pub(super) const fn new(about: Address, bytes: Vec<u8>) -> Self {
         Self { about, bytes, sent: None }
     }
@@ -151,10 +152,3 @@ impl Download {
 pub(super) fn size(four: [u8; 4]) -> usize {
     usize::try_from(u32::from_le_bytes(four)).unwrap_or(usize::MAX)
 }
-
-/// Server command specifier of an upload response, in the three highest bits.
-pub(super) const SCS_UPLOAD: u8 = 2;
-/// Bit e: the frame carries the value.
-const EXPEDITED: u8 = 1 << 1;
-/// Bit s: the size is indicated.
-const SIZE_INDICATED: u8 = 1;

@@ -8,7 +8,7 @@ use crate::sdo::content::Content;
 /// Consequence of a reply.
 #[derive(Clone, Debug)]
 pub(super) enum Step {
-    /// Ignores the frame: it is no reply to the request.
+    /// Ignores the frame, which does not answer the request.
     Pass,
     /// Waits: more segments follow.
     Wait,

@@ -11,6 +11,7 @@ use crate::frame::Frame;
 use crate::object::Object;
 use crate::sdo::block_download::BlockDownload;
 use crate::sdo::block_upload::BlockUpload;
+use crate::sdo::command::{ABORT, CS_ABORT};
 use crate::sdo::options::{BLOCK_THRESHOLD, Protocol, SEGMENTED_BYTES, SdoOptions};
 use crate::sdo::segmented::{Download, Upload};
 use crate::sdo::step::Step;
@@ -28,7 +29,7 @@ pub struct Transfer {
     deadline: Option<Instant>,
     /// Earliest time of the next segment.
     free: Instant,
-    /// Set if it has retried since the last reply.
+    /// Set if this side has retried since the last reply.
     has_retried: bool,
 }
 
@@ -251,9 +252,9 @@ impl Transfer {
     const fn is_abort(&self, reply: &SdoPayload) -> bool {
         let [command, ..] = *reply;
         match &self.way {
-            Way::BlockUp(upload) if upload.is_receiving() => command == CS_ABORT,
+            Way::BlockUp(upload) if upload.is_receiving() => command == ABORT,
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) => {
-                command >> 5 == CS_ABORT >> 5
+                command >> 5 == CS_ABORT
             }
             Way::Finished => false,
         }
@@ -337,7 +338,7 @@ impl Transfer {
     fn send_abort(&self, code: AbortCode, out: &mut Vec<Frame>) {
         let [low, high] = self.object.index.to_le_bytes();
         let [c0, c1, c2, c3] = code.0.to_le_bytes();
-        self.send([CS_ABORT, low, high, self.object.sub, c0, c1, c2, c3], out);
+        self.send([ABORT, low, high, self.object.sub, c0, c1, c2, c3], out);
     }
 
     fn finish(&mut self, outcome: Outcome) -> Outcome {
@@ -350,9 +351,6 @@ impl Transfer {
 const fn address(object: Object) -> Address {
     Address::new(object.index, object.sub)
 }
-
-/// Command byte of an abort.
-const CS_ABORT: u8 = 0x80;
 
 #[cfg(test)]
 mod tests {

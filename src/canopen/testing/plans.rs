@@ -18,20 +18,20 @@ pub fn heartbeats() -> HeartbeatSettings {
     }
 }
 
-/// The elbow drive.
+/// Plan of a drive, named elbow.
 pub fn elbow() -> NodePlan {
     let node = NodeId::new(3).unwrap();
     let pdos = layout::per_drive(node, Some(5));
     NodePlan::drive("joint 3 (elbow)".into(), node, IDENTITY, pdos, &heartbeats(), 1_000)
 }
 
-/// The switch box.
+/// Plan of a CiA 401 switch box.
 pub fn switch_box() -> NodePlan {
     let node = NodeId::new(16).unwrap();
     NodePlan::switches("switch box".into(), node, IDENTITY, None, &heartbeats())
 }
 
-/// The elbow drive, guarded.
+/// Plan of the elbow drive with guarding in place of heartbeats.
 pub fn guarded_elbow() -> NodePlan {
     elbow().guarded(Guarding { guard_time_ms: 10, life_time_factor: 3 })
 }

@@ -156,7 +156,7 @@ impl ScriptedDevice {
         answer
     }
 
-    /// Heartbeat frame with `byte`.
+    /// Error control frame of this node: `byte` is its NMT state, with the toggle bit where it is guarded.
     pub fn heartbeat(&self, byte: u8) -> Frame {
         Frame::new(0x700 + u16::from(self.node.raw()), [byte])
     }

@@ -63,7 +63,8 @@ pub struct Timing {
     pub accommodation_delay: u32,
     /// Part of these delays that a link causes, from command to wrench, in cycles; zero without a link.
     pub link_cycles: u32,
-    /// A robot arm is commanded: its sensor reads the mean of a cycle, and its computer commands the joints a cycle later.
+    /// Set if a robot arm is commanded: its sensor reads the mean of a cycle, and its computer commands the joints a
+    /// cycle later.
     pub is_robot: bool,
     /// τ_s, time constant of the object's servo, in s.
     pub servo_lag: f64,
@@ -74,7 +75,7 @@ pub struct Timing {
 /// One Cartesian axis of the grip: device, hand, environment, gains and timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
-    /// Name of the axis.
+    /// `x`, `y`, `z`, `about x`, `about y` or `about z`: an entry of [`AXES`](crate::gains::AXES).
     pub name: &'static str,
     /// Rotation axis; units are then rad and N·m.
     pub is_rotation: bool,
@@ -96,7 +97,7 @@ pub struct Axis {
     pub gains: AxisGains,
     /// Period, delays and time constants of the loop.
     pub timing: Timing,
-    /// A passivity layer observes the energy at run time.
+    /// Set if a passivity layer observes the energy at run time.
     pub is_watched: bool,
 }
 

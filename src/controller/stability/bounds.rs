@@ -21,9 +21,9 @@ pub struct RateReflection {
 }
 
 impl RateReflection {
-    /// Returns the damping that makes reflection passive, in N·s/m or N·m·s/rad, sampled with `period` and `delay` cycles
-    /// late: `b + K_D >= G/a (1/a + T/2 + n T)` for `a T <= 1`. A period of zero gives the continuous `G/a²`. Infinite
-    /// without accommodation.
+    /// Returns the damping that makes reflection passive, in N·s/m or N·m·s/rad, sampled with `period` and `delay`
+    /// cycles late. For `a T <= 1` it is `b + K_D >= G/a (1/a + T/2 + n T)`. A period of zero gives the continuous
+    /// `G/a²`. Infinite without accommodation.
     pub fn required_damping(&self, period: f64, delay: u32) -> f64 {
         let Self { gain, yield_rate } = *self;
         gain / yield_rate * (yield_rate.recip() + period * (0.5 + f64::from(delay)))
@@ -48,15 +48,15 @@ pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
     if friction < plateau { deadband * (friction / plateau).sqrt() } else { f64::INFINITY }
 }
 
-/// Maximum rate `a = K_FA k_e` at which an object may yield to contact, in 1/s, with the wrench `delay` cycles late:
-/// `a T < 2 cos(n π/(2n + 1))`.
+/// Maximum rate `a = K_FA k_e` at which an object may yield to contact, in 1/s: `a T < 2 cos(n π/(2n + 1))`. The
+/// wrench is `delay` = n cycles late.
 pub fn max_yield_rate(period: f64, delay: u32) -> f64 {
     let n = f64::from(delay);
     2.0 * math::cos(n * PI / (2.0 * n + 1.0)) / period
 }
 
-/// Bound `coth(T/2τ)` on accommodation of an object whose servo lags by `lag` s, on a surface with damper `d_e`:
-/// `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. It follows from Jury's test of the sampled loop
+/// Bound `coth(T/2τ)` on accommodation of an object whose servo lags by `lag` s, on a surface with damper `d_e`. It is
+/// `K_FA (k_e T/2 + d_e) < coth(T/2τ)`, and follows from Jury's test of the sampled loop
 ///
 /// ```text
 ///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
@@ -65,8 +65,8 @@ pub fn max_accommodation(period: f64, lag: f64) -> f64 {
     if lag > 0.0 { math::tanh(period / (2.0 * lag)).recip() } else { 1.0 }
 }
 
-/// Maximum `K_FA m`, in s, of an arm with servo lag `lag` in s that also yields to the inertia of its payload `m`:
-/// `(T/2) coth(T/2τ)`.
+/// Maximum `K_FA m`, in s, of an arm with servo lag `lag` in s that also yields to the inertia of its payload `m`. It
+/// is `(T/2) coth(T/2τ)`.
 ///
 /// It follows from Jury's test of the sampled loop below, with the mean acceleration of the last period. Position
 /// differences do not show a motion at half the cycle rate, so subtracting their inertia does not change the bound.

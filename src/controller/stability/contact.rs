@@ -9,9 +9,9 @@ use crate::stability::finding::{Culprit, Finding, Side, Verdict};
 use crate::stability::passivity::{Law, SampledLaw};
 
 impl Axis {
-    /// Passivity of reflection in pose mode: a spring `K_T K_P k_e` behind delay and servo, with the surface's damper and,
-    /// at the first touch, without it. The symbols show the low-frequency limit; the value is the maximum over all
-    /// frequencies.
+    /// Passivity of reflection in pose mode: a spring `K_T K_P k_e` behind delay and servo. The damper of
+    /// the surface is included and, for the first touch, excluded. The symbols show the low-frequency limit; the value is
+    /// the maximum over all frequencies.
     pub(super) fn pose_reflection(&self) -> Option<Finding> {
         let AxisGains { wrench, pose, .. } = self.gains;
         let Timing { pose_delay: delay, servo_lag: lag, .. } = self.timing;

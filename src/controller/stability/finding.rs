@@ -8,11 +8,11 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// The inequality holds.
+    /// Inequality that holds.
     Holds,
-    /// The inequality does not hold, or holds within its margin; the hand or the passivity layer covers it.
+    /// Inequality that does not hold, or holds within its margin; the hand or the passivity layer covers it.
     Warns,
-    /// The inequality does not hold, and nothing covers it: the gains are refused.
+    /// Inequality that does not hold, and that nothing covers: the gains are refused.
     Refuses,
 }
 

@@ -76,7 +76,7 @@ struct AxisGate<'a> {
     index: usize,
 }
 
-/// Loop with its gain on one axis.
+/// Gain that closes a loop, with its unit and the key to change.
 struct LoopGain {
     closed: Loop,
     value: f64,

@@ -1,8 +1,9 @@
 //! Dynamics of the grip in all six axes, and their reduction to one axis.
 //!
 //! A force along axis `i` moves the grip along the other axes, too, where the hand and K_D resist. At frequency ω the
-//! motion is `u = Z⁻¹ eᵢ/(Z⁻¹)ᵢᵢ` with the impedance `Z = K_h + jω(D + b_h + K_D) - ω² Λ`. A single mass, damper and spring
-//! with `m = uᴴ Λ u`, `b = uᴴ D u` and `K = uᴴ K_h u` has exactly the same impedance at that frequency.
+//! motion is `u = Z⁻¹ eᵢ/(Z⁻¹)ᵢᵢ` with the impedance `Z = K_h + jω(D + b_h + K_D) - ω² Λ`. A mass
+//! `m = uᴴ Λ u`, a damper `b = uᴴ D u` and a spring `K = uᴴ K_h u` together have exactly the same impedance at that
+//! frequency.
 
 use nalgebra::{Complex, Matrix6, SVector};
 

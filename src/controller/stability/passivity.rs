@@ -36,7 +36,7 @@ const SHRINKINGS: u32 = 60;
 /// Transfer function of a law from the grip's displacement to its force, without delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// A spring and a damper: `K + B (z - 1) / ((T + τ) z - τ)`.
+    /// Spring and damper: `K + B (z - 1) / ((T + τ) z - τ)`.
     Impedance {
         /// K, in N/m or N·m/rad.
         stiffness: f64,

@@ -1,8 +1,9 @@
 //! Equivalent force of joint torques on a hand, by the speed that they give it.
 //!
-//! A force F accelerates a free hand of mass m to the speed F t / m in a short time t. Joint torques τ accelerate it to
-//! `t J (M + m JᵀJ)⁻¹ τ`, with J the translational Jacobian of the grip and M the arm's mass matrix. The equivalent force
-//! is `F = m |J (M + m JᵀJ)⁻¹ τ|`. Unlike `J⁻ᵀ τ` it is bounded at singularities, where the structure carries the torque.
+//! A force F accelerates a free hand of mass m to the speed F t / m in a short time t. Joint torques τ accelerate it
+//! to `t J (M + m JᵀJ)⁻¹ τ`: J is the translational Jacobian of the grip, M the arm's mass matrix. The equivalent
+//! force is `F = m |J (M + m JᵀJ)⁻¹ τ|`. Unlike `J⁻ᵀ τ` it is bounded at singularities, where the structure carries
+//! the torque.
 //!
 //! Each result is the maximum over `postures`, a sample of the joint ranges.
 

@@ -15,8 +15,8 @@ impl Controller {
     /// Applies an adjustment of the operator.
     ///
     /// # Errors
-    /// Returns the reason if the adjustment is out of bounds, or not permitted in the state of the last cycle; the state is
-    /// then unchanged.
+    /// Returns the reason if the adjustment is out of bounds, or not permitted in the state of the last cycle. The
+    /// state is then unchanged.
     pub fn adjust(&mut self, adjustment: Adjustment) -> Result<(), AdjustmentError> {
         let bounds = &self.settings.bounds;
         match adjustment {

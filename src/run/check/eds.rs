@@ -11,7 +11,7 @@ use crate::print;
 use canopen::eds::{Eds, Finding, Severity};
 use config::{Config, EdsFile, files};
 
-/// A file and its findings.
+/// EDS file with its findings.
 #[derive(Serialize)]
 struct Report {
     file: String,

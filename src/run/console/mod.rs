@@ -9,10 +9,12 @@
 //! | `mod`             | the protocol                                                    |
 //! | `socket`          | path and permissions of the socket, replacement of a stale one  |
 //! | `clients`         | one task per client, their maximum number and their timeouts    |
-//! | `request_handler` | execution and logging of a client's request                     |
+//! | `request_handler` | execution of a client's request                                 |
+//! | `journal`         | log of requests, and the remark on the status                   |
 //! | `request_queue`   | queue of requests to the cycle; disarm precedes all others      |
 
 mod clients;
+mod journal;
 mod request_handler;
 pub mod request_queue;
 mod socket;
@@ -69,14 +71,14 @@ impl From<ConsoleCommand> for String {
     }
 }
 
-/// A line from a client.
+/// Line from a client.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object such as {\"ask\":\"status\"}")]
 pub(super) struct RequestLine {
     pub(super) ask: ConsoleCommand,
 }
 
-/// A line to a client.
+/// Line to a client.
 #[derive(Debug, Serialize)]
 struct Response {
     ok: bool,

@@ -1,5 +1,4 @@
-//! Execution of requests: passes them to the cycle, logs them with the client's user id, and withdraws them if the client
-//! disconnects.
+//! Execution of requests: passes them to the cycle, and withdraws them if the client disconnects.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,14 +8,13 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::{sleep, timeout};
 
+use crate::console::journal::{self, Journal};
 use crate::console::request_queue::{Denial, Outcome, Phase, RequestSender};
 use crate::console::{ConsoleCommand, Response};
 use crate::latest_status::LatestStatus;
 use controller::switches::Mode as CommandMode;
+use node::Request;
 use node::record::Mode;
-use node::safety::Refusal;
-use node::{Request, RequestError};
-use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
 
 /// Time allowed for the cycle to answer. A reset, which may boot, has no limit here.
@@ -34,39 +32,12 @@ const STATUS_TIMEOUT: Duration = Duration::from_millis(50);
 /// Time allowed for the status to show the end of a disarm's ramp, which takes 50 ms.
 const RAMP_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Mean interval between log lines about requests.
-const LINE_EVERY: Duration = Duration::from_millis(100);
-
-/// Burst of log lines about requests.
-const LINES_AT_ONCE: u32 = 20;
-
 /// Passes clients' requests to the cycle and returns the responses.
 pub(crate) struct RequestHandler {
     sender: RequestSender,
     latest: LatestStatus,
     clock: Box<dyn Fn() -> Instant + Send + Sync>,
     journal: Mutex<Journal>,
-}
-
-/// Rate limit of the log, and the remark on the status.
-#[derive(Debug)]
-struct Journal {
-    bucket: TokenBucket,
-    suppressed: u64,
-    /// Reason why the node waited for a reset at its start, until one succeeds.
-    remark: Option<String>,
-    /// Reason why the last reset failed, until one succeeds.
-    failed_reset: Option<String>,
-}
-
-impl Journal {
-    /// Returns the remark on the status.
-    fn note(&self) -> Option<String> {
-        let failed = self.failed_reset.as_ref();
-        let failed = failed.map(|reason| format!("the last reset failed: {reason}"));
-        let parts: Vec<_> = self.remark.iter().cloned().chain(failed).collect();
-        (!parts.is_empty()).then(|| parts.join("; "))
-    }
 }
 
 impl fmt::Debug for RequestHandler {
@@ -92,8 +63,7 @@ impl RequestHandler {
         clock: impl Fn() -> Instant + Send + Sync + 'static,
         remark: Option<String>,
     ) -> Self {
-        let bucket = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
-        let journal = Mutex::new(Journal { bucket, suppressed: 0, remark, failed_reset: None });
+        let journal = Mutex::new(Journal::new(remark));
         Self { sender, latest, clock: Box::new(clock), journal }
     }
 
@@ -165,7 +135,7 @@ impl RequestHandler {
         outcome: Outcome,
     ) -> Result<Mode, String> {
         if request == Request::Reset {
-            self.on_reset(&outcome);
+            self.journal().on_reset(&outcome);
         }
         let outcome = outcome.map_err(|denied| denied.to_string());
         match &outcome {
@@ -175,29 +145,6 @@ impl RequestHandler {
             }
         }
         outcome
-    }
-
-    /// Updates the remarks on the status after a reset. A request that was never executed does not change them.
-    fn on_reset(&self, outcome: &Outcome) {
-        let mut journal = self.journal();
-        match outcome {
-            // Without a stop there is nothing to remark.
-            Ok(_) | Err(Denial::Refused(RequestError::Mode(Refusal::NotStopped(_)))) => {
-                journal.remark = None;
-                journal.failed_reset = None;
-            }
-            Err(Denial::Refused(_) | Denial::Latch(_)) => {
-                journal.failed_reset = outcome.as_ref().err().map(ToString::to_string);
-            }
-            Err(
-                Denial::Booting
-                | Denial::Ending
-                | Denial::Busy
-                | Denial::TooOld(_)
-                | Denial::Disarmed
-                | Denial::Withdrawn,
-            ) => {}
-        }
     }
 
     /// Disarms, even if the client disconnects.
@@ -272,37 +219,15 @@ impl RequestHandler {
         Response { ok: true, error: None, mode: Some(mode), status: latest, note }
     }
 
-    /// Logs a request at a limited rate.
     fn log(&self, uid: Option<u32>, request: Request, outcome: &str) {
-        let now = self.now();
-        let suppressed = {
-            let mut journal = self.journal();
-            if !journal.bucket.take(now) {
-                journal.suppressed += 1;
-                return;
-            }
-            std::mem::take(&mut journal.suppressed)
-        };
-        if suppressed > 0 {
-            tracing::warn!("console: {suppressed} more suppressed");
+        let taken = self.journal().take_line(self.now());
+        if let Some(suppressed) = taken {
+            journal::log(suppressed, uid, request, outcome);
         }
-        let uid = uid.map_or_else(|| "unknown".to_owned(), |uid| uid.to_string());
-        tracing::info!(%uid, "console: {}: {outcome}", name(request));
     }
 
     fn journal(&self) -> std::sync::MutexGuard<'_, Journal> {
         self.journal.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-fn name(request: Request) -> String {
-    match request {
-        Request::Arm => "arm".to_owned(),
-        Request::Disarm => "disarm".to_owned(),
-        Request::Reset => "reset".to_owned(),
-        Request::Command(CommandMode::Rate) => "mode rate".to_owned(),
-        Request::Command(CommandMode::Pose) => "mode pose".to_owned(),
-        Request::Adjust(adjustment) => adjustment.to_string(),
     }
 }
 
@@ -312,8 +237,9 @@ mod tests {
     use super::*;
     use crate::console::request_queue::{RequestReceiver, channel};
     use crate::scratch::any_record;
-    use node::BringUpError;
     use node::record::Record;
+    use node::safety::Refusal;
+    use node::{BringUpError, RequestError};
     use telemetry::losses::Losses;
 
     const NOW: Instant = Instant::from_micros(1_000_000);

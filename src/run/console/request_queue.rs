@@ -16,7 +16,7 @@ use node::record::Mode;
 use node::{Request, RequestError};
 use units::time::Instant;
 
-/// Capacity of the queue.
+/// Maximum number of queued requests; further ones are refused as [`Denial::Busy`].
 const QUEUE_CAPACITY: usize = 8;
 
 /// Maximum age of a request.
@@ -25,28 +25,28 @@ const MAX_AGE: Duration = Duration::from_secs(1);
 /// Reasons why a request is refused.
 #[derive(Debug, Display)]
 pub enum Denial {
-    /// The node refuses it.
+    /// Refusal by the node, with the reason.
     #[display("{_0}")]
     Refused(RequestError),
-    /// A reset whose latch cannot be written: no drive may be enabled.
+    /// Reset whose latch cannot be written: no drive may be enabled.
     #[display("{_0}")]
     Latch(String),
-    /// The node is booting the network.
+    /// Boot in progress.
     #[display("the node is booting: retry when it is ready")]
     Booting,
-    /// The node is stopping.
+    /// Stop in progress.
     #[display("the node is stopping")]
     Ending,
-    /// The queue is full.
+    /// Full queue.
     #[display("too many requests are waiting: retry")]
     Busy,
-    /// The request is older than a second; it has this age.
+    /// Request older than a second, with its age.
     #[display("the request is {:.1} s old: retry", _0.as_secs_f64())]
     TooOld(Duration),
-    /// A disarm was requested later.
+    /// Request that precedes a disarm.
     #[display("disarmed meanwhile: retry")]
     Disarmed,
-    /// Its client has disconnected.
+    /// Request whose client has disconnected.
     #[display("its client has disconnected")]
     Withdrawn,
 }
@@ -61,7 +61,7 @@ pub enum Phase {
     Booting,
     /// All requests are accepted.
     Running,
-    /// The node is stopping; no request is accepted.
+    /// No request is accepted, because the node stops.
     Ending,
 }
 
@@ -102,12 +102,12 @@ impl QueueState {
     }
 }
 
-/// A queued request.
+/// Queued request, with the way to its client.
 #[derive(Debug)]
 struct Pending {
     request: Request,
     made_at: Instant,
-    /// Number of disarms requested when it was made.
+    /// Number of disarms requested before this request.
     disarms: u64,
     is_withdrawn: Arc<AtomicBool>,
     answer: oneshot::Sender<Outcome>,

@@ -16,7 +16,7 @@ use telemetry::parts::{Parts, Stream};
 /// Number of bytes at the end of a log that are searched for its last line.
 const TAIL: u64 = 4_096;
 
-/// A recorded session.
+/// Recorded session in a folder.
 #[derive(Debug, Serialize)]
 pub(super) struct Session {
     /// Name of the folder.

@@ -62,14 +62,14 @@ pub enum Source {
 pub enum FeedLine {
     /// Mode and cause. A new reader gets the newest one.
     Mode(String),
-    /// A snapshot.
+    /// Snapshot of a cycle.
     Snapshot(String),
 }
 
 /// Values that change slowly, or are expensive to compute; sampled every half second.
 #[derive(Clone, Debug, Default)]
 pub struct Scarce {
-    /// Missed samples.
+    /// Position samples not received in time so far, over all joints.
     pub missing_samples: u64,
     /// Lost entries.
     pub lost: Losses,

@@ -13,7 +13,7 @@ use node::record::Record;
 use remote::RobotJoints;
 use units::spatial::{Motion, Wrench};
 
-/// Snapshot of a cycle. docs/telemetry.md describes the keys besides those of the status.
+/// Snapshot of a cycle. docs/telemetry.md describes the keys besides the keys of the status.
 #[derive(Debug, Serialize)]
 pub(super) struct Snapshot<'a> {
     #[serde(flatten)]

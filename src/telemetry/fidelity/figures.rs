@@ -54,11 +54,11 @@ pub struct Shares {
     pub compensation_n: f64,
     /// Return to centre.
     pub centring_n: f64,
-    /// Damping.
+    /// Damper of the assist (Eq. 9).
     pub damping_n: f64,
     /// Damper of the passivity layer.
     pub passivity_n: f64,
-    /// Inertia.
+    /// Inertia of the arm; zero on real drives, where it is unknown.
     pub inertia_n: f64,
 }
 

@@ -28,11 +28,11 @@ pub struct Parts {
     pub compensation: Wrench,
     /// Return to centre.
     pub centring: Wrench,
-    /// Damping.
+    /// Damper of the assist (Eq. 9).
     pub damping: Wrench,
     /// Damper of the passivity layer.
     pub passivity: Wrench,
-    /// Soft stops.
+    /// Springs at the ends of the joints' ranges.
     pub soft_stops: Wrench,
     /// Inertia of the arm; zero if unknown.
     pub inertia: Wrench,
@@ -48,7 +48,7 @@ impl Parts {
 /// Sample of one engaged cycle with reflection on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time of its SYNC.
+    /// Time of the cycle's SYNC.
     pub at: Instant,
     /// Position of the grip in {0}, in m.
     pub x_0: Vector3<f64>,

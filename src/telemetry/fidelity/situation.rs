@@ -34,14 +34,8 @@ pub enum Situation {
 }
 
 impl Situation {
-    pub(super) const fn entry<T>(self, all: &[T; 4]) -> &T {
-        let [still_contact, moving_contact, free_motion, free_rest] = all;
-        match self {
-            Self::StillContact => still_contact,
-            Self::MovingContact => moving_contact,
-            Self::FreeMotion => free_motion,
-            Self::FreeRest => free_rest,
-        }
+    pub(super) fn entry<T>(self, all: &[T; 4]) -> &T {
+        self.entry_mut(&mut all.each_ref())
     }
 
     pub(super) const fn entry_mut<T>(self, all: &mut [T; 4]) -> &mut T {

@@ -35,13 +35,13 @@ pub enum Severity {
 pub struct Finding {
     /// Line, from 1; absent parts are reported at line 1.
     pub line: usize,
-    /// Severity.
+    /// Error if the file misleads, else a warning.
     pub severity: Severity,
     /// Object, as in `1018h:1`, or section in brackets; empty for a finding about the file.
     pub place: String,
     /// Key; empty for a finding about the section.
     pub key: String,
-    /// Reason.
+    /// Defect in words.
     pub reason: String,
     /// Set if a part is missing that the file announces: a miscount of its maker, or a truncated file.
     #[serde(skip)]
@@ -139,7 +139,7 @@ impl<'t> Spot<'t> {
         Self { line: section.line, title: Some(section.title), key: "" }
     }
 
-    /// Entry of a section.
+    /// Key with its value.
     const fn entry(section: &Section<'t>, entry: &Entry<'t>) -> Self {
         Self { line: entry.line, title: Some(section.title), key: entry.key }
     }
@@ -167,7 +167,7 @@ impl<'e> Lint<'e> {
         add(&mut self.warnings, Severity::Warning, spot, reason);
     }
 
-    /// Entry of an object, in whichever section describes it.
+    /// Entry of an object, in the section that describes the object.
     fn spot(&self, object: Object, key: &'e str) -> Spot<'e> {
         let Object { index, sub } = object;
         let own = Title::Sub(index, sub);

@@ -671,7 +671,7 @@ fn time_limits_are_those_of_the_plan() {
     assert!(failure(&plan, &mut device).ends_with("does not answer, waited 0.9 s"));
 }
 
-/// The elbow with a nameplate, and a node that holds it.
+/// Elbow plan with a nameplate, and a node that holds it.
 fn rated() -> (NodePlan, ScriptedDevice) {
     let nameplate = Nameplate {
         polarity: 0,

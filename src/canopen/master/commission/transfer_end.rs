@@ -24,17 +24,17 @@ use units::time::Instant;
 /// Answer to a transfer.
 #[derive(Clone, Copy)]
 enum Answer {
-    /// The write succeeded.
+    /// Write that the node confirms.
     Confirmed,
-    /// The value read is as expected, or the drive is at standstill.
+    /// Value as expected, or drive at standstill.
     Expected,
-    /// The value read differs; the drive moves.
+    /// Value that differs, or drive in motion.
     Differs,
-    /// The node aborted the transfer.
+    /// Abort by the node.
     Aborted(AbortCode),
-    /// The master aborted the transfer.
+    /// Abort by the master.
     AbortedLocally,
-    /// The node did not answer in time.
+    /// No answer in time.
     Timeout,
 }
 
@@ -64,7 +64,7 @@ enum Decision {
     ReadLater,
     /// Proceeds without the object, or without the value that the node refuses.
     Skip(Option<AbortCode>),
-    /// Writes the COB-ID with bit 30 turned over. Some nodes accept no TPDO that may be requested by RTR.
+    /// Writes the COB-ID with bit 30 inverted. Some nodes accept no TPDO that may be requested by RTR.
     TurnBit30,
     /// Compares the mapping from here on.
     CompareMapping(AbortCode),

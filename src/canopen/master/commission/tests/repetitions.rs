@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::*;
 
-/// A reply that aborts the transfer: SDO protocol timed out.
+/// Reply that aborts the transfer: SDO protocol timed out.
 fn aborted(request: &Frame) -> Frame {
     let mut reply = [0x80, 0, 0, 0, 0, 0, 4, 5];
     reply[1..4].copy_from_slice(&request.data()[1..4]);

@@ -18,7 +18,7 @@ use std::time::Instant;
 use nalgebra::SVector;
 
 use config::Config;
-use controller::switches::{Mode, Switches};
+use controller::switches::{CommandMode, Switches};
 use controller::{Controller, Input};
 use units::spatial::Wrench;
 
@@ -102,7 +102,7 @@ fn inputs(config: &Config) -> Vec<Input> {
                     reference: pressed,
                     reflection: cycle == 3,
                 },
-                mode: if cycle < 2_000 { Mode::Rate } else { Mode::Pose },
+                mode: if cycle < 2_000 { CommandMode::Rate } else { CommandMode::Pose },
                 gravity_share: 1.0,
                 reflection_share: 1.0,
                 held: None,

@@ -9,7 +9,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use config::Config;
-use controller::switches::{Mode, Switches};
+use controller::switches::{CommandMode, Switches};
 use controller::{Controller, Input};
 use units::spatial::Wrench;
 
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         f_s: Wrench::from_components([-5.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
         x_b_m: Isometry3::identity(),
         switches: Switches { deadman: true, reference: false, reflection: false },
-        mode: Mode::Rate,
+        mode: CommandMode::Rate,
         gravity_share: 1.0,
         reflection_share: 1.0,
         held: None,

@@ -12,7 +12,7 @@ use nix::sys::socket::{
 };
 use thiserror::Error;
 
-use crate::netlink::{self, Link};
+use crate::netlink::{self, InterfaceProperties};
 
 /// Interface flag: the driver loops frames back once they were transmitted (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;
@@ -71,7 +71,7 @@ pub fn check(interfaces: &[String], bursts: &[u32]) -> Result<Vec<Remark>, Unfit
 }
 
 /// Checks the properties of an interface.
-fn judge(interface: &str, link: &Link, most: u32) -> Result<Vec<Remark>, Unfit> {
+fn judge(interface: &str, link: &InterfaceProperties, most: u32) -> Result<Vec<Remark>, Unfit> {
     let interface = interface.to_owned();
     if link.flags & IFF_UP == 0 {
         return Err(Unfit::Down { interface });
@@ -97,7 +97,7 @@ fn judge(interface: &str, link: &Link, most: u32) -> Result<Vec<Remark>, Unfit> 
 }
 
 /// Queries the kernel.
-fn query(interface: &str) -> io::Result<Link> {
+fn query(interface: &str) -> io::Result<InterfaceProperties> {
     let (family, flags) = (AddressFamily::Netlink, SockFlag::SOCK_CLOEXEC);
     let kernel = socket(family, SockType::Raw, flags, SockProtocol::NetlinkRoute)?;
     let (fd, to_kernel) = (kernel.as_raw_fd(), NetlinkAddr::new(0, 0));
@@ -129,10 +129,10 @@ impl fmt::Display for Remark {
 mod tests {
     use super::*;
 
-    fn link(kind: &str, qdisc: &str, queue: u32) -> Link {
+    fn link(kind: &str, qdisc: &str, queue: u32) -> InterfaceProperties {
         let restart_millis = (kind == "can").then_some(0);
         let (kind, qdisc) = (kind.to_owned(), qdisc.to_owned());
-        Link { flags: IFF_UP | IFF_ECHO, qdisc, queue, kind, restart_millis }
+        InterfaceProperties { flags: IFF_UP | IFF_ECHO, qdisc, queue, kind, restart_millis }
     }
 
     #[test]
@@ -155,21 +155,22 @@ mod tests {
 
     #[test]
     fn hazard_23_automatic_restart_is_refused() {
-        let restarts = Link { restart_millis: Some(100), ..link("can", "pfifo_fast", 10) };
+        let restarts =
+            InterfaceProperties { restart_millis: Some(100), ..link("can", "pfifo_fast", 10) };
         let refused = judge("can0", &restarts, 11).unwrap_err().to_string();
         assert!(refused.contains("restart-ms must be 0, got 100"), "{refused}");
     }
 
     #[test]
     fn hazard_24_interface_that_is_down_is_refused() {
-        let down = Link { flags: IFF_ECHO, ..link("can", "pfifo_fast", 10) };
+        let down = InterfaceProperties { flags: IFF_ECHO, ..link("can", "pfifo_fast", 10) };
         let refused = judge("can0", &down, 11).unwrap_err().to_string();
         assert_eq!(refused, "can0: the interface is down (ip link set can0 up)");
     }
 
     #[test]
     fn driver_without_echo_gives_a_remark() {
-        let silent = Link { flags: IFF_UP, ..link("can", "pfifo_fast", 10) };
+        let silent = InterfaceProperties { flags: IFF_UP, ..link("can", "pfifo_fast", 10) };
         let interface = "can0".to_owned();
         assert_eq!(judge("can0", &silent, 11).unwrap(), [Remark::NoEcho { interface }]);
     }

@@ -46,7 +46,7 @@ mod attribute {
 
 /// Properties of an interface.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Link {
+pub(super) struct InterfaceProperties {
     /// Interface flags (`IFF_…`).
     pub(super) flags: u32,
     /// Queueing discipline: `noqueue`, `pfifo_fast`, …
@@ -78,13 +78,13 @@ pub(super) fn request(interface: &str) -> Vec<u8> {
 }
 
 /// Decodes the response; `None` for anything else.
-pub(super) fn answer(bytes: &[u8]) -> Option<Link> {
+pub(super) fn answer(bytes: &[u8]) -> Option<InterfaceProperties> {
     let kind = u16::from_ne_bytes(bytes.get(4..6)?.try_into().ok()?);
     if kind != message::NEW_LINK {
         return None;
     }
     let flags = u32::from_ne_bytes(bytes.get(HEADER + 8..HEADER + 12)?.try_into().ok()?);
-    let mut link = Link { flags, ..Link::default() };
+    let mut link = InterfaceProperties { flags, ..InterfaceProperties::default() };
     for (kind, payload) in Attributes(bytes.get(HEADER + LINK..)?) {
         match kind {
             attribute::QDISC => link.qdisc = text(payload),
@@ -96,7 +96,7 @@ pub(super) fn answer(bytes: &[u8]) -> Option<Link> {
     Some(link)
 }
 
-impl Link {
+impl InterfaceProperties {
     fn of_driver(&mut self, payload: &[u8]) {
         for (kind, payload) in Attributes(payload) {
             match kind {
@@ -172,7 +172,7 @@ mod tests {
         let restart_millis = Some(100);
         assert_eq!(
             answered,
-            Some(Link { flags: 0x4_00C1, qdisc, queue: 10, kind, restart_millis })
+            Some(InterfaceProperties { flags: 0x4_00C1, qdisc, queue: 10, kind, restart_millis })
         );
     }
 

@@ -35,7 +35,7 @@ pub struct BootSettings {
 
 /// Values of other sections that the boot settings of a node depend on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Context<'a> {
+pub(super) struct OtherSections<'a> {
     /// `safety.drive_lost_ms`.
     pub(super) lost_ms: Option<u16>,
     /// EDS of the node; `None` if it could not be read.
@@ -67,12 +67,12 @@ impl BootSettings {
 /// Reads the boot settings of a drive. A drive exerts torque, so it must be mandatory and always reset.
 pub(super) fn of_drive(
     raw: Option<&raw::Boot>,
-    given: Context<'_>,
+    given: OtherSections<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
     let settings = of_node(raw, given, problems);
     let Some(raw) = raw else { return settings };
-    let Context { limit, eds, period, .. } = given;
+    let OtherSections { limit, eds, period, .. } = given;
     let drive = shown_mode::Drive { limit, eds, period };
     let shows_mode_when_enabled = shown_mode::read(raw, drive, problems);
     if settings.is_optional {
@@ -87,7 +87,7 @@ pub(super) fn of_drive(
 /// Reads the boot settings of a node. Its node life time (100Ch times 100Dh) must not exceed `lost_ms`.
 pub(super) fn of_node(
     raw: Option<&raw::Boot>,
-    given: Context<'_>,
+    given: OtherSections<'_>,
     problems: &mut Problems<'_>,
 ) -> BootSettings {
     let Some(raw) = raw else { return BootSettings::default() };

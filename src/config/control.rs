@@ -18,17 +18,17 @@ use controller::gains::Gains;
 use controller::limits::AssistFraction;
 use controller::period::Period;
 use controller::reflection::Reflection;
-use controller::switches::Mode;
+use controller::switches::CommandMode;
 use toml_input::List;
 
 /// Reads the command mode at the start.
-pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {
-    let modes = [("rate", Mode::Rate), ("pose", Mode::Pose)];
+pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<CommandMode> {
+    let modes = [("rate", CommandMode::Rate), ("pose", CommandMode::Pose)];
     problems.one_of(&raw.controller.mode, &modes)
 }
 
 /// Values of other sections that the controller depends on; each `None` after a problem.
-pub(super) struct Context<'g> {
+pub(super) struct OtherSections<'g> {
     pub(super) joints: Option<&'g [JointParameters; 6]>,
     pub(super) x_6_g: Option<Isometry3<f64>>,
     pub(super) gravity: Option<[f64; 3]>,
@@ -38,7 +38,7 @@ pub(super) struct Context<'g> {
 /// Reads the settings of the controller. Returns `None` after a problem.
 pub(super) fn settings(
     raw: &raw::File,
-    around: &Context<'_>,
+    around: &OtherSections<'_>,
     problems: &mut Problems<'_>,
 ) -> Option<Settings> {
     let given = &raw.controller;
@@ -157,7 +157,7 @@ fn reflection(
     problems.take_unless_noted(before, &given.max_force_n, made)
 }
 
-fn arm(raw: &raw::File, around: &Context<'_>, problems: &mut Problems<'_>) -> Option<Arm<6>> {
+fn arm(raw: &raw::File, around: &OtherSections<'_>, problems: &mut Problems<'_>) -> Option<Arm<6>> {
     let links = around.joints?.each_ref().map(|joint| joint.plant.link);
     let arm = Arm::new(links, around.x_6_g?, around.gravity?);
     let is_noted = problems.is_noted_within(&raw.joint) || problems.is_noted_within(&raw.arm);

@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix3, Point3};
 
-use crate::operator::Operator;
+use crate::operator::OperatorImpedance;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
@@ -226,7 +226,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     let (deadbands, plateaus) = (controller.channels.deadbands(), controller.channels.plateaus());
     Ok([0, 1, 2, 3, 4, 5].map(|axis| {
         let is_rotation = axis >= 3;
-        let Operator { linear, angular } = config.operator;
+        let OperatorImpedance { linear, angular } = config.operator;
         let share = if is_rotation { TOUCH_RADIUS * TOUCH_RADIUS } else { 1.0 };
         Axis {
             name: AXES[axis],

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::boot::{self, BootSettings, Context};
+use crate::boot::{self, BootSettings, OtherSections};
 use crate::plant::{Actuator, JointPlant};
 use crate::problem::Problems;
 use crate::rest::Rest;
@@ -85,7 +85,7 @@ fn read_one(
     let eds = lookup::eds(&joint.eds, file, problems);
     let limit = joint.torque_limit.as_ref();
     let limit = limit.and_then(|limit| torque_limit::read(limit, eds.as_deref(), problems));
-    let given = Context {
+    let given = OtherSections {
         lost_ms: raw.safety.drive_lost_ms.get(),
         eds: eds.as_deref(),
         period: raw.node.sync_period_us.get().map(Duration::from_micros),

@@ -86,7 +86,7 @@ pub use held_torque::{HeldTorque, SeenBy, TAKEN_CYCLES};
 pub use joints::JointParameters;
 pub use link::RemoteLink;
 pub use net_ft::NetFtSensor;
-pub use operator::Operator;
+pub use operator::OperatorImpedance;
 pub use parameters::{EdsFile, Parameters};
 pub use plant::{Actuator, Drivetrain, Friction, JointPlant, Plant};
 pub use plausibility::Plausibility;
@@ -103,7 +103,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::control::Context;
+use crate::control::OtherSections;
 use crate::file_kind::FileKind;
 use crate::files::Files;
 use crate::overlay::Setting;
@@ -263,7 +263,7 @@ fn convert(
     let switches = switch_box::given(file, raw, problems);
     let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
     let contact_bounds = contact_postures::bounds(&raw.arm, problems);
-    let around = Context { joints: joints.as_ref(), x_6_g, gravity, period };
+    let around = OtherSections { joints: joints.as_ref(), x_6_g, gravity, period };
     let controller = control::settings(raw, &around, problems);
     let (mode, operator) = (control::mode(raw, problems), operator::read(&raw.operator, problems));
     let refuses = gain_check::refuses(raw, problems);

@@ -7,7 +7,7 @@ use controller::stability::axis::Impedance;
 
 /// Impedance of the hand for the stability checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Operator {
+pub struct OperatorImpedance {
     /// Impedance along an axis, in N/m and N·s/m.
     pub linear: Impedance,
     /// Impedance about an axis, in N·m/rad and N·m·s/rad.
@@ -15,7 +15,7 @@ pub struct Operator {
 }
 
 /// Impedance of a firm but not stiff grip, as in the simulation.
-impl Default for Operator {
+impl Default for OperatorImpedance {
     fn default() -> Self {
         Self {
             linear: Impedance { stiffness: 500.0, damping: 15.0 },
@@ -25,8 +25,8 @@ impl Default for Operator {
 }
 
 /// Reads the impedance, with defaults for absent keys. Returns `None` after a problem.
-pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Option<Operator> {
-    let Operator { linear, angular } = Operator::default();
+pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Option<OperatorImpedance> {
+    let OperatorImpedance { linear, angular } = OperatorImpedance::default();
     let mut impedance = |stiffness: &Optional<f64>, damping: &Optional<f64>, default: Impedance| {
         let stiffness = problems.not_negative(&stiffness.or(default.stiffness));
         let damping = problems.not_negative(&damping.or(default.damping));
@@ -34,5 +34,5 @@ pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Option<O
     };
     let linear = impedance(&raw.stiffness_n_per_m, &raw.damping_ns_per_m, linear);
     let angular = impedance(&raw.stiffness_nm_per_rad, &raw.damping_nms_per_rad, angular);
-    Some(Operator { linear: linear?, angular: angular? })
+    Some(OperatorImpedance { linear: linear?, angular: angular? })
 }

@@ -168,7 +168,7 @@ mod tests {
         ])
         .unwrap();
         assert_eq!(config.controller.reflection.gain().values()[0].to_bits(), 0.1_f64.to_bits());
-        assert_eq!(config.command_mode, controller::switches::Mode::Pose);
+        assert_eq!(config.command_mode, controller::switches::CommandMode::Pose);
         assert_eq!(config.joints[2].calibration.curve().max_torque().to_bits(), 3.5_f64.to_bits());
         assert!(config.remote.gripper.is_some(), "a section that the file lacks");
     }

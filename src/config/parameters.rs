@@ -11,7 +11,7 @@ use crate::buses::BusSettings;
 use crate::far_side::FarSide;
 use crate::joints::JointParameters;
 use crate::link::RemoteLink;
-use crate::operator::Operator;
+use crate::operator::OperatorImpedance;
 use crate::plant::Plant;
 use crate::plausibility::Plausibility;
 use crate::robots::RobotArm;
@@ -21,7 +21,7 @@ use canopen::eds::{Eds, Finding};
 use canopen::frame::Channel;
 use canopen::{NodeId, bits};
 use controller::Settings;
-use controller::switches::Mode;
+use controller::switches::CommandMode;
 use remote::site::Virtual;
 use units::numbering::Joint;
 
@@ -65,9 +65,9 @@ pub struct Parameters {
     /// Arm, calibration, gains, limits and extensions of the controller.
     pub controller: Settings,
     /// Command mode at the start: rate or pose.
-    pub command_mode: Mode,
+    pub command_mode: CommandMode,
     /// Impedance of the hand for the stability checks.
-    pub operator: Operator,
+    pub operator: OperatorImpedance,
     /// Virtual object and scene of the commanded side.
     pub remote: Virtual,
     /// Arm that holds the commanded object, from its robot file.

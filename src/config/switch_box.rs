@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::boot::{self, BootSettings, Context};
+use crate::boot::{self, BootSettings, OtherSections};
 use crate::gripper::{self, GripperInput};
 use crate::problem::Problems;
 use crate::section::Sections;
@@ -70,7 +70,7 @@ fn read(
     let node = lookup::node_id(&switches.node_id, problems);
     let eds = lookup::eds(&switches.eds, file, problems);
     let lost_ms = raw.safety.drive_lost_ms.get();
-    let given = Context { lost_ms, eds: eds.as_deref(), period: None, limit: None };
+    let given = OtherSections { lost_ms, eds: eds.as_deref(), period: None, limit: None };
     if let Some(boot) = switches.boot.as_ref().filter(|boot| !boot.mode_shown.is_absent()) {
         problems.add(&boot.mode_shown, "only a drive has a mode");
     }

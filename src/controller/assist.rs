@@ -54,7 +54,7 @@ impl Damping {
     }
 
     /// Computes the wrench on the hand against its motion, in {G}. `forget` discards the last ΔX: after a new reference, a
-    /// change of mode or an overrun.
+    /// change of command mode or a gap.
     pub fn wrench(
         &mut self,
         v_g: &Twist,

@@ -11,7 +11,7 @@ use crate::gains::Gains;
 use crate::interpretation::{DisplacementFrame, Interpretation};
 use crate::orientation::Orientation;
 use crate::reference::{Displacement, Reference};
-use crate::switches::{Mode, Permissions};
+use crate::switches::{CommandMode, Permissions};
 use units::spatial::{Motion, Twist};
 
 /// Gains from displacement to command.
@@ -45,15 +45,15 @@ impl Gate {
     pub fn next(
         self,
         permissions: &Permissions,
-        mode: Mode,
+        mode: CommandMode,
         set: bool,
         centred: bool,
         is_within: bool,
     ) -> Self {
         let fresh = match mode {
-            Mode::Rate => set || centred,
+            CommandMode::Rate => set || centred,
             // Otherwise the object would jump to the displacement of the hand.
-            Mode::Pose => set || permissions.engaged && !permissions.latches,
+            CommandMode::Pose => set || permissions.engaged && !permissions.latches,
         };
         match (permissions.commands, is_within, fresh) {
             (false, ..) => Self::Released,
@@ -67,26 +67,30 @@ impl Gate {
 
 impl CommandLaw {
     /// Returns the commanding part of a displacement: ΔX less the deadband (decision 5).
-    pub fn effective(&self, mode: Mode, channels: &Channels, dx: &Displacement) -> Displacement {
-        match mode {
-            Mode::Pose if !self.pose_deadband => *dx,
-            Mode::Rate | Mode::Pose => channels.beyond_deadband(dx),
-        }
+    pub fn effective(
+        &self,
+        mode: CommandMode,
+        channels: &Channels,
+        dx: &Displacement,
+    ) -> Displacement {
+        let is_whole = mode == CommandMode::Pose && !self.pose_deadband;
+        if is_whole { *dx } else { channels.beyond_deadband(dx) }
     }
 
     /// Returns the command for `dx_db`, the displacement less the deadband.
     pub fn motion(
         &self,
         interpretation: &Interpretation,
-        mode: Mode,
+        mode: CommandMode,
         gate: Gate,
         reference: &Reference,
         dx_db: &Displacement,
     ) -> Motion {
+        use CommandMode::{Pose, Rate};
         match (gate, mode) {
             (Gate::Released | Gate::Waiting | Gate::TurnedTooFar, _) => Motion::Hold,
-            (Gate::Open, Mode::Rate) => Motion::Rate(self.rate(interpretation.orientation, dx_db)),
-            (Gate::Open, Mode::Pose) => Motion::Pose(self.pose(interpretation, reference, dx_db)),
+            (Gate::Open, Rate) => Motion::Rate(self.rate(interpretation.orientation, dx_db)),
+            (Gate::Open, Pose) => Motion::Pose(self.pose(interpretation, reference, dx_db)),
         }
     }
 
@@ -204,7 +208,7 @@ mod tests {
             let mut gate = Gate::Released;
             for [commands, engaged, set, centred, is_within, rate] in steps {
                 let permissions = Permissions { commands, engaged: engaged && commands, ..Permissions::NOTHING };
-                let mode = if rate { Mode::Rate } else { Mode::Pose };
+                let mode = if rate { CommandMode::Rate } else { CommandMode::Pose };
                 gate = gate.next(&permissions, mode, set, centred, is_within);
                 prop_assert_eq!(gate == Gate::Released, !commands);
                 prop_assert!(gate != Gate::Open || is_within);
@@ -215,7 +219,7 @@ mod tests {
     #[test]
     fn displaced_hand_commands_no_rate_before_centre() {
         let next = |gate: Gate, permissions, centred| {
-            gate.next(permissions, Mode::Rate, false, centred, true)
+            gate.next(permissions, CommandMode::Rate, false, centred, true)
         };
         let gate = next(Gate::Released, &ENGAGED, false);
         assert_eq!(gate, Gate::Waiting);
@@ -226,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_displaced_hand_that_sets_a_reference_commands_at_once() {
-        for mode in [Mode::Rate, Mode::Pose] {
+        for mode in [CommandMode::Rate, CommandMode::Pose] {
             assert_eq!(Gate::Waiting.next(&HELD, mode, true, true, true), Gate::Open);
         }
     }
@@ -234,18 +238,18 @@ mod tests {
     #[test]
     fn passing_the_centre_does_not_open_the_gate_of_pose_mode() {
         assert_eq!(
-            Gate::TurnedTooFar.next(&HELD, Mode::Pose, false, true, true),
+            Gate::TurnedTooFar.next(&HELD, CommandMode::Pose, false, true, true),
             Gate::TurnedTooFar
         );
     }
 
     #[test]
     fn a_hand_turned_too_far_stays_unheard_until_it_begins_anew() {
-        let gate = Gate::Open.next(&HELD, Mode::Rate, false, false, false);
+        let gate = Gate::Open.next(&HELD, CommandMode::Rate, false, false, false);
         assert_eq!(gate, Gate::TurnedTooFar);
-        let gate = gate.next(&HELD, Mode::Rate, false, false, true);
+        let gate = gate.next(&HELD, CommandMode::Rate, false, false, true);
         assert_eq!(gate, Gate::TurnedTooFar);
-        assert_eq!(gate.next(&HELD, Mode::Rate, false, true, true), Gate::Open);
+        assert_eq!(gate.next(&HELD, CommandMode::Rate, false, true, true), Gate::Open);
     }
 
     #[test]
@@ -253,11 +257,11 @@ mod tests {
         let channels = Channels::new([0.1; 6], [1.0; 6]).unwrap();
         let dx = Displacement::from_components([0.05, 0.3, 0.0, 0.05, 0.3, 0.0]);
         let law = law();
-        assert_eq!(law.effective(Mode::Pose, &channels, &dx), dx);
+        assert_eq!(law.effective(CommandMode::Pose, &channels, &dx), dx);
         let asked = CommandLaw { pose_deadband: true, ..law };
         let left = channels.beyond_deadband(&dx);
-        assert_eq!(asked.effective(Mode::Pose, &channels, &dx), left);
-        assert_eq!(law.effective(Mode::Rate, &channels, &dx), left);
+        assert_eq!(asked.effective(CommandMode::Pose, &channels, &dx), left);
+        assert_eq!(law.effective(CommandMode::Rate, &channels, &dx), left);
     }
 
     #[test]

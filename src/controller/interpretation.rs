@@ -8,7 +8,7 @@
 //! | [`Weight`]            | 12       | each link on its own joints    | all links as one wrench at the grip: every joint except the first also carries the links before it |
 //! | [`Scaling`]           | 13, 22   | gravity is never scaled        | gravity is part of the assist and scaled with it: the arm sags in fast motion |
 //! | [`Difference`]        | 19       | twist of the grip, in SI       | ΔX less the last ΔX: grows with the sample rate, and takes Euler angles as a rotation |
-//! | `latches`             | 29       | closing the deadman latches    | the same; without it, a pose command jumps to the hand's displacement |
+//! | `latches`             | 29       | closing the deadman sets the reference | the same; without it, a pose command jumps to the hand's displacement |
 //! | [`ReflectionFrame`]   | 30       | those of the grip              | the same                                   |
 //!
 //! Both presets use Eq. 8 as an odd function (decision 14). As printed, its first line repels a hand on the negative

@@ -9,7 +9,7 @@ use crate::adjustment::AdjustmentState;
 use crate::command::Gate;
 use crate::port::PortOutput;
 use crate::reference::{Displacement, Reference};
-use crate::switches::{Mode, Permissions, Switches};
+use crate::switches::{CommandMode, Permissions, Switches};
 use crate::velocity::GripTwist;
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
@@ -46,14 +46,14 @@ pub struct Input {
     /// Levels of the switches.
     pub switches: Switches,
     /// Rate or pose mode.
-    pub mode: Mode,
+    pub mode: CommandMode,
     /// Share of the arm's weight to compensate, 0 to 1; ramped by the caller.
     pub gravity_share: f64,
     /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
     /// Targets that the drives hold since the last cycle; `None` if they equal its output.
     pub held: Option<DriveTargets>,
-    /// First cycle, or first after an overrun: differences to earlier cycles are invalid.
+    /// First cycle, or first after a gap: differences to earlier cycles are invalid.
     pub restart: bool,
 }
 

@@ -16,7 +16,7 @@ use crate::limits::Limits;
 use crate::port::{Port, PortOutput, Storage};
 use crate::reference::{Displacement, Reference};
 use crate::scaling::Scaling;
-use crate::switches::{Mode, Permissions, SwitchLogic};
+use crate::switches::{CommandMode, Permissions, SwitchLogic};
 use crate::valid_input::ValidInput;
 use crate::velocity::{GripTwist, JointRates, Velocity};
 use crate::{Extensions, Fault, Input, JointVector, Output, Settings};
@@ -46,7 +46,7 @@ pub struct Controller {
     f_m_sensed: Wrench,
     /// Actuator torques of the last cycle, and their targets.
     last: (JointVector, [PerMille; 6]),
-    mode: Mode,
+    mode: CommandMode,
     /// Last pose of the object.
     x_b_m: Isometry3<f64>,
     /// Last command, if it was a pose.
@@ -92,7 +92,7 @@ impl Controller {
             settings: *settings,
             layers: extensions,
             limits: Limits::new(calibration.max_torques(), assist_fraction, interpretation.scaling),
-            switch_logic: SwitchLogic::new(Mode::Rate, interpretation.latches),
+            switch_logic: SwitchLogic::new(CommandMode::Rate, interpretation.latches),
             reference: Reference::none(),
             gate: Gate::Released,
             rates: JointRates::new(period),
@@ -104,7 +104,7 @@ impl Controller {
             alignment: None,
             f_m_sensed: Wrench::ZERO,
             last: (JointVector::zeros(), [PerMille(0); 6]),
-            mode: Mode::Rate,
+            mode: CommandMode::Rate,
             x_b_m: Isometry3::identity(),
             x_b_commanded: None,
         }
@@ -250,18 +250,18 @@ impl Controller {
     }
 
     /// Computes the energy that the contact stores and returns in this mode.
-    fn storage(&mut self, mode: Mode, touch: &Touch) -> Storage {
+    fn storage(&mut self, mode: CommandMode, touch: &Touch) -> Storage {
         let Touch { f_g_felt, f_m_task, x_h_g, x_b_m } = touch;
         let f_b = x_b_m.rotation * f_m_task.force;
         self.contact.update(&f_b, &x_b_m.translation.vector);
         match mode {
-            Mode::Pose => {
+            CommandMode::Pose => {
                 let pose_gain = self.settings.command.pose_gain;
                 let pose_gain = pose_gain.scaled(&self.scaling.factors().command);
                 let stored = self.contact.stored(f_g_felt, f_m_task, &pose_gain);
                 Storage { stored, returned: 0.0, raised: stored * self.scaling.force_rise() }
             }
-            Mode::Rate => {
+            CommandMode::Rate => {
                 // Work on a hand that returns to its reference at constant force.
                 let push = x_h_g.rotation * f_g_felt.force;
                 let returned = -push.dot(&x_h_g.translation.vector);
@@ -274,15 +274,15 @@ impl Controller {
     fn centring(
         &self,
         permissions: &Permissions,
-        mode: Mode,
+        mode: CommandMode,
         x_0_g: &Isometry3<f64>,
         dx: &Displacement,
     ) -> Wrench {
         let Settings { interpretation, channels, .. } = &self.settings;
         let channels = match mode {
-            Mode::Rate if permissions.centring => *channels,
-            Mode::Pose if self.layers.walls_in_pose => channels.walls_only(),
-            Mode::Rate | Mode::Pose => return Wrench::ZERO,
+            CommandMode::Rate if permissions.centring => *channels,
+            CommandMode::Pose if self.layers.walls_in_pose => channels.walls_only(),
+            CommandMode::Rate | CommandMode::Pose => return Wrench::ZERO,
         };
         match interpretation.centring {
             Centring::Components => assist::centring_by_components(&channels, dx),
@@ -354,7 +354,7 @@ mod tests {
             f_s: Wrench::ZERO,
             x_b_m: Isometry3::identity(),
             switches: Switches::default(),
-            mode: Mode::Rate,
+            mode: CommandMode::Rate,
             gravity_share,
             reflection_share: 0.3,
             held: None,

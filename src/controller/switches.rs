@@ -9,12 +9,12 @@
 //! | held    | on         | yes     | yes         | rate mode        | yes     | yes     |
 //!
 //! Each press of the reflection switch toggles reflection. The reference switch acts once per press in rate mode. In pose
-//! mode it is a clutch while held: it latches grip and object in every cycle (the index button of the paper). A switch
+//! mode it is a clutch while held: it sets the reference in every cycle (the index button of the paper). A switch
 //! that is closed in the first cycle is ignored until it is released.
 
 /// Quantity that the hand's displacement commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
+pub enum CommandMode {
     /// Displacement commands velocity (Fig. 3).
     #[default]
     Rate,
@@ -72,7 +72,7 @@ impl Permissions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SwitchLogic {
     before: Switches,
-    mode: Mode,
+    mode: CommandMode,
     latches: bool,
     held: bool,
     reflecting: bool,
@@ -81,13 +81,13 @@ pub struct SwitchLogic {
 impl SwitchLogic {
     /// Creates the logic with every switch assumed closed and reflection off. `latches`: closing the deadman in pose mode
     /// sets the reference (decision 29).
-    pub const fn new(mode: Mode, latches: bool) -> Self {
+    pub const fn new(mode: CommandMode, latches: bool) -> Self {
         let closed = Switches { deadman: true, reference: true, reflection: true };
         Self { before: closed, mode, latches, held: false, reflecting: false }
     }
 
     /// Evaluates the levels of this cycle.
-    pub fn read(&mut self, now: Switches, mode: Mode) -> Permissions {
+    pub fn read(&mut self, now: Switches, mode: CommandMode) -> Permissions {
         let Self { before, mode: mode_before, latches, held: held_before, reflecting } = *self;
         let held = now.deadman && (held_before || !before.deadman);
         let reflecting = reflecting != (now.reflection && !before.reflection);
@@ -95,11 +95,11 @@ impl SwitchLogic {
         Permissions {
             commands: held,
             task: held && reflecting,
-            centring: held && reflecting && mode == Mode::Rate,
+            centring: held && reflecting && mode == CommandMode::Rate,
             damping: held && reflecting,
-            reference: now.reference && (mode == Mode::Pose || !before.reference),
+            reference: now.reference && (mode == CommandMode::Pose || !before.reference),
             engaged: held && (!held_before || mode != mode_before),
-            latches: mode == Mode::Pose && (latches || mode != mode_before),
+            latches: mode == CommandMode::Pose && (latches || mode != mode_before),
             reflects: reflecting,
         }
     }
@@ -116,7 +116,7 @@ mod tests {
     const REFERENCE: Switches = Switches { reference: true, ..DEADMAN };
     const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
 
-    fn released(mode: Mode) -> SwitchLogic {
+    fn released(mode: CommandMode) -> SwitchLogic {
         let mut switches = SwitchLogic::new(mode, true);
         switches.read(UP, mode);
         switches
@@ -127,9 +127,9 @@ mod tests {
         fn without_the_deadman_nothing_is_permitted(
             presses in prop::collection::vec(any::<[bool; 3]>(), 0..20)
         ) {
-            let mut switches = SwitchLogic::new(Mode::Rate, true);
+            let mut switches = SwitchLogic::new(CommandMode::Rate, true);
             for [deadman, reference, reflection] in presses {
-                let pressed = switches.read(Switches { deadman, reference, reflection }, Mode::Rate);
+                let pressed = switches.read(Switches { deadman, reference, reflection }, CommandMode::Rate);
                 if !deadman {
                     let Permissions { commands, task, centring, damping, engaged, .. } = pressed;
                     prop_assert!(!(commands || task || centring || damping || engaged));
@@ -141,27 +141,27 @@ mod tests {
     #[test]
     fn a_switch_closed_from_the_start_counts_after_its_release() {
         let all = Switches { deadman: true, reference: true, reflection: true };
-        let mut switches = SwitchLogic::new(Mode::Rate, true);
+        let mut switches = SwitchLogic::new(CommandMode::Rate, true);
         for _ in 0..3 {
-            assert_eq!(switches.read(all, Mode::Rate), Permissions::NOTHING);
+            assert_eq!(switches.read(all, CommandMode::Rate), Permissions::NOTHING);
         }
-        switches.read(UP, Mode::Rate);
-        let pressed = switches.read(all, Mode::Rate);
+        switches.read(UP, CommandMode::Rate);
+        let pressed = switches.read(all, CommandMode::Rate);
         assert!(pressed.commands && pressed.engaged && pressed.reference && pressed.task);
     }
 
     #[test]
     fn reflection_is_turned_by_a_press_and_stays() {
-        let mut switches = released(Mode::Rate);
+        let mut switches = released(CommandMode::Rate);
         let felt = [DEADMAN, REFLECTION, REFLECTION, DEADMAN, UP, DEADMAN, REFLECTION, DEADMAN]
-            .map(|levels| switches.read(levels, Mode::Rate).task);
+            .map(|levels| switches.read(levels, CommandMode::Rate).task);
         assert_eq!(felt, [false, true, true, true, false, true, false, false]);
     }
 
     #[test]
     fn reference_is_edge_in_rate_mode_and_clutch_in_pose_mode() {
         for (mode, expected) in
-            [(Mode::Rate, [true, false, false]), (Mode::Pose, [true, true, false])]
+            [(CommandMode::Rate, [true, false, false]), (CommandMode::Pose, [true, true, false])]
         {
             let mut switches = released(mode);
             let asked =
@@ -172,10 +172,10 @@ mod tests {
 
     #[test]
     fn commanding_begins_with_the_deadman_and_with_a_change_of_mode() {
-        let mut switches = released(Mode::Rate);
-        assert!(switches.read(DEADMAN, Mode::Rate).engaged);
-        assert!(!switches.read(DEADMAN, Mode::Rate).engaged);
-        let changed = switches.read(DEADMAN, Mode::Pose);
+        let mut switches = released(CommandMode::Rate);
+        assert!(switches.read(DEADMAN, CommandMode::Rate).engaged);
+        assert!(!switches.read(DEADMAN, CommandMode::Rate).engaged);
+        let changed = switches.read(DEADMAN, CommandMode::Pose);
         assert!(changed.engaged && changed.latches && !changed.centring);
     }
 }

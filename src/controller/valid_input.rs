@@ -66,7 +66,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::switches::{Mode, Switches};
+    use crate::switches::{CommandMode, Switches};
     use units::drive::Counts;
 
     fn input() -> Input {
@@ -75,7 +75,7 @@ mod tests {
             f_s: Wrench::from_components([1.0, -2.0, 3.0, 0.1, 0.2, -0.3]),
             x_b_m: Isometry3::translation(0.1, 0.2, 0.3),
             switches: Switches::default(),
-            mode: Mode::Rate,
+            mode: CommandMode::Rate,
             gravity_share: 0.5,
             reflection_share: 0.25,
             held: None,

@@ -86,7 +86,7 @@ impl Velocity {
         }
     }
 
-    /// Returns the twist since the last cycle. `restart` resets the estimate to zero: after an overrun the last motion took
+    /// Returns the twist since the last cycle. `restart` resets the estimate to zero: after a gap the last motion took
     /// longer than a cycle.
     pub fn update(&mut self, x_0_g: &Isometry3<f64>, restart: bool) -> GripTwist {
         let last = self.x_0_before.replace(*x_0_g).filter(|_| !restart);

@@ -24,7 +24,7 @@ pub enum Call {
     Request(Request),
     /// [`Node::cycle`](node::Node::cycle).
     Cycle,
-    /// [`Node::stop`](node::Node::stop).
+    /// [`Node::shut_down`](node::Node::shut_down).
     Stop,
 }
 

@@ -78,12 +78,12 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         record
     }
 
-    /// As [`Node::stop`].
+    /// As [`Node::shut_down`].
     ///
     /// # Errors
-    /// As [`Node::stop`].
-    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
-        self.recorded(Call::Stop, is_urgent, |node, is_urgent| node.stop(is_urgent))
+    /// As [`Node::shut_down`].
+    pub fn shut_down(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
+        self.recorded(Call::Stop, is_urgent, |node, is_urgent| node.shut_down(is_urgent))
     }
 
     /// Records a call of the node, its return, and the answers of its owner.
@@ -110,9 +110,9 @@ impl<B: Bus, R: Remote, S: InputSink + Clone> RecordedNode<B, R, S> {
         self.sink.on_input(Input::Returned(sent.value()));
     }
 
-    /// As [`Node::notice`].
-    pub fn notice(&mut self) -> Option<Event> {
-        self.node.notice()
+    /// As [`Node::next_event`].
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.node.next_event()
     }
 
     /// As [`Node::mode`].

@@ -8,7 +8,7 @@ use crate::intermediates::Digest;
 use crate::table::{self, FORMAT, MAGIC};
 use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use node::Request;
 use node::cause::ResetReason;
 use remote::{RemoteSample, SideFault};

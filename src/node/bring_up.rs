@@ -10,7 +10,7 @@ use crate::cause::Cause;
 use crate::mode_check::WrongMode;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
-use crate::stop::PowerOffError;
+use crate::shut_down::PowerOffError;
 use bus::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
@@ -150,9 +150,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Command::HOLD, Mode::Boot);
+        self.remote_side.exchange(now, &Command::HOLD, Mode::Boot);
         self.safety.boot(now);
-        self.drives.power.reset_faults();
+        self.drives.power.allow_one_fault_reset();
         for joint in Joint::ALL.into_iter().filter(|joint| !self.mode_check.is_enabling(*joint)) {
             self.drives.power.keep_off(joint);
         }
@@ -230,7 +230,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Event::BootFailed(error) = event {
             failed.push(error);
         } else {
-            self.note(event);
+            self.log_event(event);
         }
         if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }

@@ -1,18 +1,18 @@
-//! The controller and the operator's command mode (rate or pose).
+//! Controller, and the operator's command mode (rate or pose).
 
-use crate::link::Link;
-use crate::operator::Operator;
+use crate::newest_sample::NewestSample;
+use crate::operator::OperatorMonitors;
 use crate::permit::Permit;
 use crate::record::RefusedPress;
 use crate::samples::Samples;
 use config::Config;
 use controller::adjustment::{AdjustmentError, AdjustmentState};
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use controller::{Controller, DriveTargets, Input, JointVector, Output};
 use units::adjustment::Adjustment;
 use units::drive::PerMille;
 
-/// The controller with its command mode.
+/// Controller, its command mode, and the targets that it takes for held.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     controller: Controller,
@@ -36,15 +36,15 @@ impl Control {
     pub(super) fn input(
         &self,
         samples: &Samples,
-        link: &Link,
-        operator: &Operator,
+        newest: &NewestSample,
+        operator: &OperatorMonitors,
         permit: &Permit,
         restart: bool,
     ) -> Input {
         Input {
             counts: samples.latest().map(|sample| sample.position),
-            f_s: link.f_s(),
-            x_b_m: link.x_b_m(),
+            f_s: newest.f_s(),
+            x_b_m: newest.x_b_m(),
             switches: operator.switches(permit.engaged),
             mode: self.command_mode,
             gravity_share: permit.gravity_share,

@@ -50,11 +50,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = self.command_drives(sync_at, &permit, &output);
         self.send_services(now, sync_at);
         self.wire.read_transmit_confirmation();
-        let side = self.remote.state(sync_at);
-        let gripper = self.operator.gripper_command(&permit, self.remote.link.gripper());
+        let side = self.remote_side.state(sync_at);
+        let gripper = self.operator.gripper_command(&permit, self.remote_side.newest.gripper());
         let command =
             Command { motion: output.command, gripper: gripper.and_then(|it| it.command) };
-        self.remote.exchange(now, &command, self.safety.mode());
+        self.remote_side.exchange(now, &command, self.safety.mode());
 
         self.timing.end_cycle();
         let record = self.record(now, sync_at, &input, &side, output, targets);
@@ -82,8 +82,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.watch_stall(sync_at);
         let missing = self.samples.end_window(now);
         let deadman = self.operator.update(now, self.samples.inputs(now));
-        let link = self.remote.link.lost(now);
-        let far_side = self.remote.fault(self.safety.mode());
+        let link = self.remote_side.newest.lost(now);
+        let far_side = self.remote_side.fault(self.safety.mode());
         let gripper =
             self.operator.watch_gripper(now, self.samples.inputs(now), self.samples.analogue(now));
         self.raise(now, [missing, deadman, link, far_side, gripper]);
@@ -145,7 +145,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Returns the input of the controller, which restarts after a gap.
     fn input(&self, permit: &Permit, skipped: u64) -> Input {
         let restart = self.timing.follows_gap(skipped);
-        self.control.input(&self.samples, &self.remote.link, &self.operator, permit, restart)
+        self.control.input(&self.samples, &self.remote_side.newest, &self.operator, permit, restart)
     }
 
     fn record(
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn stall_of_eight_periods_is_an_overrun() {
+    fn stall_of_eight_periods_stops_the_node() {
         let mut node = node();
         node.cycle();
         node.bus_mut().stall = node.timing.period * 8;

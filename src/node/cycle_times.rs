@@ -30,7 +30,7 @@ pub(super) struct Readings {
     pub(super) wait_from: Instant,
     pub(super) due: Instant,
     pub(super) woken: Instant,
-    /// End of the window.
+    /// After the last TPDO in the SYNC window, or at its end.
     pub(super) window_end: Instant,
     /// Before the first target, and after the last.
     pub(super) first_target: Option<Instant>,

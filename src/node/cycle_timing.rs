@@ -9,7 +9,7 @@ use crate::schedule::Schedule;
 use config::Config;
 use units::time::Instant;
 
-/// Times of the cycle.
+/// Period, window and schedule of SYNC, and lateness of the loop.
 #[derive(Clone, Debug)]
 pub(super) struct CycleTiming {
     pub(super) period: Duration,
@@ -87,7 +87,7 @@ impl CycleTiming {
         [resumed, late]
     }
 
-    /// Returns the causes if the loop stalled from `due` to `now`: host suspended, overrun.
+    /// Returns the causes if the loop stalled from `due` to `now`: host suspended, stall.
     pub(super) fn watch_stall(
         &mut self,
         due: Instant,

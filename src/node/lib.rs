@@ -1,6 +1,6 @@
 //! The node: CANopen master, cycle and safety of one hand controller. It connects `canopen` and `controller`.
 //!
-//! Call [`Node::bring_up`], then [`Node::cycle`] once per period, then [`Node::stop`]. Only the [`Bus`] waits.
+//! Call [`Node::bring_up`], then [`Node::cycle`] once per period, then [`Node::shut_down`]. Only the [`Bus`] waits.
 //!
 //! ```
 //! use node::cause::Cause;
@@ -25,9 +25,9 @@ mod drives;
 mod guard_requests;
 pub mod joint_reading;
 mod lateness;
-mod link;
 mod mode_check;
 mod network;
+mod newest_sample;
 pub mod operator;
 pub mod permit;
 mod plausibility;
@@ -45,9 +45,9 @@ mod samples;
 mod schedule;
 mod sdo_pacer;
 mod send;
+mod shut_down;
 #[cfg(test)]
 mod silent_bus;
-mod stop;
 mod target_limiter;
 mod target_readings;
 mod targets;
@@ -59,7 +59,7 @@ pub use bring_up::BringUpError;
 pub use mode_check::WrongMode;
 pub use request::{Request, RequestError, Unfit};
 pub use rest::NotAtRest;
-pub use stop::PowerOffError;
+pub use shut_down::PowerOffError;
 
 use crate::boot_failures::ExpectedDrives;
 use crate::cause::Cause;
@@ -68,7 +68,7 @@ use crate::cycle_timing::CycleTiming;
 use crate::drives::Drives;
 use crate::mode_check::ModeCheck;
 use crate::network::Network;
-use crate::operator::Operator;
+use crate::operator::OperatorMonitors;
 use crate::plausibility::Plausibility;
 use crate::power_off::PowerOff;
 use crate::proof_test::{ProofTest, ProofTestReport};
@@ -98,9 +98,11 @@ pub struct Node<B, R> {
     drives: Drives,
     power_off: PowerOff,
     rest: RestPosture,
-    remote: RemoteSide<R>,
+    /// Names of the joints, base first.
+    joint_names: [String; 6],
+    remote_side: RemoteSide<R>,
     control: Control,
-    operator: Operator,
+    operator: OperatorMonitors,
     plausibility: Plausibility,
     safety: Safety,
 }
@@ -116,6 +118,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         };
         let Exchange { tpdos, rpdos } = config.exchange().clone();
         let plans = config.node_plans();
+        let switches = config.switches.as_ref();
         Self {
             timing: CycleTiming::new(config, now, bus.suspended()),
             wire: Wire::new(config, bus),
@@ -135,20 +138,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 config.safety.missing_samples,
             ),
             rest: RestPosture::new(config),
+            joint_names: config.joints.each_ref().map(|joint| joint.name.clone()),
             drives: Drives::new(config, rpdos),
-            remote: RemoteSide::new(config, now, remote),
+            remote_side: RemoteSide::new(config, now, remote),
             control: Control::new(config),
-            operator: Operator::new(
-                config.period,
-                config.switches.as_ref().map(|switches| switches.buttons),
-            )
-            .with_gripper(config.switches.as_ref().and_then(|switches| switches.gripper)),
+            operator: OperatorMonitors::new(config.period, switches.map(|them| them.buttons))
+                .with_gripper(switches.and_then(|them| them.gripper)),
             plausibility: Plausibility::new(config),
             safety: Safety::new(times),
         }
     }
 
-    /// Returns the mode.
+    /// Returns the mode to which the newest cause, request or cycle has led.
     pub const fn mode(&self) -> Mode {
         self.safety.mode()
     }
@@ -160,7 +161,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns the text of a cause, with the name of its joint.
     pub fn in_words(&self, cause: Cause) -> String {
-        cause.with_name(&self.rest.names())
+        cause.with_name(&self.joint_names)
     }
 
     /// Returns the results of the proof test; empty before a test, or if none is configured.
@@ -174,8 +175,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Takes the oldest network event that was not taken yet, for the log.
-    pub fn notice(&mut self) -> Option<Event> {
-        self.network.notice()
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.network.next_event()
     }
 
     /// Returns the bus, for its statistics.
@@ -190,11 +191,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns the commanded side.
     pub const fn remote(&self) -> &R {
-        &self.remote.remote
+        &self.remote_side.remote
     }
 
     /// Returns the commanded side, for a simulation behind it.
     pub const fn remote_mut(&mut self) -> &mut R {
-        &mut self.remote.remote
+        &mut self.remote_side.remote
     }
 }

@@ -18,10 +18,10 @@ use units::time::Instant;
 /// times a second is detected, and its nodes are not changed.
 const RESET_DELAY: Duration = Duration::from_millis(250);
 
-/// Maximum number of queued notices; further ones are dropped.
-const MAX_NOTICES: usize = 64;
+/// Maximum number of queued events; further ones are dropped.
+const MAX_QUEUED_EVENTS: usize = 64;
 
-/// The master and its producers.
+/// Master, its producers of heartbeat, SYNC and TIME, and the events for the log.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     pub(super) master: Master,
@@ -36,7 +36,7 @@ pub(super) struct Network {
     /// Set once heartbeat and guarding have ended for all nodes, until the next boot.
     is_silent: bool,
     /// Network events for the log, oldest first.
-    notices: VecDeque<Event>,
+    events: VecDeque<Event>,
 }
 
 impl Network {
@@ -56,7 +56,7 @@ impl Network {
             sdo_pacer: SdoPacer::new(),
             targets: TargetReadings::new(&config.exchange().tpdos),
             is_silent: false,
-            notices: VecDeque::with_capacity(MAX_NOTICES),
+            events: VecDeque::with_capacity(MAX_QUEUED_EVENTS),
         }
     }
 
@@ -92,14 +92,14 @@ impl Network {
     }
 
     /// Queues an event for the log.
-    pub(super) fn note(&mut self, event: Event) {
-        if self.notices.len() < MAX_NOTICES {
-            self.notices.push_back(event);
+    pub(super) fn queue_event(&mut self, event: Event) {
+        if self.events.len() < MAX_QUEUED_EVENTS {
+            self.events.push_back(event);
         }
     }
 
     /// Takes the oldest queued event.
-    pub(super) fn notice(&mut self) -> Option<Event> {
-        self.notices.pop_front()
+    pub(super) fn next_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
     }
 }

@@ -40,12 +40,12 @@ pub(super) struct PowerStages {
 
 impl PowerStages {
     /// Permits one fault reset per drive, at its next fault while being enabled, and enabling of drives kept off.
-    pub(super) fn reset_faults(&mut self) {
+    pub(super) fn allow_one_fault_reset(&mut self) {
         self.may_reset = [true; 6];
         self.kept_off = [false; 6];
     }
 
-    /// Keeps the drive of this joint off until [`reset_faults`](Self::reset_faults).
+    /// Keeps the drive of this joint off until [`allow_one_fault_reset`](Self::allow_one_fault_reset).
     pub(super) const fn keep_off(&mut self, joint: Joint) {
         *joint.entry_mut(&mut self.kept_off) = true;
     }
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn first_fault_while_enabling_is_reset_and_the_second_is_not() {
         let mut stages = PowerStages::default();
-        stages.reset_faults();
+        stages.allow_one_fault_reset();
         let mut word = |state| stages.controlword(FIRST, Some(state), Goal::OperationEnabled);
         assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
         assert_eq!(word(State::Fault), Controlword::FAULT_RESET);
@@ -130,7 +130,7 @@ mod tests {
         };
         let (on, off) = (Goal::OperationEnabled, Goal::VoltageDisabled);
         assert_eq!(goals(&stages), [on, on, off, on, on, on]);
-        stages.reset_faults();
+        stages.allow_one_fault_reset();
         assert_eq!(goals(&stages), [on; 6]);
     }
 }

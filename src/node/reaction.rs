@@ -43,7 +43,7 @@ impl Reaction {
     }
 }
 
-/// Device that removes torque first.
+/// Device that removes torque first, as `frhc explain faults` prints it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Initiator {
     /// The node, in its next frame.
@@ -65,7 +65,7 @@ impl Initiator {
     }
 }
 
-/// A row of the fault table.
+/// Row of the fault table: reactions to a kind of cause, and its reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultTableRow {
     /// Reaction in `Boot` and `Ready`, where torque is zero.
@@ -80,7 +80,14 @@ pub struct FaultTableRow {
     pub hazards: &'static [u8],
 }
 
-/// A row with the same reaction in every mode.
+impl FaultTableRow {
+    /// Returns whether the reset itself clears the cause, by a fault reset in the drive. Such a cause refuses no reset.
+    pub const fn is_reset_in_drive(&self) -> bool {
+        !self.reset_boots && matches!(self.initiator, Initiator::Drive)
+    }
+}
+
+/// Row with the same reaction in every mode.
 pub(crate) const fn always(
     reaction: Reaction,
     initiator: Initiator,
@@ -90,7 +97,7 @@ pub(crate) const fn always(
     FaultTableRow { unarmed: reaction, armed: reaction, initiator, reset_boots, hazards }
 }
 
-/// A row that stops only modes with torque.
+/// Row that stops only modes with torque.
 pub(crate) const fn armed(reaction: Reaction, hazards: &'static [u8]) -> FaultTableRow {
     FaultTableRow {
         unarmed: Reaction::None,

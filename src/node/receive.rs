@@ -120,7 +120,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
             Relation::Part => {
-                self.note_tested(&event);
+                self.log_tested(&event);
                 return None;
             }
             Relation::Tolerated => None,
@@ -136,24 +136,24 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.samples.set_statusword(node, statusword);
             return None;
         }
-        self.note(event);
+        self.log_event(event);
         cause
     }
 
     /// Logs an emergency that the proof test has caused, apart from the reset of its error.
-    fn note_tested(&mut self, event: &Event) {
+    fn log_tested(&mut self, event: &Event) {
         if let &Event::Emergency { node, emergency } = event
             && !emergency.is_reset()
         {
-            self.note(Event::Tested { node, emergency });
+            self.log_event(Event::Tested { node, emergency });
         }
     }
 
-    /// Reports an event to the observer of the buses at once, or queues it for [`Node::notice`].
-    pub(super) fn note(&mut self, event: Event) {
+    /// Reports an event to the observer of the buses at once, or queues it for [`Node::next_event`].
+    pub(super) fn log_event(&mut self, event: Event) {
         let now = self.wire.now();
         if let Some(event) = self.wire.bus.report(now, event) {
-            self.network.note(event);
+            self.network.queue_event(event);
         }
     }
 }

@@ -21,7 +21,7 @@ use units::time::Instant;
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Hash)]
 #[display("{}", self.name())]
 pub enum Mode {
-    /// Drives are being configured, enabled and proof-tested, at zero torque.
+    /// Zero torque until all drives are enabled: network boot, proof tests, and a reset that does not boot the network.
     Boot,
     /// Drives enabled at zero torque.
     Ready,
@@ -154,7 +154,7 @@ pub struct GripperRecord {
 /// Adjustment of a pressed button that was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefusedPress {
-    /// Adjustment.
+    /// Adjustment that the press requested.
     pub adjustment: Adjustment,
     /// Reason.
     pub refused: AdjustmentError,

@@ -1,20 +1,20 @@
-//! The commanded side: the robot or virtual object, and its newest valid sample.
+//! Commanded side: a robot or virtual object, and its newest valid sample.
 
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::link::Link;
+use crate::newest_sample::NewestSample;
 use crate::record::Mode;
 use config::Config;
 use remote::model::{Difference, Model};
 use remote::{Command, Remote, RobotJoints, SideFault};
 use units::time::Instant;
 
-/// The commanded side.
+/// Commanded side, its newest valid sample, and the model of its robot.
 #[derive(Clone, Debug)]
 pub(super) struct RemoteSide<R> {
     pub(super) remote: R,
-    pub(super) link: Link,
+    pub(super) newest: NewestSample,
     model: Option<Model>,
     was_armed: bool,
 }
@@ -30,10 +30,10 @@ pub(super) struct SideState {
 impl<R: Remote> RemoteSide<R> {
     /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
-        let link = Link::new(config.link.max_age);
+        let newest = NewestSample::new(config.link.max_age);
         let limit = config.far_side.model_limit;
         let model = limit.map(|limit| Model::new(&config.remote, limit, config.period));
-        let mut side = Self { remote, link, model, was_armed: false };
+        let mut side = Self { remote, newest, model, was_armed: false };
         side.exchange(now, &Command::HOLD, Mode::Boot);
         side
     }
@@ -56,7 +56,7 @@ impl<R: Remote> RemoteSide<R> {
     /// Returns the state of the commanded side at SYNC.
     pub(super) fn state(&self, sync_at: Instant) -> SideState {
         SideState {
-            sample_age: self.link.age(sync_at),
+            sample_age: self.newest.age(sync_at),
             q_r: self.model.as_ref().map_or_else(|| self.remote.joints(), Model::joints),
             model: self.model.as_ref().and_then(Model::difference),
         }
@@ -69,9 +69,9 @@ impl<R: Remote> RemoteSide<R> {
             self.remote.end_epoch();
         }
         let sensed = self.remote.exchange(now, command);
-        self.link.update(now, sensed);
+        self.newest.update(now, sensed);
         if let Some(model) = &mut self.model {
-            model.exchange(now, &command.motion, self.link.newest());
+            model.exchange(now, &command.motion, self.newest.sample());
         }
     }
 }

@@ -10,7 +10,7 @@ use bus::Bus;
 use config::facts::FactsError;
 use config::force_cap::ForceAboveCap;
 use controller::adjustment::AdjustmentError;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use remote::Remote;
 use remote::stated::Misfit;
 use units::adjustment::Adjustment;
@@ -86,7 +86,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
                 self.rest.on_armed();
-                self.remote.remote.begin_epoch();
+                self.remote_side.remote.begin_epoch();
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
@@ -100,8 +100,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn check_fitness(&mut self, now: Instant) -> Result<(), RequestError> {
         let facts = self.proof_test.check_facts().err().into_iter().flatten().map(Unfit::from);
         let force = self.proof_test.check_force().err().map(Unfit::from);
+        let q = self.control.positions(&self.samples);
         // Before the boot there is no sample of any joint.
-        let rest = self.rest.check(&self.control.positions(&self.samples)).err();
+        let rest = self.rest.check(&self.joint_names, &q).err();
         let rest = rest.filter(|_| self.mode() != Mode::Boot).map(Unfit::from);
         let all: Vec<_> = facts.chain(force).chain(rest).collect();
         refuse(all.into_iter().chain(self.misfits(now)).collect())
@@ -109,7 +110,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Returns each reason against arming with this commanded side.
     fn misfits(&mut self, now: Instant) -> impl Iterator<Item = Unfit> {
-        self.remote.remote.misfits(now).into_iter().map(Unfit::from)
+        self.remote_side.remote.misfits(now).into_iter().map(Unfit::from)
     }
 
     /// Ends a stop, with a boot if any of its causes requires one. If the boot fails the stop remains.
@@ -123,7 +124,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             refuse(self.misfits(now).collect())?;
         }
         let stop = self.safety.reset(now)?;
-        self.drives.power.reset_faults();
+        self.drives.power.allow_one_fault_reset();
         let was_silent = self.network.is_silent();
         let unconfirmed = self.unconfirmed();
         self.power_off.restart();
@@ -139,7 +140,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             booted?;
         }
-        self.remote.remote.begin_epoch();
+        self.remote_side.remote.begin_epoch();
         Ok(())
     }
 }

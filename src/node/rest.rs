@@ -15,7 +15,7 @@ use units::wording::in_one_line;
 /// Rest posture of the arm, and whether the arm was in it.
 #[derive(Clone, Debug)]
 pub(super) struct RestPosture {
-    joints: [(String, Option<Rest>); 6],
+    rests: [Option<Rest>; 6],
     is_confirmed: bool,
 }
 
@@ -42,13 +42,7 @@ struct Reading {
 impl RestPosture {
     /// Returns the rest posture before the first arming.
     pub(super) fn new(config: &Config) -> Self {
-        let joints = config.joints.each_ref().map(|joint| (joint.name.clone(), joint.rest));
-        Self { joints, is_confirmed: false }
-    }
-
-    /// Names of the joints, base first.
-    pub(super) fn names(&self) -> [&str; 6] {
-        self.joints.each_ref().map(|(name, _)| name.as_str())
+        Self { rests: config.joints.each_ref().map(|joint| joint.rest), is_confirmed: false }
     }
 
     /// Requires the posture again, before the network boots.
@@ -56,25 +50,25 @@ impl RestPosture {
         self.is_confirmed = false;
     }
 
-    /// Checks joint positions `q`, in rad or m, at a request to arm.
+    /// Checks joint positions `q`, in rad or m, at a request to arm. `names` are those of the joints, base first.
     ///
     /// # Errors
     /// At the first arming after a boot, every joint with a rest position that is not there.
-    pub(super) fn check(&self, q: &JointVector) -> Result<(), NotAtRest> {
+    pub(super) fn check(&self, names: &[String; 6], q: &JointVector) -> Result<(), NotAtRest> {
         if self.is_confirmed {
             return Ok(());
         }
-        let joints = Joint::each(self.joints.iter().zip(q.iter()));
+        let joints = Joint::each(self.rests.iter().zip(names).zip(q.iter()));
         let readings: Vec<_> = joints
-            .filter_map(|(joint, ((name, rest), q))| {
-                let rest = (*rest).filter(|rest| !rest.contains(*q))?;
+            .filter_map(|(joint, ((rest, name), q))| {
+                let rest = rest.filter(|rest| !rest.contains(*q))?;
                 Some(Reading { joint, name: name.clone(), rest, q: *q })
             })
             .collect();
         if readings.is_empty() { Ok(()) } else { Err(NotAtRest(readings)) }
     }
 
-    /// Notes that the arm was armed.
+    /// Requires the posture no more until the next boot: the arm was armed in it.
     pub(super) const fn on_armed(&mut self) {
         self.is_confirmed = true;
     }

@@ -19,7 +19,7 @@ const SWITCH_INPUT_TIMEOUT: Duration = Duration::from_millis(15);
 /// Maximum age of a statusword in a separate TPDO, in repetition periods of that TPDO.
 const MAX_MISSED_STATUSWORDS: u32 = 3;
 
-/// The newest sample of each joint.
+/// Newest TPDO contents of each drive and of the switch box.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     tpdos: TpdoMap,

@@ -11,7 +11,7 @@ use config::Config;
 use remote::{Command, Remote, RemoteSample};
 use units::time::Instant;
 
-/// A bus without any other node.
+/// Bus without any other node.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SilentBus {
     pub(super) now: Instant,
@@ -21,7 +21,7 @@ pub(super) struct SilentBus {
     pub(super) refuses: Option<SendError>,
     /// Frames of other nodes, with the times of their reception in ascending order.
     pub(super) received: Vec<(Instant, Telegram)>,
-    /// A fault of channel 0, and the time at which it is reported.
+    /// Fault of channel 0, and the time at which it is reported.
     pub(super) fault: Option<(Instant, BusFault)>,
     /// Stall of the process, added to the next wait.
     pub(super) stall: Duration,
@@ -75,7 +75,7 @@ impl SilentBus {
     }
 }
 
-/// A commanded side that never sends a sample.
+/// Commanded side that never sends a sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NoRemote;
 

@@ -1,4 +1,4 @@
-//! The last limiter before the bus: clamps each target torque (6071h) to its maximum, and its rise to 10 % of that per
+//! Last limiter before the bus: clamps each target torque (6071h) to its maximum, and its rise to 10 % of that per
 //! cycle. A fall is not limited.
 //!
 //! It does not rely on the limits and the slew of the controller, which are tighter in normal operation.

@@ -42,7 +42,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Sends targets and controlwords computed from the samples of the SYNC sent at `sync_at`. Returns the joints whose
-    /// targets were sent. A torque that is too late is dropped, and counts as an overrun.
+    /// targets were sent. A torque that is too late is dropped, and makes the cycle a late one.
     pub(super) fn send_targets(
         &mut self,
         sync_at: Instant,
@@ -52,11 +52,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.drives.set(self.samples.latest(), targets, self.safety.mode(), drives_on);
         let mut was_sent = [true; 6];
         let mut out = std::mem::take(&mut self.wire.out);
-        self.drives.rpdos.cyclic(&mut out);
+        self.drives.rpdos.append_synchronous(&mut out);
         for telegram in out.drain(..) {
             let is_late = self.is_late(sync_at);
             let in_time = if is_late || self.wire.lacks_sync(telegram.channel, sync_at) {
-                self.drives.rpdos.late(&telegram)
+                self.drives.rpdos.without_stale_torque(&telegram)
             } else {
                 Some(telegram)
             };
@@ -76,7 +76,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if is_late {
             self.withdraw_targets(was_sent);
         }
-        self.drives.rpdos.changed(is_late, &mut self.wire.out);
+        self.drives.rpdos.append_event_driven(is_late, &mut self.wire.out);
         self.send_queued();
         was_sent
     }
@@ -84,7 +84,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Replaces all target torques by zero if any was sent, because the process has stalled before the last one or since.
     fn withdraw_targets(&mut self, was_sent: [bool; 6]) {
         let mut out = std::mem::take(&mut self.wire.out);
-        self.drives.rpdos.cyclic(&mut out);
+        self.drives.rpdos.append_synchronous(&mut out);
         out.retain(|telegram| self.drives.rpdos.has_torque(telegram));
         let is_sent = |telegram: &Telegram| {
             let mut joints = self.drives.rpdos.nodes_with_torque(telegram);

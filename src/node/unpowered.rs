@@ -20,7 +20,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.wire.read_clock();
         self.timing.restart(now);
         // No sample was requested during the boot: the newest one is stale.
-        self.remote.exchange(now, &Command::HOLD, self.safety.mode());
+        self.remote_side.exchange(now, &Command::HOLD, self.safety.mode());
         // The caller's cause: no watch raises it.
         self.raise(now, [Some(cause)]);
         Ok(())

@@ -1,4 +1,4 @@
-//! The node's buses: reception, the queue of frames to send, and the permission to send.
+//! Buses of the node: reception, the queue of frames to send, and the permission to send.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use units::time::Instant;
 /// Capacity of the queue of frames to send, reserved so that the cycle does not allocate.
 const QUEUE_CAPACITY: usize = 64;
 
-/// The buses, with the permission to send on each.
+/// Buses, with the permission to send on each.
 #[derive(Clone, Debug)]
 pub(super) struct Wire<B> {
     pub(super) bus: B,

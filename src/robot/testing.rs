@@ -1,4 +1,4 @@
-//! Arms and strategies for the tests of this room.
+//! Arms and strategies for the tests of this crate.
 
 use std::f64::consts::FRAC_PI_2;
 

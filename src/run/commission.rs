@@ -14,7 +14,7 @@ use canopen::master::check::Check;
 use canopen::nameplate::StoredValue;
 use canopen::plan::NodePlan;
 use config::Config;
-use node::proof_test::{DriveResult, Expiry, ProofTestReport};
+use node::proof_test::{DriveResult, ProofTestReport, WatchdogExpiry};
 use node::{BringUpError, Node};
 use remote::site::VirtualSite;
 
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
         Report { config: &config, plans: drives(&config), proof: node.proof_test_report().clone() };
     print::line(&if args.json { report.json().to_string() } else { report.text() });
     booted.map_err(failure)?;
-    node.stop(&mut || false).or_fail(Kind::Drive)
+    node.shut_down(&mut || false).or_fail(Kind::Drive)
 }
 
 /// Logs a warning if the proof test is disabled.
@@ -182,16 +182,16 @@ fn read_back(drive: &DriveResult, check: &Check) -> String {
     }
 }
 
-fn cell(expiry: Option<Expiry>) -> String {
+fn cell(expiry: Option<WatchdogExpiry>) -> String {
     expiry.map_or_else(
         || "-".to_owned(),
-        |Expiry { watchdog, measured, .. }| {
+        |WatchdogExpiry { watchdog, measured, .. }| {
             format!("{} / {:.1}", watchdog.millis, millis(measured))
         },
     )
 }
 
-fn timer(Expiry { watchdog, measured, .. }: Expiry) -> serde_json::Value {
+fn timer(WatchdogExpiry { watchdog, measured, .. }: WatchdogExpiry) -> serde_json::Value {
     serde_json::json!({
         "object": watchdog.object.to_string(),
         "said_ms": watchdog.millis,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::console::request_queue::{AcceptedRequest, RequestReceiver};
 use crate::exit::{Failure, Kind, OrFail};
-use crate::latch::Latch;
+use crate::latch::LatchFile;
 use crate::realtime_args::RealtimeArgs;
 use crate::rings::EntryProducer;
 use crate::stop_signals::StopSignals;
@@ -43,7 +43,7 @@ pub(super) fn run<B: Bus, R: Remote, S: InputSink + Clone>(
     mut node: TappedNode<B, R, S>,
     mut requests: RequestReceiver,
     signals: &StopSignals,
-    mut latch: Latch,
+    mut latch: LatchFile,
     realtime: &RealtimeArgs,
 ) -> Result<(), Failure> {
     // Held until the cycle ends, because the limit of the processors' latency ends with it.
@@ -101,7 +101,7 @@ fn within<T: Send + 'static>(
 pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
     node: &mut TappedNode<B, R, S>,
     requests: &mut RequestReceiver,
-    latch: &mut Latch,
+    latch: &mut LatchFile,
     stopping: &impl Fn() -> bool,
     is_urgent: &impl Fn() -> bool,
 ) -> RunEnd {
@@ -133,7 +133,7 @@ pub fn run_node<B: Bus, R: Remote, S: InputSink + Clone>(
     requests.close();
     let stopped_by = node.cause().map(|cause| node.in_words(cause));
     let stop = |reason| Failure::new(Kind::Stopped, reason);
-    let off = node.stop(&mut || is_urgent());
+    let off = node.shut_down(&mut || is_urgent());
     match (stopped_by, off) {
         (None, confirmed) => RunEnd::new(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
         (Some(cause), Ok(())) => RunEnd::new(false, Err(stop(format!("stopped by {cause}")))),
@@ -176,7 +176,7 @@ fn run_cycle<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TappedNode<B, R
 pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
     node: &mut RecordedNode<B, R, S>,
     requests: &mut RequestReceiver,
-    latch: &mut Latch,
+    latch: &mut LatchFile,
     stopping: &impl Fn() -> bool,
 ) {
     if let Some(disarm) = requests.pending_disarm() {
@@ -217,7 +217,7 @@ pub fn execute_requests<B: Bus, R: Remote, S: InputSink + Clone>(
 
 /// Queues events on the network for the recorder thread.
 fn forward_events<B: Bus, R: Remote, S: InputSink + Clone>(node: &mut TappedNode<B, R, S>) {
-    while let Some(event) = node.notice() {
+    while let Some(event) = node.next_event() {
         node.bus_mut().tap_mut().push_event(event);
     }
 }

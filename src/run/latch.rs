@@ -23,9 +23,9 @@ const GROUP: &str = "frhc";
 /// Permissions of a folder created by this program. The setgid bit gives new files the group of the folder.
 const FOLDER_PERMISSIONS: u32 = 0o2770;
 
-/// Latch of one run.
+/// Latch file of one run.
 #[derive(Debug)]
-pub struct Latch {
+pub struct LatchFile {
     folder: PathBuf,
     name: String,
     /// Latch of an earlier release in the user's home, if present.
@@ -38,7 +38,7 @@ pub struct Latch {
     remark: Option<String>,
 }
 
-impl Latch {
+impl LatchFile {
     /// Creates the latch of the node on these interfaces, or finds it left by the last run.
     pub fn set(interfaces: &[String]) -> Self {
         Self::set_in(state::latch_folder(), state::earlier_latch_folder(), interfaces)
@@ -236,8 +236,8 @@ mod tests {
     use super::*;
     use crate::scratch::path as scratch;
 
-    fn set(folder: &Path, interface: &str) -> Latch {
-        Latch::set_in(folder.to_path_buf(), None, &[interface.to_owned()])
+    fn set(folder: &Path, interface: &str) -> LatchFile {
+        LatchFile::set_in(folder.to_path_buf(), None, &[interface.to_owned()])
     }
 
     #[test]
@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn hazard_27_latch_of_an_earlier_release_in_the_home_is_found() {
         let (folder, home) = (scratch("latch-shared"), scratch("latch-home"));
-        let set = || Latch::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()]);
+        let set = || LatchFile::set_in(folder.clone(), Some(home.clone()), &["can0".to_owned()]);
         let latch = set();
         assert_eq!((latch.awaits(), latch.end(Ok(()))), (None, None), "no home, no latch");
         fs::create_dir_all(&home).unwrap();

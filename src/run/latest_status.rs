@@ -9,7 +9,7 @@ use telemetry::feed::Scarce;
 use telemetry::link_report::LinkReport;
 use telemetry::losses::Losses;
 use telemetry::status::{JointLabel, Status};
-use telemetry::timing::{Overrun, Timing, TimingReport};
+use telemetry::timing::{LateCycle, Timing, TimingReport};
 use units::time::Instant;
 
 /// Newest record and timing, for the console.
@@ -84,8 +84,8 @@ impl LatestStatus {
         self.lock().newest = Some((*record, missing_samples, lost));
     }
 
-    /// Adds the times of the next cycle; returns its overrun, if any.
-    pub(super) fn add_times(&self, record: &Record) -> Option<Overrun> {
+    /// Adds the times of the next cycle; returns it if it was late.
+    pub(super) fn add_times(&self, record: &Record) -> Option<LateCycle> {
         self.lock().timing.add(record)
     }
 

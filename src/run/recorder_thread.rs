@@ -19,7 +19,7 @@ use telemetry::contact_posture::ContactPostures;
 use telemetry::fidelity::{CommandSampler, Fidelity, WrenchSource};
 use telemetry::status::{self, JointLabel};
 use telemetry::summary::Summary;
-use telemetry::timing::Overrun;
+use telemetry::timing::LateCycle;
 use telemetry::token_bucket::TokenBucket;
 use units::numbering::Joint;
 use units::time::Instant;
@@ -167,12 +167,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds the times of a cycle, and logs the longest step of an overrun.
+    /// Adds the times of a cycle, and logs the longest step of a late one.
     fn watch_timing(&mut self, record: &Record) {
         // In a boot, nodes and drives decide how long steps take.
-        let overrun = if record.mode == Mode::Boot { None } else { self.latest.add_times(record) };
-        if let Some(overrun) = overrun {
-            log_time::stamp_with(record.at, || self.event_log.log_overrun(record.at, &overrun));
+        let late = if record.mode == Mode::Boot { None } else { self.latest.add_times(record) };
+        if let Some(late) = late {
+            log_time::stamp_with(record.at, || self.event_log.log_late_cycle(record.at, &late));
         }
     }
 
@@ -218,11 +218,11 @@ impl EventLog {
         }
     }
 
-    /// Logs the longest step of an overrun.
-    fn log_overrun(&mut self, now: Instant, overrun: &Overrun) {
+    /// Logs the longest step of a late cycle.
+    fn log_late_cycle(&mut self, now: Instant, late: &LateCycle) {
         if self.run.take(now) {
             self.log_suppressed();
-            tracing::warn!("{overrun}");
+            tracing::warn!("{late}");
         } else {
             self.suppressed += 1;
         }

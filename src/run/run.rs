@@ -20,7 +20,7 @@ use crate::exit::{Failure, Kind, OrFail};
 use crate::feed_socket::{self, Publisher};
 use crate::input_ring::input_ring;
 use crate::interfaces::{self, Interfaces};
-use crate::latch::Latch;
+use crate::latch::LatchFile;
 use crate::latest_status::LatestStatus;
 use crate::limits::LimitArgs;
 use crate::provenance::Provenance;
@@ -106,7 +106,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let link_status = link.as_ref().map(LinkThread::latest);
     let latest =
         LatestStatus::new(status::labels(&config), recording.clone()).with_link(link_status);
-    let latch = Latch::set(&names);
+    let latch = LatchFile::set(&names);
     let remark = latch.remark().map(str::to_owned).inspect(|remark| tracing::warn!("{remark}"));
     let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark));
     signals.enable_orderly_stop();

@@ -24,7 +24,7 @@ pub struct Timing {
     last_target: Histogram<u32>,
     confirmed: Histogram<u32>,
     joints: [Histogram<u32>; 6],
-    /// Number of overruns until the previous cycle, and its times.
+    /// Number of late cycles until the previous cycle, and its times.
     before: Option<(u64, CycleTimes)>,
 }
 
@@ -92,7 +92,7 @@ pub struct HistogramReport {
     pub sync_to_sample_us: [Vec<Class>; 6],
 }
 
-/// Longest step of a cycle with an overrun.
+/// Longest step of a late cycle.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 pub enum LateStep {
     /// Wake-up of the cycle's thread by the kernel.
@@ -112,10 +112,10 @@ pub enum LateStep {
     Rest,
 }
 
-/// Overrun of a cycle, with its longest step.
+/// A late cycle, as `overruns` counts them, with its longest step.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq)]
 #[display("overrun in cycle {cycle}: {step} took {} µs", took.as_micros())]
-pub struct Overrun {
+pub struct LateCycle {
     /// Number of the cycle.
     pub cycle: u64,
     /// Longest step.
@@ -139,12 +139,12 @@ impl Default for Timing {
 }
 
 impl Timing {
-    /// Adds the next cycle; returns its overrun, if any.
-    pub fn add(&mut self, record: &Record) -> Option<Overrun> {
+    /// Adds the next cycle; returns it if it was late.
+    pub fn add(&mut self, record: &Record) -> Option<LateCycle> {
         self.add_times(&record.times);
         let (overruns, before) = self.before.replace((record.overruns, record.times))?;
         let is_over = record.overruns > overruns;
-        is_over.then(|| Overrun::from_times(record.cycle, &record.times, &before))
+        is_over.then(|| LateCycle::from_times(record.cycle, &record.times, &before))
     }
 
     fn add_times(&mut self, times: &CycleTimes) {
@@ -186,7 +186,7 @@ impl Timing {
     }
 }
 
-impl Overrun {
+impl LateCycle {
     /// Finds the longest step between the SYNC of the previous cycle and the last target of this one.
     fn from_times(cycle: u64, times: &CycleTimes, before: &CycleTimes) -> Self {
         let of_cycle = |times: &CycleTimes| {
@@ -277,7 +277,7 @@ mod tests {
         Duration::from_micros(micros)
     }
 
-    /// Times of a cycle without an overrun: its last target is sent 480 µs after SYNC.
+    /// Times of a cycle in time: its last target is sent 480 µs after SYNC.
     const USUAL: CycleTimes = CycleTimes {
         rest: Duration::from_micros(40),
         wake_up: Duration::from_micros(3),
@@ -308,7 +308,7 @@ mod tests {
             ),
             (usual, CycleTimes { targets: micros(1_600), ..usual }, LateStep::Targets, 1_220),
         ] {
-            let overrun = Overrun::from_times(9, &now, &before);
+            let overrun = LateCycle::from_times(9, &now, &before);
             assert_eq!((overrun.step, overrun.took), (step, micros(took)), "{overrun}");
         }
     }

@@ -33,10 +33,10 @@ pub fn of_stop(
         None => format!("Remove the cause{place}."),
     });
     steps.push("`frhc ctl status` shows the cause while it is present.".to_owned());
-    steps.push(match kind.map(|kind| (kind.row().reset_boots, kind.row().initiator)) {
+    steps.push(match kind.map(|kind| (kind.row().reset_boots, kind.row().is_reset_in_drive())) {
         Some((true, _)) => "`frhc ctl reset` ends the stop. It boots the network again, since a node may have lost its configuration, and fails while the cause is present.".to_owned(),
-        Some((false, Initiator::Drive)) => "`frhc ctl reset` ends the stop, and resets the fault of the drive once.".to_owned(),
-        Some((false, _)) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
+        Some((_, true)) => "`frhc ctl reset` ends the stop, and resets the fault of the drive once.".to_owned(),
+        Some((false, false)) | None => "`frhc ctl reset` ends the stop; it is refused while the cause is present.".to_owned(),
     });
     steps.push(format!("`frhc ctl arm` if the node is ready, not armed; then {PRESS_DEADMAN}"));
     steps

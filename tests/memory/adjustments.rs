@@ -14,7 +14,7 @@ use crate::linked_node::parse;
 use config::Config;
 use config::shipped::HAND_CONTROLLERS;
 use controller::adjustment::AdjustmentError;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use experiments::comparison;
 use node::record::{Mode, Record};
 use node::{Request, RequestError};

@@ -44,7 +44,7 @@ fn bench(changes: &[(&str, &str)]) -> (Bench<Wire>, Wire) {
 }
 
 fn events(bench: &mut Bench<Wire>) -> Vec<Event> {
-    std::iter::from_fn(|| bench.notice()).collect()
+    std::iter::from_fn(|| bench.next_event()).collect()
 }
 
 fn configured(events: &[Event], node: usize) -> Configuration {
@@ -72,7 +72,7 @@ fn stored_configuration_is_not_written_again() {
     let first = events(&mut bench);
     assert_eq!(configured(&first, 0), Configuration::Stored);
     assert_eq!(configured(&first, SWITCHES), Configuration::Downloaded, "it has no 1020h");
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     wire.clear();
     let start = bench.node().bus().now();
     bench.bring_up().unwrap();
@@ -162,7 +162,7 @@ fn hazard_30_stop_ends_life_guarding_of_drive_and_switch_box() {
     let (mut bench, wire) = bench(&[("[controller]\n", guarding), ("[switches]\n", drive)]);
     bench.bring_up().unwrap();
     bench.run(100);
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     let ended = bench.now();
     bench.fall_silent_for(Duration::from_secs(1));
     let drives = bench.node().bus().stations().drives();

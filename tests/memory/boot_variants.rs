@@ -83,7 +83,7 @@ fn armed(file: &str) -> Bench<Wire> {
     bench.run(20);
     bench.ask(Request::Arm).unwrap();
     bench.run(20);
-    while bench.notice().is_some() {}
+    while bench.next_event().is_some() {}
     bench
 }
 
@@ -95,7 +95,7 @@ fn hazard_07_listed_emergency_warns_and_every_other_one_stops() {
             warned.world_mut().drive_mut(ELBOW).unwrap().report_transient_error(code, 0);
             warned.run(20);
             assert_eq!(warned.node().mode(), Mode::Armed, "{file}: {code:04X}h");
-            let events: Vec<_> = std::iter::from_fn(|| warned.notice()).collect();
+            let events: Vec<_> = std::iter::from_fn(|| warned.next_event()).collect();
             let is_warning = |event: &Event| {
                 matches!(event, Event::EmergencyWarning { node, emergency }
                     if *node == ELBOW.into() && emergency.code == code)

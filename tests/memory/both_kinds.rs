@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Vector3};
 use crate::common::linked::{LINK, linked_text};
 use crate::linked_node::{Handle, LinkedSide, Network, parse};
 use bus::Bus;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use memory_bus::Memory;
 use node::record::{Mode, Record};
 use node::{Node, Request};

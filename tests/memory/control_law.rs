@@ -21,7 +21,7 @@ use controller::passivity::{Passivity, PassivitySettings};
 use controller::period::Period;
 use controller::reflection::Reflection;
 use controller::soft_stops::SoftStops;
-use controller::switches::{Mode, Switches};
+use controller::switches::{CommandMode, Switches};
 use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
@@ -154,7 +154,7 @@ struct Bench {
 
 impl Bench {
     /// Creates a controller and runs one cycle with all switches open.
-    fn new(settings: &Settings, mode: Mode) -> Self {
+    fn new(settings: &Settings, mode: CommandMode) -> Self {
         let mut bench = Self {
             controller: Controller::new(settings),
             calibration: settings.calibration,
@@ -176,7 +176,7 @@ impl Bench {
     }
 
     /// Creates a controller with the deadman held, the reference set at the neutral posture, and reflection on.
-    fn engaged(settings: &Settings, mode: Mode) -> Self {
+    fn engaged(settings: &Settings, mode: CommandMode) -> Self {
         let mut bench = Self::new(settings, mode);
         bench.press(REFLECTION);
         bench.press(REFERENCE);
@@ -199,7 +199,7 @@ impl Bench {
 fn torques_rise_from_zero_where_targets_are_withdrawn() {
     let after = |held| {
         let mut bench =
-            Bench::engaged(&bench::config("config/kraft_like.toml").controller, Mode::Rate);
+            Bench::engaged(&bench::config("config/kraft_like.toml").controller, CommandMode::Rate);
         (0..2_000).for_each(|_| _ = bench.press(DEADMAN));
         bench.input.held = held;
         bench.press(DEADMAN).tau.norm()
@@ -227,8 +227,8 @@ fn wrench(size: f64) -> impl Strategy<Value = Wrench> {
     prop::array::uniform6(-size..size).prop_map(Wrench::from_components)
 }
 
-fn mode() -> impl Strategy<Value = Mode> {
-    prop_oneof![Just(Mode::Rate), Just(Mode::Pose)]
+fn mode() -> impl Strategy<Value = CommandMode> {
+    prop_oneof![Just(CommandMode::Rate), Just(CommandMode::Pose)]
 }
 
 fn switches() -> impl Strategy<Value = Switches> {
@@ -266,7 +266,7 @@ proptest! {
     fn property_02_joint_torques_do_the_work_of_the_grip_wrench(
         q in joints(), qd in prop::array::uniform6(-2.0..2.0_f64), f_s in wrench(20.0)
     ) {
-        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
         bench.input.f_s = f_s;
         let output = bench.at(q);
         let qd = JointVector::from(qd);
@@ -283,7 +283,7 @@ proptest! {
         q in joints(), qd in prop::array::uniform6(-1.0..1.0_f64), f_s in wrench(20.0)
     ) {
         // At unit gains, object and hand have equal twists and wrenches.
-        let mut bench = Bench::engaged(&settings(), Mode::Pose);
+        let mut bench = Bench::engaged(&settings(), CommandMode::Pose);
         bench.input.f_s = f_s;
         let before = bench.at(q);
         let after = bench.at([0, 1, 2, 3, 4, 5].map(|joint| q[joint] + qd[joint] * PERIOD));
@@ -328,7 +328,7 @@ proptest! {
 
     #[test]
     fn property_05_damping_never_drives_the_hand(path in prop::collection::vec(joints(), 2..6)) {
-        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
         let mut x_0_before = None;
         for q in path {
             let output = bench.at(q);
@@ -449,7 +449,7 @@ proptest! {
 
     #[test]
     fn hazard_40_and_property_05_reference_in_motion_zeroes_rate(q in joints(), by in -3e-3..3e-3_f64) {
-        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
         bench.at(q);
         let kept = bench.controller;
         let moved = q.map(|q| q + by);
@@ -486,8 +486,8 @@ proptest! {
         let mut bench = Bench::engaged(&settings(), mode);
         bench.at(q);
         bench.input.mode = match mode {
-            Mode::Rate => Mode::Pose,
-            Mode::Pose => Mode::Rate,
+            CommandMode::Rate => CommandMode::Pose,
+            CommandMode::Pose => CommandMode::Rate,
         };
         match bench.at(q).command {
             Motion::Pose(x_b_d) => {
@@ -506,7 +506,7 @@ proptest! {
     ) {
         // The hand moves slowly and steadily and the object follows without delay, so steps are errors.
         let settings = everything();
-        let mut bench = Bench::new(&settings, Mode::Rate);
+        let mut bench = Bench::new(&settings, CommandMode::Rate);
         bench.input.f_s = f_s;
         let mut q = NEUTRAL;
         let (mut tau_before, mut command_before) = (None::<JointVector>, Motion::Hold);
@@ -570,7 +570,7 @@ proptest! {
         let torques = |f_s: Wrench, damping: f64, gravity_share: f64| {
             let gains = Gains::new([damping, damping, damping, 0.0, 0.0, 0.0], "gain").unwrap();
             let settings = Settings { damping: gains, ..settings() };
-            let mut bench = Bench::engaged(&settings, Mode::Rate);
+            let mut bench = Bench::engaged(&settings, CommandMode::Rate);
             (bench.input.f_s, bench.input.gravity_share) = (f_s, gravity_share);
             bench.at(q);
             bench.at(q.map(|q| q + by))
@@ -600,7 +600,7 @@ proptest! {
     #[test]
     fn half_the_reflection_share_halves_the_felt_torque(q in joints(), f_s in wrench(50.0)) {
         let felt = |share: f64| {
-            let mut bench = Bench::engaged(&settings(), Mode::Rate);
+            let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
             bench.input.f_s = f_s;
             bench.input.reflection_share = share;
             let output = bench.at(q);
@@ -624,7 +624,7 @@ fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
 
 #[test]
 fn hazard_42_invalid_wrench_has_no_effect() {
-    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
     for (part, fault) in [
         (f64::NAN, Fault::WrenchNotFinite),
         (f64::NEG_INFINITY, Fault::WrenchNotFinite),
@@ -639,7 +639,7 @@ fn hazard_42_invalid_wrench_has_no_effect() {
 
 #[test]
 fn invalid_object_pose_keeps_the_last_pose() {
-    let mut bench = Bench::new(&settings(), Mode::Pose);
+    let mut bench = Bench::new(&settings(), CommandMode::Pose);
     bench.input.x_b_m = Isometry3::translation(f64::NAN, 0.0, 0.0);
     let output = bench.press(DEADMAN);
     assert_eq!(output.fault, Some(Fault::ObjectPoseNotFinite));
@@ -649,7 +649,7 @@ fn invalid_object_pose_keeps_the_last_pose() {
 
 #[test]
 fn displaced_hand_commands_no_rate_until_back_at_centre() {
-    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
     bench.press(UP);
     bench.at(displaced(0.1));
     assert_eq!(bench.press(DEADMAN).command, Motion::Hold);
@@ -677,7 +677,7 @@ fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
         Arm::new([a, b, c, d, e, wrist], x_6_g, [0.0; 3]).unwrap()
     };
     let rotated = |degrees: f64| [0.0, 0.0, 0.0, 0.0, 0.0, degrees.to_radians()];
-    let mut bench = Bench::new(&settings, Mode::Rate);
+    let mut bench = Bench::new(&settings, CommandMode::Rate);
     bench.at(rotated(0.0));
     bench.press(REFERENCE);
     bench.press(DEADMAN);
@@ -692,7 +692,7 @@ fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
 
 #[test]
 fn first_deadman_press_sets_the_reference() {
-    let mut bench = Bench::new(&settings(), Mode::Rate);
+    let mut bench = Bench::new(&settings(), CommandMode::Rate);
     bench.at(displaced(0.1));
     let output = bench.press(DEADMAN);
     assert!(output.reference.is_set);
@@ -701,7 +701,7 @@ fn first_deadman_press_sets_the_reference() {
 
 #[test]
 fn restart_suspends_damping_for_one_cycle() {
-    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
     bench.input.restart = true;
     assert!(bench.at(displaced(0.2)).f_g_damping.force.norm() == 0.0);
     bench.input.restart = false;
@@ -710,7 +710,7 @@ fn restart_suspends_damping_for_one_cycle() {
 
 #[test]
 fn hazard_44_large_wrench_saturates_and_names_the_joint() {
-    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
     bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let output = bench.at(NEUTRAL);
     let joint = output.ledger.limiting_joint.unwrap().index();
@@ -720,7 +720,7 @@ fn hazard_44_large_wrench_saturates_and_names_the_joint() {
 
 #[test]
 fn index_button_keeps_the_last_command_of_a_lagging_object() {
-    let mut bench = Bench::engaged(&settings(), Mode::Pose);
+    let mut bench = Bench::engaged(&settings(), CommandMode::Pose);
     let asked = bench.at(displaced(0.05)).command;
     assert!(asked != Motion::Pose(bench.input.x_b_m), "the object lags behind");
     bench.press(REFERENCE);

@@ -10,7 +10,7 @@ use bus::{Bus, TappedBus};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen_device::station::Station;
 use config::Config;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use inputs::RecordedNode;
 use memory_bus::Memory;
 use node::Request;
@@ -19,7 +19,7 @@ use remote::site::VirtualSite;
 use run::console::request_queue::{self, Phase, RequestReceiver, RequestSender};
 use run::cycle_thread::{self, RunEnd};
 use run::exit::{Failure, Kind};
-use run::latch::Latch;
+use run::latch::LatchFile;
 use run::rings::{self, EntryConsumer, EntryProducer};
 use sim::scenario::Scenario;
 use sim::world::World;
@@ -31,7 +31,7 @@ struct Bench<S> {
     node: RecordedNode<TappedBus<Memory<S, ()>, EntryProducer>, VirtualSite>,
     sender: RequestSender,
     requests: RequestReceiver,
-    latch: Latch,
+    latch: LatchFile,
     folder: PathBuf,
     /// A ring without its other end loses all.
     _consumer: EntryConsumer,
@@ -42,7 +42,7 @@ impl<S: Station> Bench<S> {
     fn new(name: &str, crashed: bool, stations: S) -> Self {
         let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok(); // left by an earlier process with this id
-        let set = || Latch::set_in(folder.clone(), None, &["can0".to_owned()]);
+        let set = || LatchFile::set_in(folder.clone(), None, &["can0".to_owned()]);
         if crashed {
             drop(set());
         }

@@ -313,7 +313,7 @@ fn hazard_26_uploads_by_another_client_are_only_counted() {
     let record = bench.cycle();
     assert_eq!((record.cause, record.mode), (None, Mode::Armed));
     assert_eq!((record.sdo.foreign_uploads, record.sdo.unread_settings), (50, 0));
-    let reports = std::iter::from_fn(|| bench.notice()).map(|event| event.to_string());
+    let reports = std::iter::from_fn(|| bench.next_event()).map(|event| event.to_string());
     let reports = reports.filter(|report| report.starts_with("another SDO client reads")).count();
     assert_eq!(reports, 1, "reported once");
     assert!(writes(&wire).is_empty());
@@ -347,11 +347,12 @@ fn hazard_26_unreadable_setting_is_reported_and_counted() {
         &[],
     );
     bench.bring_up().unwrap();
-    while bench.notice().is_some() {}
+    while bench.next_event().is_some() {}
     bench.run(4_500);
     let record = bench.cycle();
     assert_eq!((record.cause, record.mode, record.sdo.unread_settings), (None, Mode::Ready, 1));
-    let reports: Vec<_> = std::iter::from_fn(|| bench.notice()).map(|it| it.to_string()).collect();
+    let reports: Vec<_> =
+        std::iter::from_fn(|| bench.next_event()).map(|it| it.to_string()).collect();
     assert_eq!(reports, ["1400h:5 cannot be read again: no answer"]);
 }
 
@@ -363,7 +364,7 @@ fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
         format!("[[fault]]\nat_s = {at_s:.3}\nkind = \"emergency\"\njoint = 3\ncode = {code}\n");
     let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
     let is_booted = bench.bring_up().is_ok();
-    let events = std::iter::from_fn(|| bench.notice());
+    let events = std::iter::from_fn(|| bench.next_event());
     let reports =
         events.filter(|event| event.node() == Some(ELBOW.into())).map(|event| event.to_string());
     (reports.collect(), is_booted)

@@ -108,7 +108,7 @@ fn silent_node_lets_the_drives_stop_by_their_timers() {
 #[test]
 fn second_run_boots_like_the_first() {
     let (mut bench, _, _) = in_contact();
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     bench.fall_silent_for(Duration::from_secs(1));
     bench.bring_up().unwrap();
     assert_eq!(bench.node().mode(), Mode::Ready);
@@ -117,7 +117,7 @@ fn second_run_boots_like_the_first() {
 #[test]
 fn orderly_stop_switches_every_drive_off() {
     let (mut bench, wire, _) = in_contact();
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     for group in [0x201, 0x204] {
         assert_eq!(wire.since(Instant::ZERO, group).last().unwrap().1.data(), [0; 6]);
     }

@@ -16,7 +16,7 @@ use crate::common::golden::compare;
 use canopen::frame::Frame;
 use canopen::nmt::Order;
 use canopen::{NmtCommand, NodeId};
-use canopen_device::lss::codec::{Mode, Request};
+use canopen_device::lss::codec::{LssState, Request};
 use canopen_device::lss::{Address, BitRate};
 use canopen_tools::lss::identify::{Description, Identify};
 use canopen_tools::lss::job::{Job, LssError, Report, Selection, Timeouts};
@@ -141,7 +141,7 @@ fn node_id_is_not_configured_on_several_devices_at_once() {
     assert!(matches!(refused, Err(LssError::Several(_))), "{refused:?}");
     let frames = wire.since(Instant::ZERO, 0x7E5);
     assert!(frames.iter().all(|(_, frame)| frame.data()[0] != 0x11), "configured: {frames:?}");
-    assert_eq!(frames.last().unwrap().1, Request::SwitchGlobal(Mode::Waiting).frame());
+    assert_eq!(frames.last().unwrap().1, Request::SwitchGlobal(LssState::Waiting).frame());
 }
 
 #[test]

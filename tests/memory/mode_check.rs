@@ -99,7 +99,7 @@ fn shipped_files_run_with_drives_that_show_their_mode_late() {
         let config = parse(file, &shown_when_enabled(&text(file)));
         let (mut bench, _) = bench(&config, "mode-when-enabled", &Joint::ALL);
         bench.bring_up().unwrap_or_else(|error| panic!("{file}: {error}"));
-        let raised = std::iter::from_fn(|| bench.notice())
+        let raised = std::iter::from_fn(|| bench.next_event())
             .filter(|event| matches!(event, Event::LimitsRaised { .. }));
         assert_eq!(raised.count(), 6, "{file}");
         bench.run(20);

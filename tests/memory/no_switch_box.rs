@@ -68,7 +68,7 @@ fn drives_without_switch_box_are_proven_and_never_armed() {
         for box_cob_id in [0x190, 0x590, 0x610, 0x710] {
             assert_eq!(wire.since(Instant::ZERO, box_cob_id), [], "{box_cob_id:03X}h");
         }
-        bench.stop().unwrap();
+        bench.shut_down().unwrap();
         bench.fall_silent_for(Duration::from_secs(1));
         let drives = bench.node().bus().stations().drives();
         assert!(drives.iter().all(|drive| drive.state() == State::SwitchOnDisabled));

@@ -42,7 +42,7 @@ fn summary(config: &str, scenario: Scenario, mut on_force: impl FnMut(Vector3<f6
         summary.add(&record);
         on_force(record.output.x_0_g.rotation * record.output.f_g_task.force);
     }
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     summary
 }
 

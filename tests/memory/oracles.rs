@@ -23,7 +23,7 @@ use controller::orientation::Orientation;
 use controller::period::Period;
 use controller::reference::{Displacement, Reference};
 use controller::reflection::Reflection;
-use controller::switches::{Mode, SwitchLogic, Switches};
+use controller::switches::{CommandMode, SwitchLogic, Switches};
 use controller::velocity::{Filter, Velocity};
 use controller::{Controller, Extensions, Input, Output, Settings};
 use units::drive::{Counts, PerMille};
@@ -406,7 +406,7 @@ fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
     }
 }
 
-fn worked_example(paper: &Value, mode: Mode, interpretation: Interpretation) -> Output {
+fn worked_example(paper: &Value, mode: CommandMode, interpretation: Interpretation) -> Output {
     let inputs = &paper["inputs"];
     let settings = settings(paper, interpretation);
     let mut controller = Controller::new(&settings);
@@ -439,7 +439,7 @@ fn worked_example(paper: &Value, mode: Mode, interpretation: Interpretation) -> 
 #[test]
 fn the_worked_example_in_rate_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Rate, Interpretation::CONSISTENT);
+    let output = worked_example(&paper, CommandMode::Rate, Interpretation::CONSISTENT);
     assert_near("q", output.q.as_slice(), &numbers::<6>(&paper["inputs"]["q_now"]));
     assert_same_pose("Eq. 1", &output.x_0_g, &pose(&paper["eq1"]["T_0G"]));
     assert_same_pose("reference", &output.reference.x_0_h, &pose(&paper["eq1"]["T_0G0"]));
@@ -471,14 +471,14 @@ fn the_worked_example_in_rate_mode() {
 #[test]
 fn the_worked_example_in_pose_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Pose, Interpretation::CONSISTENT);
+    let output = worked_example(&paper, CommandMode::Pose, Interpretation::CONSISTENT);
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_body_composition"]);
     assert_same_pose("x_b_d", &x_b_d, &reference);
     assert_eq!(output.f_g_centring, Wrench::ZERO);
 
     let with_deadband = CommandLaw { pose_deadband: true, ..law(&paper["inputs"]) };
-    let left = with_deadband.effective(Mode::Pose, &channels(&paper["inputs"]), &output.dx);
+    let left = with_deadband.effective(CommandMode::Pose, &channels(&paper["inputs"]), &output.dx);
     let x_b_d = with_deadband.pose(&Interpretation::CONSISTENT, &output.reference, &left);
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_with_deadband"]);
     assert_same_pose("x_b_d with deadband", &x_b_d, &reference);
@@ -544,7 +544,7 @@ fn random_cycles() {
         let x_h_g = reference.displacement(&x_0_g);
         let interpretation = Interpretation::CONSISTENT;
         let dx = reference.dx(&interpretation, &x_h_g);
-        let dx_db = law.effective(Mode::Rate, &channels, &dx);
+        let dx_db = law.effective(CommandMode::Rate, &channels, &dx);
         near("dx", dx.components(), "dX_recommended");
         near("dx_db", dx_db.components(), "dX_db");
         near("v_m", law.rate(Orientation::EulerZyx, &dx_db).components(), "rate_command");
@@ -595,7 +595,7 @@ fn random_cycles() {
 #[test]
 fn the_worked_example_as_printed() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Rate, Interpretation::PAPER_1997);
+    let output = worked_example(&paper, CommandMode::Rate, Interpretation::PAPER_1997);
     let near = |what: &str, ours: [f64; 6], reference: &Value| {
         assert_near(what, &ours, &numbers::<6>(reference));
     };
@@ -621,7 +621,7 @@ fn the_worked_example_as_printed() {
 #[test]
 fn the_pose_command_as_printed() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Pose, Interpretation::PAPER_1997);
+    let output = worked_example(&paper, CommandMode::Pose, Interpretation::PAPER_1997);
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     let reference = pose(&paper["pose_mode"]["T_cmd_translation_in_world_literal"]);
     assert_same_pose("x_b_d", &x_b_d, &reference);
@@ -674,7 +674,7 @@ fn gravity_read_correctly_but_scaled_as_printed() {
     let paper = oracle::oracle("paper.json");
     let interpretation =
         Interpretation { scaling: Scaling::AssistWithGravity, ..Interpretation::CONSISTENT };
-    let output = worked_example(&paper, Mode::Rate, interpretation);
+    let output = worked_example(&paper, CommandMode::Rate, interpretation);
     let total = &paper["eq10"]["minimal_fix"];
     assert_near("scale", &[output.ledger.assist_scale], &[number(&total["assist_scale"])]);
     assert_near("tau", output.tau.as_slice(), &numbers::<6>(&total["tau_C"]));
@@ -686,20 +686,20 @@ fn gravity_read_correctly_but_scaled_as_printed() {
 fn switch_permissions() {
     for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
         let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
-        let mut switches = SwitchLogic::new(Mode::Rate, true);
-        switches.read(Switches::default(), Mode::Rate);
+        let mut switches = SwitchLogic::new(CommandMode::Rate, true);
+        switches.read(Switches::default(), CommandMode::Rate);
         let levels = Switches {
             deadman: is("deadman"),
             reflection: is("reflection_enabled"), // the press that enables it
             reference: false,
         };
-        for mode in [Mode::Rate, Mode::Pose] {
+        for mode in [CommandMode::Rate, CommandMode::Pose] {
             let mut switches = switches;
             let pressed = switches.read(levels, mode);
             assert_eq!(pressed.commands, is("commands"), "{row}");
             assert_eq!(pressed.task, is("task_wrench"), "{row}");
             assert_eq!(pressed.damping, is("damping"), "{row}");
-            assert_eq!(pressed.centring, is("rtc_rate_mode") && mode == Mode::Rate, "{row}");
+            assert_eq!(pressed.centring, is("rtc_rate_mode") && mode == CommandMode::Rate, "{row}");
         }
     }
 }
@@ -726,7 +726,7 @@ fn indexing_through_a_large_workspace() {
                 reference: is("ref_switch"),
                 reflection: false,
             },
-            mode: Mode::Pose,
+            mode: CommandMode::Pose,
             gravity_share: 1.0,
             reflection_share: 1.0,
             held: None,

@@ -100,7 +100,7 @@ fn hazard_46_lost_controlword_is_replaced_by_sdo() {
         let after = bench.cycle();
         assert_eq!((after.mode, after.not_off), (Mode::DrivesOff, [false; 6]), "{file}");
         assert_eq!(first(&wire, 0, &NMT_STOP), None, "{file}");
-        assert!(bench.stop().is_ok(), "{file}");
+        assert!(bench.shut_down().is_ok(), "{file}");
     }
 }
 
@@ -188,7 +188,7 @@ fn hazard_46_drive_unheard_since_a_reset_is_named_at_the_end() {
     run_for(&mut bench, Duration::from_millis(400));
     bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
     bench.ask(Request::Reset).unwrap_err();
-    let error = bench.stop().unwrap_err().to_string();
+    let error = bench.shut_down().unwrap_err().to_string();
     assert!(error.starts_with("joint 3: drive did not confirm that it is off"), "{error}");
 }
 
@@ -197,7 +197,7 @@ fn hazard_46_drive_that_never_answers_is_named_at_the_end() {
     for file in ALL {
         let (mut bench, wire, _) = stopped(file, "");
         bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
-        let error = bench.stop().unwrap_err().to_string();
+        let error = bench.shut_down().unwrap_err().to_string();
         assert!(
             error.starts_with("joint 3: drive did not confirm that it is off"),
             "{file}: {error}"
@@ -215,7 +215,7 @@ fn orderly_and_ordinary_stops_confirm_by_statusword_alone() {
         for is_orderly in [true, false] {
             let (mut bench, wire, _) = stopped(file, "");
             if is_orderly {
-                bench.stop().unwrap();
+                bench.shut_down().unwrap();
             } else {
                 run_for(&mut bench, Duration::from_millis(200));
             }

@@ -211,7 +211,7 @@ fn runs(quirk: &str, mut bench: Bench<Wire>) {
         sent = record.targets;
     }
     assert!(any_torque(&mut bench), "{quirk}: gravity compensation");
-    bench.stop().unwrap_or_else(|error| panic!("{quirk}: {error}"));
+    bench.shut_down().unwrap_or_else(|error| panic!("{quirk}: {error}"));
     assert!(!any_torque(&mut bench), "{quirk}");
 }
 
@@ -307,7 +307,7 @@ fn hazard_17_enabled_drive_is_switched_off_first() {
         let (off, identified) = off_and_identified(&wire);
         assert!(off < identified, "before its identity is known");
         assert!(off.since(Instant::ZERO) < Duration::from_millis(25), "{off:?}");
-        let notices: Vec<_> = std::iter::from_fn(|| bench.notice()).collect();
+        let notices: Vec<_> = std::iter::from_fn(|| bench.next_event()).collect();
         assert!(notices.contains(&Event::FoundEnabled { node: ELBOW.into() }));
     }
 }

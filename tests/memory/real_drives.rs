@@ -50,7 +50,7 @@ fn arm_of_each_maker_engages_and_stops_without_a_fault() {
         assert!(engaged.is_some(), "{name}");
         let stops = (0..200).map(|_| bench.cycle()).find(|it| it.mode != Mode::Engaged);
         assert!(stops.is_none(), "{name}: {:?}", stops.unwrap().cause);
-        bench.stop().unwrap_or_else(|error| panic!("{name}: {error}"));
+        bench.shut_down().unwrap_or_else(|error| panic!("{name}: {error}"));
         for drive in bench.world_mut().drives() {
             assert_eq!(drive.state(), State::SwitchOnDisabled, "{name}");
         }

@@ -43,7 +43,7 @@ fn minute_of_teleoperation_loses_no_sample() {
     for bus in bench.carried() {
         assert!((50.0..90.0).contains(&bus.percent), "{bus:?}");
     }
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
 }
 
 #[test]

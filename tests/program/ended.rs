@@ -61,7 +61,7 @@ fn moving() -> (Bench<Wire>, Wire) {
 fn stops_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
     wire.clear();
     let requested = bench.node().bus().now();
-    bench.stop().unwrap();
+    bench.shut_down().unwrap();
     let took = bench.node().bus().now().since(requested);
     assert!(took <= STOP_LIMIT, "{took:?}");
     every_drive_is_off(bench);
@@ -135,7 +135,7 @@ fn promise_12_unconfirmed_drive_is_named_within_a_second() {
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let requested = bench.node().bus().now();
-    let on = bench.stop().unwrap_err().statuswords.map(|word| word.is_some());
+    let on = bench.shut_down().unwrap_err().statuswords.map(|word| word.is_some());
     assert_eq!(on, [false, false, false, true, false, false]);
     assert!(bench.node().bus().now().since(requested) <= STOP_LIMIT);
 }
@@ -147,7 +147,7 @@ fn hazard_30_orderly_stop_leaves_no_drive_in_fault() {
         if deadman {
             until(&mut bench, |record| record.mode == Mode::Engaged);
         }
-        bench.stop().unwrap();
+        bench.shut_down().unwrap();
         let ended = bench.now();
         // Longer than any watchdog: the process is gone.
         bench.fall_silent_for(Duration::from_secs(1));
@@ -169,7 +169,7 @@ fn hazard_30_unconfirmed_drive_leaves_all_watchdogs_on() {
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let requested = bench.now();
-    let error = bench.stop().unwrap_err();
+    let error = bench.shut_down().unwrap_err();
     assert!(error.to_string().contains("all drives keep their watchdogs"), "{error}");
     for node in 1..=6 {
         let writes = wire.since(requested, 0x600 + node);
@@ -189,7 +189,7 @@ fn hazard_30_urgent_stop_confirms_power_off_alone() {
     let mut node = node(&config, wire.clone());
     node.bring_up(&mut || false).unwrap();
     wire.clear();
-    node.stop(&mut || true).unwrap();
+    node.shut_down(&mut || true).unwrap();
     let written = wire.all().into_iter().map(|(_, telegram)| telegram.frame.cob_id);
     assert!(!written.into_iter().any(|cob_id| (0x601..=0x606).contains(&cob_id)));
     assert!(node.is_off());
@@ -279,7 +279,7 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
     assert_eq!(refused.to_string(), "boot given up");
     assert!(node.mode().is_stopped(), "latched as before");
     // No statusword of that drive was received since it was unplugged.
-    let PowerOffError { statuswords } = node.stop(&mut || false).unwrap_err();
+    let PowerOffError { statuswords } = node.shut_down(&mut || false).unwrap_err();
     let named = statuswords.map(|statusword| statusword.is_some());
     assert_eq!(named, [false, false, true, false, false, false]);
     assert!(node.bus().now().since(requested) <= STOP_LIMIT);

@@ -76,7 +76,7 @@ pub(super) fn play<S: InputSink + Clone>(
     };
     if !observer.is_latched() {
         // A failed drive may not confirm the stop; the monitor still checks the order of the frames.
-        bench.stop().ok();
+        bench.shut_down().ok();
     }
     Ok(Verdict::new(case, criterion, config, observer.finish(bench, onset)))
 }

@@ -143,9 +143,11 @@ pub(super) fn make<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, request:
 pub(super) fn report_mode<S: InputSink + Clone>(bench: &mut Bench<Monitor, S>, mode: Mode) {
     let now = bench.now();
     let mode = match mode {
-        Mode::ZeroTorque | Mode::DrivesOff => monitor::mode::Mode::Stopped,
-        Mode::Engaged => monitor::mode::Mode::Engaged,
-        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => monitor::mode::Mode::Other,
+        Mode::ZeroTorque | Mode::DrivesOff => monitor::mode_class::ModeClass::Stopped,
+        Mode::Engaged => monitor::mode_class::ModeClass::Engaged,
+        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => {
+            monitor::mode_class::ModeClass::Other
+        }
     };
     bench.tap_mut().on_mode(now, mode);
 }

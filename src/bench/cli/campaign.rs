@@ -256,7 +256,7 @@ fn print_new(narrator: &mut EventNarrator, bench: &mut CaseBench<'_, '_>, record
         print::line(&narrator.fault(bench.begun(), &notice));
     }
     let now = bench.now();
-    while let Some(event) = bench.notice() {
+    while let Some(event) = bench.next_event() {
         print::line(&narrator.event(now, &event));
     }
     let lines = narrator.withdrawal(record).into_iter().chain(narrator.mode_change(record));

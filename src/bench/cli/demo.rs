@@ -251,7 +251,7 @@ impl Play<'_> {
         let carried = bench.carried();
         summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
         summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
-        match bench.stop() {
+        match bench.shut_down() {
             // A drive with an injected fault may be unable to confirm the stop.
             Err(error) if narrator.is_some() => print::note(&error.to_string()),
             stopped => stopped.or_fail(Kind::Drive)?,
@@ -330,7 +330,7 @@ fn print_events<T: Tap, S: InputSink + Clone>(
 ) {
     narrator.scenario_start(bench.begun()).iter().for_each(|line| print::note(line));
     let now = bench.now();
-    while let Some(event) = bench.notice() {
+    while let Some(event) = bench.next_event() {
         print::note(&narrator.event(now, &event));
     }
 }

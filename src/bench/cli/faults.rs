@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value as Json, json};
 
 use node::cause::Kind;
-use node::reaction::{FaultTableRow, Initiator, Reaction};
+use node::reaction::{FaultTableRow, Reaction};
 use node::record::Mode;
 use node::safety::table;
 use run::print;
@@ -102,9 +102,9 @@ const fn short(reaction: Reaction) -> &'static str {
 
 /// Returns the condition under which a reset ends the stop.
 const fn reset(row: FaultTableRow) -> &'static str {
-    match (row.reset_boots, row.initiator) {
+    match (row.reset_boots, row.is_reset_in_drive()) {
         (true, _) => "by a boot",
-        (false, Initiator::Drive) => "in the drive",
-        (false, Initiator::Node | Initiator::Timers) => "when gone",
+        (false, true) => "in the drive",
+        (false, false) => "when gone",
     }
 }

@@ -10,7 +10,7 @@ use thiserror::Error;
 use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
 use contract::{Gripper, Reason};
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use inputs::intermediates::{COUNT, Digest};
 use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
 use inputs::{Call, HAS_GRIPPER, Input, Last, NUMBERS};

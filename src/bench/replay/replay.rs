@@ -92,9 +92,9 @@ impl Replay {
                 self.node.request(request, &mut answer).map_or(None, |_| None)
             }
             Call::Cycle => Some(self.node.cycle()),
-            Call::Stop => self.node.stop(&mut answer).map_or(None, |()| None),
+            Call::Stop => self.node.shut_down(&mut answer).map_or(None, |()| None),
         };
-        while self.node.notice().is_some() {}
+        while self.node.next_event().is_some() {}
         let cycle = record.as_ref().map_or(self.outcome.last_cycle, |record| record.cycle);
         self.compare(Place { call: Some(call), cycle }, record.as_ref());
         record.filter(|_| self.outcome.end.is_none())

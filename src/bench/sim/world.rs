@@ -181,8 +181,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Takes the oldest notice of the start or end of a fault.
-    pub fn notice(&mut self) -> Option<Notice> {
-        self.faults.notice()
+    pub fn next_notice(&mut self) -> Option<Notice> {
+        self.faults.next_notice()
     }
 
     /// Returns the state of the link to the commanded side.

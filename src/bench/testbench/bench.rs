@@ -6,13 +6,13 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use crate::delayed::DelayedSide;
-use crate::disturbed::{FaultySide, Link};
+use crate::disturbed::{FaultySide, LinkState};
 use crate::side::Side;
 use crate::world;
 use bus::{Bus, Tap};
 use canopen::master::event::Event;
 use config::Config;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use faults::{Fault, Kind, LinkFault};
 use inputs::{InputSink, RecordedNode};
 use memory_bus::Memory;
@@ -202,12 +202,12 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         }
         self.plan_host_faults();
         let link = match self.node.bus().stations().link() {
-            None => Link::Up,
-            Some(LinkFault::Frozen) => Link::Frozen,
-            Some(LinkFault::Lost) => Link::Lost,
-            Some(LinkFault::Slow) => Link::Slow,
-            Some(LinkFault::Held) => Link::Held,
-            Some(LinkFault::Foreign) => Link::Foreign,
+            None => LinkState::Up,
+            Some(LinkFault::Frozen) => LinkState::Frozen,
+            Some(LinkFault::Lost) => LinkState::Lost,
+            Some(LinkFault::Slow) => LinkState::Slow,
+            Some(LinkFault::Held) => LinkState::Held,
+            Some(LinkFault::Foreign) => LinkState::Foreign,
         };
         self.node.remote_mut().set_link(link);
         if !self.host_faults.forces.is_empty() {
@@ -233,7 +233,7 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
         let notices = &mut self.host_faults.notices;
         let is_due = notices.front().is_some_and(|notice| notice.at <= elapsed);
         let of_host = if is_due { notices.pop_front() } else { None };
-        of_host.or_else(|| self.world_mut().notice())
+        of_host.or_else(|| self.world_mut().next_notice())
     }
 
     /// Runs this many cycles.
@@ -262,9 +262,9 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// Stops the node in order: torque off, drives off, confirmed.
     ///
     /// # Errors
-    /// As [`RecordedNode::stop`].
-    pub fn stop(&mut self) -> Result<(), PowerOffError> {
-        self.node.stop(&mut || false)
+    /// As [`RecordedNode::shut_down`].
+    pub fn shut_down(&mut self) -> Result<(), PowerOffError> {
+        self.node.shut_down(&mut || false)
     }
 
     /// Returns the node under test, whose inputs are recorded.
@@ -293,8 +293,8 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     }
 
     /// Takes the oldest event of the network.
-    pub fn notice(&mut self) -> Option<Event> {
-        self.node.notice()
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.node.next_event()
     }
 
     /// Returns the time on the bus.

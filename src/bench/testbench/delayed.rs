@@ -45,12 +45,12 @@ pub struct Counts {
 #[derive(Clone, Debug)]
 pub struct DelayedSide<R> {
     far: R,
-    link: Option<Link>,
+    link: Option<DelayedLink>,
 }
 
 /// Both directions of the link, and both ends.
 #[derive(Clone, Debug)]
-struct Link {
+struct DelayedLink {
     settings: DelaySettings,
     there: Way<[u8; contract::Command::LENGTH]>,
     back: Way<[u8; Feedback::LENGTH]>,
@@ -74,12 +74,12 @@ impl<R> DelayedSide<R> {
 
     /// Creates a link between the node and `far`. Allocates here, not in exchanges.
     pub fn new(far: R, settings: DelaySettings) -> Self {
-        Self { far, link: Some(Link::new(settings)) }
+        Self { far, link: Some(DelayedLink::new(settings)) }
     }
 
     /// Connects `far` by a link with `settings`, or directly without.
     pub fn by(far: R, settings: Option<DelaySettings>) -> Self {
-        Self { far, link: settings.map(Link::new) }
+        Self { far, link: settings.map(DelayedLink::new) }
     }
 
     /// Returns the commanded side.
@@ -94,7 +94,7 @@ impl<R> DelayedSide<R> {
 
     /// Returns the counts of commands and of feedbacks; `None` without a link.
     pub fn counts(&self) -> Option<[Counts; 2]> {
-        self.link.as_ref().map(Link::counts)
+        self.link.as_ref().map(DelayedLink::counts)
     }
 }
 
@@ -134,7 +134,7 @@ impl<R: Remote> Remote for DelayedSide<R> {
     }
 }
 
-impl Link {
+impl DelayedLink {
     fn new(settings: DelaySettings) -> Self {
         let DelaySettings { delay, jitter, seed, hold_after, .. } = settings;
         let settings = DelaySettings { period: settings.period.max(MIN_PERIOD), ..settings };

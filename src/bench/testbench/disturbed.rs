@@ -9,7 +9,7 @@ use units::time::Instant;
 
 /// State of the link to the commanded side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Link {
+pub enum LinkState {
     /// Transmits both ways.
     #[default]
     Up,
@@ -56,7 +56,7 @@ impl ForeignLead {
 #[derive(Clone, Debug)]
 pub struct FaultySide<R> {
     side: R,
-    link: Link,
+    link: LinkState,
     /// Last sample over the link.
     known: Option<RemoteSample>,
     /// Set if the side holds until a new epoch.
@@ -70,7 +70,14 @@ pub struct FaultySide<R> {
 impl<R> FaultySide<R> {
     /// Creates a side without faults.
     pub const fn new(side: R) -> Self {
-        Self { side, link: Link::Up, known: None, holds: false, usurped: None, sensor_fault: None }
+        Self {
+            side,
+            link: LinkState::Up,
+            known: None,
+            holds: false,
+            usurped: None,
+            sensor_fault: None,
+        }
     }
 
     /// Returns the side itself.
@@ -84,7 +91,7 @@ impl<R> FaultySide<R> {
     }
 
     /// Sets the state of the link.
-    pub const fn set_link(&mut self, link: Link) {
+    pub const fn set_link(&mut self, link: LinkState) {
         self.link = link;
     }
 
@@ -96,14 +103,14 @@ impl<R> FaultySide<R> {
 
 impl<R: Remote> Remote for FaultySide<R> {
     fn exchange(&mut self, now: Instant, command: &Command) -> Option<RemoteSample> {
-        self.holds |= self.link == Link::Held;
-        let passes = !self.holds && !matches!(self.link, Link::Lost | Link::Foreign);
+        self.holds |= self.link == LinkState::Held;
+        let passes = !self.holds && !matches!(self.link, LinkState::Lost | LinkState::Foreign);
         let sensed = self.side.exchange(now, if passes { command } else { &Command::HOLD })?;
         let sensed = RemoteSample { f_s: self.sensor_fault.unwrap_or(sensed.f_s), ..sensed };
         let newest = match self.link {
-            Link::Up | Link::Slow | Link::Held => Some(sensed),
-            Link::Frozen | Link::Lost => None,
-            Link::Foreign => {
+            LinkState::Up | LinkState::Slow | LinkState::Held => Some(sensed),
+            LinkState::Frozen | LinkState::Lost => None,
+            LinkState::Foreign => {
                 let usurped = self.usurped.get_or_insert_with(|| Box::new(ForeignLead::new()));
                 usurped.received(now, &sensed)
             }
@@ -129,7 +136,7 @@ impl<R: Remote> Remote for FaultySide<R> {
         let slow = SideFault::Slow { p99_us: 9_000, stated_us: 5_000 };
         let own = match (self.holds, self.link) {
             (true, _) => Some(SideFault::Holds(Reason::SensorSilent)),
-            (false, Link::Slow) => Some(slow),
+            (false, LinkState::Slow) => Some(slow),
             (false, _) => None,
         };
         own.or_else(|| self.side.fault())
@@ -165,11 +172,11 @@ mod tests {
         let time_of =
             |side: &mut FaultySide<Counting>, ms| side.exchange(at(ms), &command).unwrap().at;
         assert_eq!(time_of(&mut side, 1), at(1));
-        side.set_link(Link::Frozen);
+        side.set_link(LinkState::Frozen);
         assert_eq!((time_of(&mut side, 2), side.side().0), (at(1), 2));
-        side.set_link(Link::Lost);
+        side.set_link(LinkState::Lost);
         assert_eq!((time_of(&mut side, 3), side.side().0), (at(1), 2));
-        side.set_link(Link::Up);
+        side.set_link(LinkState::Up);
         assert_eq!((time_of(&mut side, 4), side.side().0), (at(4), 3));
     }
 
@@ -179,7 +186,7 @@ mod tests {
         let command = Motion::Pose(Isometry3::identity()).into();
         let at = |ms: u64| Instant::ZERO + Duration::from_millis(ms);
         side.exchange(at(1), &command);
-        side.set_link(Link::Foreign);
+        side.set_link(LinkState::Foreign);
         for ms in 2..20 {
             let sensed = side.exchange(at(ms), &command).unwrap();
             assert_eq!((sensed.at, side.side().0), (at(1), 1));

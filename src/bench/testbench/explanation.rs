@@ -10,7 +10,7 @@ use crate::question::{CycleInputs, InvalidQuestion, Question};
 use config::Config;
 use controller::interpretation::{DisplacementFrame, Interpretation};
 use controller::reference::Displacement;
-use controller::switches::{Mode, Switches};
+use controller::switches::{CommandMode, Switches};
 use controller::{Controller, Input, JointVector, Output};
 use units::drive::PerMille;
 use units::spatial::{Jacobian, Motion, Twist, Wrench, rotation};
@@ -127,8 +127,8 @@ fn motion(posed: &CycleInputs, output: &Output) -> Vec<Entry> {
     let rotation = rotation::rotation_vector(&x_h_g.rotation);
     let omega = interpretation.orientation.rate(&dx_db.orientation);
     // The commands of both modes from here.
-    let rate_db = law.effective(Mode::Rate, &settings.channels, dx);
-    let pose_db = law.effective(Mode::Pose, &settings.channels, dx);
+    let rate_db = law.effective(CommandMode::Rate, &settings.channels, dx);
+    let pose_db = law.effective(CommandMode::Pose, &settings.channels, dx);
     let v_m = law.rate(interpretation.orientation, &rate_db);
     let x_b_d = law.pose(interpretation, reference, &pose_db);
     let h = axes(interpretation);

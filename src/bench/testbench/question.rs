@@ -11,7 +11,7 @@ use controller::interpretation::Interpretation;
 use controller::limits::AssistFraction;
 use controller::period::Period;
 use controller::reflection::Reflection;
-use controller::switches::Mode;
+use controller::switches::CommandMode;
 use controller::{Extensions, JointVector, Settings};
 use units::spatial::Wrench;
 
@@ -104,7 +104,7 @@ pub(super) struct CycleInputs {
     pub(super) q_reference: JointVector,
     pub(super) f_s: Wrench,
     pub(super) x_b_r: Isometry3<f64>,
-    pub(super) mode: Mode,
+    pub(super) mode: CommandMode,
     pub(super) deadman: bool,
     pub(super) reflection: bool,
 }
@@ -143,7 +143,7 @@ impl Question {
         settings: &Settings,
         start: &JointVector,
         x_b_m: &Isometry3<f64>,
-        mode: Mode,
+        mode: CommandMode,
     ) -> Result<CycleInputs, InvalidQuestion> {
         let q = joints("q", self.q, start)?;
         Ok(CycleInputs {
@@ -155,8 +155,8 @@ impl Question {
             x_b_r: self.x_b_r.as_ref().map_or(Ok(*x_b_m), |rows| pose("x_b_r", rows))?,
             mode: match self.mode.as_deref() {
                 None => mode,
-                Some("rate") => Mode::Rate,
-                Some("pose") => Mode::Pose,
+                Some("rate") => CommandMode::Rate,
+                Some("pose") => CommandMode::Pose,
                 Some(other) => {
                     return Err(wrong("mode", format!("must be rate or pose, got \"{other}\"")));
                 }

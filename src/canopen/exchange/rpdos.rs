@@ -123,13 +123,13 @@ impl RpdoImage {
     }
 
     /// Appends the synchronous RPDOs in the order of the nodes.
-    pub fn cyclic(&self, out: &mut Vec<Telegram>) {
+    pub fn append_synchronous(&self, out: &mut Vec<Telegram>) {
         out.extend(self.cyclic.iter().filter_map(Rpdo::telegram));
     }
 
-    /// Returns the [synchronous](Self::cyclic) RPDO to send when its target torques are stale. It is unchanged if they are
-    /// zero, and has zero torque if a controlword disables operation; otherwise `None`.
-    pub fn late(&self, telegram: &Telegram) -> Option<Telegram> {
+    /// Returns the synchronous RPDO to send when its target torques are stale. It is unchanged if they are zero, and has zero
+    /// torque if a controlword disables operation; otherwise `None`.
+    pub fn without_stale_torque(&self, telegram: &Telegram) -> Option<Telegram> {
         let rpdo = self.cyclic_of(telegram)?;
         match (rpdo.has_torque(), rpdo.enables()) {
             (false, _) => Some(*telegram),
@@ -138,12 +138,12 @@ impl RpdoImage {
         }
     }
 
-    /// Returns whether a [synchronous](Self::cyclic) RPDO has a target torque other than zero.
+    /// Returns whether a synchronous RPDO has a target torque other than zero.
     pub fn has_torque(&self, telegram: &Telegram) -> bool {
         self.cyclic_of(telegram).is_some_and(Rpdo::has_torque)
     }
 
-    /// Returns the [synchronous](Self::cyclic) RPDO with zero target torques and its other content.
+    /// Returns the synchronous RPDO with zero target torques and its other content.
     pub fn zeroed(&self, telegram: &Telegram) -> Option<Telegram> {
         let rpdo = self.cyclic_of(telegram)?;
         rpdo.telegram_of(rpdo.without_torque())
@@ -162,9 +162,9 @@ impl RpdoImage {
         self.cyclic.iter().find(matches)
     }
 
-    /// Appends the event-driven RPDOs that are due: at most one per bus, and none in the cycle after one. If `is_late`,
-    /// RPDOs that enable operation wait. Call it once per cycle.
-    pub fn changed(&mut self, is_late: bool, out: &mut Vec<Telegram>) {
+    /// Appends the event-driven RPDOs that are due: at most one per bus, and none in the cycle after one. With
+    /// `hold_enabling`, RPDOs that enable operation wait. Call it once per cycle.
+    pub fn append_event_driven(&mut self, hold_enabling: bool, out: &mut Vec<Telegram>) {
         self.event_driven.iter_mut().for_each(|rpdo| rpdo.age = rpdo.age.saturating_add(1));
         if std::mem::take(&mut self.skips_cycle) {
             return;
@@ -174,7 +174,7 @@ impl RpdoImage {
         for index in (self.next..count).chain(0..self.next) {
             let Some(rpdo) = self.event_driven.get_mut(index) else { continue };
             let is_bus_taken = out.iter().skip(first).any(|sent| sent.channel == rpdo.channel);
-            if rpdo.is_due() && !is_bus_taken && !(is_late && rpdo.enables()) {
+            if rpdo.is_due() && !is_bus_taken && !(hold_enabling && rpdo.enables()) {
                 rpdo.sent = Some(rpdo.content);
                 rpdo.age = 0;
                 out.extend(rpdo.telegram());
@@ -386,7 +386,7 @@ mod tests {
         for (node, torque) in [(0, 1), (1, -2), (2, 0x1234), (3, 5)] {
             rpdos.set_target_torque(NodeIndex(node), PerMille(torque));
         }
-        assert_eq!(text(|out| rpdos.cyclic(out)), "201#0100FEFF3412 204#0500");
+        assert_eq!(text(|out| rpdos.append_synchronous(out)), "201#0100FEFF3412 204#0500");
     }
 
     #[test]
@@ -395,8 +395,8 @@ mod tests {
         rpdos.set_target_torque(NodeIndex(1), PerMille(-1));
         rpdos.set_controlword(NodeIndex(1), Controlword::ENABLE_OPERATION, false);
         let frames = "201#00000000 202#0F00FFFF 203#00000000 204#00000000";
-        assert_eq!(text(|out| rpdos.cyclic(out)), frames);
-        assert_eq!(text(|out| rpdos.changed(false, out)), "");
+        assert_eq!(text(|out| rpdos.append_synchronous(out)), frames);
+        assert_eq!(text(|out| rpdos.append_event_driven(false, out)), "");
         assert!(!rpdos.is_waiting(NodeIndex(1)));
     }
 
@@ -406,7 +406,8 @@ mod tests {
         plans.iter_mut().skip(2).for_each(|(channel, _)| *channel = Channel(1));
         let mut rpdos = resolve(&plans).unwrap().rpdos;
         (0..4).for_each(|node| rpdos.set_controlword(NodeIndex(node), Controlword::SHUTDOWN, true));
-        let cycles: Vec<_> = (0..5).map(|_| text(|out| rpdos.changed(false, out))).collect();
+        let cycles: Vec<_> =
+            (0..5).map(|_| text(|out| rpdos.append_event_driven(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600 303#0600||304#0600 302#0600||");
     }
 
@@ -414,12 +415,14 @@ mod tests {
     fn event_driven_rpdos_take_turns_every_other_cycle() {
         let mut rpdos = grouped();
         (0..4).for_each(|node| rpdos.set_controlword(NodeIndex(node), Controlword::SHUTDOWN, true));
-        let cycles: Vec<_> = (0..9).map(|_| text(|out| rpdos.changed(false, out))).collect();
+        let cycles: Vec<_> =
+            (0..9).map(|_| text(|out| rpdos.append_event_driven(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600||302#0600||303#0600||304#0600||");
         rpdos.set_controlword(NodeIndex(2), Controlword::SWITCH_ON, true);
         rpdos.set_controlword(NodeIndex(0), Controlword::SWITCH_ON, true);
         assert!(rpdos.is_waiting(NodeIndex(2)) && !rpdos.is_waiting(NodeIndex(1)));
-        let cycles: Vec<_> = (0..4).map(|_| text(|out| rpdos.changed(false, out))).collect();
+        let cycles: Vec<_> =
+            (0..4).map(|_| text(|out| rpdos.append_event_driven(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0700||303#0700|");
     }
 
@@ -428,11 +431,16 @@ mod tests {
         let mut rpdos = grouped();
         rpdos.set_target_torque(NodeIndex(1), PerMille(-1));
         let mut out = Vec::new();
-        rpdos.cyclic(&mut out);
-        let sent: Vec<_> = out.iter().map(|telegram| rpdos.late(telegram)).collect();
+        rpdos.append_synchronous(&mut out);
+        let sent: Vec<_> =
+            out.iter().map(|telegram| rpdos.without_stale_torque(telegram)).collect();
         assert_eq!(sent, [None, Some(out[1])], "one torque drops the RPDO of its group");
         assert_eq!(rpdos.nodes_with_torque(&out[0]).collect::<Vec<_>>(), [0, 1, 2].map(NodeIndex));
-        assert_eq!(rpdos.late(&Telegram { channel: Channel(1), ..out[1] }), None, "unknown");
+        assert_eq!(
+            rpdos.without_stale_torque(&Telegram { channel: Channel(1), ..out[1] }),
+            None,
+            "unknown"
+        );
     }
 
     #[test]
@@ -444,9 +452,9 @@ mod tests {
             rpdos.set_controlword(node, word, true);
         }
         let mut out = Vec::new();
-        rpdos.cyclic(&mut out);
-        assert_eq!(rpdos.late(&out[0]), None);
-        assert_eq!(rpdos.late(&out[1]).unwrap().frame.to_string(), "202#06000000");
+        rpdos.append_synchronous(&mut out);
+        assert_eq!(rpdos.without_stale_torque(&out[0]), None);
+        assert_eq!(rpdos.without_stale_torque(&out[1]).unwrap().frame.to_string(), "202#06000000");
     }
 
     #[test]
@@ -454,11 +462,12 @@ mod tests {
         let mut rpdos = grouped();
         rpdos.set_controlword(NodeIndex(0), Controlword::ENABLE_OPERATION, true);
         rpdos.set_controlword(NodeIndex(2), Controlword::DISABLE_VOLTAGE, true);
-        let cycles: Vec<_> = (0..8).map(|_| text(|out| rpdos.changed(true, out))).collect();
+        let cycles: Vec<_> =
+            (0..8).map(|_| text(|out| rpdos.append_event_driven(true, out))).collect();
         let waits = !cycles.iter().any(|frames| frames.starts_with("301"));
         assert!(waits && cycles.contains(&"303#0000".to_owned()), "{cycles:?}");
         assert!(rpdos.is_waiting(NodeIndex(0)));
-        assert_eq!(text(|out| rpdos.changed(false, out)), "301#0F00");
+        assert_eq!(text(|out| rpdos.append_event_driven(false, out)), "301#0F00");
     }
 
     #[test]
@@ -468,10 +477,11 @@ mod tests {
             rpdos.set_controlword(NodeIndex(node), Controlword::SHUTDOWN, node != 1);
         });
         (0..4).for_each(|_| {
-            assert_ne!(text(|out| rpdos.changed(false, out)), "");
-            assert_eq!(text(|out| rpdos.changed(false, out)), "");
+            assert_ne!(text(|out| rpdos.append_event_driven(false, out)), "");
+            assert_eq!(text(|out| rpdos.append_event_driven(false, out)), "");
         });
-        let later: Vec<_> = (0..60).map(|_| text(|out| rpdos.changed(false, out))).collect();
+        let later: Vec<_> =
+            (0..60).map(|_| text(|out| rpdos.append_event_driven(false, out))).collect();
         assert_eq!(later.iter().filter(|frames| *frames == "302#0600").count(), 3);
         assert!(later.iter().all(|frames| frames.is_empty() || frames == "302#0600"));
         rpdos.restart();

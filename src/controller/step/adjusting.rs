@@ -8,7 +8,7 @@ use crate::adjustment::{AdjustmentError, AdjustmentState, is_contact, is_contact
 use crate::alignment::Alignment;
 use crate::command::{CommandLaw, Gate};
 use crate::reference::Displacement;
-use crate::switches::Mode;
+use crate::switches::CommandMode;
 use units::adjustment::{Adjustment, LockAxis};
 
 impl Controller {
@@ -25,7 +25,7 @@ impl Controller {
                 self.scaling.set(quantity, factor);
             }
             Adjustment::Lock(axis, is_locked) => {
-                let yields = self.mode == Mode::Rate && axis.entry(&bounds.yields);
+                let yields = self.mode == CommandMode::Rate && axis.entry(&bounds.yields);
                 let commands = self.gate == Gate::Open && yields;
                 if is_locked && commands && is_contact_on(&self.f_m_sensed, axis) {
                     return Err(AdjustmentError::HoldsContact { axis });
@@ -49,14 +49,14 @@ impl Controller {
     fn check_alignment(&self) -> Result<(), AdjustmentError> {
         let locked = LockAxis::ALL.into_iter().filter(|axis| axis.is_rotation());
         match (self.mode, self.gate) {
-            (Mode::Rate, _) => Err(AdjustmentError::NotPose),
-            (Mode::Pose, Gate::Released | Gate::Waiting | Gate::TurnedTooFar) => {
+            (CommandMode::Rate, _) => Err(AdjustmentError::NotPose),
+            (CommandMode::Pose, Gate::Released | Gate::Waiting | Gate::TurnedTooFar) => {
                 Err(AdjustmentError::NotCommanding)
             }
-            (Mode::Pose, Gate::Open) if is_contact(&self.f_m_sensed) => {
+            (CommandMode::Pose, Gate::Open) if is_contact(&self.f_m_sensed) => {
                 Err(AdjustmentError::InContact)
             }
-            (Mode::Pose, Gate::Open) => {
+            (CommandMode::Pose, Gate::Open) => {
                 match locked.into_iter().find(|axis| axis.entry(self.scaling.locked())) {
                     Some(axis) => Err(AdjustmentError::Locked { axis }),
                     None => Ok(()),
@@ -70,7 +70,7 @@ impl Controller {
     pub(super) fn scaled(
         &mut self,
         law: &CommandLaw,
-        mode: Mode,
+        mode: CommandMode,
         dx_db: &Displacement,
     ) -> CommandLaw {
         let before = law.scaled(&self.scaling.factors().command);
@@ -78,7 +78,7 @@ impl Controller {
             return before;
         }
         let now = law.scaled(&self.scaling.factors().command);
-        if mode == Mode::Pose {
+        if mode == CommandMode::Pose {
             let interpretation = &self.settings.interpretation;
             let x_b_d = before.pose(interpretation, &self.reference, dx_db);
             self.reference.x_b_r = now.reference(interpretation, &x_b_d, dx_db);
@@ -90,13 +90,14 @@ impl Controller {
     pub(super) fn align(
         &mut self,
         law: &CommandLaw,
-        commanding: Option<Mode>,
+        commanding: Option<CommandMode>,
         x_0_g: &Isometry3<f64>,
         dx_db: &Displacement,
     ) {
         let Some(mut alignment) = self.alignment.take() else { return };
-        let [_, _, _, rx, ry, rz] = self.scaling.locked();
-        if commanding != Some(Mode::Pose) || is_contact(&self.f_m_sensed) || *rx || *ry || *rz {
+        let [_, _, _, rx, ry, rz] = *self.scaling.locked();
+        let is_posing = commanding == Some(CommandMode::Pose);
+        if !is_posing || is_contact(&self.f_m_sensed) || rx || ry || rz {
             return;
         }
         let Settings { interpretation, period, .. } = &self.settings;

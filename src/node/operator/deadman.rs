@@ -21,13 +21,13 @@ const MAX_DISCREPANCY_TIME: Duration = Duration::from_millis(50);
 pub enum EnableState {
     /// Inputs of the switch box missing or stale.
     Silent,
-    /// Contacts bounce or disagree.
-    Moving,
+    /// Contacts bounce or disagree: not stable for 25 ms yet.
+    Unsettled,
     /// Stably open.
     Released,
-    /// Stably closed, without a release before.
-    Closed,
-    /// Stably closed after a release.
+    /// Stably closed, without a stable release before: enables nothing.
+    ClosedWithoutRelease,
+    /// Stably closed after a release: the only state that enables.
     Held,
 }
 
@@ -61,17 +61,17 @@ impl Deadman {
         let is_stable = now.since(self.since) >= DEBOUNCE_TIME;
         self.enable_state = match contacts {
             None => EnableState::Silent,
-            Some(Contacts::Disagreeing) => EnableState::Moving,
+            Some(Contacts::Disagreeing) => EnableState::Unsettled,
             Some(Contacts::Released) if is_stable => EnableState::Released,
             Some(Contacts::Pressed) if self.enable_state == EnableState::Held => EnableState::Held,
             Some(Contacts::Pressed) if is_stable && self.may_close => EnableState::Held,
-            Some(Contacts::Pressed) if is_stable => EnableState::Closed,
-            Some(Contacts::Released | Contacts::Pressed) => EnableState::Moving,
+            Some(Contacts::Pressed) if is_stable => EnableState::ClosedWithoutRelease,
+            Some(Contacts::Released | Contacts::Pressed) => EnableState::Unsettled,
         };
         self.may_close = match self.enable_state {
             EnableState::Released => true,
-            EnableState::Silent | EnableState::Closed | EnableState::Held => false,
-            EnableState::Moving => self.may_close,
+            EnableState::Silent | EnableState::ClosedWithoutRelease | EnableState::Held => false,
+            EnableState::Unsettled => self.may_close,
         };
     }
 
@@ -123,10 +123,14 @@ mod tests {
     fn hazard_39_deadman_closed_at_power_up_counts_once_released() {
         let mut deadman = Deadman::silent();
         read(&mut deadman, 0..=1_000, CLOSED);
-        assert_eq!(deadman.enable_state(), EnableState::Closed);
+        assert_eq!(deadman.enable_state(), EnableState::ClosedWithoutRelease);
         read(&mut deadman, 1_001..=1_020, OPEN);
         read(&mut deadman, 1_021..=2_000, CLOSED);
-        assert_eq!(deadman.enable_state(), EnableState::Closed, "20 ms are no release");
+        assert_eq!(
+            deadman.enable_state(),
+            EnableState::ClosedWithoutRelease,
+            "20 ms are no release"
+        );
         read(&mut deadman, 2_001..=2_026, OPEN);
         read(&mut deadman, 2_027..=2_052, CLOSED);
         assert_eq!(deadman.enable_state(), EnableState::Held);

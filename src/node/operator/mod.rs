@@ -42,7 +42,7 @@ use units::time::Instant;
 
 /// All monitors of the operator.
 #[derive(Clone, Debug)]
-pub(super) struct Operator {
+pub(super) struct OperatorMonitors {
     period: Duration,
     /// Deadman; `None` without a switch box, so that the node can neither arm nor engage.
     deadman: Option<Deadman>,
@@ -60,7 +60,7 @@ pub(super) struct Operator {
     sent: TorqueDelay<[JointVector; 2]>,
 }
 
-impl Operator {
+impl OperatorMonitors {
     /// Returns monitors before the first cycle, with a cycle every `period`. `buttons` are the adjustments of the switch
     /// box's buttons; `None` without a switch box.
     pub(super) fn new(period: Duration, buttons: Option<[Option<Adjustment>; 4]>) -> Self {
@@ -194,7 +194,7 @@ mod tests {
     use super::*;
     use crate::record::Mode;
     use config::Config;
-    use controller::switches::{Mode as CommandMode, Switches};
+    use controller::switches::{CommandMode, Switches};
     use controller::{Controller, Input};
     use units::drive::Counts;
     use units::math;
@@ -206,13 +206,13 @@ mod tests {
     /// Joint positions in rad, amid the ranges of the arm.
     const START: JointVector = JointVector::new(0.0, -0.87, 1.66, -0.79, 0.0, 0.0);
 
-    /// The controller of `config/kraft_like.toml`, before its first cycle.
+    /// Controller of `config/kraft_like.toml`, before its first cycle.
     static CONTROLLER: LazyLock<Controller> = LazyLock::new(|| {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         Controller::new(&config.controller)
     });
 
-    /// The first cycle.
+    /// Input of the first cycle.
     static FIRST: LazyLock<Input> = LazyLock::new(|| Input {
         counts: [Counts(0); 6],
         f_s: Wrench::ZERO,
@@ -239,7 +239,7 @@ mod tests {
     /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
     /// its computation.
     fn cause(delay: usize, engaged: bool) -> Option<Cause> {
-        let mut operator = Operator::new(CYCLE, Some([None; 4]));
+        let mut operator = OperatorMonitors::new(CYCLE, Some([None; 4]));
         let template = { *CONTROLLER }.step(&FIRST);
         let permit = permit(engaged);
         let torque = |cycle: usize| if cycle.is_multiple_of(2) { 20.0 } else { -20.0 };
@@ -271,7 +271,8 @@ mod tests {
     /// Returns the time in ms of the trip within 0.5 s. `q` are the joint positions in rad at a time in s; torques of
     /// 1 N·m drive every joint on. `lost` is the joint without a sample in a cycle of 1 ms.
     fn trips(q: impl Fn(f64) -> JointVector, lost: impl Fn(u32) -> Option<Joint>) -> Option<u32> {
-        let (mut controller, mut operator) = (*CONTROLLER, Operator::new(CYCLE, Some([None; 4])));
+        let (mut controller, mut operator) =
+            (*CONTROLLER, OperatorMonitors::new(CYCLE, Some([None; 4])));
         let mut seen = q(0.0);
         (0..500).find(|ms: &u32| {
             let s = f64::from(*ms) * 1e-3;

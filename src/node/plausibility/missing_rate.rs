@@ -14,7 +14,7 @@ use units::numbering::Joint;
 /// Slots of the observed time.
 const SLOTS: usize = 10;
 
-/// Duration of a slot.
+/// Duration of a slot: ten of them are the second in which missing samples count.
 const SLOT_TIME: Duration = Duration::from_millis(100);
 
 /// Minimum cycles of a slot.
@@ -23,7 +23,7 @@ const MIN_SLOT_CYCLES: u32 = 20;
 /// Missing samples of all joints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MissingRate {
-    /// Cycles of a slot.
+    /// Cycles in 100 ms, the duration of a slot.
     slot_cycles: u32,
     /// Maximum missing samples of a joint in all slots.
     max_missing: u32,

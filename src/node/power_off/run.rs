@@ -43,7 +43,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             is_fresh: *joint.entry(&fresh),
         });
         if let Some((joint, step)) = self.power_off.confirmed(&views) {
-            self.note(Event::PowerOffConfirmed { node: joint.into(), step });
+            self.log_event(Event::PowerOffConfirmed { node: joint.into(), step });
         }
         let is_stopped = self.mode().is_stopped();
         let Some((joint, action)) = self.power_off.advance(now, sync_at, &views, is_stopped) else {
@@ -69,7 +69,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         step: PowerOffStep,
     ) {
         let node = joint.into();
-        self.note(Event::StillOn { node, statusword, step });
+        self.log_event(Event::StillOn { node, statusword, step });
         let (master, out) = (&mut self.network.master, &mut self.wire.out);
         match step {
             PowerOffStep::Download => {

@@ -17,7 +17,7 @@ mod report;
 mod run;
 mod watchdog_test;
 
-pub use report::{DriveResult, Expiry, NoExpiry, ProofTestFailure, ProofTestReport};
+pub use report::{DriveResult, NoExpiry, ProofTestFailure, ProofTestReport, WatchdogExpiry};
 
 use crate::proof_test::recheck::Recheck;
 use crate::proof_test::watchdog_test::WatchdogTest;

@@ -10,9 +10,9 @@ use canopen::nameplate::StoredValue;
 use canopen::object::Object;
 use canopen::watchdog::Watchdog;
 
-/// Expiry of a watchdog in the test, after which the drive's power stage was off.
+/// Expiry of a drive's watchdog in the test, after which the drive's power stage was off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Expiry {
+pub struct WatchdogExpiry {
     /// Watchdog as written to the drive and read back.
     pub watchdog: Watchdog,
     /// Time from the last frame of the master to the first report of the drive, transmission included.
@@ -21,7 +21,7 @@ pub struct Expiry {
     pub planned: Duration,
 }
 
-impl Expiry {
+impl WatchdogExpiry {
     /// Returns the maximum time for which the drive applies torque without its master, as limited by this watchdog. It is
     /// the longer one of planned and measured time.
     pub fn reaction_time(&self) -> Duration {
@@ -29,7 +29,7 @@ impl Expiry {
     }
 }
 
-/// Results of one drive.
+/// Results of one drive: expiry of its watchdogs, and what its boot has read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveResult {
     /// Displayed name: `joint 3 (elbow)`.
@@ -37,11 +37,11 @@ pub struct DriveResult {
     /// Its node-id.
     pub node: NodeId,
     /// Result without RPDOs; `None` if it has no RPDO timer.
-    pub rpdo: Option<Expiry>,
+    pub rpdo: Option<WatchdogExpiry>,
     /// Result without the master's heartbeat; `None` if it has no heartbeat consumer.
-    pub heartbeat: Option<Expiry>,
+    pub heartbeat: Option<WatchdogExpiry>,
     /// Result without node guarding; `None` if it is not guarded.
-    pub guarding: Option<Expiry>,
+    pub guarding: Option<WatchdogExpiry>,
     /// Planned objects that it does not have.
     pub missing: Vec<Object>,
     /// Sign, scale, units and ratings as its boot has read them.
@@ -57,11 +57,11 @@ impl DriveResult {
     /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog expired. RPDOs and
     /// heartbeat end together with the master, so the faster watchdog counts.
     pub fn reaction_time(&self) -> Option<Duration> {
-        self.expiries().map(Expiry::reaction_time).min()
+        self.expiries().map(WatchdogExpiry::reaction_time).min()
     }
 
     /// Returns the expiries of its watchdogs.
-    pub fn expiries(&self) -> impl Iterator<Item = &Expiry> {
+    pub fn expiries(&self) -> impl Iterator<Item = &WatchdogExpiry> {
         [&self.rpdo, &self.heartbeat, &self.guarding].into_iter().flatten()
     }
 }
@@ -82,7 +82,7 @@ impl ProofTestReport {
     }
 }
 
-/// A drive that failed the proof test.
+/// Drive that failed the proof test, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name}, node {}: {fault}", node.raw())]
 pub struct ProofTestFailure {
@@ -125,7 +125,7 @@ mod tests {
     use canopen::watchdog::LifeSign;
     use config::timer_tolerance;
 
-    fn expiry(awaited: LifeSign, millis: u16, measured: u64) -> Option<Expiry> {
+    fn expiry(awaited: LifeSign, millis: u16, measured: u64) -> Option<WatchdogExpiry> {
         let object = match awaited {
             LifeSign::Rpdo => Object::rpdo_communication(1, 5),
             LifeSign::Heartbeat => Object::CONSUMER_HEARTBEAT,
@@ -133,10 +133,10 @@ mod tests {
         };
         let watchdog = Watchdog { awaited, object, millis };
         let planned = Duration::from_millis(millis.into()) + timer_tolerance(awaited);
-        Some(Expiry { watchdog, measured: Duration::from_micros(measured), planned })
+        Some(WatchdogExpiry { watchdog, measured: Duration::from_micros(measured), planned })
     }
 
-    fn drive(rpdo: Option<Expiry>, heartbeat: Option<Expiry>) -> DriveResult {
+    fn drive(rpdo: Option<WatchdogExpiry>, heartbeat: Option<WatchdogExpiry>) -> DriveResult {
         let node = NodeId::new(3).unwrap();
         let name = "joint 3 (elbow)".into();
         let (missing, held) = (Vec::new(), Vec::new());

@@ -166,7 +166,7 @@ mod tests {
         let frame = Frame::new(0x83, [low, high, 0x10, 0, 0, 0, 0, 0]);
         let at = node.wire.read_clock();
         node.on_received(ReceivedEvent { at, channel: Channel(0), event: BusEvent::Frame(frame) });
-        node.notice()
+        node.next_event()
     }
 
     #[test]

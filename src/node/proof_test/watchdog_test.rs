@@ -14,7 +14,7 @@
 use std::time::Duration;
 
 use crate::power;
-use crate::proof_test::report::{Expiry, NoExpiry};
+use crate::proof_test::report::{NoExpiry, WatchdogExpiry};
 use canopen::drive::Statusword;
 use canopen::watchdog::{LifeSign, Watchdog};
 use units::numbering::Joint;
@@ -138,18 +138,18 @@ impl WatchdogTest {
     }
 
     /// Returns the result of each drive that has the watchdog.
-    pub(crate) fn outcome(&self) -> [Option<Result<Expiry, NoExpiry>>; 6] {
+    pub(crate) fn outcome(&self) -> [Option<Result<WatchdogExpiry, NoExpiry>>; 6] {
         self.drives.map(|drive| drive.map(|drive| self.verdict(&drive)))
     }
 
-    fn verdict(&self, drive: &DriveTest) -> Result<Expiry, NoExpiry> {
+    fn verdict(&self, drive: &DriveTest) -> Result<WatchdogExpiry, NoExpiry> {
         let watchdog = drive.watchdog;
         let Some(off_at) = drive.off_at else {
             return Err(NoExpiry::KeptPower { watchdog, duration: timeout(watchdog) + GRACE_TIME });
         };
         let first = drive.reported_at.map_or(off_at, |reported_at| reported_at.min(off_at));
         let planned = drive.planned;
-        Ok(Expiry { watchdog, measured: first.since(self.started_at), planned })
+        Ok(WatchdogExpiry { watchdog, measured: first.since(self.started_at), planned })
     }
 
     /// Returns the drives without a final result.

@@ -37,7 +37,7 @@ use thiserror::Error;
 use crate::cause::{Cause, Kind};
 use crate::operator::deadman::EnableState;
 use crate::permit::Permit;
-use crate::reaction::{Initiator, Reaction};
+use crate::reaction::Reaction;
 use crate::record::Mode;
 use crate::safety::active_causes::ActiveCauses;
 use crate::safety::ramp::Ramp;
@@ -91,7 +91,7 @@ pub struct SafetyTimes {
     pub reflection: Duration,
 }
 
-/// A stop that a reset has ended; [`Safety::restore`] returns to it if the boot after the reset fails.
+/// Stop that a reset has ended; [`Safety::restore`] returns to it if the boot after the reset fails.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LatchedStop {
@@ -100,13 +100,13 @@ pub struct LatchedStop {
     pub must_boot: bool,
 }
 
-/// The mode graph.
+/// Mode graph, with active causes and ramps.
 #[derive(Clone, Debug)]
 pub struct Safety {
     mode: Mode,
     since: Instant,
     enable_timeout: Duration,
-    /// The first cause of the latched stop.
+    /// First cause of the latched stop.
     cause: Option<Cause>,
     /// True if any cause of the latched stop requires a boot.
     must_boot: bool,
@@ -137,7 +137,7 @@ impl Safety {
         }
     }
 
-    /// Returns the mode.
+    /// Returns the mode to which the newest cause, request or cycle has led.
     pub const fn mode(&self) -> Mode {
         self.mode
     }
@@ -207,8 +207,10 @@ impl Safety {
         match enable_state {
             EnableState::Released => {}
             EnableState::Silent => return Err(Refusal::SwitchBoxSilent),
-            EnableState::Moving => return Err(Refusal::DeadmanNotSettled),
-            EnableState::Closed | EnableState::Held => return Err(Refusal::DeadmanClosed),
+            EnableState::Unsettled => return Err(Refusal::DeadmanNotSettled),
+            EnableState::ClosedWithoutRelease | EnableState::Held => {
+                return Err(Refusal::DeadmanClosed);
+            }
         }
         let would_stop = |kind: Kind| kind.row().armed > Reaction::None;
         if let Some(cause) = self.active.first(now, would_stop) {
@@ -233,7 +235,8 @@ impl Safety {
             return Err(Refusal::NotStopped(self.mode));
         }
         // A boot restarts all watches; a cause that is active after it refuses arming.
-        let active = self.active.first(now, blocks_reset);
+        let blocks = |kind: Kind| !kind.row().reset_boots && !kind.row().is_reset_in_drive();
+        let active = self.active.first(now, blocks);
         if let Some(cause) = active.filter(|_| !self.must_boot) {
             return Err(Refusal::CauseActive(cause));
         }
@@ -314,16 +317,6 @@ impl Safety {
             self.gravity.reset(now);
             self.is_ramping_down = false;
         }
-    }
-}
-
-/// Returns whether an active cause of this kind refuses a reset. Faults of a drive are reset in the drive, and a boot
-/// verifies the network itself.
-const fn blocks_reset(kind: Kind) -> bool {
-    let row = kind.row();
-    match row.initiator {
-        Initiator::Node | Initiator::Timers => !row.reset_boots,
-        Initiator::Drive => false,
     }
 }
 

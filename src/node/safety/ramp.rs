@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use units::time::Instant;
 
-/// A share from 0 to 1 that ramps up and down.
+/// Share from 0 to 1 that ramps up and down.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ramp {
     rise: Duration,
@@ -35,7 +35,7 @@ impl Ramp {
         (self.share, self.at) = (share.clamp(0.0, 1.0), now);
     }
 
-    /// Returns the share.
+    /// Returns the share at the last [`advance`](Self::advance), from 0 to 1.
     pub(super) const fn share(&self) -> f64 {
         self.share
     }

@@ -163,7 +163,7 @@ fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
         safety.raise(at(LATER), cause);
         let row = kind.row();
         let answer = safety.reset(at(LATER + 20));
-        if row.reset_boots || row.initiator == Initiator::Drive {
+        if row.reset_boots || row.is_reset_in_drive() {
             assert_eq!(answer.map(|stop| stop.must_boot), Ok(row.reset_boots), "{kind:?}");
         } else {
             assert_eq!(answer, Err(Refusal::CauseActive(cause)), "{kind:?}");
@@ -244,8 +244,8 @@ fn hazard_39_arming_needs_a_deadman_known_to_be_released() {
     let mut safety = in_mode(Mode::Ready);
     for (enable_state, refusal) in [
         (EnableState::Held, Refusal::DeadmanClosed),
-        (EnableState::Closed, Refusal::DeadmanClosed),
-        (EnableState::Moving, Refusal::DeadmanNotSettled),
+        (EnableState::ClosedWithoutRelease, Refusal::DeadmanClosed),
+        (EnableState::Unsettled, Refusal::DeadmanNotSettled),
         (EnableState::Silent, Refusal::SwitchBoxSilent),
     ] {
         assert_eq!(safety.arm(at(1), Some(enable_state)), Err(refusal));

@@ -49,7 +49,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         };
         let is_unread = joint.entry_mut(&mut self.network.targets.is_unread);
         if !std::mem::replace(is_unread, taken.is_none()) && taken.is_none() {
-            self.note(event);
+            self.log_event(event);
         }
         let cause = self.plausibility.on_target_read(joint, taken);
         self.keep_off_unfollowing(cause);

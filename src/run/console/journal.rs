@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::console::request_queue::{Denial, Outcome};
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use node::safety::Refusal;
 use node::{Request, RequestError};
 use telemetry::token_bucket::TokenBucket;

@@ -12,7 +12,7 @@ use crate::console::journal::{self, Journal};
 use crate::console::request_queue::{Denial, Outcome, Phase, RequestSender};
 use crate::console::{ConsoleCommand, Response};
 use crate::latest_status::LatestStatus;
-use controller::switches::Mode as CommandMode;
+use controller::switches::CommandMode;
 use node::Request;
 use node::record::Mode;
 use units::time::Instant;

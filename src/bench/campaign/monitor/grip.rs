@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::monitor::invariant::{Invariant, Moment};
-use crate::monitor::mode::Mode;
+use crate::monitor::mode_class::ModeClass;
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
 use config::switch_inputs::{Deadman, SwitchInputs};
@@ -36,9 +36,9 @@ impl Grip {
     }
 
     /// Takes the mode after a cycle.
-    pub(super) fn on_mode(&mut self, moment: &mut Moment<'_>, mode: Mode) {
+    pub(super) fn on_mode(&mut self, moment: &mut Moment<'_>, mode: ModeClass) {
         let (sheet, at) = (moment.sheet, moment.at);
-        let was_engaged = std::mem::replace(&mut self.is_engaged, mode == Mode::Engaged);
+        let was_engaged = std::mem::replace(&mut self.is_engaged, mode == ModeClass::Engaged);
         if self.is_engaged && !was_engaged {
             self.check(moment);
         }

@@ -18,7 +18,7 @@
 mod age;
 mod grip;
 mod invariant;
-pub mod mode;
+pub mod mode_class;
 mod order;
 mod rhythm;
 mod sheet;
@@ -39,7 +39,7 @@ use std::time::Duration;
 use crate::monitor::age::Age;
 use crate::monitor::grip::Grip;
 use crate::monitor::invariant::{Moment, Violations};
-use crate::monitor::mode::Mode;
+use crate::monitor::mode_class::ModeClass;
 use crate::monitor::order::Order;
 use crate::monitor::rhythm::Rhythm;
 use crate::monitor::sheet::{Command, Sheet};
@@ -115,8 +115,8 @@ impl Monitor {
     }
 
     /// Takes the node's mode after a cycle.
-    pub fn on_mode(&mut self, at: Instant, mode: Mode) {
-        if mode == Mode::Stopped {
+    pub fn on_mode(&mut self, at: Instant, mode: ModeClass) {
+        if mode == ModeClass::Stopped {
             self.torque.on_stop(at);
         }
         let Self { sheet, violations, grip, .. } = self;

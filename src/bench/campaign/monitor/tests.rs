@@ -202,10 +202,10 @@ fn engaged_after(states: &[(u8, u64)]) -> Vec<Invariant> {
     bench.answer(Answer::Armed);
     for (contacts, millis) in states {
         bench.received(0x190, &[*contacts]);
-        bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Other);
+        bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Other);
         bench.now += 1_000 * millis;
     }
-    bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Engaged);
+    bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Engaged);
     bench.violated()
 }
 
@@ -239,7 +239,7 @@ fn i3_torque_with_disagreeing_deadman_channels_is_reported() {
 #[test]
 fn i4_torque_after_a_stop_is_reported() {
     let mut bench = Bench::pushing();
-    bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Stopped);
+    bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Stopped);
     bench.cycle([0; 6]);
     assert_eq!(bench.violated(), []);
     bench.cycle([0, 1, 0, 0, 0, 0]);
@@ -249,7 +249,7 @@ fn i4_torque_after_a_stop_is_reported() {
 #[test]
 fn i4_held_back_target_of_a_drive_that_is_off_is_allowed() {
     let mut bench = Bench::pushing();
-    bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Stopped);
+    bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Stopped);
     bench.cycle([0; 6]);
     (1..=6).for_each(|node| bench.received(0x180 + node, &[0x18, 0x02, 0, 0, 0, 0, 0, 0]));
     bench.cycle([20; 6]);
@@ -260,7 +260,7 @@ fn i4_held_back_target_of_a_drive_that_is_off_is_allowed() {
 fn i4_arming_without_reset_or_with_closed_deadman_is_reported() {
     let mut bench = Bench::pushing();
     bench.received(0x190, &[0b10]);
-    bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Stopped);
+    bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Stopped);
     bench.answer(Answer::Armed);
     assert_eq!(bench.violated(), [Invariant::Latched]);
     let mut bench = Bench::running();
@@ -328,7 +328,7 @@ fn held_back_target_is_judged_by_its_time_of_sending() {
     let now = Instant::from_micros(bench.now);
     bench.monitor.exempt(Exemption::Bus(Channel(0), now));
     let held = bench.taken(0x201, &[0x0F, 0, 100, 0]);
-    bench.monitor.on_mode(Instant::from_micros(bench.now), Mode::Stopped);
+    bench.monitor.on_mode(Instant::from_micros(bench.now), ModeClass::Stopped);
     bench.now += 10_000;
     bench.comes(held);
     assert_eq!((bench.violated(), bench.monitor.stale_targets()), (vec![], 1));

@@ -38,7 +38,7 @@ const INQUIRE_NODE_ID: u8 = 0x5E;
 
 /// State of an LSS slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum LssState {
     /// Can be selected and identified, but not configured.
     Waiting,
     /// Can be inquired and configured.
@@ -97,7 +97,7 @@ impl Probe {
 pub enum Request {
     /// Switches the state of every slave.
     #[display("switch state global")]
-    SwitchGlobal(Mode),
+    SwitchGlobal(LssState),
     /// Selects by one part; the slave matching all four enters configuration.
     #[display("switch state selective")]
     Select(Part, u32),
@@ -139,8 +139,8 @@ impl Request {
     /// Encodes the request.
     pub fn frame(self) -> Frame {
         let bytes = match self {
-            Self::SwitchGlobal(mode) => {
-                padded([SWITCH_GLOBAL, u8::from(mode == Mode::Configuration)])
+            Self::SwitchGlobal(state) => {
+                padded([SWITCH_GLOBAL, u8::from(state == LssState::Configuration)])
             }
             Self::Select(part, number) => numbered(SELECT + part.place(), number),
             Self::ConfigureNodeId(node) => padded([CONFIGURE_NODE_ID, node]),
@@ -175,8 +175,8 @@ impl Request {
         let &[command, a, b, c, d, bit, part, next] = frame.data() else { return None };
         let number = u32::from_le_bytes([a, b, c, d]);
         Some(match command {
-            SWITCH_GLOBAL if a == 0 => Self::SwitchGlobal(Mode::Waiting),
-            SWITCH_GLOBAL if a == 1 => Self::SwitchGlobal(Mode::Configuration),
+            SWITCH_GLOBAL if a == 0 => Self::SwitchGlobal(LssState::Waiting),
+            SWITCH_GLOBAL if a == 1 => Self::SwitchGlobal(LssState::Configuration),
             CONFIGURE_NODE_ID => Self::ConfigureNodeId(a),
             CONFIGURE_BIT_TIMING => Self::ConfigureBitTiming { table: a, index: b },
             ACTIVATE_BIT_TIMING => Self::ActivateBitTiming(u16::from_le_bytes([a, b])),
@@ -319,9 +319,12 @@ mod tests {
     #[test]
     fn requests_equal_those_of_canopen_rs() {
         let ours = |request: Request| request.frame().data().to_vec();
-        assert_eq!(ours(Request::SwitchGlobal(Mode::Waiting)), lss::encode_switch_global(false));
         assert_eq!(
-            ours(Request::SwitchGlobal(Mode::Configuration)),
+            ours(Request::SwitchGlobal(LssState::Waiting)),
+            lss::encode_switch_global(false)
+        );
+        assert_eq!(
+            ours(Request::SwitchGlobal(LssState::Configuration)),
             lss::encode_switch_global(true)
         );
         assert_eq!(ours(Request::ConfigureNodeId(0x7F)), lss::encode_configure_node_id(0x7F));
@@ -359,7 +362,11 @@ mod tests {
         for frame in [Frame::new(0x7E4, [0x44]), Frame::new(0x7E5, [0x44; 8])] {
             assert_eq!(Reply::decode(&frame), None);
         }
-        assert_eq!(Request::decode(&Frame::new(0x7E5, [4, 2, 0, 0, 0, 0, 0, 0])), None, "no mode");
+        assert_eq!(
+            Request::decode(&Frame::new(0x7E5, [4, 2, 0, 0, 0, 0, 0, 0])),
+            None,
+            "no LSS state"
+        );
     }
 
     proptest! {

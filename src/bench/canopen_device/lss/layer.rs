@@ -110,7 +110,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::lss::codec::{Answer, Mode, Reply, Request};
+    use crate::lss::codec::{Answer, LssState, Reply, Request};
     use crate::{Application, Device};
     use canopen::eds::Eds;
     use canopen::nmt::Order;
@@ -120,8 +120,8 @@ mod tests {
 
     impl Application for Idle {}
 
-    const CONFIGURE: Request = Request::SwitchGlobal(Mode::Configuration);
-    const WAIT: Request = Request::SwitchGlobal(Mode::Waiting);
+    const CONFIGURE: Request = Request::SwitchGlobal(LssState::Configuration);
+    const WAIT: Request = Request::SwitchGlobal(LssState::Waiting);
     const DONE: Reply = Reply::NodeIdConfigured(Answer::DONE);
 
     /// Device delivered as node 5, powered up at time zero.

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::lss::codec::{Answer, Condition, Mode, Probe, Reply, Request};
+use crate::lss::codec::{Answer, Condition, LssState, Probe, Reply, Request};
 use crate::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte, node_of};
 use canopen::frame::Frame;
 
@@ -25,7 +25,7 @@ pub enum Effect {
 #[derive(Clone, Debug)]
 pub struct Slave {
     address: Address,
-    mode: Mode,
+    state: LssState,
     active: Option<NodeId>,
     pending: Option<NodeId>,
     stored: Option<NodeId>,
@@ -44,7 +44,7 @@ impl Slave {
     pub const fn new(address: Address, stored: Option<NodeId>) -> Self {
         Self {
             address,
-            mode: Mode::Waiting,
+            state: LssState::Waiting,
             active: stored,
             pending: stored,
             stored,
@@ -57,8 +57,8 @@ impl Slave {
     }
 
     /// LSS state: waiting or configuration.
-    pub const fn mode(&self) -> Mode {
-        self.mode
+    pub const fn state(&self) -> LssState {
+        self.state
     }
 
     /// Active node-id; `None` while unconfigured.
@@ -94,17 +94,17 @@ impl Slave {
     pub fn on_frame(&mut self, frame: &Frame, out: &mut Vec<Frame>) -> Option<Effect> {
         let request = Request::decode(frame)?;
         let (reply, effect) = match request {
-            Request::SwitchGlobal(mode) => (None, self.switch(mode)),
+            Request::SwitchGlobal(state) => (None, self.switch(state)),
             Request::IdentifyRemote(condition, number) => (self.identify(condition, number), None),
             Request::IdentifyNonConfigured => {
                 (self.is_unconfigured().then_some(Reply::NonConfigured), None)
             }
-            Request::Select(..) | Request::Fastscan(_) if self.mode == Mode::Configuration => {
+            Request::Select(..) | Request::Fastscan(_) if self.state == LssState::Configuration => {
                 (None, None)
             }
             Request::Select(part, number) => (self.select(part, number), None),
             Request::Fastscan(probe) => (self.scan(probe), None),
-            _ if self.mode == Mode::Waiting => (None, None),
+            _ if self.state == LssState::Waiting => (None, None),
             Request::ActivateBitTiming(delay) => (None, self.activate(delay)),
             Request::ConfigureNodeId(node) => (Some(self.configure_node(node)), None),
             Request::ConfigureBitTiming { table, index } => {
@@ -123,9 +123,9 @@ impl Slave {
         self.active.is_none() && self.pending.is_none()
     }
 
-    fn switch(&mut self, mode: Mode) -> Option<Effect> {
-        let is_left = self.mode == Mode::Configuration && mode == Mode::Waiting;
-        self.mode = mode;
+    fn switch(&mut self, state: LssState) -> Option<Effect> {
+        let is_left = self.state == LssState::Configuration && state == LssState::Waiting;
+        self.state = state;
         self.selected = 0;
         let gets_its_first = self.active.is_none() && self.pending.is_some();
         (is_left && gets_its_first).then_some(Effect::Reset)
@@ -139,7 +139,7 @@ impl Slave {
             return None;
         }
         self.selected = 0;
-        self.mode = Mode::Configuration;
+        self.state = LssState::Configuration;
         Some(Reply::Selected)
     }
 
@@ -180,7 +180,7 @@ impl Slave {
         }
         if probe.bit == 0 {
             if next < self.scanned {
-                self.mode = Mode::Configuration;
+                self.state = LssState::Configuration;
             }
             self.scanned = next;
         }
@@ -254,7 +254,7 @@ mod tests {
         slave
     }
 
-    const TO_WAITING: Request = Request::SwitchGlobal(Mode::Waiting);
+    const TO_WAITING: Request = Request::SwitchGlobal(LssState::Waiting);
 
     #[test]
     fn only_its_own_address_selects_a_slave() {
@@ -262,9 +262,9 @@ mod tests {
             let mut slave = Slave::new(ADDRESS, None);
             let other = ADDRESS.with(part, ADDRESS.part(part) ^ 1);
             assert_eq!(select(&mut slave, other), []);
-            assert_eq!(slave.mode(), Mode::Waiting);
+            assert_eq!(slave.state(), LssState::Waiting);
         }
-        assert_eq!(configuring(None).mode(), Mode::Configuration);
+        assert_eq!(configuring(None).state(), LssState::Configuration);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Identity of a device, and objects that follow its node-id.
 
 use super::*;
-use crate::lss::codec::{Answer, Mode, Reply, Request};
+use crate::lss::codec::{Answer, LssState, Reply, Request};
 use canopen::time_stamp::TimeOfDay;
 
 const CLIENT_TO_SERVER: Object = Object { index: 0x1200, sub: 1 };
@@ -10,10 +10,10 @@ const SERVER_TO_CLIENT: Object = Object { index: 0x1200, sub: 2 };
 impl Fixture {
     /// Assigns another node-id by LSS and resets communication.
     fn becomes(&mut self, node: u8) {
-        self.deliver(Request::SwitchGlobal(Mode::Configuration).frame());
+        self.deliver(Request::SwitchGlobal(LssState::Configuration).frame());
         let done = Reply::NodeIdConfigured(Answer::DONE).frame();
         assert_eq!(self.deliver(Request::ConfigureNodeId(node).frame()), [done]);
-        self.deliver(Request::SwitchGlobal(Mode::Waiting).frame());
+        self.deliver(Request::SwitchGlobal(LssState::Waiting).frame());
         self.order(NmtCommand::ResetCommunication);
         assert_eq!(self.device.node().raw(), node);
     }

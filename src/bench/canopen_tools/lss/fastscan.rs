@@ -128,7 +128,7 @@ mod tests {
 
     use super::*;
     use canopen_device::lss::REPLY_COB_ID;
-    use canopen_device::lss::codec::Mode;
+    use canopen_device::lss::codec::LssState;
     use canopen_device::lss::slave::Slave;
 
     const WINDOW: Duration = Duration::from_millis(10);
@@ -216,11 +216,11 @@ mod tests {
                 prop_assert_eq!(found, FastscanOutcome::One(*address));
                 prop_assert_eq!(requests, 4 * 33 + 1);
                 for (other, slave) in slaves.iter().enumerate() {
-                    prop_assert_eq!(slave.mode() == Mode::Configuration, other == place);
+                    prop_assert_eq!(slave.state() == LssState::Configuration, other == place);
                 }
                 slaves[place].on_frame(&Request::ConfigureNodeId(9).frame(), &mut Vec::new());
                 for slave in &mut slaves {
-                    slave.on_frame(&Request::SwitchGlobal(Mode::Waiting).frame(), &mut Vec::new());
+                    slave.on_frame(&Request::SwitchGlobal(LssState::Waiting).frame(), &mut Vec::new());
                 }
             }
         }
@@ -249,7 +249,7 @@ mod tests {
             }
             prop_assert!(master.found());
             prop_assert_eq!(master.address(), theirs(address));
-            prop_assert_eq!(slave.mode(), Mode::Configuration);
+            prop_assert_eq!(slave.state(), LssState::Configuration);
         }
     }
 }

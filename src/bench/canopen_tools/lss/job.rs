@@ -10,7 +10,7 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use thiserror::Error;
 
-use canopen_device::lss::codec::{Answer, Mode, Request};
+use canopen_device::lss::codec::{Answer, LssState, Request};
 use canopen_device::lss::{Address, BitRate, Part, STANDARD_TABLE, node_byte};
 
 /// Selection of the slave.
@@ -76,7 +76,7 @@ impl Job {
         match self.selection {
             Selection::Selected => {}
             Selection::All => {
-                steps.push(Step::Send(Request::SwitchGlobal(Mode::Configuration)));
+                steps.push(Step::Send(Request::SwitchGlobal(LssState::Configuration)));
             }
             Selection::Address(address) => {
                 let select = |part| Request::Select(part, address.part(part));
@@ -201,4 +201,4 @@ fn switch_delay(delay: u16) -> Duration {
 }
 
 /// First and last request of a job: no slave is selected.
-pub(super) const TO_WAITING: Request = Request::SwitchGlobal(Mode::Waiting);
+pub(super) const TO_WAITING: Request = Request::SwitchGlobal(LssState::Waiting);

@@ -242,7 +242,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use canopen_device::lss::codec::Mode;
+    use canopen_device::lss::codec::LssState;
     use canopen_device::lss::slave::{Effect, Slave};
     use canopen_device::lss::{Address, BitRate, Part, REPLY_COB_ID, REQUEST_COB_ID};
 
@@ -325,7 +325,7 @@ mod tests {
         let job = Job { inquire: true, ..Job::new(Selection::All) };
         let report = Report { address: Some(ADDRESS), node: Some(Some(node(5))), is_booted: false };
         assert_eq!(carry(job, &mut slaves).0, Ok(report));
-        assert_eq!(slaves[0].mode(), Mode::Waiting);
+        assert_eq!(slaves[0].state(), LssState::Waiting);
     }
 
     #[test]
@@ -335,7 +335,7 @@ mod tests {
         let (outcome, sent) = carry(configure(Selection::All, 9), &mut slaves);
         assert_eq!(outcome, Err(LssError::Several(Request::Inquire(Part::Vendor))));
         assert!(!sent.contains(&Request::ConfigureNodeId(9).frame()));
-        assert!(slaves.iter().all(|slave| slave.mode() == Mode::Waiting));
+        assert!(slaves.iter().all(|slave| slave.state() == LssState::Waiting));
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         let mut slaves = [Slave::new(ADDRESS, Some(node(5)))];
         let select = Job { release: false, ..Job::new(Selection::Address(ADDRESS)) };
         carry(select, &mut slaves).0.unwrap();
-        assert_eq!(slaves[0].mode(), Mode::Configuration);
+        assert_eq!(slaves[0].state(), LssState::Configuration);
         let job = Job {
             node: Some(Some(node(7))),
             bit_rate: BitRate::of_kilobits(500),
@@ -368,9 +368,9 @@ mod tests {
             ..Job::new(Selection::Selected)
         };
         carry(job, &mut slaves).0.unwrap();
-        assert_eq!(slaves[0].mode(), Mode::Configuration);
+        assert_eq!(slaves[0].state(), LssState::Configuration);
         carry(Job::new(Selection::Selected), &mut slaves).0.unwrap();
-        assert_eq!(slaves[0].mode(), Mode::Waiting);
+        assert_eq!(slaves[0].state(), LssState::Waiting);
     }
 
     #[test]

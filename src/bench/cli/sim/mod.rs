@@ -67,7 +67,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
             realtime::ask();
             let (report_sender, fault_sender) = (report_sender, fault_sender);
             station::run(&mut bus, &mut world, &mut |world: &mut World| {
-                while let Some(notice) = world.notice() {
+                while let Some(notice) = world.next_notice() {
                     // The main thread may have ended first.
                     let begun = world.scenario_start().unwrap_or(Instant::ZERO);
                     fault_sender.send((begun, notice)).ok();

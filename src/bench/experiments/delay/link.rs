@@ -17,7 +17,7 @@ const MAX_GAIN: f64 = 8.0;
 
 /// Link between node and object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Link {
+pub struct LinkConditions {
     /// Constant delay per direction, in ms.
     pub delay_ms: f64,
     /// Maximum of the random delay added to it, in ms.
@@ -32,7 +32,7 @@ pub struct Link {
     pub outage_s: Option<[f64; 2]>,
 }
 
-impl Link {
+impl LinkConditions {
     /// Creates a link from its delay per direction and the maximum age of a sample, both in ms.
     pub fn new([delay_ms, max_age_ms]: [f64; 2]) -> Self {
         Self { delay_ms, max_age_ms, ..Self::default() }

@@ -15,7 +15,6 @@ use serde::Serialize;
 use crate::displacement;
 use crate::opening;
 use config::Config;
-use controller::switches::Mode;
 use remote::scene::HALF_CUBE;
 use sim::operator_settings::OperatorSettings;
 use sim::scenario::operator::{Move, Switch};
@@ -39,7 +38,7 @@ const MAX_FORCE: f64 = 7.0;
 /// Smallest component of a direction that needs a deflection beyond the deadband.
 const MIN_COMPONENT: f64 = 1e-6;
 
-/// Mode of the hand's command.
+/// Command mode of a trial, as figures and files name it.
 #[derive(Clone, Copy, Debug, Display, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CommandMode {
@@ -51,7 +50,7 @@ pub enum CommandMode {
     Rate,
 }
 
-impl From<CommandMode> for Mode {
+impl From<CommandMode> for controller::switches::CommandMode {
     fn from(commanded: CommandMode) -> Self {
         match commanded {
             CommandMode::Pose => Self::Pose,

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::comparison;
-use crate::delay::link::{self, Link};
+use crate::delay::link::{self, LinkConditions};
 use crate::delay::measurement::{Measurement, Outcome};
 use crate::delay::script::{self, CommandMode};
 use crate::no_trial::NoTrial;
@@ -51,7 +51,7 @@ pub struct Trial<'a> {
     /// Object or arm that the hand leads.
     pub led: Follower<'a>,
     /// Link between node and object.
-    pub link: Link,
+    pub link: LinkConditions,
     /// Rate or pose commands, as the script requests.
     pub commanded: CommandMode,
     /// K_T along x; the others in proportion.
@@ -69,7 +69,7 @@ pub struct Row {
     pub led: String,
     /// Link between node and object.
     #[serde(flatten)]
-    pub link: Link,
+    pub link: LinkConditions,
     /// Rate or pose commands.
     pub commanded: CommandMode,
     /// K_T along x.
@@ -199,7 +199,7 @@ mod tests {
         has_layer: bool,
         commanded: CommandMode,
     ) -> Row {
-        let link = Link { delay_ms, max_age_ms, ..Link::default() };
+        let link = LinkConditions { delay_ms, max_age_ms, ..LinkConditions::default() };
         let trial = Trial { led: Follower::Object, link, commanded, k_t, has_layer, seed: 1 };
         trial.play(&config()).unwrap()
     }
@@ -208,7 +208,7 @@ mod tests {
     fn accepted_gains_rest_at_the_wall_on_an_arm() {
         let arm = RobotArm::load(Path::new("config/robots/puma560.toml")).unwrap();
         for (delay_ms, max_age_ms) in [(8.0, 20.0), (40.0, 100.0)] {
-            let link = Link { delay_ms, max_age_ms, ..Link::default() };
+            let link = LinkConditions { delay_ms, max_age_ms, ..LinkConditions::default() };
             let led = Follower::Arm(&arm);
             let k_t = 0.999
                 * link::largest_accepted(&led.configure(&config().with_link(link.settings(1))));
@@ -242,7 +242,12 @@ mod tests {
     #[test]
     fn outage_ends_reflection_within_age_and_ramp() {
         let outage_s = Some([8.0, 8.5]);
-        let link = Link { delay_ms: 5.0, max_age_ms: 20.0, outage_s, ..Link::default() };
+        let link = LinkConditions {
+            delay_ms: 5.0,
+            max_age_ms: 20.0,
+            outage_s,
+            ..LinkConditions::default()
+        };
         let led = Follower::Object;
         let trial = Trial { led, link, commanded: POSE, k_t: 0.3, has_layer: true, seed: 1 };
         let row = trial.play(&config()).unwrap();
@@ -253,7 +258,7 @@ mod tests {
     #[test]
     fn accepted_gain_falls_with_the_delay() {
         let most = [0.0, 2.0, 5.0, 8.0, 20.0, 40.0].map(|delay_ms| {
-            let link = Link { delay_ms, max_age_ms: 100.0, ..Link::default() };
+            let link = LinkConditions { delay_ms, max_age_ms: 100.0, ..LinkConditions::default() };
             link::largest_accepted(&config().with_link(link.settings(1)))
         });
         assert!(most.is_sorted_by(|a, b| a > b) && most[5] > 0.1, "{most:?}");

@@ -90,7 +90,7 @@ impl Faults {
     }
 
     /// Takes the oldest start or end of a fault.
-    pub fn notice(&mut self) -> Option<Notice> {
+    pub fn next_notice(&mut self) -> Option<Notice> {
         self.notices.pop_front()
     }
 

@@ -272,7 +272,7 @@ fn ended_fault_leaves_no_trace() {
         network.run_until(2_010.0);
         assert_eq!(state(&mut network), as_before, "{keys}");
         assert_eq!(network.faults.deadline(), None, "{keys}");
-        let notices = std::iter::from_fn(|| network.faults.notice());
+        let notices = std::iter::from_fn(|| network.faults.next_notice());
         let notices: Vec<_> = notices.map(|one| (one.at.as_millis(), one.is_over)).collect();
         assert_eq!(notices, [(1_000, false), (2_000, true)], "{keys}");
     }
@@ -412,7 +412,7 @@ fn spent_fault_is_removed_when_the_next_one_starts() {
     network.run_until(1_000.0);
     network.sent(2, frame);
     network.run_until(3_000.0);
-    let ended = std::iter::from_fn(|| network.faults.notice()).filter(|notice| notice.is_over);
+    let ended = std::iter::from_fn(|| network.faults.next_notice()).filter(|notice| notice.is_over);
     assert_eq!(ended.count(), 1, "a fault with a duration still reports its end");
 }
 

@@ -5,7 +5,7 @@
 //!
 //! | files                                           | content                                     |
 //! |-------------------------------------------------|---------------------------------------------|
-//! | `mode`, `bits`                                  | dispatch, and the bits of the modes         |
+//! | `operation_mode`, `bits`                        | dispatch, and the bits of the modes         |
 //! | `profile_position`, `profile_velocity`, `torque`, `homing`, `cyclic` | the modes              |
 //! | `stop`                                          | stops                                       |
 //! | `axis`                                          | shared state                                |
@@ -23,7 +23,7 @@ mod fixture;
 mod following;
 mod homing;
 mod limits;
-mod mode;
+mod operation_mode;
 mod profile_position;
 mod profile_velocity;
 mod ramp;
@@ -42,7 +42,7 @@ mod units;
 pub use tuning::{InvalidLoad, Load, Tuning};
 
 use axis::{Axis, StepInput};
-use mode::Mode;
+use operation_mode::OperationMode;
 use stop::Stop;
 
 use canopen::drive::Controlword;
@@ -98,7 +98,7 @@ pub enum Ramp {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
     axis: Axis,
-    mode: Mode,
+    mode: OperationMode,
     word: Controlword,
     /// Stop in progress or completed; a step in operation ends it.
     stop: Option<Stop>,
@@ -139,7 +139,7 @@ impl Motion {
         self.axis.shaft.units.read(dictionary);
         let input = self.input(0.0, feedback, dictionary);
         self.axis.take_over(&input.actual);
-        self.mode = Mode::begin(mode, &mut self.axis, &input);
+        self.mode = OperationMode::begin(mode, &mut self.axis, &input);
         self.stop = None;
         self.is_fresh = true;
     }

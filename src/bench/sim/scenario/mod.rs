@@ -17,7 +17,7 @@ mod keys;
 pub mod operator;
 mod problem;
 
-pub use operator::{ConsoleRequest, Operator};
+pub use operator::{ConsoleRequest, OperatorState};
 pub use problem::{Problem, ScenarioError};
 
 use std::ops::Range;
@@ -190,7 +190,7 @@ impl Scenario {
     }
 
     /// Returns the operator at `t` s.
-    pub fn operator(&self, t: f64) -> Operator {
+    pub fn operator(&self, t: f64) -> OperatorState {
         self.actions.at(t)
     }
 

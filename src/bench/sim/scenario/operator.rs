@@ -61,7 +61,7 @@ impl From<ConsoleRequest> for String {
 
 /// State of the operator at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Operator {
+pub struct OperatorState {
     /// Desired translation of the grip from its start, along {0}, in m.
     pub translation: Vector3<f64>,
     /// Desired rotation of the grip from its start.
@@ -74,7 +74,7 @@ pub struct Operator {
     pub is_holding: bool,
 }
 
-impl Operator {
+impl OperatorState {
     /// Returns the inputs with the hand off the grip: the deadman switch is open.
     pub const fn hand_off(&self) -> u8 {
         self.inputs & !0b11 | 0b10
@@ -232,7 +232,7 @@ impl Actions {
     }
 
     /// Returns the operator's state at `t` s.
-    pub(super) fn at(&self, t: f64) -> Operator {
+    pub(super) fn at(&self, t: f64) -> OperatorState {
         let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
         for step in self.moves.iter().take_while(|step| step.at_s <= t) {
             let share = smooth((t - step.at_s) / step.duration_s);
@@ -249,7 +249,7 @@ impl Actions {
             lever = switch.gripper.unwrap_or(lever);
         }
         let holds = self.holds.iter().take_while(|hold| hold.at_s <= t);
-        Operator {
+        OperatorState {
             translation: place,
             rotation: UnitQuaternion::from_scaled_axis(turn),
             inputs: byte([deadman, !deadman, reference, reflection], buttons),

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::command::common::{self, Results, Robots, refused};
 use crate::command::frame::{Files, Frame, Report};
-use crate::delay::link::{self, Link};
+use crate::delay::link::{self, LinkConditions};
 use crate::delay::measurement::Outcome;
 use crate::delay::script::CommandMode;
 use crate::delay::trial::{self, Follower, Row, Trial};
@@ -108,15 +108,16 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
 fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(Part, Trial<'a>)> {
     let Results { seed, short, .. } = args.results;
     // Short: no delay, 8 ms and 40 ms; the object and one arm; one accepted and one refused gain.
-    let is_played = |link: &Link| !short || [0.0, 8.0, 40.0].contains(&link.delay_ms);
-    let links: Vec<Link> = LINKS.map(Link::new).into_iter().filter(is_played).collect();
+    let is_played = |link: &LinkConditions| !short || [0.0, 8.0, 40.0].contains(&link.delay_ms);
+    let links: Vec<LinkConditions> =
+        LINKS.map(LinkConditions::new).into_iter().filter(is_played).collect();
     let every = if short { 5 } else { 1 };
     let arms = arms.iter().take(if short { 1 } else { usize::MAX }).map(Follower::Arm);
     let led: Vec<Follower<'a>> = [Follower::Object].into_iter().chain(arms).collect();
     let [k_t, ..] = *config.controller.reflection.gain().values();
     let usual = Trial {
         led: Follower::Object,
-        link: Link::default(),
+        link: LinkConditions::default(),
         commanded: CommandMode::Pose,
         k_t,
         has_layer: true,
@@ -149,12 +150,12 @@ fn trials<'a>(args: &Arguments, config: &Config, arms: &'a [RobotArm]) -> Vec<(P
 }
 
 /// Returns links with jitter and loss, with too much delay, and with an outage.
-fn disturbed() -> impl Iterator<Item = Link> {
-    let unsteady = Link::new([5.0, 20.0]);
-    let unsteady = Link { jitter_ms: 3.0, loss_percent: 2.0, reorders: true, ..unsteady };
-    let failing = [[5.0, 20.0], [20.0, 100.0]].map(Link::new);
-    let failing = failing.map(|link| Link { outage_s: Some(OUTAGE_S), ..link });
-    [unsteady].into_iter().chain(HOPELESS.map(Link::new)).chain(failing)
+fn disturbed() -> impl Iterator<Item = LinkConditions> {
+    let unsteady = LinkConditions::new([5.0, 20.0]);
+    let unsteady = LinkConditions { jitter_ms: 3.0, loss_percent: 2.0, reorders: true, ..unsteady };
+    let failing = [[5.0, 20.0], [20.0, 100.0]].map(LinkConditions::new);
+    let failing = failing.map(|link| LinkConditions { outage_s: Some(OUTAGE_S), ..link });
+    [unsteady].into_iter().chain(HOPELESS.map(LinkConditions::new)).chain(failing)
 }
 
 /// Returns the reason to fail: an accepted gain at which the hand does not rest, or torque after the loss of a link.

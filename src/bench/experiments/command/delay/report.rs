@@ -2,7 +2,7 @@
 
 use super::{Figure, LINKS, Part};
 use crate::command::table::{self, Column, Table};
-use crate::delay::link::Link;
+use crate::delay::link::LinkConditions;
 use crate::delay::measurement::Outcome;
 use crate::delay::script::CommandMode;
 use crate::delay::trial::Row;
@@ -189,7 +189,7 @@ pub(super) fn panels(figures: &[Figure]) -> Vec<Panel> {
 /// Returns all runs.
 pub(super) fn csv(figures: &[Figure]) -> anyhow::Result<String> {
     let run = |Figure { part, row }: &Figure| {
-        let Link { delay_ms, jitter_ms, loss_percent, max_age_ms, .. } = row.link;
+        let LinkConditions { delay_ms, jitter_ms, loss_percent, max_age_ms, .. } = row.link;
         let numbers = [delay_ms, jitter_ms, loss_percent, max_age_ms, row.k_t];
         let measured =
             [row.unrest_m_per_s, row.reflected_n, row.driven_j, row.taken_j, row.largest_nm];

@@ -1,8 +1,8 @@
-//! Modes of the node that the invariants distinguish.
+//! Classes of the node's modes that the invariants distinguish.
 
-/// Mode of the node, as far as the invariants distinguish it.
+/// Class of a mode of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum ModeClass {
     /// Latched mode without torque: S2 or S3.
     Stopped,
     /// Command and reflection are enabled.

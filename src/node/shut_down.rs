@@ -1,4 +1,5 @@
-//! Orderly stop: torque, power, NMT pre-operational, then the nodes' monitoring of this master.
+//! Orderly end of the node: torque, power, NMT pre-operational, then the nodes' monitoring of this master. Not a stop
+//! S1 to S3, which [`safety`](crate::safety) enters.
 //!
 //! A drive that monitors the master's heartbeat enters a fault (8130h) when it ends. So the monitoring is ended first, by
 //! SDO, while heartbeat and guarding continue: only once *every* drive has confirmed that its power stage is off.
@@ -53,12 +54,12 @@ fn lines(statuswords: &[Option<u16>; 6]) -> String {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Stops in order. Torque ramps to zero, the drives are switched off and confirm it by statusword, and the nodes are set
+    /// Ends the node in order. Torque ramps to zero, the drives are switched off and confirm it by statusword, and the nodes are set
     /// pre-operational. Then their monitoring of this master ends, unless `is_urgent` returns true.
     ///
     /// # Errors
     /// When a drive does not confirm in time. Disable voltage was sent to it, and the watchdogs of all drives still run.
-    pub fn stop(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
+    pub fn shut_down(&mut self, is_urgent: &mut dyn FnMut() -> bool) -> Result<(), PowerOffError> {
         self.safety.disarm();
         while self.safety.allows_torque() {
             self.cycle();
@@ -129,7 +130,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             self.send_heartbeat(now);
             while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
-                waiting = waiting.saturating_sub(self.note_end(event));
+                waiting = waiting.saturating_sub(self.count_end(event));
             }
             self.send_queued();
             while let Some(telegram) = self.network.master.release() {
@@ -143,7 +144,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     let telegram = Telegram { channel: received.channel, frame };
                     let master = &mut self.network.master;
                     let event = master.on_frame(received.at, &telegram, &mut self.wire.out);
-                    waiting = waiting.saturating_sub(event.map_or(0, |event| self.note_end(event)));
+                    waiting =
+                        waiting.saturating_sub(event.map_or(0, |event| self.count_end(event)));
                 }
                 BusEvent::Fault(_) => self.on_received(received),
             }
@@ -152,11 +154,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Logs a node that keeps its monitoring. Returns the number of nodes whose end of monitoring this event reports.
     /// Ignores other events, such as reports of pre-operational.
-    fn note_end(&mut self, event: Event) -> usize {
+    fn count_end(&mut self, event: Event) -> usize {
         let is_kept = matches!(event, Event::MonitoringKept { .. });
         let is_ended = is_kept || matches!(event, Event::MonitoringEnded { .. });
         if is_kept {
-            self.note(event);
+            self.log_event(event);
         }
         usize::from(is_ended)
     }
@@ -168,10 +170,10 @@ mod tests {
     use crate::silent_bus::node;
 
     #[test]
-    fn stop_before_a_boot_ends_at_once() {
+    fn shut_down_before_a_boot_ends_at_once() {
         let mut node = node();
         let start = node.bus().now();
-        assert_eq!(node.stop(&mut || false), Ok(()));
+        assert_eq!(node.shut_down(&mut || false), Ok(()));
         let elapsed = node.bus().now().since(start);
         assert!(elapsed < POWER_OFF_TIMEOUT / 10, "{elapsed:?}");
         let mut sent = node.bus().sent.iter().map(|(_, telegram)| telegram.frame);

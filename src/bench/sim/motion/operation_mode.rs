@@ -12,7 +12,7 @@ use canopen::drive::Controlword;
 
 /// Active mode with its state.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) enum Mode {
+pub(super) enum OperationMode {
     /// No mode selected, or an unsupported one: no torque.
     #[default]
     None,
@@ -25,7 +25,7 @@ pub(super) enum Mode {
     CyclicTorque,
 }
 
-impl Mode {
+impl OperationMode {
     /// Starts the mode of a number in 6060h.
     pub(super) fn begin(number: i8, axis: &mut Axis, input: &StepInput<'_>) -> Self {
         match number {

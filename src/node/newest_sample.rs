@@ -13,59 +13,59 @@ use remote::{Gripper, RemoteSample};
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// The newest valid sample of the commanded side.
+/// Newest valid sample of the commanded side.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Link {
+pub(super) struct NewestSample {
     /// Maximum age of a sample.
     timeout: Duration,
-    newest: Option<RemoteSample>,
+    sample: Option<RemoteSample>,
 }
 
-impl Link {
-    /// Returns a link without a sample. `timeout` is the maximum age of a sample.
+impl NewestSample {
+    /// Returns the age watch before the first sample. `timeout` is the maximum age of a sample.
     pub(super) const fn new(timeout: Duration) -> Self {
-        Self { timeout, newest: None }
+        Self { timeout, sample: None }
     }
 
     /// Keeps the sample if it is valid and not older than the newest one.
     pub(super) fn update(&mut self, now: Instant, sensed: Option<RemoteSample>) {
         let Some(sensed) = sensed else { return };
-        let is_newest = self.newest.is_none_or(|newest| newest.at <= sensed.at);
+        let is_newest = self.sample.is_none_or(|newest| newest.at <= sensed.at);
         if is_newest && sensed.at <= now && sensed.is_possible() {
             let gripper = sensed.gripper.filter(Gripper::is_possible);
-            self.newest = Some(RemoteSample { gripper, ..sensed });
+            self.sample = Some(RemoteSample { gripper, ..sensed });
         }
     }
 
     /// Returns the newest valid sample.
-    pub(super) const fn newest(&self) -> Option<&RemoteSample> {
-        self.newest.as_ref()
+    pub(super) const fn sample(&self) -> Option<&RemoteSample> {
+        self.sample.as_ref()
     }
 
     /// Returns a cause if the newest sample is absent or too old.
     pub(super) fn lost(&self, now: Instant) -> Option<Cause> {
-        let is_fresh = self.newest.is_some_and(|newest| now.since(newest.at) <= self.timeout);
+        let is_fresh = self.sample.is_some_and(|newest| now.since(newest.at) <= self.timeout);
         (!is_fresh).then_some(Cause::LinkLost)
     }
 
     /// Returns the age of the newest sample; `None` before the first.
     pub(super) fn age(&self, now: Instant) -> Option<Duration> {
-        self.newest.map(|newest| now.since(newest.at))
+        self.sample.map(|newest| now.since(newest.at))
     }
 
     /// Returns the wrench of the environment on the object at {S}; zero before the first sample.
     pub(super) fn f_s(&self) -> Wrench {
-        self.newest.map_or(Wrench::ZERO, |newest| newest.f_s)
+        self.sample.map_or(Wrench::ZERO, |newest| newest.f_s)
     }
 
     /// Returns the object's pose in its base; the identity before the first sample.
     pub(super) fn x_b_m(&self) -> Isometry3<f64> {
-        self.newest.map_or_else(Isometry3::identity, |newest| newest.x_b_m)
+        self.sample.map_or_else(Isometry3::identity, |newest| newest.x_b_m)
     }
 
     /// Returns opening and force of the gripper; `None` if the newest sample has no gripper.
     pub(super) fn gripper(&self) -> Option<Gripper> {
-        self.newest.and_then(|newest| newest.gripper)
+        self.sample.and_then(|newest| newest.gripper)
     }
 }
 
@@ -115,11 +115,11 @@ mod tests {
             }
             bad.x_b_m.rotation = Unit::new_unchecked(quaternion);
             let now = at(5_000 + after);
-            let mut link = Link::new(TIMEOUT);
-            link.update(at(5_000), Some(good));
-            link.update(now, Some(bad));
-            prop_assert_eq!((link.f_s(), link.x_b_m()), (good.f_s, good.x_b_m));
-            prop_assert_eq!(link.lost(at(25_001)), Some(Cause::LinkLost), "the good one ages on");
+            let mut newest = NewestSample::new(TIMEOUT);
+            newest.update(at(5_000), Some(good));
+            newest.update(now, Some(bad));
+            prop_assert_eq!((newest.f_s(), newest.x_b_m()), (good.f_s, good.x_b_m));
+            prop_assert_eq!(newest.lost(at(25_001)), Some(Cause::LinkLost), "the good one ages on");
         }
 
         #[test]
@@ -127,9 +127,9 @@ mod tests {
             stamp in 0..1_000_000_u64, timeout in 5_000..100_000_u64,
             age in 0..300_000_u64, later in 0..300_000_u64,
         ) {
-            let mut link = Link::new(Duration::from_micros(timeout));
-            link.update(at(stamp), Some(sensed(at(stamp), 1.0)));
-            let lost = |age: u64| link.lost(at(stamp + age)).is_some();
+            let mut newest = NewestSample::new(Duration::from_micros(timeout));
+            newest.update(at(stamp), Some(sensed(at(stamp), 1.0)));
+            let lost = |age: u64| newest.lost(at(stamp + age)).is_some();
             prop_assert!(!lost(age) || lost(age + later));
             prop_assert_eq!(lost(age), age > timeout);
         }
@@ -138,42 +138,42 @@ mod tests {
         fn hazard_36_newest_sample_is_kept_in_any_order(
             stamps in prop::collection::vec(0..1_000_u64, 1..30),
         ) {
-            let mut link = Link::new(TIMEOUT);
+            let mut newest = NewestSample::new(TIMEOUT);
             let now = at(1_000);
             for stamp in &stamps {
-                link.update(now, Some(sensed(at(*stamp), Duration::from_micros(*stamp).as_secs_f64())));
+                newest.update(now, Some(sensed(at(*stamp), Duration::from_micros(*stamp).as_secs_f64())));
             }
-            let newest = stamps.iter().max().unwrap();
-            let force = Duration::from_micros(*newest).as_secs_f64();
-            prop_assert_eq!(link.f_s(), sensed(at(*newest), force).f_s);
+            let latest = stamps.iter().max().unwrap();
+            let force = Duration::from_micros(*latest).as_secs_f64();
+            prop_assert_eq!(newest.f_s(), sensed(at(*latest), force).f_s);
         }
     }
 
     #[test]
     fn gripper_out_of_range_is_dropped_alone() {
         for position in [f64::NAN, f64::INFINITY, -1.1e3] {
-            let mut link = Link::new(TIMEOUT);
+            let mut newest = NewestSample::new(TIMEOUT);
             let good = sensed(at(1_000), 3.0);
             let gripper = Some(Gripper { position, force: 1.0 });
-            link.update(at(1_000), Some(RemoteSample { gripper, ..good }));
-            assert_eq!((link.f_s(), link.gripper()), (good.f_s, None), "{position}");
-            link.update(at(1_000), Some(good));
-            assert_eq!(link.gripper(), good.gripper);
+            newest.update(at(1_000), Some(RemoteSample { gripper, ..good }));
+            assert_eq!((newest.f_s(), newest.gripper()), (good.f_s, None), "{position}");
+            newest.update(at(1_000), Some(good));
+            assert_eq!(newest.gripper(), good.gripper);
         }
     }
 
     #[test]
     fn wrench_is_zero_and_the_link_lost_before_the_first_sample() {
-        let mut link = Link::new(TIMEOUT);
-        link.update(at(0), None);
-        assert_eq!((link.f_s(), link.lost(at(0))), (Wrench::ZERO, Some(Cause::LinkLost)));
+        let mut newest = NewestSample::new(TIMEOUT);
+        newest.update(at(0), None);
+        assert_eq!((newest.f_s(), newest.lost(at(0))), (Wrench::ZERO, Some(Cause::LinkLost)));
     }
 
     #[test]
     fn controller_fault_stops_the_node() {
         let mut node = crate::silent_bus::node();
         // A wrench that the validation would drop.
-        node.remote.link.newest = Some(sensed(node.bus().now, f64::NAN));
+        node.remote_side.newest.sample = Some(sensed(node.bus().now, f64::NAN));
         let record = node.cycle();
         let kind = record.cause.map(|cause| cause.kind());
         assert_eq!(kind, Some(crate::cause::Kind::ControllerFault));
@@ -182,18 +182,18 @@ mod tests {
 
     #[test]
     fn sample_from_the_future_is_dropped() {
-        let mut link = Link::new(TIMEOUT);
-        link.update(at(10), Some(sensed(at(11), 1.0)));
-        assert_eq!(link.f_s(), Wrench::ZERO);
+        let mut newest = NewestSample::new(TIMEOUT);
+        newest.update(at(10), Some(sensed(at(11), 1.0)));
+        assert_eq!(newest.f_s(), Wrench::ZERO);
     }
 
     #[test]
     fn hazard_35_repeated_sample_becomes_stale() {
-        let mut link = Link::new(TIMEOUT);
+        let mut newest = NewestSample::new(TIMEOUT);
         let frozen = sensed(at(1_000), 1.0);
         let lost_at = (1..).map(|cycle| at(cycle * 1_000)).find(|now| {
-            link.update(*now, Some(frozen));
-            link.lost(*now).is_some()
+            newest.update(*now, Some(frozen));
+            newest.lost(*now).is_some()
         });
         assert_eq!(lost_at, Some(at(22_000)), "the first cycle after 20 ms");
     }

@@ -99,7 +99,7 @@ fn cycles<R: Remote>(
 /// Runs the part of the node's cycle that depends on the kind of commanded side.
 #[inline(never)]
 fn cycle_part<R: Remote>(side: &mut R, now: Instant, command: &Command) {
-    black_box(side.fault());
+    black_box(side.error());
     black_box(side.exchange(now, black_box(command)));
 }
 

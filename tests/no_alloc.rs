@@ -148,7 +148,7 @@ fn cycle_with_a_robot_in_another_process_never_allocates() {
         }
         IS_COUNTED.set(millis > 10);
         received += u32::from(side.exchange(now, &Command::HOLD).is_some());
-        side.fault();
+        side.error();
         IS_COUNTED.set(false);
     }
     assert!(received > 1_900, "{received}");

@@ -100,14 +100,14 @@ pub struct Wake {
     pub received: Option<ReceivedEvent>,
 }
 
-/// Frame or fault received from a bus, with time and channel.
+/// Frame or error received from a bus, with time and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceivedEvent {
     /// Time at which the frame or fault was complete on the wire.
     pub at: Instant,
     /// Bus on which the frame or fault was received.
     pub channel: Channel,
-    /// Frame or fault.
+    /// Frame or error.
     pub event: BusEvent,
 }
 
@@ -117,12 +117,13 @@ pub enum BusEvent {
     /// Data frame with an 11-bit identifier; a remote frame only if requested.
     Frame(Frame),
     /// Worst fault that an error frame or the interface reports.
-    Fault(BusFault),
+    Error(BusError),
 }
 
-/// Fault reported by a CAN controller or its driver, mildest first.
+/// Error reported by a CAN controller or its driver, mildest first. `Passive` and `Off` are states of fault confinement
+/// (ISO 11898-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum BusFault {
+pub enum BusError {
     /// Error warning: an error counter is at least 96. Frames still pass.
     Warning,
     /// Received frames were lost before they were read.

@@ -13,7 +13,7 @@
 
 use socketcan::id::{CAN_EFF_FLAG, CAN_ERR_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 
-use crate::{BusEvent, BusFault};
+use crate::{BusError, BusEvent};
 use canopen::frame::Frame;
 
 /// Bytes of a classical frame, `CAN_MTU`.
@@ -55,7 +55,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<BusEvent> {
     let data: [u8; 8] = data.try_into().ok()?;
     let id = u32::from_ne_bytes([i0, i1, i2, i3]);
     if id & CAN_ERR_FLAG != 0 {
-        return fault(id, data).map(BusEvent::Fault);
+        return worst(id, data).map(BusEvent::Error);
     }
     if id & CAN_EFF_FLAG != 0 || length > 8 {
         return None;
@@ -68,19 +68,19 @@ pub(super) fn read(bytes: &[u8]) -> Option<BusEvent> {
     Frame::from_slice(cob_id, data).map(BusEvent::Frame)
 }
 
-/// Returns the worst fault in an error frame. Single bus errors are ignored: the controller counts them.
-fn fault(classes: u32, [_, reported, _, _, _, _, transmit, receive]: [u8; 8]) -> Option<BusFault> {
+/// Returns the worst error in an error frame. Single errors on the wire are ignored: the controller counts them.
+fn worst(classes: u32, [_, reported, _, _, _, _, transmit, receive]: [u8; 8]) -> Option<BusError> {
     let has = |class: u32| classes & class != 0;
     let reports = |problem: u8| has(class::CONTROLLER) && reported & problem != 0;
     let counts = |least: u8| has(class::COUNTERS) && transmit.max(receive) >= least;
     if has(class::BUS_OFF | class::RESTARTED) {
-        Some(BusFault::Off)
+        Some(BusError::Off)
     } else if has(class::TRANSMIT_TIMEOUT) || reports(controller::PASSIVE) || counts(PASSIVE) {
-        Some(BusFault::Passive)
+        Some(BusError::Passive)
     } else if reports(controller::OVERFLOW) {
-        Some(BusFault::Overrun)
+        Some(BusError::Overrun)
     } else if reports(controller::WARNING) || counts(WARNING) {
-        Some(BusFault::Warning)
+        Some(BusError::Warning)
     } else {
         None
     }
@@ -126,30 +126,30 @@ mod tests {
     fn hazard_23_error_frames_give_the_worst_fault() {
         let reported = |byte| [0, byte, 0, 0, 0, 0, 0, 0];
         let counted = |transmit, receive| [0, 0, 0, 0, 0, 0, transmit, receive];
-        for (classes, data, fault) in [
-            (0x040, [0; 8], Some(BusFault::Off)),
-            (0x100, [0; 8], Some(BusFault::Off)),
-            (0x004, reported(0x10), Some(BusFault::Passive)),
-            (0x004, reported(0x20), Some(BusFault::Passive)),
-            (0x001, [0; 8], Some(BusFault::Passive)),
-            (0x004, reported(0x04), Some(BusFault::Warning)),
-            (0x004, reported(0x08), Some(BusFault::Warning)),
-            (0x004, reported(0x01), Some(BusFault::Overrun)),
-            (0x004, reported(0x02), Some(BusFault::Overrun)),
-            (0x004, reported(0x2C), Some(BusFault::Passive)),
-            // Error active again, no acknowledge, lost arbitration: no fault.
+        for (classes, data, worst) in [
+            (0x040, [0; 8], Some(BusError::Off)),
+            (0x100, [0; 8], Some(BusError::Off)),
+            (0x004, reported(0x10), Some(BusError::Passive)),
+            (0x004, reported(0x20), Some(BusError::Passive)),
+            (0x001, [0; 8], Some(BusError::Passive)),
+            (0x004, reported(0x04), Some(BusError::Warning)),
+            (0x004, reported(0x08), Some(BusError::Warning)),
+            (0x004, reported(0x01), Some(BusError::Overrun)),
+            (0x004, reported(0x02), Some(BusError::Overrun)),
+            (0x004, reported(0x2C), Some(BusError::Passive)),
+            // Error active again, no acknowledge, lost arbitration: no bus error.
             (0x004, reported(0x40), None),
             (0x022, [0; 8], None),
             // Byte 1 and bytes 6 and 7 count only with their classes.
             (0x020, reported(0x10), None),
             (0x088, counted(255, 255), None),
-            (0x200, counted(0, 128), Some(BusFault::Passive)),
-            (0x200, counted(128, 0), Some(BusFault::Passive)),
-            (0x200, counted(96, 127), Some(BusFault::Warning)),
+            (0x200, counted(0, 128), Some(BusError::Passive)),
+            (0x200, counted(128, 0), Some(BusError::Passive)),
+            (0x200, counted(96, 127), Some(BusError::Warning)),
             (0x200, counted(95, 95), None),
-            (0x244, counted(255, 0), Some(BusFault::Off)),
+            (0x244, counted(255, 0), Some(BusError::Off)),
         ] {
-            assert_eq!(error(classes, data), fault.map(BusEvent::Fault), "{classes:03X} {data:?}");
+            assert_eq!(error(classes, data), worst.map(BusEvent::Error), "{classes:03X} {data:?}");
         }
     }
 

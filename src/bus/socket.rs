@@ -16,7 +16,7 @@ use socketcan::{
 
 use crate::arrival::Arrivals;
 use crate::clock::{self, Reading};
-use crate::{BusEvent, BusFault, SendError, raw_frame};
+use crate::{BusError, BusEvent, SendError, raw_frame};
 use canopen::frame::Frame;
 
 /// Send buffer in bytes: about one cycle of frames. A larger one would store stale torques.
@@ -38,7 +38,7 @@ pub(super) struct Socket {
 pub(super) struct ReadResult {
     /// Receive time since boot, in ns.
     pub(super) arrived: u64,
-    /// Frame or fault; `None` if it does not concern a CANopen node.
+    /// Frame or error; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
     /// Set if frames before this one were lost.
     pub(super) has_overrun: bool,
@@ -96,7 +96,7 @@ impl Socket {
     ///
     /// # Errors
     /// When the interface is down or missing.
-    pub(super) fn read(&mut self, now: Reading) -> Result<Option<ReadResult>, BusFault> {
+    pub(super) fn read(&mut self, now: Reading) -> Result<Option<ReadResult>, BusError> {
         let mut bytes = [0; raw_frame::SIZE];
         let mut parts = [IoSliceMut::new(&mut bytes)];
         let (fd, control) = (self.raw.as_raw_fd(), Some(self.control.as_mut_slice()));
@@ -113,7 +113,7 @@ impl Socket {
                 message.bytes
             }
             Err(Errno::EAGAIN | Errno::EINTR) => return Ok(None),
-            Err(_) => return Err(BusFault::Down),
+            Err(_) => return Err(BusError::Down),
         };
         let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
         let arrived = self.arrivals.time_of(stamp, now);

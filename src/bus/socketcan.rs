@@ -22,7 +22,7 @@ use thiserror::Error;
 use crate::clock::{self, Reading};
 use crate::interface::{self, Remark, Unfit};
 use crate::socket::{Purpose, Socket};
-use crate::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
+use crate::{Bus, BusError, BusEvent, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::listening::Pattern;
 use canopen::sync;
@@ -225,16 +225,16 @@ impl SocketCan {
         let opened = self.opened;
         let line = self.lines.get_mut(place)?;
         let channel = Channel(u8::try_from(place).unwrap_or(u8::MAX));
-        let fault = |at, fault| ReceivedEvent { at, channel, event: BusEvent::Fault(fault) };
+        let error = |at, error| ReceivedEvent { at, channel, event: BusEvent::Error(error) };
         match line.socket.read(self.last) {
             Ok(taken) => {
                 let taken = taken?;
                 let at = instant(taken.arrived, opened);
-                let overrun = taken.has_overrun.then(|| fault(now, BusFault::Overrun));
+                let overrun = taken.has_overrun.then(|| error(now, BusError::Overrun));
                 self.overrun = self.overrun.or(overrun);
                 Some(ReceivedEvent { at, channel, event: taken.event? })
             }
-            Err(down) => Some(fault(now, down)),
+            Err(down) => Some(error(now, down)),
         }
     }
 }

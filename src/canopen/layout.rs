@@ -14,7 +14,7 @@ use canopen_rs::{NodeId, PdoKind};
 
 use crate::master::check::COB_ID_NO_RTR;
 use crate::object::Object;
-use crate::sync::Transmission;
+use crate::sync::TransmissionType;
 
 /// Layout for any CiA 402 drive: one RPDO and one TPDO, cyclic synchronous; all others disabled.
 ///
@@ -22,11 +22,11 @@ use crate::sync::Transmission;
 /// by the heartbeat only.
 pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     let sample = Service::new(
-        Transmission::EVERY_SYNC,
+        TransmissionType::EVERY_SYNC,
         &[(Object::STATUSWORD, 16), (Object::POSITION_ACTUAL, 32), (Object::TORQUE_ACTUAL, 16)],
     );
     let target = Service::new(
-        Transmission::EVERY_SYNC,
+        TransmissionType::EVERY_SYNC,
         &[(Object::CONTROLWORD, 16), (Object::TARGET_TORQUE, 16)],
     );
     let target = Service { event_timer_ms: rpdo_timer_ms, ..target };
@@ -36,7 +36,7 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
 /// TPDO service of the torque demand (6074h) at every tenth SYNC: it shows which target a drive without an RPDO timer
 /// has taken.
 pub fn torque_demand() -> Service {
-    Service::new(Transmission(DEMAND_SYNCS), &[(Object::TORQUE_DEMAND, 16)])
+    Service::new(TransmissionType(DEMAND_SYNCS), &[(Object::TORQUE_DEMAND, 16)])
 }
 
 /// Transmission type of the torque demand.
@@ -77,22 +77,24 @@ impl Group {
 /// `rpdo_timer_ms` is as in [`per_drive`].
 pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     let spread = |periods: &[u8]| periods.iter().copied().cycle().nth(place).unwrap_or(u8::MAX);
-    let position = Service::new(Transmission::EVERY_SYNC, &[(Object::POSITION_ACTUAL, 32)]);
+    let position = Service::new(TransmissionType::EVERY_SYNC, &[(Object::POSITION_ACTUAL, 32)]);
     let status = Service {
         inhibit_100us: Some(100),
         event_timer_ms: Some(spread(&STATUS_MS).into()),
-        ..Service::new(Transmission::EVENT_OF_PROFILE, &[(Object::STATUSWORD, 16)])
+        ..Service::new(TransmissionType::EVENT_OF_PROFILE, &[(Object::STATUSWORD, 16)])
     };
-    let torque_syncs = Transmission(spread(&TORQUE_SYNCS));
+    let torque_syncs = TransmissionType(spread(&TORQUE_SYNCS));
     let torque = Service::new(torque_syncs, &[(Object::TORQUE_ACTUAL, 16)]);
     let object_of = |slot: u8| {
         let is_own = slot == group.slot;
         if is_own { Object::TARGET_TORQUE } else { Object::DUMMY_INTEGER16 }
     };
     let slots: Vec<_> = (0..group.size).map(|slot| (object_of(slot), 16)).collect();
-    let targets =
-        Service { event_timer_ms: rpdo_timer_ms, ..Service::new(Transmission::EVERY_SYNC, &slots) };
-    let control = Service::new(Transmission::EVENT_OF_PROFILE, &[(Object::CONTROLWORD, 16)]);
+    let targets = Service {
+        event_timer_ms: rpdo_timer_ms,
+        ..Service::new(TransmissionType::EVERY_SYNC, &slots)
+    };
+    let control = Service::new(TransmissionType::EVENT_OF_PROFILE, &[(Object::CONTROLWORD, 16)]);
     let mut pdos = predefined(node, vec![position, status, torque], vec![targets, control]);
     let is_shared = |pdo: &&mut Pdo| pdo.direction == Direction::Receive && pdo.number == 1;
     pdos.iter_mut().filter(is_shared).for_each(|pdo| pdo.cob_id = group.cob_id);
@@ -113,7 +115,7 @@ pub fn switches(node: NodeId, analogue: Option<u8>) -> Vec<Pdo> {
     let inputs = Service {
         inhibit_100us: Some(10),
         event_timer_ms: Some(5),
-        ..Service::new(Transmission::EVENT_OF_PROFILE, &objects)
+        ..Service::new(TransmissionType::EVENT_OF_PROFILE, &objects)
     };
     predefined(node, vec![inputs], vec![])
 }

@@ -150,7 +150,7 @@ impl StoredValue {
 /// Stored value of a drive that is not the configured one.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name} ({object}) is {found}, expected {expected}: {remedy}")]
-pub struct Misfit {
+pub struct NameplateMisfit {
     /// Name of the quantity.
     pub name: &'static str,
     /// Object, by its index.
@@ -210,7 +210,7 @@ impl Nameplate {
     ///
     /// # Errors
     /// Returns the first value that differs.
-    pub fn judge(&self, held: &[StoredValue]) -> Result<(), Misfit> {
+    pub fn judge(&self, held: &[StoredValue]) -> Result<(), NameplateMisfit> {
         self.units.judge(held)?;
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let ratio = |of: Object| {
@@ -218,7 +218,7 @@ impl Nameplate {
         };
         let misfit = |name, object: Object, found, expected, remedy| {
             let object = Object { sub: 0, ..object };
-            Err(Misfit { name, object, found, expected, remedy })
+            Err(NameplateMisfit { name, object, found, expected, remedy })
         };
         if let Some(found) = value(Object::POLARITY).filter(|found| *found != self.polarity.into())
         {
@@ -292,11 +292,11 @@ impl Units {
     ///
     /// # Errors
     /// Returns the first value that differs.
-    fn judge(&self, held: &[StoredValue]) -> Result<(), Misfit> {
+    fn judge(&self, held: &[StoredValue]) -> Result<(), NameplateMisfit> {
         let value = |object: Object| held.iter().find(|it| it.object == object).map(|it| it.value);
         let misfit = |name, object: Object, found, expected, remedy| {
             let object = Object { sub: 0, ..object };
-            Err(Misfit { name, object, found, expected, remedy })
+            Err(NameplateMisfit { name, object, found, expected, remedy })
         };
         for (name, object, expected, remedy) in [
             ("position unit", Object::POSITION_UNIT, Some(self.position), POSITION_UNIT),

@@ -64,9 +64,9 @@ impl Counter {
 
 /// Transmission type of a PDO: sub-index 2 of its communication parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Transmission(pub u8);
+pub struct TransmissionType(pub u8);
 
-impl Transmission {
+impl TransmissionType {
     /// Acyclic synchronous: at the SYNC after a change.
     pub const SYNC_ON_CHANGE: Self = Self(0);
     /// Cyclic synchronous: at every SYNC.
@@ -101,7 +101,7 @@ impl Transmission {
 }
 
 /// `every SYNC`, `every 4. SYNC`, `on change, at SYNC`, `on event`.
-impl fmt::Display for Transmission {
+impl fmt::Display for TransmissionType {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             0 => f.write_str("on change, at SYNC"),
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn types_0_to_240_are_synchronous() {
         for kind in 0..=u8::MAX {
-            assert_eq!(Transmission(kind).syncs().is_some(), kind <= 240);
+            assert_eq!(TransmissionType(kind).syncs().is_some(), kind <= 240);
         }
     }
 

@@ -25,7 +25,7 @@ use controller::scaling::Scale;
 use controller::stability::axis::{Axis, AxisGains, Impedance, Timing};
 use controller::stability::device::{Device, JointResistance, Massless};
 use controller::stability::finding::{Culprit, Finding, Verdict};
-use controller::stability::gate::Gate;
+use controller::stability::gate::StabilityGate;
 use controller::stability::grip_dynamics::GripDynamics;
 use remote::site::Contact;
 use robot::interaction::Interaction;
@@ -141,7 +141,7 @@ impl JudgedAxes {
     /// Returns the findings of each axis at these scales: first passivity and closed forms, then the gate.
     fn findings(&self, scale: &Scale) -> [Vec<Finding>; 6] {
         let axes = self.axes.each_ref().map(|axis| scaled(axis, scale));
-        let gate = Gate { axes: &axes, postures: &self.postures };
+        let gate = StabilityGate { axes: &axes, postures: &self.postures };
         [0, 1, 2, 3, 4, 5].map(|index| {
             let mut findings = axes.get(index).map(Axis::findings).unwrap_or_default();
             findings.extend(gate.findings(index));

@@ -4,7 +4,7 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Optional;
 use controller::interpretation::{
-    Centring, Difference, DisplacementFrame, Interpretation, ReflectionFrame, Scaling, Weight,
+    Centring, Difference, DisplacementFrame, Interpretation, ReflectionFrame, TorqueScaling, Weight,
 };
 use controller::orientation::Orientation;
 
@@ -43,9 +43,9 @@ pub(super) fn interpretation(
         scaling: choice.read(
             (&over.scaling, preset.scaling),
             &[
-                ("gravity-exempt", Scaling::GravityExempt),
-                ("total", Scaling::Total),
-                ("assist-with-gravity", Scaling::AssistWithGravity),
+                ("gravity-exempt", TorqueScaling::GravityExempt),
+                ("total", TorqueScaling::Total),
+                ("assist-with-gravity", TorqueScaling::AssistWithGravity),
             ],
         ),
         damping: choice.read(

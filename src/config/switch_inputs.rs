@@ -17,7 +17,7 @@ pub struct SwitchInputs {
 
 /// State of the deadman by both channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Deadman {
+pub enum Contacts {
     /// Both channels pressed.
     Pressed,
     /// Both channels released.
@@ -51,11 +51,11 @@ impl SwitchInputs {
     }
 
     /// Returns the state of the deadman by both channels.
-    pub const fn deadman(&self) -> Deadman {
+    pub const fn deadman(&self) -> Contacts {
         match (self.deadman_a, self.deadman_b) {
-            (true, false) => Deadman::Pressed,
-            (false, true) => Deadman::Released,
-            (false, false) | (true, true) => Deadman::Disagreeing,
+            (true, false) => Contacts::Pressed,
+            (false, true) => Contacts::Released,
+            (false, false) | (true, true) => Contacts::Disagreeing,
         }
     }
 }
@@ -75,8 +75,8 @@ mod tests {
     fn broken_wire_never_reads_as_a_pressed_deadman() {
         for bits in 0..=u8::MAX {
             let inputs = SwitchInputs::from_bits(bits);
-            assert_eq!(inputs.deadman() == Deadman::Pressed, bits & 3 == 1);
-            assert_eq!(inputs.deadman() == Deadman::Released, bits & 3 == 2);
+            assert_eq!(inputs.deadman() == Contacts::Pressed, bits & 3 == 1);
+            assert_eq!(inputs.deadman() == Contacts::Released, bits & 3 == 2);
         }
     }
 }

@@ -6,7 +6,7 @@
 //! | [`DisplacementFrame`] | 2        | those of the reference {G0}    | those of the base: one six-vector has two frames, and the command turns with the base |
 //! | [`Centring`]          | 2, 15    | conjugate to ΔX, turned to {G} | components of ΔX taken as a wrench at {G}: a hand at half a turn is repelled |
 //! | [`Weight`]            | 12       | each link on its own joints    | all links as one wrench at the grip: every joint except the first also carries the links before it |
-//! | [`Scaling`]           | 13, 22   | gravity is never scaled        | gravity is part of the assist and scaled with it: the arm sags in fast motion |
+//! | [`TorqueScaling`]     | 13, 22   | gravity is never scaled        | gravity is part of the assist and scaled with it: the arm sags in fast motion |
 //! | [`Difference`]        | 19       | twist of the grip, in SI       | ΔX less the last ΔX: grows with the sample rate, and takes Euler angles as a rotation |
 //! | `latches`             | 29       | closing the deadman sets the reference | the same; without it, a pose command jumps to the hand's displacement |
 //! | [`ReflectionFrame`]   | 30       | those of the grip              | the same                                   |
@@ -54,7 +54,7 @@ pub enum Weight {
 
 /// Torques that are scaled to the joints' capacities (3.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scaling {
+pub enum TorqueScaling {
     /// Assist to its fraction, then task and assist to the capacity that gravity leaves.
     GravityExempt,
     /// Assist to its fraction, then the total to capacity.
@@ -84,7 +84,7 @@ pub struct Interpretation {
     /// Model of the gravity compensation.
     pub weight: Weight,
     /// Torques that are scaled.
-    pub scaling: Scaling,
+    pub scaling: TorqueScaling,
     /// Quantity whose rate of change is damped.
     pub damping: Difference,
     /// Closing the deadman in pose mode sets the reference.
@@ -100,7 +100,7 @@ impl Interpretation {
         displacement: DisplacementFrame::Reference,
         centring: Centring::Conjugate,
         weight: Weight::PerLink,
-        scaling: Scaling::GravityExempt,
+        scaling: TorqueScaling::GravityExempt,
         damping: Difference::Twist,
         latches: true,
         task: ReflectionFrame::Grip,
@@ -112,7 +112,7 @@ impl Interpretation {
         displacement: DisplacementFrame::Base,
         centring: Centring::Components,
         weight: Weight::AtGrip,
-        scaling: Scaling::AssistWithGravity,
+        scaling: TorqueScaling::AssistWithGravity,
         damping: Difference::Components,
         latches: true,
         task: ReflectionFrame::Grip,

@@ -80,7 +80,7 @@ mod valid_input;
 pub mod velocity;
 pub mod virtual_coupling;
 
-pub use output::{DriveTargets, Fault, Input, Ledger, Output};
+pub use output::{DriveTargets, Input, InvalidValue, Ledger, Output};
 pub use settings::{Extensions, Settings};
 pub use step::Controller;
 

@@ -8,7 +8,7 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
-use crate::interpretation::Scaling;
+use crate::interpretation::TorqueScaling;
 use crate::period::Period;
 
 /// Fraction of each joint's capacity that the assist may use, 0 to 1.
@@ -44,7 +44,7 @@ impl AssistFraction {
 pub struct Limits<const N: usize> {
     max_torques: SVector<f64, N>,
     assist: AssistFraction,
-    scaling: Scaling,
+    scaling: TorqueScaling,
 }
 
 /// Requested torques, in N·m or N.
@@ -78,7 +78,7 @@ impl<const N: usize> Limits<N> {
     pub const fn new(
         max_torques: SVector<f64, N>,
         assist: AssistFraction,
-        scaling: Scaling,
+        scaling: TorqueScaling,
     ) -> Self {
         Self { max_torques, assist, scaling }
     }
@@ -90,19 +90,19 @@ impl<const N: usize> Limits<N> {
         let none = SVector::zeros();
         let (assist_scale, carried, rest, rest_scale, limiting_joint);
         match self.scaling {
-            Scaling::GravityExempt => {
+            TorqueScaling::GravityExempt => {
                 assist_scale = self.assist_scale(assist);
                 carried = gravity.zip_map(&self.max_torques, clamp);
                 rest = task + assist * assist_scale;
                 (rest_scale, limiting_joint) = self.rest_scale(&carried, &rest);
             }
-            Scaling::Total => {
+            TorqueScaling::Total => {
                 assist_scale = self.assist_scale(assist);
                 rest = task + assist * assist_scale;
                 (rest_scale, limiting_joint) = self.rest_scale(&none, &(gravity + rest));
                 carried = gravity * rest_scale;
             }
-            Scaling::AssistWithGravity => {
+            TorqueScaling::AssistWithGravity => {
                 assist_scale = self.assist_scale(&(gravity + assist));
                 rest = task + assist * assist_scale;
                 let total = rest + gravity * assist_scale;
@@ -191,7 +191,7 @@ impl<const N: usize> Slew<N> {
         self.before = SVector::zeros();
     }
 
-    /// Sets all torques to zero without a ramp, after a fault.
+    /// Sets all torques to zero without a ramp, after an invalid torque.
     pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
         self.reset();
         (self.before, None)
@@ -243,10 +243,10 @@ mod tests {
     const MAX: [f64; 6] = [6.0, 8.0, 4.0, 1.2, 1.0, 0.8];
 
     fn limits(fraction: f64) -> Limits<6> {
-        scaled(Scaling::GravityExempt, fraction)
+        scaled(TorqueScaling::GravityExempt, fraction)
     }
 
-    fn scaled(scaling: Scaling, fraction: f64) -> Limits<6> {
+    fn scaled(scaling: TorqueScaling, fraction: f64) -> Limits<6> {
         Limits::new(Joints::from(MAX), AssistFraction::new(fraction).unwrap(), scaling)
     }
 
@@ -259,8 +259,8 @@ mod tests {
         limits.combine(&TorqueRequest { gravity: *gravity, task: *task, assist: *assist }, 1.0)
     }
 
-    fn scaling() -> impl Strategy<Value = Scaling> {
-        use Scaling::{AssistWithGravity, GravityExempt, Total};
+    fn scaling() -> impl Strategy<Value = TorqueScaling> {
+        use TorqueScaling::{AssistWithGravity, GravityExempt, Total};
         prop_oneof![Just(GravityExempt), Just(Total), Just(AssistWithGravity)]
     }
 
@@ -331,7 +331,7 @@ mod tests {
         fn total_scaling_scales_gravity_with_all_the_rest(
             gravity in torques(12.0), task in torques(12.0), assist in torques(12.0)
         ) {
-            let limited = combine(scaled(Scaling::Total, 0.35), &gravity, &task, &assist);
+            let limited = combine(scaled(TorqueScaling::Total, 0.35), &gravity, &task, &assist);
             let share = |torques: &Joints, fraction: f64| {
                 let ratios = torques.iter().zip(MAX).map(|(torque, max)| fraction * max / torque.abs());
                 ratios.fold(1.0, f64::min)
@@ -375,7 +375,8 @@ mod tests {
         let (gravity, assist) = (Joints::repeat(0.2), Joints::repeat(2.0));
         let none = Joints::zeros();
         let exempt = combine(limits(0.35), &gravity, &none, &assist);
-        let literal = combine(scaled(Scaling::AssistWithGravity, 0.35), &gravity, &none, &assist);
+        let literal =
+            combine(scaled(TorqueScaling::AssistWithGravity, 0.35), &gravity, &none, &assist);
         assert!((exempt.tau - assist * exempt.assist_scale - gravity).norm() < 1e-12);
         assert!((literal.tau - (assist + gravity) * literal.assist_scale).norm() < 1e-12);
         assert!(literal.assist_scale < 0.2);
@@ -393,7 +394,7 @@ mod tests {
             task: on([12.0, 7.0, 6.0]),
             assist: Joints::zeros(),
         };
-        let total = scaled(Scaling::Total, 0.35);
+        let total = scaled(TorqueScaling::Total, 0.35);
         let limited = total.combine(&request, 1.0);
         assert!((limited.rest_scale - 0.4).abs() < 1e-12, "{limited:?}");
         assert_eq!((limited.limiting_joint, limited.assist_scale), (Some(0), 1.0));

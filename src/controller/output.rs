@@ -102,8 +102,8 @@ pub struct Output {
     pub tau: JointVector,
     /// Target torques (6071h, Fig. 6) of `tau`.
     pub targets: [PerMille; 6],
-    /// Most severe fault. The torques are safe to send with any fault.
-    pub fault: Option<Fault>,
+    /// Most severe invalid value of the cycle. The torques are safe to send all the same.
+    pub invalid_value: Option<InvalidValue>,
 }
 
 /// Torque budget of one cycle: requested contributions in N·m or N, and the scales applied to them. It serializes as the
@@ -176,7 +176,7 @@ impl Output {
 
 /// Invalid value that was replaced, most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Fault {
+pub enum InvalidValue {
     /// Infinite or NaN torque: all torques are zero.
     #[error("a torque is not a finite number")]
     TorqueNotFinite,

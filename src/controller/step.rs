@@ -19,7 +19,7 @@ use crate::scaling::Scaling;
 use crate::switches::{CommandMode, Permissions, SwitchLogic};
 use crate::valid_input::ValidInput;
 use crate::velocity::{GripTwist, JointRates, Velocity};
-use crate::{Extensions, Fault, Input, JointVector, Output, Settings};
+use crate::{Extensions, Input, InvalidValue, JointVector, Output, Settings};
 use units::drive::{Counts, PerMille};
 use units::numbering::Joint;
 use units::spatial::{Jacobian, Motion, Wrench};
@@ -163,7 +163,7 @@ impl Controller {
 
         (self.gate, self.mode, self.last.1) = (gate, input.mode, targets);
         (self.x_b_m, self.x_b_commanded) = (given.x_b_m, commanded_pose(&command));
-        let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
+        let turned = (gate == Gate::TurnedTooFar).then_some(InvalidValue::TurnedTooFar);
         Output {
             q: arm.q,
             joint_out_of_range: self.settings.arm.out_of_range(q).and_then(Joint::at),
@@ -186,7 +186,7 @@ impl Controller {
             ledger,
             tau,
             targets,
-            fault: broken.or(given.fault).or(turned),
+            invalid_value: broken.or(given.invalid_value).or(turned),
         }
     }
 
@@ -371,7 +371,7 @@ mod tests {
                 let weight = JointVector::repeat(2.0 * 9.81 * 0.3 * share);
                 assert!((output.tau - weight).amax() < 1e-9, "{share}: {}", output.tau);
                 assert!((output.ledger.gravity - weight).amax() < 1e-9, "{share}");
-                assert_eq!(output.fault, None);
+                assert_eq!(output.invalid_value, None);
                 // 50 ‰ per N·m.
                 let PerMille(target) = output.targets[5];
                 assert!((f64::from(target) - 50.0 * weight[5]).abs() <= 0.5, "{share}: {target}");
@@ -384,8 +384,8 @@ mod tests {
         for wrong in [-0.1, 1.1, f64::NAN] {
             let output = lifting(Interpretation::CONSISTENT).step(&carried(wrong));
             assert_eq!(
-                (output.tau, output.fault),
-                (JointVector::zeros(), Some(Fault::ShareOutOfRange))
+                (output.tau, output.invalid_value),
+                (JointVector::zeros(), Some(InvalidValue::ShareOutOfRange))
             );
         }
     }

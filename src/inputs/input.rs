@@ -8,7 +8,7 @@ use bus::{ReopenError, SendError, Wake};
 use canopen::frame::Channel;
 use node::Request;
 use node::cause::ResetReason;
-use remote::{RemoteSample, SideFault};
+use remote::{RemoteSample, SideError};
 use units::time::Instant;
 
 /// Call of a node by its owner.
@@ -54,8 +54,8 @@ pub enum Input {
     Reopened(Result<(), ReopenError>),
     /// Answer of the commanded side to a command.
     Sensed(Option<RemoteSample>),
-    /// Fault of the commanded side.
-    SideFault(Option<SideFault>),
+    /// Error of the commanded side.
+    SideError(Option<SideError>),
     /// Reasons against arming with this commanded side, as text.
     Misfits(Vec<String>),
     /// Answer of the owner whether to end: in a boot, a reset's boot, or a stop.

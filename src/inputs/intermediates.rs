@@ -34,8 +34,8 @@ impl Digest {
 fn each(output: &Output) -> [(&'static str, Mix); COUNT] {
     let Output { reference, twist, port, ledger, .. } = output;
     let port_state = [port.activity, port.energy.unwrap_or(0.0), port.tank.unwrap_or(0.0)];
-    let faults =
-        u64::from(output.fault.is_some()) | u64::from(output.joint_out_of_range.is_some()) << 1;
+    let faults = u64::from(output.invalid_value.is_some())
+        | u64::from(output.joint_out_of_range.is_some()) << 1;
     [
         ("q", Mix::new().vector(&output.q)),
         ("x_0_g", Mix::new().pose(&output.x_0_g)),

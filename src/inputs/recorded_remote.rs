@@ -2,7 +2,7 @@
 
 use crate::input::{Input, InputSink};
 use remote::stated::Misfit;
-use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideError};
 use units::time::Instant;
 
 /// Commanded side `R`, whose answers are recorded by `S`.
@@ -44,7 +44,7 @@ impl<R: Remote, S: InputSink> Remote for RecordedRemote<R, S> {
         self.remote.joints()
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        self.sink.record(self.remote.fault(), Input::SideFault)
+    fn error(&mut self) -> Option<SideError> {
+        self.sink.record(self.remote.error(), Input::SideError)
     }
 }

@@ -6,12 +6,12 @@ use std::time::Duration;
 use crate::input::{Call, Input};
 use crate::intermediates::Digest;
 use crate::table::{self, FORMAT, MAGIC};
-use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
+use bus::{BusError, BusEvent, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
 use controller::switches::CommandMode;
 use node::Request;
 use node::cause::ResetReason;
-use remote::{RemoteSample, SideFault};
+use remote::{RemoteSample, SideError};
 use units::time::Instant;
 
 /// Writer of a file of inputs.
@@ -153,7 +153,7 @@ impl<W: Write> InputWriter<W> {
             Input::Woken(wake) => self.woken(wake),
             Input::Reopened(outcome) => self.reopened(outcome),
             Input::Sensed(sensed) => self.sensed(sensed.as_ref()),
-            Input::SideFault(fault) => self.side_fault(fault.as_ref()),
+            Input::SideError(error) => self.side_error(error.as_ref()),
             Input::Misfits(texts) => {
                 self.tag(table::MISFITS);
                 self.varint(length(texts.len()));
@@ -206,19 +206,19 @@ impl<W: Write> InputWriter<W> {
         };
         let tag = match event {
             BusEvent::Frame(_) => table::FRAME,
-            BusEvent::Fault(_) => table::BUS_FAULT,
+            BusEvent::Error(_) => table::BUS_FAULT,
         };
         self.bytes(&[tag, *channel]);
         self.reading(*now);
         self.time(*at);
         match event {
             BusEvent::Frame(frame) => self.frame(frame),
-            BusEvent::Fault(fault) => self.tag(match fault {
-                BusFault::Warning => 0,
-                BusFault::Overrun => 1,
-                BusFault::Passive => 2,
-                BusFault::Off => 3,
-                BusFault::Down => 4,
+            BusEvent::Error(error) => self.tag(match error {
+                BusError::Warning => 0,
+                BusError::Overrun => 1,
+                BusError::Passive => 2,
+                BusError::Off => 3,
+                BusError::Down => 4,
             }),
         }
     }
@@ -262,11 +262,11 @@ impl<W: Write> InputWriter<W> {
         changed.for_each(|(_, (number, _))| self.bytes(&number.to_le_bytes()));
     }
 
-    fn side_fault(&mut self, fault: Option<&SideFault>) {
-        match fault {
+    fn side_error(&mut self, error: Option<&SideError>) {
+        match error {
             None => self.tag(table::NO_SIDE_FAULT),
-            Some(SideFault::Holds(reason)) => self.bytes(&[table::SIDE_HOLDS, reason.code()]),
-            Some(SideFault::Slow { p99_us, stated_us }) => {
+            Some(SideError::Holds(reason)) => self.bytes(&[table::SIDE_HOLDS, reason.code()]),
+            Some(SideError::Slow { p99_us, stated_us }) => {
                 self.tag(table::SIDE_SLOW);
                 self.bytes(&p99_us.to_le_bytes());
                 self.bytes(&stated_us.to_le_bytes());

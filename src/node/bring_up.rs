@@ -11,7 +11,7 @@ use crate::mode_check::WrongMode;
 use crate::proof_test::ProofTestFailure;
 use crate::record::Mode;
 use crate::shut_down::PowerOffError;
-use bus::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError};
+use bus::{Bus, BusError, BusEvent, ReceivedEvent, ReopenError};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
@@ -46,7 +46,7 @@ pub enum BringUpError {
     #[error(transparent)]
     Mode(#[from] WrongMode),
     /// Drives failed the proof test: one line each.
-    #[error("{}", boot_failures::grouped(.0.iter().map(|it| (it.name.as_str(), it.node, it.fault.to_string()))))]
+    #[error("{}", boot_failures::grouped(.0.iter().map(|it| (it.name.as_str(), it.node, it.reason.to_string()))))]
     ProofTest(Vec<ProofTestFailure>),
     /// `give_up` returned true.
     #[error("boot given up")]
@@ -105,15 +105,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
                         return Err(BringUpError::Bus(Cause::ForeignMaster));
                     }
                 }
-                BusEvent::Fault(fault) => self.on_boot_fault(channel, fault)?,
+                BusEvent::Error(error) => self.on_boot_bus_error(channel, error)?,
             }
         }
         Ok(())
     }
 
-    /// Ends the boot on a bus fault that is a cause.
-    fn on_boot_fault(&mut self, channel: Channel, fault: BusFault) -> Result<(), BringUpError> {
-        let cause = self.wire.on_fault(channel, fault);
+    /// Ends the boot on a bus error that is a cause.
+    fn on_boot_bus_error(&mut self, channel: Channel, error: BusError) -> Result<(), BringUpError> {
+        let cause = self.wire.on_bus_error(channel, error);
         cause.map_or(Ok(()), |cause| Err(BringUpError::Bus(cause)))
     }
 
@@ -205,7 +205,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.send_queued();
                     self.on_boot_event(event, &mut failed)?;
                 }
-                BusEvent::Fault(fault) => self.on_boot_fault(channel, fault)?,
+                BusEvent::Error(error) => self.on_boot_bus_error(channel, error)?,
             }
         }
         while let Some(event) =
@@ -325,15 +325,15 @@ mod tests {
 
     #[test]
     fn hazard_23_bus_fault_before_the_boot_ends_it_without_a_frame() {
-        for (fault, stops) in
-            [(BusFault::Warning, false), (BusFault::Passive, true), (BusFault::Off, true)]
+        for (error, stops) in
+            [(BusError::Warning, false), (BusError::Passive, true), (BusError::Off, true)]
         {
             let mut node = node();
             let at = node.bus().now() + LISTEN_TIME / 2;
-            node.bus_mut().fault = Some((at, fault));
+            node.bus_mut().error = Some((at, error));
             let error = node.bring_up(&mut || false).unwrap_err();
             assert_eq!(matches!(error, BringUpError::Bus(_)), stops, "{error}");
-            assert_eq!(node.bus().sent.is_empty(), stops, "{fault:?}");
+            assert_eq!(node.bus().sent.is_empty(), stops, "{error:?}");
         }
     }
 
@@ -343,7 +343,7 @@ mod tests {
         assert!(healthy.bring_up(&mut || false).is_err());
         let (last, _) = *healthy.bus().sent.last().unwrap();
         let mut node = node();
-        node.bus_mut().fault = Some((last + node.timing.period / 2, BusFault::Off));
+        node.bus_mut().error = Some((last + node.timing.period / 2, BusError::Off));
         assert!(node.bring_up(&mut || false).is_err());
         assert_eq!(node.cause(), Some(Cause::BusOff { channel: 0 }));
         assert!(node.wire.transmission.is_shut());

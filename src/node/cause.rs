@@ -12,11 +12,11 @@ use crate::reaction::{FaultTableRow, Initiator, Reaction, always, armed};
 use canopen::object::Object;
 use canopen::{NmtState, error_codes, nmt};
 use contract::Reason;
-use controller::Fault;
+use controller::InvalidValue;
 use remote::model::Difference;
 use units::numbering::{Joint, NodeIndex};
 
-/// Generates [`Cause`] and [`Kind`] from the table. The first field of a cause is its place: joint, node or bus. A row
+/// Generates [`Cause`] and [`CauseKind`] from the table. The first field of a cause is its place: joint, node or bus. A row
 /// has a second cause if one fault can occur in two places.
 macro_rules! causes {
     ($(
@@ -41,9 +41,9 @@ macro_rules! causes {
             )+
         }
 
-        /// Kind of a cause: a row of the fault table.
+        /// CauseKind of a cause: a row of the fault table.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub enum Kind {
+        pub enum CauseKind {
             $(#[doc = $description] $kind,)+
         }
 
@@ -59,9 +59,9 @@ macro_rules! causes {
             }
 
             /// Returns its row of the fault table.
-            pub const fn kind(&self) -> Kind {
+            pub const fn kind(&self) -> CauseKind {
                 match self {
-                    $(Self::$kind { .. } $(| Self::$or { .. })? => Kind::$kind,)+
+                    $(Self::$kind { .. } $(| Self::$or { .. })? => CauseKind::$kind,)+
                 }
             }
         }
@@ -84,7 +84,7 @@ macro_rules! causes {
             }
         }
 
-        impl Kind {
+        impl CauseKind {
             /// All kinds, in the order of the table.
             pub const ALL: [Self; [$(Self::$kind),+].len()] = [$(Self::$kind),+];
 
@@ -250,9 +250,9 @@ causes! {
         description "object with another value than verified at boot",
         message ("{}: {object} is {found:X}h, was {expected:X}h at boot", NodeName(node)),
         reaction always(DrivesOff, Node, true, &[26]);
-    ControllerFault { fault: Fault }
+    ControllerFault { invalid: InvalidValue }
         description "input or result of the controller invalid",
-        message ("controller: {fault}"),
+        message ("controller: {invalid}"),
         reaction always(ZeroTorque, Node, false, &[42, 44]);
     QueueFull { channel: u8 }
         description "transmit queue full: a frame cannot be sent",
@@ -402,6 +402,6 @@ mod tests {
     #[test]
     fn cause_of_a_second_place_has_the_kind_of_its_row() {
         let cause = Cause::BusSilent { channel: 0, cycles: 3 };
-        assert_eq!(cause.kind(), Kind::SamplesMissing);
+        assert_eq!(cause.kind(), CauseKind::SamplesMissing);
     }
 }

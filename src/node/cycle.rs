@@ -83,7 +83,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let missing = self.samples.end_window(now);
         let deadman = self.operator.update(now, self.samples.inputs(now));
         let link = self.remote_side.newest.lost(now);
-        let far_side = self.remote_side.fault(self.safety.mode());
+        let far_side = self.remote_side.cause(self.safety.mode());
         let gripper =
             self.operator.watch_gripper(now, self.samples.inputs(now), self.samples.analogue(now));
         self.raise(now, [missing, deadman, link, far_side, gripper]);
@@ -108,7 +108,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Watches the controller, the operator, the arm, and the samples against the model.
     fn watch_step(&mut self, now: Instant, permit: &Permit, input: &Input, output: &Output) {
-        let controller = output.fault.as_ref().and_then(causes::of_controller);
+        let controller = output.invalid_value.as_ref().and_then(causes::of_controller);
         let fresh = self.samples.fresh();
         let operator = self.operator.check(now, permit, output, input.restart, &fresh);
         let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
@@ -192,7 +192,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cause::Kind;
+    use crate::cause::CauseKind;
     use crate::silent_bus::node;
     use bus::SendError;
     use canopen::frame::{Channel, Frame, Telegram};
@@ -270,7 +270,7 @@ mod tests {
     fn missing_samples_stop_the_node_in_the_third_cycle() {
         let mut node = node();
         let causes: Vec<_> = (0..4).map(|_| node.cycle().cause.map(|cause| cause.kind())).collect();
-        let missing = Some(Kind::SamplesMissing);
+        let missing = Some(CauseKind::SamplesMissing);
         assert_eq!(causes, [None, None, missing, missing]);
     }
 
@@ -290,7 +290,7 @@ mod tests {
         node.cycle();
         node.bus_mut().stall = node.timing.period * 8;
         let record = node.cycle();
-        assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
+        assert_eq!(record.cause.map(|cause| cause.kind()), Some(CauseKind::Overrun));
     }
 
     #[test]
@@ -299,7 +299,7 @@ mod tests {
         node.cycle();
         node.bus_mut().stall_after_sync = node.timing.period * 8;
         let record = node.cycle();
-        assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
+        assert_eq!(record.cause.map(|cause| cause.kind()), Some(CauseKind::Overrun));
     }
 
     #[test]
@@ -314,7 +314,7 @@ mod tests {
         let mut node = node();
         node.bus_mut().refuses = Some(SendError::Full);
         let first = node.cycle();
-        assert_eq!(first.cause.map(|cause| cause.kind()), Some(Kind::QueueFull));
+        assert_eq!(first.cause.map(|cause| cause.kind()), Some(CauseKind::QueueFull));
         node.cycle();
         node.bus_mut().refuses = None;
         let last = node.cycle();

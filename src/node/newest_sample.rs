@@ -176,7 +176,7 @@ mod tests {
         node.remote_side.newest.sample = Some(sensed(node.bus().now, f64::NAN));
         let record = node.cycle();
         let kind = record.cause.map(|cause| cause.kind());
-        assert_eq!(kind, Some(crate::cause::Kind::ControllerFault));
+        assert_eq!(kind, Some(crate::cause::CauseKind::ControllerFault));
         assert!(record.mode.is_stopped(), "{}", record.mode);
     }
 

@@ -73,12 +73,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.raise(now, causes);
     }
 
-    /// Takes a frame or a fault of a bus. Raises the cause of each at once, because their number is not bounded.
+    /// Takes a frame or an error of a bus. Raises the cause of each at once, because their number is not bounded.
     pub(super) fn on_received(&mut self, received: ReceivedEvent) {
         let ReceivedEvent { at, channel, event } = received;
         let cause = match event {
             BusEvent::Frame(frame) => self.on_frame(at, &Telegram { channel, frame }),
-            BusEvent::Fault(fault) => self.wire.on_fault(channel, fault),
+            BusEvent::Error(error) => self.wire.on_bus_error(channel, error),
         };
         self.raise(at, [cause]);
     }

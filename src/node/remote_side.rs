@@ -7,7 +7,7 @@ use crate::newest_sample::NewestSample;
 use crate::record::Mode;
 use config::Config;
 use remote::model::{Difference, Model};
-use remote::{Command, Remote, RobotJoints, SideFault};
+use remote::{Command, Remote, RobotJoints, SideError};
 use units::time::Instant;
 
 /// Commanded side, its newest valid sample, and the model of its robot.
@@ -38,19 +38,19 @@ impl<R: Remote> RemoteSide<R> {
         side
     }
 
-    /// Returns a fault of the commanded side that matters in this mode. A stop ends the watch: only the reset makes the
-    /// epoch in which the commanded side goes on.
-    pub(super) fn fault(&mut self, mode: Mode) -> Option<Cause> {
+    /// Returns the cause of an error of the commanded side that matters in this mode. A stop ends the watch: only the reset
+    /// makes the epoch in which the commanded side goes on.
+    pub(super) fn cause(&mut self, mode: Mode) -> Option<Cause> {
         if !is_armed(mode) {
             return None;
         }
-        let fault = self.remote.fault().and_then(|fault| match fault {
-            SideFault::Holds(reason) => Some(Cause::FarSideHolds { reason }),
-            SideFault::Slow { p99_us, stated_us } => {
+        let error = self.remote.error().and_then(|error| match error {
+            SideError::Holds(reason) => Some(Cause::FarSideHolds { reason }),
+            SideError::Slow { p99_us, stated_us } => {
                 (mode == Mode::Engaged).then_some(Cause::LinkSlow { p99_us, stated_us })
             }
         });
-        fault.or_else(|| self.model.as_ref()?.fault().map(Cause::of_model))
+        error.or_else(|| self.model.as_ref()?.excess().map(Cause::of_model))
     }
 
     /// Returns the state of the commanded side at SYNC.

@@ -108,7 +108,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_queued();
         let flushed = self.wire.read_clock() + self.timing.period;
         while let Some(received) = self.wire.receive(flushed) {
-            if matches!(received.event, BusEvent::Fault(_)) {
+            if matches!(received.event, BusEvent::Error(_)) {
                 self.on_received(received);
             }
         }
@@ -147,7 +147,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     waiting =
                         waiting.saturating_sub(event.map_or(0, |event| self.count_end(event)));
                 }
-                BusEvent::Fault(_) => self.on_received(received),
+                BusEvent::Error(_) => self.on_received(received),
             }
         }
     }

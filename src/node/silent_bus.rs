@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::Node;
-use bus::{Bus, BusEvent, BusFault, ReceivedEvent, SendError, Wake};
+use bus::{Bus, BusError, BusEvent, ReceivedEvent, SendError, Wake};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use config::Config;
@@ -22,7 +22,7 @@ pub(super) struct SilentBus {
     /// Frames of other nodes, with the times of their reception in ascending order.
     pub(super) received: Vec<(Instant, Telegram)>,
     /// Fault of channel 0, and the time at which it is reported.
-    pub(super) fault: Option<(Instant, BusFault)>,
+    pub(super) error: Option<(Instant, BusError)>,
     /// Stall of the process, added to the next wait.
     pub(super) stall: Duration,
     /// Stall of the process, added to the next wait directly after a SYNC.
@@ -53,9 +53,9 @@ impl Bus for SilentBus {
 impl SilentBus {
     /// Waits until `until` for a planned event.
     fn next(&mut self, until: Instant) -> Option<ReceivedEvent> {
-        if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
+        if let Some((at, error)) = self.error.take_if(|(at, _)| *at <= until) {
             self.now = self.now.max(at);
-            return Some(ReceivedEvent { at, channel: Channel(0), event: BusEvent::Fault(fault) });
+            return Some(ReceivedEvent { at, channel: Channel(0), event: BusEvent::Error(error) });
         }
         if self.received.first().is_some_and(|(at, _)| *at <= until) {
             let (at, Telegram { channel, frame }) = self.received.remove(0);

@@ -7,12 +7,12 @@
 mod run;
 
 use canopen::exchange::TpdoMap;
-use canopen::master::read_back::Setting;
+use canopen::master::read_back::ObjectRead;
 use canopen::object::Object;
 use units::numbering::Joint;
 
 /// Target torque: two bytes.
-const TARGET: Setting = Setting::unknown(Object::TARGET_TORQUE, 2);
+const TARGET: ObjectRead = ObjectRead::unknown(Object::TARGET_TORQUE, 2);
 
 /// Order of the drives.
 #[derive(Clone, Copy, Debug)]

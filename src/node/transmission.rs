@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use bus::{BusFault, SendError};
+use bus::{BusError, SendError};
 use canopen::frame::{Channel, Telegram};
 use canopen::sync;
 use units::time::Instant;
@@ -161,13 +161,13 @@ impl Transmission {
     }
 
     /// Shuts a bus that is off or down.
-    pub(super) fn on_fault(&mut self, channel: Channel, fault: BusFault) {
-        match fault {
-            BusFault::Off | BusFault::Down => {
+    pub(super) fn on_bus_error(&mut self, channel: Channel, error: BusError) {
+        match error {
+            BusError::Off | BusError::Down => {
                 let buses = self.buses.iter_mut().filter(|bus| bus.channel == channel);
                 buses.for_each(|bus| bus.permission = Permission::Shut);
             }
-            BusFault::Warning | BusFault::Overrun | BusFault::Passive => {}
+            BusError::Warning | BusError::Overrun | BusError::Passive => {}
         }
     }
 }
@@ -282,19 +282,19 @@ mod tests {
 
     #[test]
     fn hazard_23_hazard_24_bus_off_and_down_shut_the_bus() {
-        for (fault, may) in [
-            (BusFault::Warning, true),
-            (BusFault::Overrun, true),
-            (BusFault::Passive, true),
-            (BusFault::Off, false),
-            (BusFault::Down, false),
+        for (error, may) in [
+            (BusError::Warning, true),
+            (BusError::Overrun, true),
+            (BusError::Passive, true),
+            (BusError::Off, false),
+            (BusError::Down, false),
         ] {
             let mut transmission = both();
-            transmission.on_fault(BUS, fault);
+            transmission.on_bus_error(BUS, error);
             assert_eq!(
                 (transmission.is_open(BUS), transmission.is_open(OTHER)),
                 (may, true),
-                "{fault:?}"
+                "{error:?}"
             );
         }
         let mut transmission = both();

@@ -6,7 +6,7 @@ use crate::cause::Cause;
 use crate::lateness::MIN_SUSPENSION;
 use crate::safety::causes;
 use crate::transmission::Transmission;
-use bus::{Bus, BusFault, ReceivedEvent, ReopenError};
+use bus::{Bus, BusError, ReceivedEvent, ReopenError};
 use canopen::frame::{Channel, Frame, Telegram};
 use config::Config;
 use units::time::Instant;
@@ -76,7 +76,7 @@ impl<B: Bus> Wire<B> {
         self.suspended.0
     }
 
-    /// Waits until `until` for a frame or a fault.
+    /// Waits until `until` for a frame or an error of a bus.
     pub(super) fn receive(&mut self, until: Instant) -> Option<ReceivedEvent> {
         let wake = self.bus.wait(self.now, until);
         self.now = wake.now;
@@ -124,10 +124,10 @@ impl<B: Bus> Wire<B> {
         self.transmission.confirm(|channel| bus.transmit_confirmed_at(channel));
     }
 
-    /// Updates the permission to send after a bus fault; returns its cause, if it has one.
-    pub(super) fn on_fault(&mut self, channel: Channel, fault: BusFault) -> Option<Cause> {
-        self.transmission.on_fault(channel, fault);
-        causes::of_bus(channel, fault)
+    /// Updates the permission to send after a bus error; returns its cause, if it has one.
+    pub(super) fn on_bus_error(&mut self, channel: Channel, error: BusError) -> Option<Cause> {
+        self.transmission.on_bus_error(channel, error);
+        causes::of_bus(channel, error)
     }
 
     /// Reopens all buses if one is shut, and permits sending on them.

@@ -85,15 +85,15 @@ pub trait Remote {
         None
     }
 
-    /// Returns a fault of the commanded side or its link, other than old samples.
-    fn fault(&mut self) -> Option<SideFault> {
+    /// Returns the present error of the commanded side or its link, other than old samples.
+    fn error(&mut self) -> Option<SideError> {
         None
     }
 }
 
-/// Fault of the commanded side or its link.
+/// Error of the commanded side or its link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SideFault {
+pub enum SideError {
     /// The far side holds in the present epoch.
     Holds(Reason),
     /// 1 % of the round trips or more exceed the stated maximum.
@@ -105,8 +105,8 @@ pub enum SideFault {
     },
 }
 
-impl SideFault {
-    /// Creates the fault of a 99th percentile above the stated maximum.
+impl SideError {
+    /// Creates the error of a 99th percentile above the stated maximum.
     pub(crate) fn slow(p99: Duration, stated: Duration) -> Self {
         let micros = |duration: Duration| u32::try_from(duration.as_micros()).unwrap_or(u32::MAX);
         Self::Slow { p99_us: micros(p99), stated_us: micros(stated) }

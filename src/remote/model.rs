@@ -82,7 +82,7 @@ pub struct Model {
 
 impl Model {
     /// Creates the model of a robot with the parameters of `remote` and one exchange per `period`. A difference beyond
-    /// `limit` is a fault.
+    /// `limit` is reported by [`Self::excess`].
     pub fn new(remote: &Virtual, limit: Difference, period: Duration) -> Self {
         let Virtual { x_b_m, interaction, servo, arm, .. } = *remote;
         let shown = |arm| Object::new(servo.with_lag(SHOWN_LAG), x_b_m).held_by(arm);
@@ -119,7 +119,7 @@ impl Model {
     }
 
     /// Returns the difference if it exceeds the limit.
-    pub fn fault(&self) -> Option<Difference> {
+    pub fn excess(&self) -> Option<Difference> {
         self.difference.filter(|difference| difference.exceeds(&self.limit))
     }
 

@@ -9,7 +9,7 @@ use config::{Agreement, Config};
 use remote::link::{self, LinkSettings, LinkSide, LinkThread};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideError};
 use units::time::Instant;
 use unix_socket::SocketFile;
 
@@ -100,10 +100,10 @@ impl Remote for CommandedSide {
         }
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
+    fn error(&mut self) -> Option<SideError> {
         match self {
-            Self::Virtual(site) => site.fault(),
-            Self::Link(side) => side.fault(),
+            Self::Virtual(site) => site.error(),
+            Self::Link(side) => side.error(),
         }
     }
 

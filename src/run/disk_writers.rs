@@ -15,7 +15,7 @@ use std::time::Duration;
 use anyhow::Context;
 
 use crate::batches::{Batch, Batches};
-use crate::fault_records::FaultRecords;
+use crate::fault_records::FaultRecorder;
 use crate::record_sink::RecordSink;
 use crate::rings::LossCounters;
 use crate::run_recorder::RunRecorder;
@@ -33,7 +33,7 @@ const QUEUE_CAPACITY: usize = 1_000;
 /// Writer threads of a run.
 #[derive(Debug)]
 pub(super) struct DiskWriters {
-    faults: Option<Writer<FaultRecords>>,
+    faults: Option<Writer<FaultRecorder>>,
     session: Option<Writer<Session>>,
     batches: Batches,
     message: Option<String>,
@@ -144,7 +144,7 @@ trait Recording: RecordSink {
     fn close(self, summary: &Summary) -> Outcome;
 }
 
-impl Recording for FaultRecords {
+impl Recording for FaultRecorder {
     fn name(&self) -> String {
         format!("fault records {}", self.folder().display())
     }
@@ -305,7 +305,7 @@ mod tests {
         let (mut unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
         let session = Some(session_onto(disk, &folder));
-        let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
+        let faults = Some(FaultRecorder::open(&folder, &provenance()).unwrap());
         let lost = LossCounters::default();
         let recorder = RunRecorder { session, faults, message: None };
         let mut writers = DiskWriters::start(recorder, lost.clone()).unwrap();
@@ -361,7 +361,7 @@ mod tests {
         let (unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
         let session = Some(session_onto(disk, &folder));
-        let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
+        let faults = Some(FaultRecorder::open(&folder, &provenance()).unwrap());
         let recorder = RunRecorder { session, faults, message: None };
         let mut writers = DiskWriters::start(recorder, LossCounters::default()).unwrap();
         push_cycles(&mut writers, 0..2_000, &any_record());

@@ -18,10 +18,10 @@ use bus::log_writer::LogWriter;
 use canopen::frame::Telegram;
 use node::record::Record;
 use node::safety::table;
-use telemetry::fault_record::{Observation, Trip, TripDetector};
 use telemetry::losses::Losses;
 use telemetry::session::{Brief, SessionLog};
 use telemetry::status::{Status, joints};
+use telemetry::trip::{Observation, Trip, TripDetector};
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -39,10 +39,10 @@ pub(super) fn default_folder() -> Option<PathBuf> {
 
 /// Detects trips and writes their records.
 #[derive(Debug)]
-pub(super) struct FaultRecords {
+pub(super) struct FaultRecorder {
     folder: PathBuf,
     provenance: Provenance,
-    watch: TripDetector,
+    trips: TripDetector,
     open: Option<Open>,
     has_failed: bool,
     /// Records that this run has written.
@@ -62,7 +62,7 @@ struct Open {
     not_off: [bool; 6],
 }
 
-impl FaultRecords {
+impl FaultRecorder {
     /// Opens or creates `folder`, so that missing permissions are reported at the start.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl FaultRecords {
         Ok(Self {
             folder: folder.to_path_buf(),
             provenance: provenance.clone(),
-            watch: TripDetector::default(),
+            trips: TripDetector::default(),
             open: None,
             has_failed: false,
             written: Vec::new(),
@@ -122,14 +122,14 @@ impl FaultRecords {
         let cause = hyphenated(&format!("{:?}", trip.cause.kind()));
         let name = |number| format!("{number:03}-{}-{cause}", trip.cycle);
         let folder = results::create_numbered(&self.folder, name)?;
-        let seconds_before = self.watch.reach().as_secs_f64();
+        let seconds_before = self.trips.reach().as_secs_f64();
         let document = document(trip, record, &self.provenance, seconds_before);
         write_document(&folder, &document)?;
         let file = LogFile::onto(results::private_file(&folder.join(LOG))?);
         let Provenance { interfaces, origin, .. } = &self.provenance;
         let writer = LogWriter::new(BufWriter::new(file), interfaces, origin.as_micros());
         let mut log = SessionLog::new(writer);
-        for moment in self.watch.past() {
+        for moment in self.trips.past() {
             match moment {
                 Observation::Frame(at, telegram) => log.frame(at, telegram),
                 Observation::Cycle(brief) => log.cycle(brief),
@@ -151,7 +151,7 @@ impl FaultRecords {
     }
 
     fn close_if_over(&mut self, now: Instant) {
-        if self.watch.is_over(now) {
+        if self.trips.is_over(now) {
             self.close();
         }
     }
@@ -175,10 +175,10 @@ impl FaultRecords {
     }
 }
 
-impl RecordSink for FaultRecords {
+impl RecordSink for FaultRecorder {
     fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.close_if_over(at);
-        self.watch.frame(at, telegram);
+        self.trips.frame(at, telegram);
         if let Some(open) = &mut self.open {
             open.latest = open.latest.max(at);
             open.log.frame(at, telegram);
@@ -188,7 +188,7 @@ impl RecordSink for FaultRecords {
     fn on_cycle(&mut self, record: &Record) {
         self.close_if_over(record.at);
         let brief = Brief::from(record);
-        if let Some(trip) = self.watch.cycle(&brief) {
+        if let Some(trip) = self.trips.cycle(&brief) {
             self.begin(&trip, record);
         } else if let Some(open) = &mut self.open {
             open.latest = open.latest.max(record.at);
@@ -301,7 +301,7 @@ mod tests {
     #[test]
     fn promise_15_record_has_cause_and_modes_for_its_owner_only() {
         let folder = scratch("record");
-        let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
+        let mut faults = FaultRecorder::open(&folder, &provenance()).unwrap();
         faults.begin(&TRIP, &any_record());
         let record = folder.join("001-4213-samples-missing");
         assert_eq!(faults.next_message(), Some(format!("fault record: {}", record.display())));
@@ -342,7 +342,7 @@ mod tests {
     fn hazard_32_newest_fifty_records_and_foreign_files_are_kept() {
         let (folder, record) = (scratch("quota"), any_record());
         for run in 0..6 {
-            let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
+            let mut faults = FaultRecorder::open(&folder, &provenance()).unwrap();
             for _ in 0..10 {
                 faults.begin(&TRIP, &record);
                 faults.close();
@@ -364,7 +364,7 @@ mod tests {
     #[test]
     fn hazard_32_record_survives_the_end_of_another_run() {
         let (folder, record) = (scratch("two-runs"), any_record());
-        let open = || FaultRecords::open(&folder, &provenance()).unwrap();
+        let open = || FaultRecorder::open(&folder, &provenance()).unwrap();
         let (mut faults, mut others) = (open(), open());
         // Without a record its folder is empty, and removed.
         assert_eq!(open().finish(), None);
@@ -383,14 +383,14 @@ mod tests {
     #[test]
     fn hazard_32_unwritable_fault_folder_is_reported_once() {
         let (folder, record) = (scratch("gone"), any_record());
-        let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
+        let mut faults = FaultRecorder::open(&folder, &provenance()).unwrap();
         fs::remove_dir(&folder).unwrap();
         fs::write(&folder, "").unwrap();
         faults.begin(&TRIP, &record);
         assert!(faults.next_message().unwrap().starts_with("no fault record in "));
         faults.begin(&TRIP, &record);
         assert_eq!((faults.next_message(), faults.finish()), (None, None));
-        assert!(FaultRecords::open(&folder.join("faults"), &provenance()).is_err());
+        assert!(FaultRecorder::open(&folder.join("faults"), &provenance()).is_err());
         fs::remove_file(&folder).unwrap();
     }
 

@@ -62,7 +62,7 @@ impl InputsFile {
             | Input::Woken(_)
             | Input::Reopened(_)
             | Input::Sensed(_)
-            | Input::SideFault(_)
+            | Input::SideError(_)
             | Input::Misfits(_)
             | Input::Polled(_) => {}
         }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::fault_records::{self, FaultRecords};
+use crate::fault_records::{self, FaultRecorder};
 use crate::limits::Limits;
 use crate::provenance::Provenance;
 use crate::record_sink::RecordSink;
@@ -19,7 +19,7 @@ use units::time::Instant;
 #[derive(Debug, Default)]
 pub struct RunRecorder {
     pub(super) session: Option<Session>,
-    pub(super) faults: Option<FaultRecords>,
+    pub(super) faults: Option<FaultRecorder>,
     pub(super) message: Option<String>,
 }
 
@@ -50,7 +50,7 @@ impl RunRecorder {
             let message = "no fault records: neither STATE_DIRECTORY nor HOME is set".to_owned();
             return Self { message: Some(message), ..Self::default() };
         };
-        match FaultRecords::open(&folder, provenance) {
+        match FaultRecorder::open(&folder, provenance) {
             Ok(faults) => Self { faults: Some(faults), ..Self::default() },
             Err(error) => {
                 let message = format!("no fault records in {}: {error}", folder.display());
@@ -100,7 +100,7 @@ impl RunRecorder {
     pub fn next_message(&mut self) -> Option<String> {
         let message = self.message.take();
         let message = message.or_else(|| self.session.as_mut().and_then(Session::next_message));
-        message.or_else(|| self.faults.as_mut().and_then(FaultRecords::next_message))
+        message.or_else(|| self.faults.as_mut().and_then(FaultRecorder::next_message))
     }
 
     /// Closes the recordings; returns a line that names the fault records of this run.
@@ -108,7 +108,7 @@ impl RunRecorder {
     /// # Errors
     /// When the session is incomplete on disk. The fault records are complete even then.
     pub fn finish(self, summary: &Summary) -> (Option<String>, anyhow::Result<()>) {
-        let records = self.faults.and_then(FaultRecords::finish);
+        let records = self.faults.and_then(FaultRecorder::finish);
         (records, self.session.map_or(Ok(()), |session| session.finish(summary)))
     }
 }

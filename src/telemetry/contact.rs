@@ -26,11 +26,11 @@ pub struct Contact {
     /// Maximum speed of the grip in contact, in m/s.
     pub peak_speed_m_per_s: f64,
     #[serde(skip)]
-    way: f64,
+    last_speed: f64,
     #[serde(skip)]
     q_before: Option<JointVector>,
     #[serde(skip)]
-    held: [JointVector; 2],
+    pending: [JointVector; 2],
 }
 
 impl Contact {
@@ -38,13 +38,13 @@ impl Contact {
     pub fn add(&mut self, record: &Record) {
         let output = &record.output;
         let q_before = self.q_before.replace(output.q).unwrap_or(output.q);
-        let [last, acted] = self.held; // a target acts from the SYNC after next
+        let [last, acted] = self.pending; // a target acts from the SYNC after next
         let ledger = &output.ledger;
         let let_through = ledger.rest_scale * ledger.share;
-        self.held = [(ledger.task + ledger.passivity) * let_through, last];
+        self.pending = [(ledger.task + ledger.passivity) * let_through, last];
         // Without reflection contact is not rendered, and the last wrench may be stale.
         if record.mode != Mode::Engaged || record.f_s.force.norm() < CONTACT_FORCE {
-            self.way = 0.0;
+            self.last_speed = 0.0;
             return;
         }
         self.energy_j -= acted.dot(&(output.q - q_before));
@@ -57,8 +57,8 @@ impl Contact {
     /// Counts a reversal by the speed of the hand along the reflected force, in m/s.
     fn turn(&mut self, speed: f64) {
         if speed.abs() > STANDSTILL_SPEED {
-            self.reversals += u32::from(self.way * speed < 0.0);
-            self.way = speed;
+            self.reversals += u32::from(self.last_speed * speed < 0.0);
+            self.last_speed = speed;
         }
     }
 }

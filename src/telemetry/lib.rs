@@ -10,7 +10,6 @@
 pub mod contact;
 pub mod contact_posture;
 pub mod digits;
-pub mod fault_record;
 pub mod feed;
 pub mod fidelity;
 pub mod gripper_status;
@@ -26,4 +25,5 @@ pub mod status;
 pub mod summary;
 pub mod timing;
 pub mod token_bucket;
+pub mod trip;
 pub mod way_out;

@@ -1,6 +1,6 @@
 //! Steps that lead on from a mode, in sentences for reports on sessions and viewers of a running node (docs/operation.md).
 
-use node::cause::Kind;
+use node::cause::CauseKind;
 use node::reaction::Initiator;
 use node::record::Mode;
 
@@ -11,7 +11,7 @@ const PRESS_DEADMAN: &str =
 /// Returns the steps that lead out of a stop. `joint` is the name of the cause's joint, if any. `not_off` are the names of
 /// joints whose drives have not confirmed power off.
 pub fn of_stop(
-    kind: Option<Kind>,
+    kind: Option<CauseKind>,
     joint: Option<&str>,
     not_off: &[impl AsRef<str>],
 ) -> Vec<String> {
@@ -69,12 +69,12 @@ mod tests {
 
     #[test]
     fn steps_out_of_a_stop_name_drives_that_may_push() {
-        let steps = of_stop(Some(Kind::SamplesMissing), Some("elbow"), &["elbow"]);
+        let steps = of_stop(Some(CauseKind::SamplesMissing), Some("elbow"), &["elbow"]);
         assert!(steps[0].contains("drives of elbow did not report"), "{steps:?}");
         let reset =
             |step: &String| step.contains("frhc ctl reset") && step.contains("boots the network");
         assert!(steps.iter().any(reset), "{steps:?}");
-        for kind in Kind::ALL {
+        for kind in CauseKind::ALL {
             let steps = of_stop(Some(kind), None, &[""; 0]);
             assert!(steps[0].contains(kind.description()), "{kind:?}");
         }

@@ -15,7 +15,7 @@ use canopen::object::Object;
 use canopen_device::dictionary::Dictionary;
 use canopen_device::station::Station;
 use canopen_device::{Application, Device};
-use canopen_tools::diagnostics::watch::Watch;
+use canopen_tools::diagnostics::network_monitor::NetworkMonitor;
 use memory_bus::Memory;
 use units::time::Instant;
 
@@ -86,6 +86,6 @@ pub(crate) fn session(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire
 /// Waits a millisecond, so that the last frames are sent and received.
 pub(crate) fn settle(session: &mut Session<Memory<Devices, Wire>>) {
     let until = session.now() + Duration::from_millis(1);
-    let mut listening = Watch::new(Duration::from_secs(1), Some(until));
+    let mut listening = NetworkMonitor::new(Duration::from_secs(1), Some(until));
     while session.resume(&mut listening).unwrap().is_some() {}
 }

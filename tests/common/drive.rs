@@ -56,7 +56,7 @@ pub(crate) fn carry<T: Tap>(
         let until = if out.is_empty() { transfer.deadline().unwrap() } else { retry };
         let outcome = match bus.receive(until).map(|received| (received.at, received.event)) {
             Some((at, BusEvent::Frame(frame))) => transfer.on_frame(at, &frame, &mut out),
-            Some((_, BusEvent::Fault(_))) => None,
+            Some((_, BusEvent::Error(_))) => None,
             // Segments wait for room in the queue.
             None if out.is_empty() => transfer.on_time(bus.now(), &mut out),
             None => None,

@@ -13,7 +13,7 @@ from pathlib import Path
 from browser import SOFTWARE_GL, Browser
 
 FRHC = os.environ["FRHC"]
-PATIENCE_S = 60
+PAGE_TIMEOUT_S = 60
 MAX_BYTES = 200_000
 # Pixels of the picture in a px of the page.
 SCALE = 1.5
@@ -52,7 +52,7 @@ def picture(browser, address, width, height, is_dark, condition):
     """Returns the page as PNG once the condition holds."""
     browser.open_url(address, width, height, is_dark)
     browser.devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=SCALE, mobile=False)
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + PAGE_TIMEOUT_S
     while not browser.script(f"{FORCES} return Boolean({condition})"):
         if time.monotonic() > end:
             sys.exit(f"pictures: {condition} has not come: {browser.script('return document.body.innerText')[:400]}")

@@ -15,7 +15,7 @@ from pathlib import Path
 FRHC = os.environ["FRHC"]
 FEED = Path(__file__).resolve().parent.parent / "golden/telemetry.jsonl"
 SIZES = [(80, 24), (40, 12)]
-PATIENCE_S = 20
+SCREEN_TIMEOUT_S = 20
 PERIOD_S = 0.02
 # Position of the first joint: the snapshot is on the screen.
 FIRST_VALUE = "0.021 rad"
@@ -111,7 +111,7 @@ class Terminal:
 
     def wait(self, *wanted, absent=()):
         """Returns the screen that has all these words and none of those; fails if it does not come."""
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + SCREEN_TIMEOUT_S
         while True:
             text = self.text()
             if all(word in text for word in wanted) and not any(word in text for word in absent):
@@ -219,7 +219,7 @@ def top_ends_with_its_terminal(_):
         terminal.wait("engaged")
         process = Path(f"/proc/{terminal.pid()}")
         terminal.call("kill-session")
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + SCREEN_TIMEOUT_S
         while process.exists():
             assert time.monotonic() < end, process.joinpath("stat").read_text()
             time.sleep(PERIOD_S)

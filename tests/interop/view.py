@@ -18,7 +18,7 @@ from browser import NO_GL, SOFTWARE_GL, Browser
 from telemetry_feed import Feed, Motion, description, hostile
 
 FRHC = os.environ["FRHC"]
-PATIENCE_S = 30
+PAGE_TIMEOUT_S = 30
 WIDTHS = {"desktop": (1280, 720), "phone": (375, 812)}
 MAX_WIRE_BYTES = 250_000
 # Pictures a second: at least, and on a machine that does nothing else.
@@ -41,7 +41,7 @@ def page(folder):
 
 def until(browser, condition, what):
     """Waits until an expression of the page is true."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + PAGE_TIMEOUT_S
     while not browser.script(f"return Boolean({condition})"):
         assert time.monotonic() < end, f"{what}: {browser.script('return document.body.innerText')[:600]}"
         time.sleep(0.05)
@@ -204,7 +204,7 @@ def view_answers_no_other_host(_):
     with tempfile.TemporaryDirectory() as folder, page(folder) as (url, _node):
         request = urllib.request.Request(f"{url}feed", headers={"Host": "evil.example"})
         try:
-            urllib.request.urlopen(request, timeout=PATIENCE_S)
+            urllib.request.urlopen(request, timeout=PAGE_TIMEOUT_S)
         except urllib.error.HTTPError as refused:
             assert refused.code == 403, refused.code
         else:

@@ -6,7 +6,7 @@ import tempfile
 
 from browser import SOFTWARE_GL, Browser
 from telemetry_feed import ROOT, Feed, Motion, description
-from view import PATIENCE_S, WIDTHS, drawn, page, until
+from view import PAGE_TIMEOUT_S, WIDTHS, drawn, page, until
 
 AXE = ROOT / "target/interop/axe-core-4.14.1.tgz"
 SEVERE = ("serious", "critical")
@@ -34,7 +34,7 @@ def view_has_no_serious_fault_for_axe(_):
         print(f"NOT RUN: {AXE} is missing; scripts/setup.sh browser fetches it by npm", flush=True)
         return
     with tempfile.TemporaryDirectory() as folder, page(folder) as (url, node), Browser(SOFTWARE_GL) as browser:
-        browser.command("POST", "/timeouts", script=1000 * PATIENCE_S)
+        browser.command("POST", "/timeouts", script=1000 * PAGE_TIMEOUT_S)
         browser.open_url(url)
         until(browser, "document.getElementById('mode-text').textContent.includes('No node offers')", "the reason")
         has_no_severe_fault(browser, "no node")

@@ -21,7 +21,7 @@ from browser import SOFTWARE_GL, Browser
 from mutant_page import mutated
 from screens import shot
 from telemetry_feed import ROOT, Feed, Motion, description
-from view import FRHC, PATIENCE_S, is_sound, page, until
+from view import FRHC, PAGE_TIMEOUT_S, is_sound, page, until
 
 POSTURES = 20
 SEED = 1997
@@ -50,7 +50,7 @@ def described_by_a_demo(configuration, robot):
         command += ["--robot", str(ROOT / f"config/robots/{robot}.toml")] if robot else []
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process, socket.socket(socket.AF_UNIX) as reader:
             try:
-                end = time.monotonic() + PATIENCE_S
+                end = time.monotonic() + PAGE_TIMEOUT_S
                 while reader.connect_ex(str(node)):
                     assert process.poll() is None and time.monotonic() < end, f"no telemetry of {command}"
                     time.sleep(0.01)
@@ -128,7 +128,7 @@ class Judge:
         self.number += 1
         mode = {**Motion(description()).mode(0), "cycle": self.number}
         self.feed.show(self.described, mode, case.snapshot(self.described, self.number))
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + PAGE_TIMEOUT_S
         while self.browser.script("return document.documentElement.dataset.cycle") != str(self.number):
             assert time.monotonic() < end, f"posture {self.number} is not drawn"
 

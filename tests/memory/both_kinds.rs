@@ -19,7 +19,7 @@ use node::record::{Mode, Record};
 use node::{Node, Request};
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RemoteSample, SideFault};
+use remote::{Command, Remote, RemoteSample, SideError};
 use sim::scenario::Scenario;
 use sim::world::World;
 use testbench::world;
@@ -66,8 +66,8 @@ impl Remote for Side {
         self.as_remote().misfits(now)
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        self.as_remote().fault()
+    fn error(&mut self) -> Option<SideError> {
+        self.as_remote().error()
     }
 }
 

@@ -17,7 +17,7 @@ use bus::Bus;
 use canopen::frame::{Channel, Frame};
 use faults::{Disturbance, Fault, HostFault, Target};
 use node::Request;
-use node::cause::Kind;
+use node::cause::CauseKind;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
@@ -81,7 +81,7 @@ impl Run {
     }
 
     /// Returns the cause of the stop, and the mode at the end.
-    fn end(&self) -> (Option<Kind>, Mode) {
+    fn end(&self) -> (Option<CauseKind>, Mode) {
         let last = self.records.last().unwrap();
         (last.cause.map(|cause| cause.kind()), last.mode)
     }
@@ -135,7 +135,7 @@ fn of_host(micros: u64, fault: HostFault, span: Duration) -> Fault {
 /// Disturbs one bus at every phase: the drives are switched off for one of `kinds`, targets are zero within `cycles`,
 /// nothing more is sent on that bus, and no drive exerts torque when its timer has run out. Where the drives' answers
 /// stop within a cycle, they may be missed first.
-fn ends_sending(disturbance: Disturbance, kinds: &[Kind], cycles: u64) {
+fn ends_sending(disturbance: Disturbance, kinds: &[CauseKind], cycles: u64) {
     for phase in PHASES {
         let run = Run::with(&[on_bus(phase, disturbance)]).cycles(30);
         let (cause, mode) = run.end();
@@ -151,24 +151,28 @@ fn ends_sending(disturbance: Disturbance, kinds: &[Kind], cycles: u64) {
 
 #[test]
 fn hazard_21_queue_full_for_two_cycles_ends_all_sending() {
-    ends_sending(Disturbance::QueueFull, &[Kind::QueueFull], 3);
+    ends_sending(Disturbance::QueueFull, &[CauseKind::QueueFull], 3);
 }
 
 #[test]
 fn hazard_22_stuck_adapter_ends_all_sending() {
-    ends_sending(Disturbance::AdapterStuck, &[Kind::TransmitUnconfirmed, Kind::SamplesMissing], 4);
+    ends_sending(
+        Disturbance::AdapterStuck,
+        &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing],
+        4,
+    );
 }
 
 #[test]
 fn hazard_23_bus_off_ends_all_sending_within_a_cycle() {
-    ends_sending(Disturbance::BusOff, &[Kind::BusOff], 2);
+    ends_sending(Disturbance::BusOff, &[CauseKind::BusOff], 2);
 }
 
 #[test]
 fn hazard_23_error_passive_is_zero_torque_and_warning_is_not() {
     for phase in PHASES {
         let run = Run::with(&[on_bus(phase, Disturbance::ErrorPassive)]).cycles(30);
-        assert_eq!(run.end(), (Some(Kind::BusPassive), Mode::ZeroTorque));
+        assert_eq!(run.end(), (Some(CauseKind::BusPassive), Mode::ZeroTorque));
         assert!(run.zero_after() <= 2_000 && run.last_sent() > 28_000, "{phase}");
         let run = Run::with(&[on_bus(phase, Disturbance::ErrorWarning)]).cycles(30);
         assert_eq!(run.end(), (None, Mode::Engaged));
@@ -177,8 +181,8 @@ fn hazard_23_error_passive_is_zero_torque_and_warning_is_not() {
 
 #[test]
 fn hazard_24_interface_down_ends_all_sending() {
-    ends_sending(Disturbance::AdapterUnplugged, &[Kind::BusDown], 2);
-    ends_sending(Disturbance::InterfaceDown, &[Kind::BusDown], 2);
+    ends_sending(Disturbance::AdapterUnplugged, &[CauseKind::BusDown], 2);
+    ends_sending(Disturbance::InterfaceDown, &[CauseKind::BusDown], 2);
 }
 
 #[test]
@@ -286,7 +290,7 @@ fn hazard_28_first_target_after_a_stop_is_zero_without_a_burst() {
         let stop = Duration::from_millis(50);
         let run = Run::with(&[of_host(phase, HostFault::ProcessStopped, stop)]).cycles(30);
         let resumed = run.onset + stop;
-        assert_eq!(run.end(), (Some(Kind::Overrun), Mode::ZeroTorque), "{phase}");
+        assert_eq!(run.end(), (Some(CauseKind::Overrun), Mode::ZeroTorque), "{phase}");
         let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
         assert!(run.records[first..].iter().all(|record| record.targets == [0; 6]), "{phase}");
         let before = run.records[..first].last().map_or(Instant::ZERO, |record| record.at);
@@ -310,7 +314,7 @@ fn hazard_29_repeated_late_cycles_stop_the_node() {
         |n: u64| of_host(n * 2_000 + 700, HostFault::ProcessStopped, Duration::from_millis(1));
     let faults: Vec<Fault> = (0..10).map(late).collect();
     let run = Run::with(&faults).cycles(40);
-    assert_eq!(run.end(), (Some(Kind::Late), Mode::ZeroTorque));
+    assert_eq!(run.end(), (Some(CauseKind::Late), Mode::ZeroTorque));
     assert!(run.zero_after() <= 7_000, "{} µs: three late wake-ups in a row", run.zero_after());
     let once = Run::with(&faults[..2]).cycles(40);
     assert_eq!(once.end(), (None, Mode::Engaged));
@@ -321,7 +325,7 @@ fn hazard_31_suspended_host_switches_the_drives_off() {
     for phase in PHASES {
         let suspended = of_host(phase, HostFault::Suspended(None), Duration::from_millis(40));
         let run = Run::with(&[suspended]).cycles(10);
-        assert_eq!(run.end(), (Some(Kind::Suspended), Mode::DrivesOff), "{phase}");
+        assert_eq!(run.end(), (Some(CauseKind::Suspended), Mode::DrivesOff), "{phase}");
     }
 }
 
@@ -329,7 +333,7 @@ fn hazard_31_suspended_host_switches_the_drives_off() {
 fn hazard_31_wall_clock_may_be_set_at_any_moment() {
     let steps = [0, 3_000_000, 2_000_000_000].map(Duration::from_secs);
     let set = |(at, wall)| {
-        let set = faults::Kind::Host(HostFault::ClockSet(wall));
+        let set = faults::FaultKind::Host(HostFault::ClockSet(wall));
         Fault::new(Duration::from_micros(at), Target::Host, set)
     };
     let set: Vec<Fault> = (250..).step_by(7_000).zip(steps).map(set).collect();

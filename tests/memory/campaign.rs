@@ -101,7 +101,7 @@ fn forged_statusword_is_a_drive_that_left() {
     let mut bench = Bench::new(&config, scenario, SEED, Wire::default());
     bench.bring_up().unwrap();
     let cause = (0..600).find_map(|_| bench.cycle().cause);
-    assert_eq!(cause.map(|cause| cause.kind()), Some(cause::Kind::DriveLeft));
+    assert_eq!(cause.map(|cause| cause.kind()), Some(cause::CauseKind::DriveLeft));
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn stopped_process_names_no_drive() {
     for only in ["process killed", "process stopped", "backlog after a stop"] {
         for verdict in play(6, only) {
             let kind = verdict.observed.cause.map(|cause| cause.kind());
-            assert_eq!(kind, Some(cause::Kind::Overrun), "{verdict:?}");
+            assert_eq!(kind, Some(cause::CauseKind::Overrun), "{verdict:?}");
         }
     }
 }

@@ -26,7 +26,7 @@ use controller::tank::{Tank, TankSettings};
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
 use controller::{
-    Controller, DriveTargets, Extensions, Fault, Input, JointVector, Output, Settings,
+    Controller, DriveTargets, Extensions, Input, InvalidValue, JointVector, Output, Settings,
 };
 use units::drive::{Counts, PerMille};
 use units::spatial::{Motion, Twist, Wrench};
@@ -356,7 +356,7 @@ proptest! {
                 Motion::Hold => prop_assert!(false, "Hold while engaged"),
             }
             prop_assert!((output.tau - output.ledger.gravity).norm() < 1e-12);
-            prop_assert_eq!(output.fault, None);
+            prop_assert_eq!(output.invalid_value, None);
         }
     }
 
@@ -419,13 +419,13 @@ proptest! {
                 };
                 prop_assert!(is_finite, "{:?}", output.command);
                 if !input.f_s.is_finite() {
-                    prop_assert!(output.fault.is_some());
+                    prop_assert!(output.invalid_value.is_some());
                     // The virtual coupling does not use the sensor.
                     let is_sensed = settings.extensions.virtual_coupling.is_none();
                     prop_assert!(!is_sensed || output.f_g_task == Wrench::ZERO);
                 }
                 if !(0.0..=1.0).contains(gravity) {
-                    prop_assert!(output.fault.is_some());
+                    prop_assert!(output.invalid_value.is_some());
                     prop_assert_eq!(output.ledger.gravity, JointVector::zeros());
                 }
             }
@@ -625,14 +625,14 @@ fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
 #[test]
 fn hazard_42_invalid_wrench_has_no_effect() {
     let mut bench = Bench::engaged(&settings(), CommandMode::Rate);
-    for (part, fault) in [
-        (f64::NAN, Fault::WrenchNotFinite),
-        (f64::NEG_INFINITY, Fault::WrenchNotFinite),
-        (1e6, Fault::WrenchTooLarge),
+    for (part, invalid) in [
+        (f64::NAN, InvalidValue::WrenchNotFinite),
+        (f64::NEG_INFINITY, InvalidValue::WrenchNotFinite),
+        (1e6, InvalidValue::WrenchTooLarge),
     ] {
         bench.input.f_s = Wrench::from_components([0.0, part, 0.0, 0.0, 0.0, 0.0]);
         let output = bench.at(NEUTRAL);
-        assert_eq!(output.fault, Some(fault));
+        assert_eq!(output.invalid_value, Some(invalid));
         assert!((output.tau - output.ledger.gravity).norm() < 1e-12);
     }
 }
@@ -642,7 +642,7 @@ fn invalid_object_pose_keeps_the_last_pose() {
     let mut bench = Bench::new(&settings(), CommandMode::Pose);
     bench.input.x_b_m = Isometry3::translation(f64::NAN, 0.0, 0.0);
     let output = bench.press(DEADMAN);
-    assert_eq!(output.fault, Some(Fault::ObjectPoseNotFinite));
+    assert_eq!(output.invalid_value, Some(InvalidValue::ObjectPoseNotFinite));
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     assert!((x_b_d.translation.vector - Vector3::new(0.4, 0.0, 0.3)).norm() < 1e-12);
 }
@@ -681,12 +681,15 @@ fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
     bench.at(rotated(0.0));
     bench.press(REFERENCE);
     bench.press(DEADMAN);
-    assert_eq!(bench.at(rotated(79.0)).fault, None);
+    assert_eq!(bench.at(rotated(79.0)).invalid_value, None);
     for degrees in [81.0, 89.0, 95.0, 79.0] {
         let output = bench.at(rotated(degrees));
-        assert_eq!((output.command, output.fault), (Motion::Hold, Some(Fault::TurnedTooFar)));
+        assert_eq!(
+            (output.command, output.invalid_value),
+            (Motion::Hold, Some(InvalidValue::TurnedTooFar))
+        );
     }
-    assert_eq!(bench.at(rotated(0.0)).fault, None);
+    assert_eq!(bench.at(rotated(0.0)).invalid_value, None);
     assert!(matches!(bench.at(rotated(20.0)).command, Motion::Rate(v_m) if v_m.angular.y > 0.1));
 }
 

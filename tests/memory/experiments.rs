@@ -11,9 +11,9 @@ use config::Config;
 use controller::Settings;
 use experiments::fidelity::trial::Arm;
 use experiments::return_to_centre::script::Sweep;
-use experiments::return_to_centre::trial::Row;
+use experiments::return_to_centre::trial::SweepResult;
 use experiments::torque_curves::calibration::JointCurves;
-use experiments::torque_curves::test_force::{self, Curve};
+use experiments::torque_curves::test_force::{Curve, TestForceResult};
 
 const LEG_S: f64 = 4.0;
 
@@ -25,7 +25,7 @@ fn config(name: &str) -> Config {
 fn return_to_centre_is_felt_as_the_law_says() {
     for (name, axis) in [("config/kraft_like.toml", 1), ("config/jpl_like.toml", 5)] {
         let config = config(name);
-        let row = Row::play(name, &config, &Sweep::new(&config, axis, LEG_S), 1).unwrap();
+        let row = SweepResult::play(name, &config, &Sweep::new(&config, axis, LEG_S), 1).unwrap();
         let (figures, law) = (row.figures.unwrap(), row.law);
         assert_eq!((row.stopped_by, row.limited_cycles), (None, 0), "{name}");
         assert!((figures.commanded / law.plateau - 1.0).abs() < 0.01, "{name}: {figures:?}");
@@ -45,7 +45,7 @@ fn wall_of_the_channels_is_felt_with_its_stiffness() {
     let stiffness = [300.0, 300.0, 300.0, 1.0, 1.0, 1.0];
     let channels = controller.channels.with_wall(wall, stiffness).unwrap();
     let walled = config.with_controller(Settings { channels, ..controller });
-    let row = Row::play("walled", &walled, &Sweep::new(&walled, 0, LEG_S), 1).unwrap();
+    let row = SweepResult::play("walled", &walled, &Sweep::new(&walled, 0, LEG_S), 1).unwrap();
     let figures = row.figures.unwrap();
     assert!((figures.wall_stiffness.unwrap() / 300.0 - 1.0).abs() < 0.1, "{figures:?}");
     assert!((figures.edge.unwrap() / 0.01 - 1.0).abs() < 0.05, "{figures:?}");
@@ -57,7 +57,7 @@ fn test_forces_are_right_with_polynomials_alone() {
     let joint_curves = JointCurves::measure_all(&config, 1).unwrap();
     let felt = |curve| {
         let run = (Arm::Frictionless, curve, 1);
-        let row = test_force::Row::play("kraft_like", &config, &joint_curves, run).unwrap();
+        let row = TestForceResult::play("kraft_like", &config, &joint_curves, run).unwrap();
         let errors = row.felt.map(|feeling| feeling.unwrap().error_percent);
         (errors.into_iter().fold(0.0, f64::max), row.weight_n.unwrap())
     };

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use config::Config;
 use controller::arm::JointKind;
-use experiments::fidelity::experiment::{Condition, Row};
-use experiments::fidelity::place::{Place, WAYS, moved_wall};
+use experiments::fidelity::experiment::{Condition, FidelityResult};
+use experiments::fidelity::place::{DISTANCES, Place, moved_wall};
 use experiments::fidelity::release::{Release, ReleaseJudge};
 use experiments::fidelity::script::{Course, HANDS, Hand};
 use experiments::fidelity::trial::Arm;
@@ -34,15 +34,15 @@ fn config(name: &str) -> Config {
 }
 
 /// Plays the full course at the nearest place, 9 N held.
-fn full(name: &str, arm: Arm, hand: &'static Hand) -> Row {
+fn full(name: &str, arm: Arm, hand: &'static Hand) -> FidelityResult {
     let condition = Condition {
         course: Course::Full,
         arm,
-        way_m: WAYS[0],
+        distance_m: DISTANCES[0],
         stiffness_n_per_m: None,
-        felt_n: 9.0,
+        reflected_n: 9.0,
     };
-    Row::play(name, &config(name), condition, (hand, 1), |_, _| {}).unwrap()
+    FidelityResult::play(name, &config(name), condition, (hand, 1), |_, _| {}).unwrap()
 }
 
 #[test]
@@ -78,11 +78,16 @@ fn drag_beyond_the_assist_is_below_half_a_newton() {
 }
 
 /// Plays a release of each hand from the configured wall.
-fn releases(name: &str, course: Course, felt_n: f64) -> Vec<Row> {
-    let condition =
-        Condition { course, arm: Arm::Identified, way_m: WAYS[0], stiffness_n_per_m: None, felt_n };
+fn releases(name: &str, course: Course, reflected_n: f64) -> Vec<FidelityResult> {
+    let condition = Condition {
+        course,
+        arm: Arm::Identified,
+        distance_m: DISTANCES[0],
+        stiffness_n_per_m: None,
+        reflected_n,
+    };
     let config = config(name);
-    let play = |hand| Row::play(name, &config, condition, (hand, 1), |_, _| {}).unwrap();
+    let play = |hand| FidelityResult::play(name, &config, condition, (hand, 1), |_, _| {}).unwrap();
     HANDS.iter().map(play).collect()
 }
 
@@ -143,13 +148,15 @@ fn release_by_any_hand_pulls_none_into_the_wall() {
     let mut random = SplitMix::new(28);
     for name in CONFIGS {
         let config = config(name);
-        for (course, felt_n) in [(Course::PoseRelease, 9.0), (Course::RateRelease, 2.0)] {
+        for (course, reflected_n) in [(Course::PoseRelease, 9.0), (Course::RateRelease, 2.0)] {
             for seed in 1..=3 {
                 let hand = random_hand(&mut random);
-                let (arm, way_m) = (Arm::Identified, WAYS[0]);
-                let condition = Condition { course, arm, way_m, stiffness_n_per_m: None, felt_n };
-                let row = Row::play(name, &config, condition, (hand, seed), |_, _| {}).unwrap();
-                let Row { release, stopped_by, .. } = row;
+                let (arm, distance_m) = (Arm::Identified, DISTANCES[0]);
+                let condition =
+                    Condition { course, arm, distance_m, stiffness_n_per_m: None, reflected_n };
+                let row = FidelityResult::play(name, &config, condition, (hand, seed), |_, _| {})
+                    .unwrap();
+                let FidelityResult { release, stopped_by, .. } = row;
                 assert_eq!(stopped_by, None, "{name}, {course}: {hand:?}");
                 let outside = release.pull_n.max(release.excess_n);
                 assert!(outside <= 0.3, "{name}, {course}: {hand:?}, {release:?}");
@@ -161,7 +168,7 @@ fn release_by_any_hand_pulls_none_into_the_wall() {
 
 /// Taps the wall hard in pose mode and retreats immediately. Returns the figures from the retreat on.
 fn tap(config: &Config, depth_m: f64) -> Release {
-    let deep = WAYS[0] + depth_m;
+    let deep = DISTANCES[0] + depth_m;
     let script = format!(
         "seconds = 7\n\
          [[console]]\nat_s = 0.1\nrequest = \"mode pose\"\n\
@@ -192,7 +199,7 @@ fn tap(config: &Config, depth_m: f64) -> Release {
 fn hard_tap_on_a_stiff_wall_is_not_pulled_back() {
     for name in CONFIGS {
         for stiffness in [2e3, 5e3, 10e3, 20e3, 30e3] {
-            let config = moved_wall(&config(name), WAYS[0], Some(stiffness));
+            let config = moved_wall(&config(name), DISTANCES[0], Some(stiffness));
             let release = tap(&config, 0.03);
             assert!(release.seconds > 0.5, "{name}, {stiffness} N/m: {release:?}");
             // The task falls by several newtons within the two cycles in which torques are on their way.
@@ -206,7 +213,7 @@ fn hard_tap_on_a_stiff_wall_is_not_pulled_back() {
 #[test]
 fn stretched_elbow_counts_friction_twice() {
     let config = config("config/kraft_like.toml");
-    let [near, _, far] = WAYS.map(|way| Place::new(&config, way).unwrap());
+    let [near, _, far] = DISTANCES.map(|way| Place::new(&config, way).unwrap());
     assert!(near.friction_n < 0.6 && far.friction_n > 1.0, "{near} {far}");
     assert!(near.sigma_min > 2.0 * far.sigma_min, "{near} {far}");
     assert!(Place::new(&config, 0.3).is_err(), "beyond the reach of the arm");

@@ -16,7 +16,7 @@ use crate::common::bench::config;
 use bus::Tap;
 use canopen::frame::{Channel, Frame, Telegram};
 use faults::{Fault, HostFault};
-use node::cause::Kind;
+use node::cause::CauseKind;
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use telemetry::losses::Losses;
@@ -208,7 +208,11 @@ fn hazard_31_suspension_at_any_frame_ends_torque() {
                 let last = run.records.last().unwrap();
                 let kind = last.cause.map(|cause| cause.kind());
                 let of = format!("{name}, after {after:03X}h, {tenths}");
-                assert_eq!((kind, last.mode), (Some(Kind::Suspended), Mode::DrivesOff), "{of}");
+                assert_eq!(
+                    (kind, last.mode),
+                    (Some(CauseKind::Suspended), Mode::DrivesOff),
+                    "{of}"
+                );
                 let most = run.period + run.period / 2;
                 let late = run.torques().into_iter().find(|(late, _)| *late > most);
                 assert_eq!(late, None, "{of}");
@@ -250,7 +254,7 @@ fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
     let run = Run::with(GROUPED, &stops).cycles(200);
     let before = run.records[0].overruns;
     let stopped = run.records.iter().find(|record| record.mode.is_stopped()).unwrap();
-    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::Late));
+    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(CauseKind::Late));
     assert_eq!(stopped.targets, [0; 6]);
     assert_eq!(stopped.overruns - before, 10);
     assert_eq!(Status::from_record(stopped, 0, Losses::default()).overruns, stopped.overruns);
@@ -268,7 +272,7 @@ fn hazard_28_zero_torques_are_sent_however_late() {
     let run = run.cycles(5);
     let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
     let [stopped, next] = [0, 1].map(|place| &run.records[first + place]);
-    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::SamplesMissing));
+    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(CauseKind::SamplesMissing));
     let accepted = run.accepted.since(stopped.at + run.period * 3);
     let zeros = accepted.iter().filter(|(at, frame)| {
         *at < next.at && matches!(frame.cob_id, 0x201 | 0x204) && frame.data() == [0; 6]

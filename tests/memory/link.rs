@@ -46,10 +46,10 @@ impl<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>> Remote for Via<L> {
     }
 }
 
-type LinkNode<L> = Node<Memory<World, ()>, Via<L>>;
+type NodeWithRemote<L> = Node<Memory<World, ()>, Via<L>>;
 
 /// Boots a node whose operator presses into the wall once it is armed; `law` changes its samples.
-fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> LinkNode<L> {
+fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> NodeWithRemote<L> {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
     let config = Config::parse(Path::new(KRAFT), &text).unwrap();
@@ -62,7 +62,7 @@ fn booted<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> LinkNo
 }
 
 /// Boots and arms a node as [`booted`] does.
-fn pressing<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> LinkNode<L> {
+fn pressing<L: FnMut(u64, RemoteSample) -> Option<RemoteSample>>(law: L) -> NodeWithRemote<L> {
     let mut node = booted(law);
     while node.cycle().inputs.is_none() {}
     node.request(Request::Arm, &mut || false).unwrap();

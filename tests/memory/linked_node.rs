@@ -28,7 +28,7 @@ use node::{Node, Request};
 use remote::link::{LinkSettings, LinkSide, LinkThread, link};
 use remote::site::VirtualSite;
 use remote::stated::{Misfit, StatedCapability};
-use remote::{Command, Remote, RemoteSample, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, SideError, messages};
 use sim::random::SplitMix;
 use sim::scenario::Scenario;
 use sim::world::World;
@@ -238,8 +238,8 @@ impl Remote for LinkedSide {
         self.side.misfits(now)
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        self.side.fault()
+    fn error(&mut self) -> Option<SideError> {
+        self.side.error()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::common::linked::{LINK, MODEL, linked, with_model};
 use crate::linked_node::{MS, Network, ask, booted_near, cycles, engage, parse, parse_as};
 use config::shipped::HAND_CONTROLLERS;
 use node::Request;
-use node::cause::{Cause, Kind};
+use node::cause::{Cause, CauseKind};
 use node::record::Mode;
 use remote::model::Difference;
 use units::spatial::Motion;
@@ -74,7 +74,7 @@ fn hazard_49_robot_that_does_not_follow_ends_reflection() {
         assert_eq!(after.output.command, Motion::Hold, "{hand}");
         let Difference { distance, angle } = after.model.unwrap();
         assert!(distance < 1e-9 && angle < 1e-9, "{hand}: nothing is commanded");
-        assert_eq!(after.cause.map(|cause| cause.kind()), Some(Kind::ModelDiffers), "{hand}");
+        assert_eq!(after.cause.map(|cause| cause.kind()), Some(CauseKind::ModelDiffers), "{hand}");
     }
 }
 

@@ -17,7 +17,7 @@ use controller::channels::Channels;
 use controller::command::CommandLaw;
 use controller::coupling::Coupling;
 use controller::gains::Gains;
-use controller::interpretation::{Difference, Interpretation, Scaling};
+use controller::interpretation::{Difference, Interpretation, TorqueScaling};
 use controller::limits::{AssistFraction, LimitedTorques, Limits, TorqueRequest};
 use controller::orientation::Orientation;
 use controller::period::Period;
@@ -64,7 +64,7 @@ fn reflection(x_m_s: Isometry3<f64>, inputs: &Value) -> Reflection {
     Reflection::new(x_m_s, gains(&inputs["K_T"]), 1e4, 1e4).unwrap()
 }
 
-fn limits(inputs: &Value, scaling: Scaling) -> Limits<6> {
+fn limits(inputs: &Value, scaling: TorqueScaling) -> Limits<6> {
     let fraction = AssistFraction::new(number(&inputs["assist_fraction"])).unwrap();
     Limits::new(joints(&inputs["tau_cap"]), fraction, scaling)
 }
@@ -281,14 +281,14 @@ fn saturation() {
     let none = Joints::zeros();
     for case in list(&cases["uniform"]) {
         let fraction = AssistFraction::new(number(&case["fraction"])).unwrap();
-        let limits = Limits::new(joints(&case["cap"]), fraction, Scaling::GravityExempt);
+        let limits = Limits::new(joints(&case["cap"]), fraction, TorqueScaling::GravityExempt);
         let limited = combine(limits, none, none, joints(&case["tau"]));
         assert_near("scale", &[limited.assist_scale], &[number(&case["scale"])]);
         assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
     }
     for case in list(&cases["gravity_exempt"]) {
         let whole = AssistFraction::new(1.0).unwrap();
-        let limits = Limits::new(joints(&case["cap"]), whole, Scaling::GravityExempt);
+        let limits = Limits::new(joints(&case["cap"]), whole, TorqueScaling::GravityExempt);
         let limited = combine(limits, joints(&case["tau_g"]), joints(&case["tau_rest"]), none);
         assert_near("scale", &[limited.rest_scale], &[number(&case["scale"])]);
         assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
@@ -465,7 +465,7 @@ fn the_worked_example_in_rate_mode() {
     near("tau", output.tau.into(), &total["tau_C"]);
     assert_eq!(ledger.limiting_joint, Some(Joint::of::<2>()));
     assert_eq!(output.targets, expected_targets(&paper));
-    assert_eq!(output.fault, None);
+    assert_eq!(output.invalid_value, None);
 }
 
 #[test]
@@ -575,7 +575,7 @@ fn random_cycles() {
         near("tau_task", tau_task.into(), "tau_T");
         near("tau_assist", tau_assist.into(), "tau_assist");
         near("tau_gravity", tau_gravity.into(), "tau_gravity");
-        let limits = limits(inputs, Scaling::GravityExempt);
+        let limits = limits(inputs, TorqueScaling::GravityExempt);
         let limited = combine(limits, tau_gravity, tau_task, tau_assist);
         let scales = [limited.assist_scale, limited.rest_scale];
         let expected_scales = ["assist_scale", "rest_scale"].map(|key| number(&expected[key]));
@@ -661,7 +661,7 @@ fn random_cycles_as_printed() {
         let (tau_gravity, tau_assist) = (j_g.torques(&carried), j_g.torques(&(centring + damped)));
         near("tau_RG", (tau_gravity + tau_assist).into());
         let tau_task = j_g.torques(&wrench(&case["expected"]["G_F_T"]));
-        let limits = limits(inputs, Scaling::AssistWithGravity);
+        let limits = limits(inputs, TorqueScaling::AssistWithGravity);
         let limited = combine(limits, tau_gravity, tau_task, tau_assist);
         assert_near("scale", &[limited.assist_scale], &[number(&expected["assist_scale"])]);
         assert_near("scale", &[limited.rest_scale], &[number(&expected["final_scale"])]);
@@ -673,7 +673,7 @@ fn random_cycles_as_printed() {
 fn gravity_read_correctly_but_scaled_as_printed() {
     let paper = oracle::oracle("paper.json");
     let interpretation =
-        Interpretation { scaling: Scaling::AssistWithGravity, ..Interpretation::CONSISTENT };
+        Interpretation { scaling: TorqueScaling::AssistWithGravity, ..Interpretation::CONSISTENT };
     let output = worked_example(&paper, CommandMode::Rate, interpretation);
     let total = &paper["eq10"]["minimal_fix"];
     assert_near("scale", &[output.ledger.assist_scale], &[number(&total["assist_scale"])]);

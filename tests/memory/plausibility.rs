@@ -12,7 +12,7 @@ use std::path::Path;
 
 use crate::common::bench::{config, scenario};
 use config::Config;
-use node::cause::{Cause, Kind};
+use node::cause::{Cause, CauseKind};
 use node::record::{Mode, Record};
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
@@ -220,7 +220,7 @@ fn hazard_43_joint_beyond_its_limit_ends_reflection_at_once() {
     assert_eq!(records[beyond - 1].mode, Mode::Engaged);
     assert_eq!(records[beyond].mode, Mode::ReflectionOff);
     let cause = records[beyond].cause.unwrap();
-    assert_eq!((cause.kind(), cause.joint()), (Kind::BeyondLimit, Some(ELBOW)));
+    assert_eq!((cause.kind(), cause.joint()), (CauseKind::BeyondLimit, Some(ELBOW)));
     assert!(
         cause.to_string().contains("°, beyond its limit of 91.9°: check zero_counts"),
         "{cause}"

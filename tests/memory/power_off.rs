@@ -14,7 +14,7 @@ use crate::common::bench::{Wire, config, until};
 use bus::Bus;
 use canopen::drive::State;
 use node::Request;
-use node::cause::{Cause, Kind};
+use node::cause::{Cause, CauseKind};
 use node::record::{Mode, Record};
 use sim::scenario::Scenario;
 use testbench::bench::Bench;
@@ -52,7 +52,7 @@ fn stopped(file: &str, faults: &str) -> (Bench<Wire>, Wire, Record) {
     bench.ask(Request::Arm).unwrap();
     wire.clear();
     let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Emergency), "{file}");
+    assert_eq!(record.cause.map(|cause| cause.kind()), Some(CauseKind::Emergency), "{file}");
     (bench, wire, record)
 }
 
@@ -238,7 +238,7 @@ fn drive_without_statusword_tpdo_is_confirmed_by_sdo() {
     assert_eq!((record.mode, record.not_off), (Mode::DrivesOff, [false; 6]));
     assert!(first(&wire, 0x603, &UPLOAD).is_some());
     assert_eq!(first(&wire, 0, &NMT_STOP), None);
-    assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Emergency));
+    assert_eq!(record.cause.map(|cause| cause.kind()), Some(CauseKind::Emergency));
 }
 
 #[test]

@@ -248,10 +248,10 @@ fn scenario_applies_faults_of_host_bus_and_link() {
     let text = std::fs::read_to_string("config/scenarios/faults/link_loss.toml").unwrap();
     let (operator, _) = text.split_once("[[fault]]").unwrap();
     for (keys, target, cause) in [
-        ("kind = \"process_stopped\"\nfor_s = 0.05", Target::Host, cause::Kind::Overrun),
-        ("kind = \"host_suspended\"\nfor_s = 0.1", Target::Host, cause::Kind::Suspended),
-        ("kind = \"interface_down\"", Target::Bus(Channel(0)), cause::Kind::BusDown),
-        ("kind = \"sensed_force\"\nforce_n = nan", Target::Link, cause::Kind::LinkLost),
+        ("kind = \"process_stopped\"\nfor_s = 0.05", Target::Host, cause::CauseKind::Overrun),
+        ("kind = \"host_suspended\"\nfor_s = 0.1", Target::Host, cause::CauseKind::Suspended),
+        ("kind = \"interface_down\"", Target::Bus(Channel(0)), cause::CauseKind::BusDown),
+        ("kind = \"sensed_force\"\nforce_n = nan", Target::Link, cause::CauseKind::LinkLost),
     ] {
         let text = format!("{operator}[[fault]]\nat_s = 1.0\n{keys}\n");
         let mut bench = Bench::new(&config(KRAFT), Scenario::parse(&text).unwrap(), 1, ());

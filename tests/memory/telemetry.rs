@@ -54,13 +54,13 @@ impl Tap for FeedTap {
 }
 
 /// A run with its telemetry.
-struct FeedRun {
+struct RunWithFeed {
     bench: Bench<FeedTap>,
     watched: FeedTap,
     timing: Timing,
 }
 
-impl FeedRun {
+impl RunWithFeed {
     fn new(config: &Config, side: Side, scenario: &str) -> Self {
         let mut feed = Feed::new(config, Source::Demo, None);
         feed.set_read(true);
@@ -142,7 +142,7 @@ fn snapshots_come_by_cycle_and_have_its_record() {
     for name in CONFIGS {
         let config = load(name);
         let mut shown =
-            FeedRun::new(&config, Side::from_config(&config), &shipped("teleoperation"));
+            RunWithFeed::new(&config, Side::from_config(&config), &shipped("teleoperation"));
         let every = shown.description()["cycles_per_snapshot"].as_u64().unwrap();
         let apart = config.period.as_secs_f64() * f64::from(u32::try_from(every).unwrap());
         assert!((apart - 0.02).abs() <= 0.5 * config.period.as_secs_f64(), "{name}: {apart} s");
@@ -184,7 +184,8 @@ fn snapshots_come_by_cycle_and_have_its_record() {
 #[test]
 fn felt_wrench_is_that_of_torques_beyond_the_arms_own() {
     let config = load("kraft_like");
-    let mut shown = FeedRun::new(&config, Side::from_config(&config), &shipped("teleoperation"));
+    let mut shown =
+        RunWithFeed::new(&config, Side::from_config(&config), &shipped("teleoperation"));
     let mut pressed = 0;
     for _ in 0..12_000 {
         let record = shown.cycle();
@@ -212,7 +213,7 @@ fn robot_stands_where_its_joints_bring_its_tool() {
         let site = RobotSite::new(&config, &Equipment::from_remote(&config.remote), 1).unwrap();
         let sides = [Side::from(site), Side::from_config(&config)];
         for side in sides {
-            let mut shown = FeedRun::new(&config, side, &shipped("teleoperation"));
+            let mut shown = RunWithFeed::new(&config, side, &shipped("teleoperation"));
             (0..5_000).for_each(|_| _ = shown.cycle());
             let robot = &shown.description()["robot"];
             let snapshots = shown.lines("snapshot");
@@ -231,7 +232,8 @@ fn robot_stands_where_its_joints_bring_its_tool() {
 #[test]
 fn mode_line_comes_at_each_change_and_twice_a_second() {
     let config = load("kraft_like");
-    let mut shown = FeedRun::new(&config, Side::from_config(&config), &shipped("faults/unplug"));
+    let mut shown =
+        RunWithFeed::new(&config, Side::from_config(&config), &shipped("faults/unplug"));
     let mut changes = Vec::new();
     let mut last = (Mode::Boot, None);
     for _ in 0..4_000 {
@@ -264,7 +266,7 @@ fn mode_line_comes_at_each_change_and_twice_a_second() {
 fn loads_and_timing_are_those_of_the_run() {
     for name in CONFIGS {
         let config = load(name);
-        let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 3\n");
+        let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 3\n");
         let before = shown.bench.carried();
         let begun = shown.bench.now();
         while shown.bench.now().since(begun).as_secs_f64() < 3.0 {
@@ -293,7 +295,7 @@ fn loads_and_timing_are_those_of_the_run() {
 #[test]
 fn numbers_that_are_not_finite_are_null() {
     let config = load("kraft_like");
-    let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 1\n");
+    let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 1\n");
     let mut record = shown.cycle();
     while record.cycle % 20 != 19 {
         record = shown.cycle();
@@ -310,7 +312,7 @@ fn numbers_that_are_not_finite_are_null() {
 #[test]
 fn no_snapshot_is_made_without_readers() {
     let config = load("kraft_like");
-    let mut shown = FeedRun::new(&config, Side::from_config(&config), "seconds = 1\n");
+    let mut shown = RunWithFeed::new(&config, Side::from_config(&config), "seconds = 1\n");
     shown.watched.1.borrow_mut().clear();
     for _ in 0..1_000 {
         shown.watched.0.borrow_mut().set_read(false);

@@ -20,9 +20,9 @@ use canopen::object::Object;
 use canopen::sdo::{SdoError, SdoOptions};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::confirm::Confirmation;
+use canopen_tools::diagnostics::network_monitor::{NetworkEvent, NetworkMonitor};
 use canopen_tools::diagnostics::scan::{NodeReport, Scan};
 use canopen_tools::diagnostics::states::{Answer, States};
-use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
 use canopen_tools::value::gateway_type::GatewayType;
 use memory_bus::Memory;
 use units::time::Instant;
@@ -195,7 +195,7 @@ fn nmt_commands_are_confirmed_by_boot_up_or_heartbeat() {
 fn watch_reports_changes_until_its_end() {
     let (mut session, _) = session(Devices::from_numbers(&[(3, 1)]));
     let until = session.now() + Duration::from_millis(300);
-    let mut watch = Watch::new(Duration::from_millis(100), Some(until));
+    let mut watch = NetworkMonitor::new(Duration::from_millis(100), Some(until));
     session.queue([Order::to_all(NmtCommand::ResetNode).frame()]);
     let mut events = Vec::new();
     while let Some((_, what)) = session.resume(&mut watch).unwrap() {

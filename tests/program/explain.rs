@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 
 use crate::common::oracle::{self, TOLERANCE, list};
-use node::cause::Kind;
+use node::cause::CauseKind;
 use node::record::Mode;
 use node::safety::table;
 
@@ -230,8 +230,8 @@ fn fault_table_has_every_cause_as_text_and_json() {
     let text = String::from_utf8(explain(&["faults"], "").stdout).unwrap();
     let json = String::from_utf8(explain(&["faults", "--json"], "").stdout).unwrap();
     let rows: Vec<Value> = json.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(rows.len(), Kind::ALL.len());
-    for (row, kind) in rows.iter().zip(Kind::ALL) {
+    assert_eq!(rows.len(), CauseKind::ALL.len());
+    for (row, kind) in rows.iter().zip(CauseKind::ALL) {
         let name = format!("{kind:?}");
         assert_eq!(row["cause"], name);
         let line = text.lines().find(|line| line.split_whitespace().next() == Some(&name)).unwrap();

@@ -7,7 +7,7 @@ use crate::gateway::{DRIVES, Gateway, NODE};
 use crate::inject::ELBOW;
 use crate::rig::{Rig, Setup, cycles, millis};
 use crate::script;
-use faults::{DeviceFault, Fault, Kind, Target};
+use faults::{DeviceFault, Fault, FaultKind, Target};
 use sim::scenario::Entry;
 use units::numbering::Joint;
 
@@ -26,7 +26,7 @@ fn hazard_07_any_emergency_stops_all_in_two_cycles() {
     for (joint, code, register, reason) in EMERGENCIES {
         let mut rig = Rig::engaged(&format!("emergency-{code:04X}"), &Setup::default());
         let onset = rig.onset();
-        let emergency = Kind::Device(DeviceFault::Emergency { code, register });
+        let emergency = FaultKind::Device(DeviceFault::Emergency { code, register });
         rig.inject(&gateway, Target::Joint(joint), emergency);
         rig.run_for(millis(10));
         rig.is_stopped_by(reason);
@@ -41,7 +41,7 @@ fn hazard_08_failed_drive_stops_the_others_in_two_cycles() {
     let _gateway = Gateway::at(NODE);
     // Well within a press.
     let (start, fault) = (Duration::from_millis(1_050), DeviceFault::DriveFault(0x3210));
-    let fault = Fault::new(start, Target::Joint(ELBOW), Kind::Device(fault));
+    let fault = Fault::new(start, Target::Joint(ELBOW), FaultKind::Device(fault));
     let mut entries = script::rhythm();
     entries.push(Entry::Fault(fault));
     let mut rig = Rig::engaged("fault", &Setup { entries, ..Setup::default() });
@@ -72,7 +72,7 @@ fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("reboot", &Setup::default());
     let onset = rig.onset();
-    rig.inject(&gateway, Target::Joint(ELBOW), Kind::Device(DeviceFault::Reboot));
+    rig.inject(&gateway, Target::Joint(ELBOW), FaultKind::Device(DeviceFault::Reboot));
     rig.run_for(millis(10));
     rig.is_stopped_by("joint 3 (elbow): rebooted");
     let seen = rig.seen_after(onset, millis(20));

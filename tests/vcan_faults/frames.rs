@@ -8,7 +8,7 @@ use crate::reaction::Reaction;
 use crate::rig::{Onset, Rig, Setup, cycles, millis};
 use crate::script;
 use crate::shaper::Shaper;
-use faults::{Effect, Kind, Service, Target};
+use faults::{Effect, FaultKind, Service, Target};
 use units::numbering::Joint;
 
 /// COB-ID of the elbow's position.
@@ -23,7 +23,13 @@ const QUICK_HEARTBEATS: [(&str, &str); 3] = [
 ];
 
 /// Injects a fault into a joint of an engaged arm, and checks the cause of the stop.
-fn stopped_by(name: &str, reason: &str, span: Duration, joint: Joint, fault: Kind) -> Reaction {
+fn stopped_by(
+    name: &str,
+    reason: &str,
+    span: Duration,
+    joint: Joint,
+    fault: FaultKind,
+) -> Reaction {
     stopped_with(&Setup::default(), name, reason, span, (joint, fault))
 }
 
@@ -32,7 +38,7 @@ fn stopped_with(
     name: &str,
     reason: &str,
     span: Duration,
-    (joint, fault): (Joint, Kind),
+    (joint, fault): (Joint, FaultKind),
 ) -> Reaction {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged(name, setup);
@@ -110,7 +116,7 @@ fn hazard_05_frozen_position_under_torque_stops_all_in_600_ms() {
 
 #[test]
 fn hazard_06_imitated_drive_stops_all_in_three_cycles() {
-    let imitated = Kind::Imitation { by: ELEVATION, service: POSITION };
+    let imitated = FaultKind::Imitation { by: ELEVATION, service: POSITION };
     let seen = stopped_by("imitated", "joint 3", millis(20), ELBOW, imitated);
     seen.all_are_free_within(cycles(3));
 }

@@ -11,8 +11,8 @@ use canopen::frame::{Channel, Frame};
 use canopen::nmt::{self, Order};
 use canopen::{NmtCommand, NodeId};
 use faults::{
-    DeviceFault, Disconnection, Effect, Extent, FrameFault, HostFault, Kind, Selection, Service,
-    Target,
+    DeviceFault, Disconnection, Effect, Extent, FaultKind, FrameFault, HostFault, Selection,
+    Service, Target,
 };
 use units::numbering::Joint;
 
@@ -26,44 +26,47 @@ pub(crate) const ELEVATION: Joint = Joint::of::<2>();
 pub(crate) const BUS: Target = Target::Bus(Channel(0));
 
 /// A broken cable of a device.
-pub(crate) const WIRE_CUT: Kind = Kind::Disconnection(Disconnection::WireCut);
+pub(crate) const WIRE_CUT: FaultKind = FaultKind::Disconnection(Disconnection::WireCut);
 
 /// A stopped process of the node.
-pub(crate) const STOPPED: Kind = Kind::Host(HostFault::ProcessStopped);
+pub(crate) const STOPPED: FaultKind = FaultKind::Host(HostFault::ProcessStopped);
 
 /// The position of a drive.
 pub(crate) const POSITION: Service = Service::Tpdo(1);
 
 /// Returns a fault of every frame of a service.
-pub(crate) const fn every(service: Service, effect: Effect) -> Kind {
-    Kind::Frames(FrameFault::on_service(service, effect))
+pub(crate) const fn every(service: Service, effect: Effect) -> FaultKind {
+    FaultKind::Frames(FrameFault::on_service(service, effect))
 }
 
 /// Returns a foreign frame from its form in candump, `080#` or `603#2B00`.
-pub(crate) fn foreign(text: &str) -> Kind {
+pub(crate) fn foreign(text: &str) -> FaultKind {
     let (cob_id, digits) = text.split_once('#').unwrap();
     let byte = |place: usize| u8::from_str_radix(&digits[2 * place..][..2], 16).unwrap();
     let data: Vec<u8> = (0..digits.len() / 2).map(byte).collect();
     let frame = Frame::from_slice(u16::from_str_radix(cob_id, 16).unwrap(), &data).unwrap();
-    Kind::ForeignFrame { frame, period: None }
+    FaultKind::ForeignFrame { frame, period: None }
 }
 
 impl Rig {
     /// Applies a fault from now on; what the gateway does of it ends with the test.
     #[track_caller]
-    pub(crate) fn inject(&mut self, gateway: &Gateway, target: Target, kind: Kind) {
+    pub(crate) fn inject(&mut self, gateway: &Gateway, target: Target, kind: FaultKind) {
         match (kind, target) {
-            (Kind::Disconnection(Disconnection::WireCut), Target::Joint(joint)) => {
+            (FaultKind::Disconnection(Disconnection::WireCut), Target::Joint(joint)) => {
                 gateway.lose_all_of(node_id(joint));
             }
-            (Kind::Frames(fault), _) => self.inject_frames(gateway, target, fault),
-            (Kind::Imitation { by, service }, Target::Joint(joint)) => {
+            (FaultKind::Frames(fault), _) => self.inject_frames(gateway, target, fault),
+            (FaultKind::Imitation { by, service }, Target::Joint(joint)) => {
                 let (way, by) = cob_id(Target::Joint(by), service);
                 let (_, imitated) = cob_id(Target::Joint(joint), service);
                 gateway.copy(way, by, &format!("SET:I:{imitated:03X}.0.0000000000000000"));
             }
-            (Kind::ForeignFrame { frame, period: None }, Target::Bus(_)) => send(NODE, &frame),
-            (Kind::Device(DeviceFault::Emergency { code, register }), Target::Joint(joint)) => {
+            (FaultKind::ForeignFrame { frame, period: None }, Target::Bus(_)) => send(NODE, &frame),
+            (
+                FaultKind::Device(DeviceFault::Emergency { code, register }),
+                Target::Joint(joint),
+            ) => {
                 let [low, high] = code.to_le_bytes();
                 // Torque and statusword after them: the drive is still enabled.
                 let data = [low, high, register, 0, 0, 0x27, 0x06, 0];
@@ -71,13 +74,13 @@ impl Rig {
                 let (_, cob_id) = cob_id(Target::Joint(joint), Service::Emergency);
                 send(DRIVES, &Frame::new(cob_id, data));
             }
-            (Kind::Device(DeviceFault::Reboot), Target::Joint(joint)) => {
+            (FaultKind::Device(DeviceFault::Reboot), Target::Joint(joint)) => {
                 // The node must receive the boot-up message, but not the command after it.
                 gateway.lose(Way::ToNode, nmt::COB_ID);
                 let node = NodeId::new(joint.number()).ok();
                 send(DRIVES, &Order { command: NmtCommand::ResetNode, node }.frame());
             }
-            (Kind::Host(HostFault::ProcessStopped), Target::Host) => {
+            (FaultKind::Host(HostFault::ProcessStopped), Target::Host) => {
                 self.node.as_ref().unwrap().signal(Signal::SIGSTOP);
             }
             other => panic!("{other:?} cannot be applied to this wire"),

@@ -22,7 +22,7 @@ use rcgen::{
 use time::OffsetDateTime;
 
 /// Maximum wait for a line, or for an expected message.
-const PATIENCE: Duration = Duration::from_secs(20);
+const RECEIVE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Authority of a test.
 pub(crate) struct Authority {

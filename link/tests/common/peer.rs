@@ -11,7 +11,7 @@ use zenoh::sample::Locality;
 use zenoh::{Config, Session, Wait};
 
 use super::program::Local;
-use super::{PATIENCE, PeerKeys, free_port};
+use super::{PeerKeys, RECEIVE_TIMEOUT, free_port};
 
 /// Peer of an end.
 pub(crate) struct Peer {
@@ -128,7 +128,7 @@ impl Peer {
 
     fn takes(&self, bytes: &[u8], local: &mut Local) -> bool {
         local.send(bytes);
-        let mut later = std::iter::from_fn(|| self.received.recv_timeout(PATIENCE).ok());
+        let mut later = std::iter::from_fn(|| self.received.recv_timeout(RECEIVE_TIMEOUT).ok());
         later.any(|received| received == bytes)
     }
 

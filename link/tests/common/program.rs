@@ -10,7 +10,7 @@ use std::thread;
 use socket2::{Domain, SockAddr, Socket, Type};
 use tempfile::TempDir;
 
-use super::{PATIENCE, free_port};
+use super::{RECEIVE_TIMEOUT, free_port};
 
 /// Process with its log.
 pub(crate) struct Running {
@@ -39,7 +39,7 @@ impl Running {
     /// Waits for a line with these words, which may have been read before.
     pub(crate) fn wait_for(&mut self, words: &str) {
         while !self.seen.iter().any(|line| line.contains(words)) {
-            let line = self.lines.recv_timeout(PATIENCE);
+            let line = self.lines.recv_timeout(RECEIVE_TIMEOUT);
             let line = line.unwrap_or_else(|_| panic!("no line {words:?}: {:#?}", self.seen));
             self.seen.push(line);
         }
@@ -85,7 +85,7 @@ impl Local {
     /// Returns whether this message is received; counts others.
     pub(crate) fn receives(&mut self, expected: &[u8]) -> bool {
         let mut buffer = [0; 512];
-        self.socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        self.socket.set_read_timeout(Some(RECEIVE_TIMEOUT)).unwrap();
         while let Ok(length @ 1..) = self.socket.read(&mut buffer) {
             if &buffer[..length] == expected {
                 return true;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::catalogue;
 use crate::injection::{Conditions, Injection, seconds};
-use crate::kind::Kind;
+use crate::kind::CaseKind;
 use crate::random::{Random, rounded};
 use crate::situation::Situation;
 use config::Config;
@@ -24,7 +24,7 @@ pub struct Case {
     /// Seed of the faults' own random sequences.
     pub seed: u64,
     /// Kind of fault.
-    pub kind: &'static Kind,
+    pub kind: &'static CaseKind,
     /// Hand controller, as an index into the campaign's list.
     pub config: usize,
     /// Situation at the onset.

@@ -9,14 +9,14 @@ mod frames;
 mod operator;
 
 use crate::injection::Conditions;
-use crate::kind::Kind;
+use crate::kind::CaseKind;
 use canopen::layout::{Pdo, Service};
 use canopen::object::Object;
 use units::numbering::Joint;
 
 /// Returns all kinds, by group.
-pub fn kinds() -> impl Iterator<Item = &'static Kind> {
-    let groups: [&[Kind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS];
+pub fn kinds() -> impl Iterator<Item = &'static CaseKind> {
+    let groups: [&[CaseKind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, operator::KINDS];
     groups.into_iter().flatten()
 }
 
@@ -39,7 +39,7 @@ pub const RENAMED: [(&str, &str); 6] = [
 ];
 
 /// Returns the kind of case `number`, from 1.
-pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
+pub(super) fn kind_of(number: u32) -> Option<&'static CaseKind> {
     let count = kinds().count();
     let place = usize::try_from(number).ok()?.checked_sub(1)?;
     kinds().nth(place.checked_rem(count)?)

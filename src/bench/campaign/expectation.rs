@@ -11,7 +11,7 @@ use Limit::{Cycles, DriveTimer, HeartbeatTime, Millis, RpdoTimer, Unstated};
 
 use crate::timers;
 use config::Config;
-use node::cause::Kind as Cause;
+use node::cause::CauseKind;
 use node::record::Mode;
 
 /// Expectation of one hazard.
@@ -24,7 +24,7 @@ pub struct Expectation {
     /// Limit for a drive without an RPDO timer, if different.
     pub without_timer: Option<Limit>,
     /// Causes that the hazard raises, with the state that each leads to.
-    pub reactions: &'static [(Cause, EndState)],
+    pub reactions: &'static [(CauseKind, EndState)],
 }
 
 /// Limit of a hazard.
@@ -57,62 +57,86 @@ pub enum EndState {
 
 /// Expectations of all hazards, in their order.
 pub const EXPECTATIONS: &[Expectation] = &[
-    row(1, Cycles(5), &[(Cause::SamplesMissing, ZeroTorque)]),
-    row(2, HeartbeatTime, &[(Cause::HeartbeatLost, DrivesOff)]),
+    row(1, Cycles(5), &[(CauseKind::SamplesMissing, ZeroTorque)]),
+    row(2, HeartbeatTime, &[(CauseKind::HeartbeatLost, DrivesOff)]),
     row(
         3,
         Cycles(5),
         &[
-            (Cause::SamplesMissing, ZeroTorque),
-            (Cause::StatusMissing, ZeroTorque),
-            (Cause::SamplesOverdue, ZeroTorque),
-            (Cause::SamplesRare, ReflectionOff),
+            (CauseKind::SamplesMissing, ZeroTorque),
+            (CauseKind::StatusMissing, ZeroTorque),
+            (CauseKind::SamplesOverdue, ZeroTorque),
+            (CauseKind::SamplesRare, ReflectionOff),
         ],
     ),
-    row(4, Cycles(5), &[(Cause::SamplesMissing, ZeroTorque), (Cause::SamplesOverdue, ZeroTorque)]),
-    row(5, Millis(600), &[(Cause::PositionFrozen, ZeroTorque)]),
-    row(6, Cycles(3), &[(Cause::Duplicate, ZeroTorque)]),
-    row(7, Cycles(2), &[(Cause::Emergency, ZeroTorque)]),
-    row(8, Cycles(2), &[(Cause::DriveLeft, ZeroTorque), (Cause::LeftOperational, ZeroTorque)]),
-    row(9, Cycles(2), &[(Cause::Rebooted, DrivesOff)]),
-    row(10, Millis(55), &[(Cause::TorqueDiffers, ZeroTorque)]),
-    row(11, Cycles(3), &[(Cause::Overspeed, ZeroTorque), (Cause::GripOverspeed, ZeroTorque)]),
-    row(12, Cycles(2), &[(Cause::PositionJumped, ZeroTorque)]),
+    row(
+        4,
+        Cycles(5),
+        &[(CauseKind::SamplesMissing, ZeroTorque), (CauseKind::SamplesOverdue, ZeroTorque)],
+    ),
+    row(5, Millis(600), &[(CauseKind::PositionFrozen, ZeroTorque)]),
+    row(6, Cycles(3), &[(CauseKind::Duplicate, ZeroTorque)]),
+    row(7, Cycles(2), &[(CauseKind::Emergency, ZeroTorque)]),
+    row(
+        8,
+        Cycles(2),
+        &[(CauseKind::DriveLeft, ZeroTorque), (CauseKind::LeftOperational, ZeroTorque)],
+    ),
+    row(9, Cycles(2), &[(CauseKind::Rebooted, DrivesOff)]),
+    row(10, Millis(55), &[(CauseKind::TorqueDiffers, ZeroTorque)]),
+    row(
+        11,
+        Cycles(3),
+        &[(CauseKind::Overspeed, ZeroTorque), (CauseKind::GripOverspeed, ZeroTorque)],
+    ),
+    row(12, Cycles(2), &[(CauseKind::PositionJumped, ZeroTorque)]),
     Expectation {
         without_timer: Some(Millis(120)),
-        ..row(13, RpdoTimer, &[(Cause::Emergency, ZeroTorque), (Cause::TargetNotTaken, ZeroTorque)])
+        ..row(
+            13,
+            RpdoTimer,
+            &[(CauseKind::Emergency, ZeroTorque), (CauseKind::TargetNotTaken, ZeroTorque)],
+        )
     },
-    row(16, Unstated, &[(Cause::EnableTimeout, ZeroTorque)]),
-    row(21, Cycles(6), &[(Cause::QueueFull, ZeroTorque)]),
-    row(22, DriveTimer, &[(Cause::TransmitUnconfirmed, DrivesOff)]),
-    row(23, Unstated, &[(Cause::BusOff, DrivesOff), (Cause::BusPassive, ZeroTorque)]),
-    row(24, Unstated, &[(Cause::BusDown, DrivesOff)]),
+    row(16, Unstated, &[(CauseKind::EnableTimeout, ZeroTorque)]),
+    row(21, Cycles(6), &[(CauseKind::QueueFull, ZeroTorque)]),
+    row(22, DriveTimer, &[(CauseKind::TransmitUnconfirmed, DrivesOff)]),
+    row(23, Unstated, &[(CauseKind::BusOff, DrivesOff), (CauseKind::BusPassive, ZeroTorque)]),
+    row(24, Unstated, &[(CauseKind::BusDown, DrivesOff)]),
     row(25, Cycles(2), &[]),
-    row(26, Cycles(2), &[(Cause::ForeignMaster, DrivesOff), (Cause::SettingChanged, DrivesOff)]),
-    row(27, DriveTimer, &[(Cause::AwaitsReset, DrivesOff)]),
-    row(28, Unstated, &[(Cause::Overrun, ZeroTorque)]),
-    row(29, Cycles(5), &[(Cause::Overrun, ZeroTorque), (Cause::Late, ZeroTorque)]),
-    row(31, Unstated, &[(Cause::Suspended, DrivesOff)]),
+    row(
+        26,
+        Cycles(2),
+        &[(CauseKind::ForeignMaster, DrivesOff), (CauseKind::SettingChanged, DrivesOff)],
+    ),
+    row(27, DriveTimer, &[(CauseKind::AwaitsReset, DrivesOff)]),
+    row(28, Unstated, &[(CauseKind::Overrun, ZeroTorque)]),
+    row(29, Cycles(5), &[(CauseKind::Overrun, ZeroTorque), (CauseKind::Late, ZeroTorque)]),
+    row(31, Unstated, &[(CauseKind::Suspended, DrivesOff)]),
     row(33, Unstated, &[]),
-    row(34, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
-    row(35, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
+    row(34, Millis(70), &[(CauseKind::LinkLost, ReflectionOff)]),
+    row(35, Millis(70), &[(CauseKind::LinkLost, ReflectionOff)]),
     row(37, Unstated, &[]),
     row(38, Millis(20), &[]),
-    row(39, Millis(50), &[(Cause::DeadmanDisagrees, ZeroTorque), (Cause::TieDown, ReflectionOff)]),
+    row(
+        39,
+        Millis(50),
+        &[(CauseKind::DeadmanDisagrees, ZeroTorque), (CauseKind::TieDown, ReflectionOff)],
+    ),
     row(40, Unstated, &[]),
-    row(41, Unstated, &[(Cause::UncommandedMotion, ZeroTorque)]),
-    row(42, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
-    row(43, Cycles(1), &[(Cause::BeyondLimit, ReflectionOff)]),
-    row(44, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),
-    row(45, Millis(400), &[(Cause::Unstable, ReflectionOff)]),
-    row(46, Unstated, &[(Cause::NotOff, DrivesOff)]),
-    row(47, Millis(70), &[(Cause::FarSideHolds, ReflectionOff)]),
-    row(48, Millis(70), &[(Cause::LinkSlow, ReflectionOff)]),
-    row(49, Unstated, &[(Cause::ModelDiffers, ReflectionOff)]),
-    row(50, Millis(100), &[(Cause::GripperInputInvalid, ReflectionOff)]),
+    row(41, Unstated, &[(CauseKind::UncommandedMotion, ZeroTorque)]),
+    row(42, Unstated, &[(CauseKind::ControllerFault, ZeroTorque)]),
+    row(43, Cycles(1), &[(CauseKind::BeyondLimit, ReflectionOff)]),
+    row(44, Unstated, &[(CauseKind::ControllerFault, ZeroTorque)]),
+    row(45, Millis(400), &[(CauseKind::Unstable, ReflectionOff)]),
+    row(46, Unstated, &[(CauseKind::NotOff, DrivesOff)]),
+    row(47, Millis(70), &[(CauseKind::FarSideHolds, ReflectionOff)]),
+    row(48, Millis(70), &[(CauseKind::LinkSlow, ReflectionOff)]),
+    row(49, Unstated, &[(CauseKind::ModelDiffers, ReflectionOff)]),
+    row(50, Millis(100), &[(CauseKind::GripperInputInvalid, ReflectionOff)]),
 ];
 
-const fn row(hazard: u8, limit: Limit, reactions: &'static [(Cause, EndState)]) -> Expectation {
+const fn row(hazard: u8, limit: Limit, reactions: &'static [(CauseKind, EndState)]) -> Expectation {
     Expectation { hazard, limit, without_timer: None, reactions }
 }
 
@@ -122,7 +146,7 @@ pub fn of_hazard(hazard: u8) -> Option<&'static Expectation> {
 }
 
 /// Returns the state to which a cause leads.
-pub(super) fn end_state(cause: Cause) -> Option<EndState> {
+pub(super) fn end_state(cause: CauseKind) -> Option<EndState> {
     let mut reactions = EXPECTATIONS.iter().flat_map(|row| row.reactions);
     reactions.find(|(one, _)| *one == cause).map(|(_, end)| *end)
 }
@@ -190,7 +214,7 @@ mod tests {
 
     #[test]
     fn every_cause_of_the_node_is_expected_for_its_hazards() {
-        for cause in Cause::ALL {
+        for cause in CauseKind::ALL {
             for hazard in cause.row().hazards {
                 let expected = of_hazard(*hazard).map(|row| row.reactions).unwrap_or_default();
                 let is_expected = expected.iter().any(|(one, _)| *one == cause);

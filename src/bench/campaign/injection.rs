@@ -7,7 +7,7 @@ use crate::expectation;
 use crate::situation::Situation;
 use canopen::watchdog::LifeSign;
 use config::Config;
-use faults::{Fault, Kind, Target};
+use faults::{Fault, FaultKind, Target};
 use sim::quirks::Quirk;
 use sim::scenario::Entry;
 use sim::scenario::operator::Switch;
@@ -94,12 +94,17 @@ impl Conditions<'_> {
     }
 
     /// Returns a fault at the onset.
-    pub(super) fn fault(&self, target: Target, kind: Kind) -> Entry {
+    pub(super) fn fault(&self, target: Target, kind: FaultKind) -> Entry {
         Entry::Fault(self.fault_after(Duration::ZERO, target, kind))
     }
 
     /// Returns a fault this long after the onset.
-    pub(super) const fn fault_after(&self, after: Duration, target: Target, kind: Kind) -> Fault {
+    pub(super) const fn fault_after(
+        &self,
+        after: Duration,
+        target: Target,
+        kind: FaultKind,
+    ) -> Fault {
         Fault::new(self.onset.saturating_add(after), target, kind)
     }
 

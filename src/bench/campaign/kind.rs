@@ -3,20 +3,20 @@
 use crate::injection::{Conditions, Injection};
 use crate::random::Random;
 use crate::situation::Situation;
-use node::cause::Kind as Cause;
+use node::cause::CauseKind;
 
 /// Name of the kind that kills the node; its figures are those of the drives' timers.
 pub(super) const KILLED: &str = "process killed";
 
 /// Kind of fault.
 #[derive(Clone, Copy)]
-pub struct Kind {
+pub struct CaseKind {
     /// Name in tables, and of `--only`.
     pub name: &'static str,
     /// Number of the hazard in docs/safety.md.
     pub hazard: u8,
     /// Causes that may stop the node first; any other is a wrong cause.
-    pub(super) causes: &'static [Cause],
+    pub(super) causes: &'static [CauseKind],
     /// Situations in which it is injected.
     pub(super) situations: &'static [Situation],
     /// Draws an injection.
@@ -27,9 +27,9 @@ pub struct Kind {
 type MakeInjection = fn(&mut Random, &Conditions<'_>) -> Injection;
 
 /// Causes of a fault that must not stop the node, or that only disengages it.
-pub(super) const NO_CAUSE: &[Cause] = &[];
+pub(super) const NO_CAUSE: &[CauseKind] = &[];
 
-impl std::fmt::Debug for Kind {
+impl std::fmt::Debug for CaseKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} (hazard {})", self.name, self.hazard)
     }
@@ -39,48 +39,48 @@ impl std::fmt::Debug for Kind {
 pub(super) const fn ready(
     hazard: u8,
     name: &'static str,
-    causes: &'static [Cause],
+    causes: &'static [CauseKind],
     injection: MakeInjection,
-) -> Kind {
-    Kind { name, hazard, causes, situations: &[Situation::Ready], injection }
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &[Situation::Ready], injection }
 }
 
 /// Creates a kind that is injected in every armed situation.
 pub(super) const fn kind(
     hazard: u8,
     name: &'static str,
-    causes: &'static [Cause],
+    causes: &'static [CauseKind],
     injection: MakeInjection,
-) -> Kind {
-    Kind { name, hazard, causes, situations: &Situation::ARMED, injection }
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &Situation::ARMED, injection }
 }
 
 /// Creates a kind that is injected while armed with the deadman open.
 pub(super) const fn armed(
     hazard: u8,
     name: &'static str,
-    causes: &'static [Cause],
+    causes: &'static [CauseKind],
     injection: MakeInjection,
-) -> Kind {
-    Kind { name, hazard, causes, situations: &[Situation::Armed], injection }
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &[Situation::Armed], injection }
 }
 
 /// Creates a kind that is injected while the deadman is pressed.
 pub(super) const fn engaged(
     hazard: u8,
     name: &'static str,
-    causes: &'static [Cause],
+    causes: &'static [CauseKind],
     injection: MakeInjection,
-) -> Kind {
-    Kind { name, hazard, causes, situations: &Situation::ENGAGED, injection }
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &Situation::ENGAGED, injection }
 }
 
 /// Creates a kind that is injected while the object presses against the wall.
 pub(super) const fn in_contact(
     hazard: u8,
     name: &'static str,
-    causes: &'static [Cause],
+    causes: &'static [CauseKind],
     injection: MakeInjection,
-) -> Kind {
-    Kind { name, hazard, causes, situations: &[Situation::Contact], injection }
+) -> CaseKind {
+    CaseKind { name, hazard, causes, situations: &[Situation::Contact], injection }
 }

@@ -10,7 +10,7 @@ use crate::monitor::{Monitor, is_off};
 use crate::timers;
 use crate::verdict::Observation;
 use config::Config;
-use faults::{Disturbance, Fault, Kind};
+use faults::{Disturbance, Fault, FaultKind};
 use inputs::InputSink;
 use node::record::{Mode, Record};
 use sim::drive::Drive;
@@ -161,7 +161,7 @@ pub(super) fn off_tolerance(config: &Config, injection: &Injection) -> Duration 
 
 /// Returns the time for which a fault delays the frames of a bus.
 fn stall(fault: &Fault) -> Option<Duration> {
-    let is_stall = matches!(fault.kind, Kind::Bus(Disturbance::AdapterStalled));
+    let is_stall = matches!(fault.kind, FaultKind::Bus(Disturbance::AdapterStalled));
     fault.duration.filter(|_| is_stall)
 }
 

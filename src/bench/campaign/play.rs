@@ -11,7 +11,7 @@ use crate::rpdo_loss::RpdoLoss;
 use crate::stage::{StageError, make, make_requests, report_mode};
 use crate::verdict::Verdict;
 use config::Config;
-use faults::{Disturbance, Fault, HostFault, Kind, Target};
+use faults::{Disturbance, Fault, FaultKind, HostFault, Target};
 use inputs::InputSink;
 use node::Request;
 use node::record::Record;
@@ -97,11 +97,11 @@ fn held_limit(injection: &Injection) -> Duration {
 /// Returns the exemption from I5 that a fault of bus or host grants.
 fn exemption(period: Duration, zero: Instant, fault: &Fault) -> Option<Exemption> {
     let at = zero + fault.start;
-    if let (Kind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
+    if let (FaultKind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
         let is_error = matches!(disturbance, Disturbance::ErrorWarning | Disturbance::ErrorPassive);
         return (!is_error).then_some(Exemption::Bus(channel, at));
     }
-    let Kind::Host(host) = fault.kind else { return None };
+    let FaultKind::Host(host) = fault.kind else { return None };
     let periods = match host {
         HostFault::ProcessStopped | HostFault::Suspended(None) => 2,
         // The frame comes within a period.

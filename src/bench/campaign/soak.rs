@@ -8,7 +8,7 @@ use crate::monitor::Monitor;
 use crate::random::{Random, rounded};
 use crate::stage::{self, StageError};
 use config::Config;
-use faults::{Effect, Extent, Fault, FrameFault, Kind, LinkFault, Service, Target};
+use faults::{Effect, Extent, Fault, FaultKind, FrameFault, LinkFault, Service, Target};
 use node::cause::Cause;
 use sim::quirks::Quirk;
 use sim::scenario::operator::{Console, Move, Switch};
@@ -132,7 +132,7 @@ fn scenario(random: &mut Random, config: &Config) -> Result<Scenario, Problem> {
     while at_s < LAP_S - 0.1 {
         let until_next = exponential(random) / (LINK_LOSS * messages / LAP_S);
         at_s += until_next.max(0.001);
-        let lost = Fault::new(micros(at_s), Target::Link, Kind::Link(LinkFault::Frozen));
+        let lost = Fault::new(micros(at_s), Target::Link, FaultKind::Link(LinkFault::Frozen));
         faults.push(lost.lasting(config.period.max(Duration::from_millis(1))));
     }
     faults.sort_by_key(|fault| fault.start);
@@ -160,7 +160,7 @@ fn losses(random: &mut Random, joint: Joint, period: f64) -> Vec<Fault> {
         if at_s > LAP_S {
             return losses;
         }
-        losses.push(Fault::new(micros(at_s), Target::Joint(joint), Kind::Frames(lost)));
+        losses.push(Fault::new(micros(at_s), Target::Joint(joint), FaultKind::Frames(lost)));
     }
 }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::catalogue;
 use crate::criterion::Criterion;
-use crate::kind::{KILLED, Kind};
+use crate::kind::{CaseKind, KILLED};
 use crate::verdict::{Outcome, Verdict};
 
 /// Figures by kind, and of all kinds together.
@@ -110,7 +110,7 @@ pub struct Spread {
 impl Table {
     /// Computes the figures of these verdicts.
     pub fn from_verdicts(verdicts: &[Verdict]) -> Self {
-        let line = |kind: &'static Kind| {
+        let line = |kind: &'static CaseKind| {
             let of: Vec<&Verdict> = verdicts.iter().filter(|one| one.kind == kind.name).collect();
             (!of.is_empty()).then(|| Line::from_verdicts(kind.hazard, kind.name, &of))
         };

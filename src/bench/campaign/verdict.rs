@@ -11,7 +11,7 @@ use crate::injection::Injection;
 use crate::monitor::{Violation, stale};
 use crate::timers;
 use config::Config;
-use node::cause::{Cause, Kind as CauseKind};
+use node::cause::{Cause, CauseKind};
 
 /// Observation of one case. Times start at its onset.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -19,12 +19,12 @@ use units::time::Instant;
 pub(super) struct Heartbeat {
     period: Option<Duration>,
     next: Option<Instant>,
-    watches: Vec<Watch>,
+    consumers: Vec<ConsumerEntry>,
 }
 
 /// Consumer heartbeat entry (1016h).
 #[derive(Clone, Copy, Debug)]
-struct Watch {
+struct ConsumerEntry {
     cob_id: u16,
     timeout: Duration,
     /// Time at which the heartbeat is lost; `None` before the first one.
@@ -52,42 +52,42 @@ impl Heartbeat {
 
     /// Applies 1016h. Unchanged entries keep their state.
     pub(super) fn configure_consumers(&mut self, dictionary: &Dictionary) {
-        let before = std::mem::take(&mut self.watches);
-        self.watches = entries(dictionary).filter_map(Watch::decode).collect();
-        for watch in &mut self.watches {
-            let (cob_id, timeout) = (watch.cob_id, watch.timeout);
-            let same = |old: &&Watch| old.cob_id == cob_id && old.timeout == timeout;
-            *watch = before.iter().find(same).copied().unwrap_or(*watch);
+        let before = std::mem::take(&mut self.consumers);
+        self.consumers = entries(dictionary).filter_map(ConsumerEntry::decode).collect();
+        for consumer in &mut self.consumers {
+            let (cob_id, timeout) = (consumer.cob_id, consumer.timeout);
+            let same = |old: &&ConsumerEntry| old.cob_id == cob_id && old.timeout == timeout;
+            *consumer = before.iter().find(same).copied().unwrap_or(*consumer);
         }
     }
 
     /// Restarts after a reset: no heartbeat received.
     pub(super) fn restart(&mut self, dictionary: &Dictionary) {
-        self.watches.clear();
+        self.consumers.clear();
         self.configure_consumers(dictionary);
     }
 
     /// COB-IDs of the monitored heartbeats.
     pub(super) fn cob_ids(&self) -> impl Iterator<Item = u16> {
-        self.watches.iter().map(|watch| watch.cob_id)
+        self.consumers.iter().map(|consumer| consumer.cob_id)
     }
 
     /// Takes a heartbeat; returns whether it is monitored.
     pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame) -> bool {
         let is_heartbeat = frame.data().len() == 1;
-        let watch = self.watches.iter_mut().find(|watch| watch.cob_id == frame.cob_id);
-        let Some(watch) = watch.filter(|_| is_heartbeat) else { return false };
-        watch.missed = Some(now + watch.timeout);
-        watch.is_lost = false;
+        let consumer = self.consumers.iter_mut().find(|consumer| consumer.cob_id == frame.cob_id);
+        let Some(consumer) = consumer.filter(|_| is_heartbeat) else { return false };
+        consumer.missed = Some(now + consumer.timeout);
+        consumer.is_lost = false;
         true
     }
 
     /// Returns whether a heartbeat was lost since the last call.
     pub(super) fn detect_loss(&mut self, now: Instant) -> bool {
         let mut has_lost = false;
-        for watch in &mut self.watches {
-            let is_lost = watch.missed.take_if(|missed| *missed <= now).is_some();
-            watch.is_lost |= is_lost;
+        for consumer in &mut self.consumers {
+            let is_lost = consumer.missed.take_if(|missed| *missed <= now).is_some();
+            consumer.is_lost |= is_lost;
             has_lost |= is_lost;
         }
         has_lost
@@ -95,7 +95,7 @@ impl Heartbeat {
 
     /// Returns whether a monitored heartbeat is lost.
     pub(super) fn is_lost(&self) -> bool {
-        self.watches.iter().any(|watch| watch.is_lost)
+        self.consumers.iter().any(|consumer| consumer.is_lost)
     }
 
     /// Returns the own heartbeat if one is due. Missed ones are skipped.
@@ -108,11 +108,11 @@ impl Heartbeat {
 
     /// Time of the next heartbeat, or of the next loss.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.watches.iter().map(|watch| watch.missed).fold(self.next, earlier)
+        self.consumers.iter().map(|consumer| consumer.missed).fold(self.next, earlier)
     }
 }
 
-impl Watch {
+impl ConsumerEntry {
     /// Decodes an entry of 1016h; `None` without a time or without a node-id of 1 to 127.
     fn decode(raw: u32) -> Option<Self> {
         let [low, high, node, _] = raw.to_le_bytes();
@@ -145,10 +145,10 @@ pub(super) fn check_entry(
     if raw >> 24 != 0 {
         return Err(AbortCode::VALUE_INVALID);
     }
-    let Some(watch) = Watch::decode(raw) else { return Ok(()) };
+    let Some(consumer) = ConsumerEntry::decode(raw) else { return Ok(()) };
     let others = subs(dictionary).filter(|other| *other != object);
-    let mut watched = others.filter_map(|other| Watch::decode(dictionary.unsigned(other)));
-    if watched.any(|other| other.cob_id == watch.cob_id) {
+    let mut entries = others.filter_map(|other| ConsumerEntry::decode(dictionary.unsigned(other)));
+    if entries.any(|other| other.cob_id == consumer.cob_id) {
         return Err(AbortCode::PARAMETER_INCOMPATIBLE);
     }
     Ok(())

@@ -9,7 +9,7 @@ use canopen::abort::AbortCode;
 use canopen::frame::COB_ID_MAX;
 use canopen::layout::{Direction, MAX_PDOS};
 use canopen::object::Object;
-use canopen::sync::{self, Transmission};
+use canopen::sync::{self, TransmissionType};
 
 /// PDO of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,8 +65,8 @@ impl Place {
     }
 
     /// Transmission type, sub-index 2.
-    pub(super) fn transmission(self, dictionary: &Dictionary) -> Transmission {
-        Transmission(byte(dictionary, self.communication(2)))
+    pub(super) fn transmission(self, dictionary: &Dictionary) -> TransmissionType {
+        TransmissionType(byte(dictionary, self.communication(2)))
     }
 
     /// Mapping by its mapping parameter.
@@ -90,7 +90,7 @@ impl Place {
         if object.index == self.communication(0).index {
             return match (object.sub, bytes) {
                 (1, _) => check_cob_id_change(dictionary.unsigned(object), value),
-                (2, [kind]) => self.check_transmission(dictionary, Transmission(*kind)),
+                (2, [kind]) => self.check_transmission(dictionary, TransmissionType(*kind)),
                 (3 | 6, _) => while_off,
                 _ => Ok(()),
             };
@@ -112,12 +112,12 @@ impl Place {
     fn check_transmission(
         self,
         dictionary: &Dictionary,
-        kind: Transmission,
+        kind: TransmissionType,
     ) -> Result<(), AbortCode> {
         let answers = self.direction == Direction::Transmit
             && dictionary.unsigned(self.communication(1)) & NO_REMOTE == 0;
         let is_possible = match kind {
-            Transmission::SYNC_ON_REQUEST | Transmission::ON_REQUEST => answers,
+            TransmissionType::SYNC_ON_REQUEST | TransmissionType::ON_REQUEST => answers,
             kind => kind.syncs().is_some() || kind.is_event_driven(),
         };
         if is_possible { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }

@@ -12,7 +12,7 @@ use crate::mapping::Mapping;
 use crate::parameter::Place;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
-use canopen::sync::Transmission;
+use canopen::sync::TransmissionType;
 use units::time::Instant;
 
 /// Effect of a received frame.
@@ -33,7 +33,7 @@ pub(super) enum Reception {
 pub(super) struct Rpdo {
     place: Place,
     cob_id: Option<u16>,
-    transmission: Transmission,
+    transmission: TransmissionType,
     timeout: Option<Duration>,
     mapping: Mapping,
     held: Option<u64>,

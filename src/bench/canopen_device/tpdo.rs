@@ -12,7 +12,7 @@ use crate::parameter::{NO_REMOTE, Place};
 use crate::station::earlier;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
-use canopen::sync::{Sync, Transmission};
+use canopen::sync::{Sync, TransmissionType};
 use units::time::Instant;
 
 /// One configured TPDO.
@@ -20,7 +20,7 @@ use units::time::Instant;
 pub(super) struct Tpdo {
     place: Place,
     cob_id: Option<u16>,
-    transmission: Transmission,
+    transmission: TransmissionType,
     /// Set if remote frames are answered.
     is_remote: bool,
     /// SYNC start value (sub-index 6): counter of the first SYNC; 0 for any.
@@ -98,7 +98,7 @@ impl Tpdo {
 
     /// Samples at its SYNC; sent at `send`, or on request.
     pub(super) fn on_sync(&mut self, sync: Sync, send: Instant, dictionary: &Dictionary) {
-        if self.transmission == Transmission::SYNC_ON_REQUEST {
+        if self.transmission == TransmissionType::SYNC_ON_REQUEST {
             self.sent = Some(self.mapping.gather(dictionary));
         }
         let (Some(syncs), Some(_)) = (self.transmission.syncs(), self.cob_id) else { return };
@@ -113,7 +113,7 @@ impl Tpdo {
         }
         self.syncs = 0;
         let content = self.mapping.gather(dictionary);
-        if self.transmission != Transmission::SYNC_ON_CHANGE || self.sent != Some(content) {
+        if self.transmission != TransmissionType::SYNC_ON_CHANGE || self.sent != Some(content) {
             self.sampled = Some((send, content));
         }
     }

@@ -5,7 +5,7 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
-use crate::decode::watch::Timing;
+use crate::decode::bus_monitor::Timing;
 use crate::signals::{ACTUATOR_POSITION, Curve, Measure, Member, identifier};
 use canopen::frame::Channel;
 use canopen::object::Object;

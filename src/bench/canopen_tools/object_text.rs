@@ -6,8 +6,8 @@ use std::fmt;
 
 use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
-use canopen::sync::Transmission;
-use config::switch_inputs::{Deadman, SwitchInputs};
+use canopen::sync::TransmissionType;
+use config::switch_inputs::{Contacts, SwitchInputs};
 
 // Data types by their numbers in CiA 301, 7.4.7.1.
 const I8: u16 = 0x02;
@@ -210,7 +210,7 @@ impl fmt::Display for ValueText<'_> {
             Object { index: 0x1010 | 0x1011, sub: 1.. } => self.text(f),
             Object { index, sub } => match (pdo_parameter(index), sub) {
                 (Some((_, false, _)), 1) => cob_id(low, f),
-                (Some((_, false, _)), 2) => write!(f, "{b0} {}", Transmission(b0)),
+                (Some((_, false, _)), 2) => write!(f, "{b0} {}", TransmissionType(b0)),
                 (Some((_, true, _)), 1..) => mapped(low, f),
                 _ => self.number(raw, data_type, f),
             },
@@ -359,9 +359,9 @@ impl Switches {
     /// State of the deadman's two channels.
     pub fn deadman(self) -> &'static str {
         match self.inputs().deadman() {
-            Deadman::Pressed => "pressed",
-            Deadman::Released => "released",
-            Deadman::Disagreeing => "disagreeing",
+            Contacts::Pressed => "pressed",
+            Contacts::Released => "released",
+            Contacts::Disagreeing => "disagreeing",
         }
     }
 }
@@ -370,7 +370,7 @@ impl fmt::Display for Switches {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let inputs = self.inputs();
         write!(f, "deadman {:8}", self.deadman())?;
-        if inputs.deadman() == Deadman::Disagreeing {
+        if inputs.deadman() == Contacts::Disagreeing {
             f.write_str(if inputs.deadman_a { ", A and B set" } else { ", A and B clear" })?;
         }
         f.write_str(if inputs.reference { "  reference" } else { "" })?;

@@ -12,7 +12,7 @@ use canopen::frame::Channel;
 use canopen::layout::{Direction, MappedObject, Pdo, Service};
 use canopen::object::Object;
 use canopen::plan::NodePlan;
-use canopen::sync::Transmission;
+use canopen::sync::TransmissionType;
 
 /// Signal of a coupled joint's actuator, as no single signal gives the joint's position.
 pub const ACTUATOR_POSITION: &str = "actuator_position";
@@ -163,7 +163,7 @@ pub struct PdoFrame {
     /// Length in bytes.
     pub bytes: usize,
     /// Transmission type, sub-index 2 of the communication parameter.
-    pub transmission: Transmission,
+    pub transmission: TransmissionType,
     /// Period in ms, if it is periodic.
     pub event_timer_ms: Option<u16>,
     /// Signals by their first bits.
@@ -374,7 +374,7 @@ pub(crate) mod tests {
         direction: Direction,
         number: u16,
         cob_id: u16,
-        transmission: Transmission,
+        transmission: TransmissionType,
         mapping: &[(Object, u8)],
     ) -> Pdo {
         let mapping =
@@ -395,8 +395,8 @@ pub(crate) mod tests {
             let mut targets = [(DUMMY, 16); 3];
             targets[slot].0 = Object::TARGET_TORQUE;
             let id16 = u16::from(id);
-            let sync = Transmission::EVERY_SYNC;
-            let event = Transmission::EVENT_OF_PROFILE;
+            let sync = TransmissionType::EVERY_SYNC;
+            let event = TransmissionType::EVENT_OF_PROFILE;
             let position = [(Object::POSITION_ACTUAL, 32)];
             let state = [(Object::STATUSWORD, 16), (Object::TORQUE_ACTUAL, 16)];
             let pdos = vec![

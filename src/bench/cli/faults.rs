@@ -3,7 +3,7 @@
 use clap::Args;
 use serde_json::{Value as Json, json};
 
-use node::cause::Kind;
+use node::cause::CauseKind;
 use node::reaction::{FaultTableRow, Reaction};
 use node::record::Mode;
 use node::safety::table;
@@ -28,7 +28,7 @@ pub(crate) fn run(args: &Faults) {
 
 /// Returns one JSON object per cause: the mode it leads to from every mode, and the rest of its row.
 fn objects() -> Vec<String> {
-    let object = |kind: Kind| {
+    let object = |kind: CauseKind| {
         let row = kind.row();
         let reactions = Mode::ALL.map(|mode| {
             let after = table::reaction(kind, mode).mode();
@@ -44,14 +44,14 @@ fn objects() -> Vec<String> {
             "hazards": row.hazards,
         })
     };
-    Kind::ALL.into_iter().map(|kind| object(kind).to_string()).collect()
+    CauseKind::ALL.into_iter().map(|kind| object(kind).to_string()).collect()
 }
 
 /// Returns the table and its legend.
 fn text() -> Vec<String> {
     let heads = ["cause", "ready", "armed", "first by", "reset", "hazards", "what is wrong"];
     let mut lines = vec![line(heads.map(str::to_owned))];
-    lines.extend(Kind::ALL.into_iter().map(|kind| {
+    lines.extend(CauseKind::ALL.into_iter().map(|kind| {
         let row = kind.row();
         let hazards: Vec<String> = row.hazards.iter().map(u8::to_string).collect();
         line([

@@ -9,7 +9,7 @@ use canopen::nmt::{self, Order};
 use canopen::{NmtCommand, NmtState, NodeId, heartbeat};
 use canopen_tools::diagnostics::beats::Beat;
 use canopen_tools::diagnostics::confirm::{Confirmation, NodeResponse};
-use canopen_tools::diagnostics::watch::{NetworkEvent, Watch};
+use canopen_tools::diagnostics::network_monitor::{NetworkEvent, NetworkMonitor};
 use run::exit::{Failure, Kind};
 use run::print;
 use units::time::Instant;
@@ -45,7 +45,7 @@ enum Task {
     ResetComm(Command),
     /// Shows boot-ups, state changes, lost heartbeats and emergencies until Ctrl-C.
     #[command(after_help = "Example:\n  frhc nmt watch --seconds 10 --json -i can0 | jq .news")]
-    Watch(Watching),
+    Watch(WatchArgs),
 }
 
 /// An NMT command to one node or all nodes.
@@ -72,7 +72,7 @@ struct Command {
 
 /// `frhc nmt watch`.
 #[derive(Clone, Copy, Debug, Args)]
-struct Watching {
+struct WatchArgs {
     /// End after this many seconds.
     #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
     seconds: Option<f64>,
@@ -96,7 +96,7 @@ pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
         Task::Preop(to) => (NmtCommand::EnterPreOperational, to),
         Task::Reset(to) => (NmtCommand::ResetNode, to),
         Task::ResetComm(to) => (NmtCommand::ResetCommunication, to),
-        Task::Watch(watching) => return watch(&args.bus, *watching),
+        Task::Watch(options) => return watch(&args.bus, *options),
     };
     let Command { node, wait, timeout, json, force } = to;
     let bus = args.bus.select_for(node)?;
@@ -177,15 +177,15 @@ const fn state_name(state: NmtState) -> &'static str {
 }
 
 /// Prints events until interrupted.
-fn watch(bus: &BusArgs, watching: Watching) -> Result<(), Failure> {
+fn watch(bus: &BusArgs, options: WatchArgs) -> Result<(), Failure> {
     let bus = bus.select()?;
     let mut session = bus.open()?;
-    let end = watching.seconds.map(|seconds| session.now() + Duration::from_secs_f64(seconds));
-    let mut watch = Watch::new(Duration::from_millis(watching.timeout), end);
+    let end = options.seconds.map(|seconds| session.now() + Duration::from_secs_f64(seconds));
+    let mut monitor = NetworkMonitor::new(Duration::from_millis(options.timeout), end);
     // Ends when stdout is closed, too.
     while !print::has_failed() {
-        match session.resume(&mut watch) {
-            Ok(Some((at, news))) => print_event(watching.json, at, news),
+        match session.resume(&mut monitor) {
+            Ok(Some((at, news))) => print_event(options.json, at, news),
             Ok(None) | Err(SessionError::Interrupted) => return Ok(()),
             Err(error) => return Err(bus.fail(error)),
         }

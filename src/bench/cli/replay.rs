@@ -4,7 +4,7 @@ mod difference;
 mod extent;
 mod frame_file;
 mod open_loop;
-mod trip;
+mod trip_comparison;
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use clap::Args;
 use crate::replay::difference::end;
 use crate::replay::extent::Extent;
 use crate::replay::frame_file::FrameFile;
-use crate::replay::trip::Trip;
+use crate::replay::trip_comparison::TripComparison;
 use crate::session_config::{configuration, equipped};
 use crate::session_progress;
 use crate::span::Place;
@@ -67,7 +67,7 @@ pub(super) fn run(args: &ReplayArgs, is_quiet: bool) -> Result<(), Failure> {
     }
     let mut replay = session.replay(&config).or_fail(Kind::File)?;
     remark();
-    let mut trip = fault.map(Trip::awaited);
+    let mut trip = fault.map(TripComparison::new);
     let frame_file = args.emit.as_deref().map(|path| FrameFile::create(path, session.manifest()));
     let mut frame_file = frame_file.transpose()?;
     let progress = session_progress::start(session.folder(), None, is_quiet)?;
@@ -98,7 +98,7 @@ fn report(
     args: &ReplayArgs,
     session: &Session,
     replay: &Replay,
-    trip: Option<&Trip>,
+    trip: Option<&TripComparison>,
 ) -> Result<(), Failure> {
     let outcome = replay.outcome();
     let end = end(session, replay)?;
@@ -137,5 +137,5 @@ fn report(
     if !outcome.is_equal() || !is_complete {
         return Err(Failure::new(Kind::Negative, end));
     }
-    trip.map_or(Ok(()), Trip::ensure_found)
+    trip.map_or(Ok(()), TripComparison::ensure_found)
 }

@@ -106,7 +106,7 @@ pub struct Course {
 
 /// Course in figures.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct CourseResult {
     /// Name of the robot file.
     pub arm: String,
     /// Bound that the gain is compared with.
@@ -133,7 +133,7 @@ impl Course {
     ///
     /// # Errors
     /// Returns an error if the arm cannot be simulated.
-    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
+    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<CourseResult, NoTrial> {
         let (figure, limit) = match self.bound {
             Bound::Servo => (self.turned_back(config, arm)?, TURNS_BACK),
             Bound::Sampled(delay) => (self.growth_in_contact(config, arm, delay)?, 1.0),
@@ -141,7 +141,7 @@ impl Course {
         };
         let is_calm = figure < limit;
         let Self { bound, model, share } = *self;
-        Ok(Row { arm: arm.name.clone(), bound, model, share, figure, is_calm })
+        Ok(CourseResult { arm: arm.name.clone(), bound, model, share, figure, is_calm })
     }
 
     /// Returns the largest backward speed over the largest speed, from rest at the wall.
@@ -288,7 +288,7 @@ mod tests {
 
     use super::*;
 
-    fn rows(bound: Bound, model: Model, share: f64) -> [Row; 2] {
+    fn rows(bound: Bound, model: Model, share: f64) -> [CourseResult; 2] {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         ["puma560", "eight_r_synthetic"].map(|name| {
             let arm = RobotArm::load(Path::new(&format!("config/robots/{name}.toml"))).unwrap();

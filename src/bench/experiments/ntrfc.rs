@@ -55,7 +55,7 @@ pub struct Press {
 
 /// Press in figures.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct PressResult {
     /// Name of the robot file.
     pub arm: String,
     /// Commanded rate, in m/s.
@@ -78,7 +78,7 @@ pub struct Row {
     pub unrest_m_per_s: f64,
 }
 
-impl Row {
+impl PressResult {
     /// Returns the difference from the law, with the bias taken off, as a share of the law.
     pub fn error(&self) -> f64 {
         (self.rest_n - self.law_n - self.bias_n) / self.law_n
@@ -111,7 +111,7 @@ impl Press {
     ///
     /// # Errors
     /// Returns an error if the configuration has no wall, a gain is invalid, or the arm cannot be simulated.
-    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<Row, NoTrial> {
+    pub fn play(&self, config: &Config, arm: &RobotArm) -> Result<PressResult, NoTrial> {
         let config = self.configured(config, arm)?;
         let [bias, noise] = [self.bias, self.noise].map(|force| [0.0, 0.0, force, 0.0, 0.0, 0.0]);
         let sensor = WristSensorSettings { bias, noise, ..WristSensorSettings::default() };
@@ -137,7 +137,7 @@ impl Press {
             t += period;
         }
         let lag = config.remote.servo.time_constant();
-        Ok(Row {
+        Ok(PressResult {
             arm: arm.name.clone(),
             speed_m_per_s: self.speed,
             accommodation_m_per_ns: self.accommodation,
@@ -177,7 +177,7 @@ mod tests {
 
     use super::*;
 
-    fn rows(press: Press) -> [Row; 2] {
+    fn rows(press: Press) -> [PressResult; 2] {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         ["puma560", "eight_r_synthetic"].map(|name| {
             let file = format!("config/robots/{name}.toml");

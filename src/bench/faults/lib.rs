@@ -6,11 +6,11 @@
 //! ```
 //! use std::time::Duration;
 //!
-//! use faults::{DeviceFault, Fault, Kind, Target};
+//! use faults::{DeviceFault, Fault, FaultKind, Target};
 //! use units::numbering::Joint;
 //!
 //! let target = Target::Joint(Joint::of::<3>());
-//! let fault = Fault::new(Duration::from_secs(1), target, Kind::Device(DeviceFault::SafeTorqueOff));
+//! let fault = Fault::new(Duration::from_secs(1), target, FaultKind::Device(DeviceFault::SafeTorqueOff));
 //! assert_eq!(fault.to_string(), "joint 3: safe torque off");
 //! ```
 #![forbid(unsafe_code)]
@@ -41,7 +41,7 @@ pub struct Fault {
     /// Part of the system that has it.
     pub target: Target,
     /// Defect or disturbance of the target.
-    pub kind: Kind,
+    pub kind: FaultKind,
 }
 
 /// Part of the system that has a fault.
@@ -69,7 +69,7 @@ pub enum Target {
 
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, Display, PartialEq)]
-pub enum Kind {
+pub enum FaultKind {
     /// Lost connection of a device to its bus.
     Disconnection(Disconnection),
     /// Frames of a device are lost or changed.
@@ -110,7 +110,7 @@ pub enum Kind {
 
 impl Fault {
     /// Returns a fault without an end.
-    pub const fn new(start: Duration, target: Target, kind: Kind) -> Self {
+    pub const fn new(start: Duration, target: Target, kind: FaultKind) -> Self {
         Self { start, duration: None, target, kind }
     }
 
@@ -122,21 +122,21 @@ impl Fault {
 
     /// Returns a fault of the host with a duration.
     pub const fn of_host(start: Duration, fault: HostFault, duration: Duration) -> Self {
-        Self::new(start, Target::Host, Kind::Host(fault)).lasting(duration)
+        Self::new(start, Target::Host, FaultKind::Host(fault)).lasting(duration)
     }
 
     /// Returns a fault of one bus without an end.
     pub const fn of_bus(start: Duration, channel: Channel, disturbance: Disturbance) -> Self {
-        Self::new(start, Target::Bus(channel), Kind::Bus(disturbance))
+        Self::new(start, Target::Bus(channel), FaultKind::Bus(disturbance))
     }
 
     /// Returns whether the fault is on the node's side of the buses, so that simulated devices cannot apply it.
     pub const fn is_of_host(&self) -> bool {
-        matches!(self.kind, Kind::Bus(_) | Kind::Host(_) | Kind::SensedForce(_))
+        matches!(self.kind, FaultKind::Bus(_) | FaultKind::Host(_) | FaultKind::SensedForce(_))
     }
 }
 
-impl Kind {
+impl FaultKind {
     /// Returns whether the fault has no duration.
     pub const fn is_momentary(&self) -> bool {
         match self {

@@ -4,9 +4,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use bus::{BusFault, ReceivedEvent, SendError};
+use bus::{BusError, ReceivedEvent, SendError};
 use canopen::frame::{Channel, Frame};
-use faults::{Disturbance, Fault, HostFault, Kind, Target};
+use faults::{Disturbance, Fault, FaultKind, HostFault, Target};
 use units::time::Instant;
 
 /// Maximum number of frames that a stalled adapter keeps; later ones are lost.
@@ -41,13 +41,13 @@ impl Schedule {
     /// Adds the changes of a fault; `zero` is the first SYNC. Faults of devices are ignored.
     pub(super) fn add_fault(&mut self, zero: Instant, fault: &Fault) {
         let at = zero + fault.start;
-        if let (Kind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
+        if let (FaultKind::Bus(disturbance), Target::Bus(channel)) = (fault.kind, fault.target) {
             self.add(at, Change::Bus(channel, Some(disturbance)));
             if let Some(duration) = fault.duration {
                 self.add(at + duration, Change::Bus(channel, None));
             }
         }
-        if let Kind::Host(host) = fault.kind {
+        if let FaultKind::Host(host) = fault.kind {
             let span = fault.duration.unwrap_or_default();
             let stop = |is_suspension| Stop { span, is_suspension };
             let change = match host {
@@ -172,12 +172,12 @@ impl Adapter {
 }
 
 /// Returns the report of controller or driver at the start of a disturbance.
-pub(super) const fn reported(disturbance: Disturbance) -> Option<BusFault> {
+pub(super) const fn reported(disturbance: Disturbance) -> Option<BusError> {
     match disturbance {
-        Disturbance::BusOff => Some(BusFault::Off),
-        Disturbance::ErrorPassive => Some(BusFault::Passive),
-        Disturbance::ErrorWarning => Some(BusFault::Warning),
-        Disturbance::AdapterUnplugged => Some(BusFault::Down),
+        Disturbance::BusOff => Some(BusError::Off),
+        Disturbance::ErrorPassive => Some(BusError::Passive),
+        Disturbance::ErrorWarning => Some(BusError::Warning),
+        Disturbance::AdapterUnplugged => Some(BusError::Down),
         Disturbance::QueueFull
         | Disturbance::AdapterStuck
         | Disturbance::AdapterStalled
@@ -231,16 +231,16 @@ mod tests {
         bus.send(Telegram { channel: CHANNEL, frame: Frame::new(cob_id, []) })
     }
 
-    /// COB-IDs received until `until`, and the faults.
-    fn received(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
-        let (mut ids, mut faults) = (Vec::new(), Vec::new());
+    /// COB-IDs received until `until`, and the bus errors.
+    fn received(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusError>) {
+        let (mut ids, mut errors) = (Vec::new(), Vec::new());
         while let Some(received) = bus.receive(at(until)) {
             match received.event {
                 BusEvent::Frame(frame) => ids.push(frame.cob_id),
-                BusEvent::Fault(fault) => faults.push(fault),
+                BusEvent::Error(error) => errors.push(error),
             }
         }
-        (ids, faults)
+        (ids, errors)
     }
 
     #[test]
@@ -248,7 +248,7 @@ mod tests {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::BusOff));
         assert_eq!(send(&mut bus, 2), Ok(()), "accepted all the same");
-        assert_eq!(received(&mut bus, 1_000), (vec![], vec![BusFault::Off]));
+        assert_eq!(received(&mut bus, 1_000), (vec![], vec![BusError::Off]));
         bus.disturb(CHANNEL, None);
         send(&mut bus, 4).unwrap();
         assert_eq!(received(&mut bus, 2_000), (vec![5], vec![]), "accepted frames are lost");
@@ -305,8 +305,8 @@ mod tests {
         assert_eq!(bus.now(), at(50_300));
         let oldest = bus.receive(at(60_000)).unwrap();
         assert!(oldest.at < at(1_200), "{oldest:?}");
-        let (_, faults) = received(&mut bus, 60_000);
-        assert_eq!(faults, [BusFault::Overrun]);
+        let (_, errors) = received(&mut bus, 60_000);
+        assert_eq!(errors, [BusError::Overrun]);
     }
 
     #[test]
@@ -315,7 +315,7 @@ mod tests {
         let off = Fault::of_bus(Duration::from_micros(500), CHANNEL, Disturbance::BusOff);
         bus.inject(Instant::ZERO, &off.lasting(Duration::from_micros(200)));
         let first = bus.receive(at(1_000)).unwrap();
-        assert_eq!((first.at, first.event), (at(500), BusEvent::Fault(BusFault::Off)));
+        assert_eq!((first.at, first.event), (at(500), BusEvent::Error(BusError::Off)));
         assert_eq!(bus.receive(at(1_000)), None);
         send(&mut bus, 2).unwrap();
         assert_eq!(received(&mut bus, 2_000).0, [3]);
@@ -324,7 +324,7 @@ mod tests {
     #[test]
     fn set_wall_clock_leaves_the_time_on_the_bus() {
         let mut bus = bus();
-        let set = Kind::Host(HostFault::ClockSet(Duration::from_secs(7)));
+        let set = FaultKind::Host(HostFault::ClockSet(Duration::from_secs(7)));
         bus.inject(Instant::ZERO, &Fault::new(Duration::from_micros(500), Target::Host, set));
         assert_eq!(bus.receive(at(1_500)), None);
         assert_eq!((bus.now(), bus.wall()), (at(1_500), Duration::from_micros(7_001_000)));

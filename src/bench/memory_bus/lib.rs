@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::disturbance::{Adapter, Change, FrameFate, Schedule, Stop, reported};
 use crate::wire::{Sender, Wire};
-use bus::{Bus, BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Tap, Wake, clock};
+use bus::{Bus, BusError, BusEvent, ReceivedEvent, ReopenError, SendError, Tap, Wake, clock};
 use canopen::frame::{Channel, Telegram};
 use canopen::master::event::Event;
 use canopen::sync;
@@ -57,7 +57,7 @@ pub struct Memory<S, T> {
     /// Upper bound of the speed of virtual time.
     pace: Option<Pace>,
     /// Copy of the time for other threads.
-    watch: Option<Watch>,
+    shared_time: Option<SharedTime>,
 }
 
 /// Bound of the speed of a bus.
@@ -71,9 +71,9 @@ struct Pace {
 
 /// Time of a memory bus, for other threads.
 #[derive(Clone, Debug)]
-pub struct Watch(Arc<AtomicU64>);
+pub struct SharedTime(Arc<AtomicU64>);
 
-impl Watch {
+impl SharedTime {
     /// Returns the time of the bus.
     pub fn now(&self) -> Instant {
         Instant::from_micros(self.0.load(Ordering::Relaxed) / MICRO)
@@ -98,20 +98,20 @@ impl<S: Station, T: Tap> Memory<S, T> {
             epoch: CANOPEN_EPOCH,
             out: Vec::with_capacity(64),
             pace: None,
-            watch: None,
+            shared_time: None,
         }
     }
 
-    /// Publishes the time, until [`unwatch`](Self::unwatch).
-    pub fn watch(&mut self) -> Watch {
-        let watch = Watch(Arc::new(AtomicU64::new(self.now_ns)));
-        self.watch = Some(watch.clone());
-        watch
+    /// Publishes the time, until [`stop_sharing_time`](Self::stop_sharing_time).
+    pub fn share_time(&mut self) -> SharedTime {
+        let shared_time = SharedTime(Arc::new(AtomicU64::new(self.now_ns)));
+        self.shared_time = Some(shared_time.clone());
+        shared_time
     }
 
     /// Stops publishing the time.
-    pub fn unwatch(&mut self) {
-        self.watch = None;
+    pub fn stop_sharing_time(&mut self) {
+        self.shared_time = None;
     }
 
     /// Lets at most `speed` seconds pass in a second of the wall clock: 1 is real time.
@@ -159,8 +159,8 @@ impl<S: Station, T: Tap> Memory<S, T> {
         if adapter.take() != Ok(FrameFate::Queued) {
             wire.forget_node();
         }
-        if let Some(fault) = disturbance.and_then(reported) {
-            self.arrived.push_back(ReceivedEvent { at, channel, event: BusEvent::Fault(fault) });
+        if let Some(error) = disturbance.and_then(reported) {
+            self.arrived.push_back(ReceivedEvent { at, channel, event: BusEvent::Error(error) });
         }
         self.post();
     }
@@ -208,8 +208,8 @@ impl<S: Station, T: Tap> Memory<S, T> {
     /// Advances time to `next_ns`, and delivers the frames and events of that time.
     fn advance(&mut self, next_ns: u64) {
         self.now_ns = next_ns;
-        if let Some(Watch(watch)) = &self.watch {
-            watch.store(next_ns, Ordering::Relaxed);
+        if let Some(SharedTime(shared_time)) = &self.shared_time {
+            shared_time.store(next_ns, Ordering::Relaxed);
         }
         if let Some(Pace { zero, speed }) = self.pace {
             clock::wait(zero + Duration::from_nanos(next_ns).div_f64(speed));
@@ -254,7 +254,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
                 match adapter.receive(received) {
                     Some(received) if self.arrived.len() < MAX_UNREAD => {
                         if std::mem::take(&mut self.has_overrun) {
-                            let event = BusEvent::Fault(BusFault::Overrun);
+                            let event = BusEvent::Error(BusError::Overrun);
                             self.arrived.push_back(ReceivedEvent { event, ..received });
                         }
                         self.arrived.push_back(received);
@@ -408,7 +408,7 @@ mod tests {
         bus.send(sync()).unwrap();
         let mut frames = Vec::new();
         while let Some(received) = bus.receive(Instant::from_micros(10_000)) {
-            let BusEvent::Frame(frame) = received.event else { panic!("no fault was made") };
+            let BusEvent::Frame(frame) = received.event else { panic!("no error was made") };
             frames.push((received.at, frame.cob_id));
         }
         frames

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 use crate::session::{self, SessionError};
-use telemetry::fault_record::{POST_TRIGGER, PRE_TRIGGER};
+use telemetry::trip::{POST_TRIGGER, PRE_TRIGGER};
 use units::time::Instant;
 
 /// Description of a fault record.

@@ -39,12 +39,12 @@ pub struct PartError {
     /// Name of the file in the folder of the session.
     pub file: String,
     /// Reason for the early end.
-    pub error: PartFault,
+    pub kind: PartErrorKind,
 }
 
 /// Reason for an early end of the inputs.
 #[derive(Debug)]
-pub enum PartFault {
+pub enum PartErrorKind {
     /// Missing file.
     Missing,
     /// File that begins as another part, or behind other entries, than those that were read.
@@ -55,11 +55,11 @@ pub enum PartFault {
 
 impl fmt::Display for PartError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.file, self.error)
+        write!(f, "{}: {}", self.file, self.kind)
     }
 }
 
-impl fmt::Display for PartFault {
+impl fmt::Display for PartErrorKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Missing => f.write_str("is missing"),
@@ -112,7 +112,7 @@ impl InputParts {
                     Ok(None) => self.current = None,
                     Err(error) => {
                         let file = file.clone();
-                        return Err(PartError { file, error: PartFault::Unreadable(error) });
+                        return Err(PartError { file, kind: PartErrorKind::Unreadable(error) });
                     }
                 }
             }
@@ -125,7 +125,7 @@ impl InputParts {
     /// entries are valid then.
     pub(super) fn is_cut(&self, error: &PartError) -> bool {
         let is_plain = self.current.as_ref().is_some_and(|current| !current.is_packed);
-        let is_cut = matches!(error.error, PartFault::Unreadable(ReadError::Cut(_)));
+        let is_cut = matches!(error.kind, PartErrorKind::Unreadable(ReadError::Cut(_)));
         is_cut && is_plain && self.rest.is_empty()
     }
 
@@ -142,7 +142,7 @@ impl InputParts {
         self.begun += 1;
         let file = match part {
             Ok(file) => file,
-            Err(file) => return Err(PartError { file, error: PartFault::Missing }),
+            Err(file) => return Err(PartError { file, kind: PartErrorKind::Missing }),
         };
         let opened = PartFile::open(&self.folder.join(&file)).map_err(ReadError::Failed);
         let begun = opened.and_then(|opened| {
@@ -153,9 +153,9 @@ impl InputParts {
         match begun {
             // A run that was killed before it has written to its newest part.
             Err(ReadError::Foreign | ReadError::Cut(_)) if self.is_begun_last(&file) => Ok(()),
-            Err(error) => Err(PartError { file, error: PartFault::Unreadable(error) }),
+            Err(error) => Err(PartError { file, kind: PartErrorKind::Unreadable(error) }),
             Ok((_, reader)) if (reader.part(), reader.entries()) != (self.begun, self.entries) => {
-                Err(PartError { file, error: PartFault::OutOfOrder })
+                Err(PartError { file, kind: PartErrorKind::OutOfOrder })
             }
             Ok((is_packed, reader)) => {
                 self.current = Some(Current { file, is_packed, reader });

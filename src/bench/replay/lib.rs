@@ -23,7 +23,7 @@ mod source;
 
 pub use bus_log_parts::BusLog;
 pub use fault_record::{FaultRecord, FaultRecordError};
-pub use input_parts::{InputParts, PartError, PartFault};
+pub use input_parts::{InputParts, PartError, PartErrorKind};
 pub use outcome::{Difference, End, Outcome, Place};
 pub use part_file::PartFile;
 pub use reader::{InputReader, ReadError};

@@ -7,7 +7,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
-use bus::{BusEvent, BusFault, ReceivedEvent, ReopenError, SendError, Wake};
+use bus::{BusError, BusEvent, ReceivedEvent, ReopenError, SendError, Wake};
 use canopen::frame::{Channel, Frame};
 use contract::{Gripper, Reason};
 use controller::switches::CommandMode;
@@ -16,7 +16,7 @@ use inputs::table::{self, FORMAT, FORMAT_OF_ONE_PART, MAGIC};
 use inputs::{Call, HAS_GRIPPER, Input, Last, NUMBERS};
 use node::Request;
 use node::cause::ResetReason;
-use remote::{RemoteSample, SideFault};
+use remote::{RemoteSample, SideError};
 use units::adjustment::InvalidAdjustment;
 use units::spatial::Wrench;
 use units::time::Instant;
@@ -169,7 +169,7 @@ impl<R: BufRead> InputReader<R> {
             table::BUS_DOWN => Input::NotSent(self.number()?, SendError::Down),
             table::WOKEN => Input::Woken(Wake { now: self.reading()?, received: None }),
             table::FRAME => self.received(|reader| reader.frame().map(BusEvent::Frame))?,
-            table::BUS_FAULT => self.received(|reader| reader.bus_fault().map(BusEvent::Fault))?,
+            table::BUS_FAULT => self.received(|reader| reader.bus_error().map(BusEvent::Error))?,
             table::REOPENED => Input::Reopened(Ok(())),
             table::NOT_REOPENED_GONE => Input::Reopened(Err(ReopenError::Gone(self.channel()?))),
             table::NOT_REOPENED_UNFIT => Input::Reopened(Err(ReopenError::Unfit(self.text()?))),
@@ -183,15 +183,15 @@ impl<R: BufRead> InputReader<R> {
             table::NOT_SENSED => Input::Sensed(None),
             table::SENSED_AGAIN => Input::Sensed(Some(self.last_sensed())),
             table::SENSED => self.sensed()?,
-            table::NO_SIDE_FAULT => Input::SideFault(None),
+            table::NO_SIDE_FAULT => Input::SideError(None),
             table::SIDE_HOLDS => match Reason::from_code(self.byte()?) {
-                Some(reason) => Input::SideFault(Some(SideFault::Holds(reason))),
+                Some(reason) => Input::SideError(Some(SideError::Holds(reason))),
                 None => return self.malformed("unknown reason to hold"),
             },
             table::SIDE_SLOW => {
                 let p99_us = u32::from_le_bytes(self.bytes()?);
                 let stated_us = u32::from_le_bytes(self.bytes()?);
-                Input::SideFault(Some(SideFault::Slow { p99_us, stated_us }))
+                Input::SideError(Some(SideError::Slow { p99_us, stated_us }))
             }
             table::MISFITS => {
                 let count = self.varint()?;
@@ -235,13 +235,13 @@ impl<R: BufRead> InputReader<R> {
         }
     }
 
-    fn bus_fault(&mut self) -> Result<BusFault, ReadError> {
+    fn bus_error(&mut self) -> Result<BusError, ReadError> {
         match self.byte()? {
-            0 => Ok(BusFault::Warning),
-            1 => Ok(BusFault::Overrun),
-            2 => Ok(BusFault::Passive),
-            3 => Ok(BusFault::Off),
-            4 => Ok(BusFault::Down),
+            0 => Ok(BusError::Warning),
+            1 => Ok(BusError::Overrun),
+            2 => Ok(BusError::Passive),
+            3 => Ok(BusError::Off),
+            4 => Ok(BusError::Down),
             _ => self.malformed("unknown fault of a bus"),
         }
     }
@@ -437,14 +437,14 @@ mod tests {
     }
 
     fn received() -> impl Strategy<Value = ReceivedEvent> {
-        let fault = prop::sample::select(vec![
-            BusFault::Warning,
-            BusFault::Overrun,
-            BusFault::Passive,
-            BusFault::Off,
-            BusFault::Down,
+        let error = prop::sample::select(vec![
+            BusError::Warning,
+            BusError::Overrun,
+            BusError::Passive,
+            BusError::Off,
+            BusError::Down,
         ]);
-        let event = prop_oneof![frame().prop_map(BusEvent::Frame), fault.prop_map(BusEvent::Fault)];
+        let event = prop_oneof![frame().prop_map(BusEvent::Frame), error.prop_map(BusEvent::Error)];
         (time(), 0..8_u8, event).prop_map(|(at, channel, event)| ReceivedEvent {
             at,
             channel: Channel(channel),
@@ -461,10 +461,10 @@ mod tests {
             (0..8_u8).prop_map(|channel| Err(ReopenError::Gone(Channel(channel)))),
             ".{0,40}".prop_map(|reason| Err(ReopenError::Unfit(reason))),
         ];
-        let side_fault = prop_oneof![
-            prop::sample::select(Reason::ALL.to_vec()).prop_map(SideFault::Holds),
+        let side_error = prop_oneof![
+            prop::sample::select(Reason::ALL.to_vec()).prop_map(SideError::Holds),
             any::<(u32, u32)>()
-                .prop_map(|(p99_us, stated_us)| SideFault::Slow { p99_us, stated_us }),
+                .prop_map(|(p99_us, stated_us)| SideError::Slow { p99_us, stated_us }),
         ];
         prop_oneof![
             call().prop_map(Input::Call),
@@ -481,7 +481,7 @@ mod tests {
                 .prop_map(|(now, received)| Input::Woken(Wake { now, received })),
             reopened.prop_map(Input::Reopened),
             prop::option::of(sensed()).prop_map(Input::Sensed),
-            prop::option::of(side_fault).prop_map(Input::SideFault),
+            prop::option::of(side_error).prop_map(Input::SideError),
             prop::collection::vec(".{0,40}", 0..4).prop_map(Input::Misfits),
             any::<bool>().prop_map(Input::Polled),
             any::<u64>().prop_map(Input::Lost),

@@ -3,7 +3,7 @@
 use crate::source::{Source, answer};
 use inputs::Input;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RemoteSample, SideFault};
+use remote::{Command, Remote, RemoteSample, SideError};
 use units::time::Instant;
 
 /// Commanded side of a recorded session.
@@ -27,11 +27,11 @@ impl Remote for ReplayedRemote {
         vec![Misfit::Unknown; count.unwrap_or(0)]
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        let fault = self.0.take(
+    fn error(&mut self) -> Option<SideError> {
+        let error = self.0.take(
             "asks for a fault of the commanded side",
-            answer!(Input::SideFault(fault) => *fault),
+            answer!(Input::SideError(error) => *error),
         );
-        fault.flatten()
+        error.flatten()
     }
 }

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::bus_log;
 use crate::bus_log_parts::BusLog;
-use crate::input_parts::{InputParts, PartError, PartFault};
+use crate::input_parts::{InputParts, PartError, PartErrorKind};
 use crate::part_file::PartFile;
 use crate::reader::ReadError;
 use crate::replay::Replay;
@@ -66,7 +66,7 @@ pub enum SessionError {
     Outside { file: PathBuf, copy: String },
     /// Inputs that cannot be read.
     #[error("{file}: {error}")]
-    Inputs { file: PathBuf, error: PartFault },
+    Inputs { file: PathBuf, error: PartErrorKind },
     /// Nothing was recorded.
     #[error("{file}: no call of the node was recorded")]
     Empty { file: PathBuf },
@@ -147,16 +147,16 @@ impl Session {
     pub fn inputs(&self) -> Result<InputParts, SessionError> {
         let parts = self.parts.stream(Stream::Inputs).map(|part| part.map(Part::name));
         let mut inputs = InputParts::new(&self.folder, parts);
-        let Err(PartError { file, error }) = inputs.begin_first() else { return Ok(inputs) };
+        let Err(PartError { file, kind }) = inputs.begin_first() else { return Ok(inputs) };
         let file = self.folder.join(file);
-        Err(match error {
-            PartFault::Missing => match PartFile::open(&file) {
+        Err(match kind {
+            PartErrorKind::Missing => match PartFile::open(&file) {
                 Err(error) => unreadable(&file, error),
                 // It has come since the folder was read.
                 Ok(_) => unreadable(&file, io::ErrorKind::NotFound.into()),
             },
-            PartFault::Unreadable(ReadError::Failed(error)) => unreadable(&file, error),
-            error @ (PartFault::OutOfOrder | PartFault::Unreadable(_)) => {
+            PartErrorKind::Unreadable(ReadError::Failed(error)) => unreadable(&file, error),
+            error @ (PartErrorKind::OutOfOrder | PartErrorKind::Unreadable(_)) => {
                 SessionError::Inputs { file, error }
             }
         })

@@ -182,7 +182,7 @@ const fn description(input: &Input) -> &'static str {
         Input::Woken(_) => "waited for a frame",
         Input::Reopened(_) => "opened its buses again",
         Input::Sensed(_) => "exchanged a command for a sample",
-        Input::SideFault(_) => "asked for a fault of the commanded side",
+        Input::SideError(_) => "asked for a fault of the commanded side",
         Input::Misfits(_) => "asked whether the commanded side fits",
         Input::Polled(_) => "asked whether to end",
         Input::Lost(_) => "has a gap",

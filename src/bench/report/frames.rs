@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use canopen::frame::Channel;
 use canopen_tools::candump::{Content, Line};
-use canopen_tools::decode::{Bus, Decoder, What};
+use canopen_tools::decode::{Bus, Decoder, Message};
 use canopen_tools::members;
 use config::Config;
 use telemetry::session::{NODE, WRENCH};
@@ -82,13 +82,13 @@ impl Reader {
     fn describe(
         &mut self,
         line: &Line<'_>,
-        is_wanted: impl Fn(&What<'_>) -> bool,
+        is_wanted: impl Fn(&Message<'_>) -> bool,
     ) -> Option<FrameText> {
         let (cob_id, data) = line.canopen()?;
         let (_, bus) = self.buses.iter().find(|(name, _)| name == line.interface)?;
         let at = Instant::from_micros((line.nanos / 1_000).saturating_sub(self.origin_us));
         let annotation = self.decoder.on_frame(*bus, Some(at), cob_id, data);
-        if !is_wanted(&annotation.what) {
+        if !is_wanted(&annotation.message) {
             return None;
         }
         let bytes: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
@@ -138,17 +138,17 @@ impl Reader {
             if line.canopen().is_some_and(|(cob_id, _)| (0x581..=0x5FF).contains(&cob_id)) {
                 boot.sdo_replies += 1;
             }
-            let is_event = |what: &What<'_>| match what {
-                What::Nmt(_) | What::Emergency(_) | What::Heartbeat(_, Some(_)) => true,
-                What::Sync { .. }
-                | What::Time(_)
-                | What::Pdo(..)
-                | What::OtherPdo(..)
-                | What::Sdo(_)
-                | What::Heartbeat(_, None)
-                | What::Lss(_)
-                | What::Malformed(_)
-                | What::Unknown => false,
+            let is_event = |message: &Message<'_>| match message {
+                Message::Nmt(_) | Message::Emergency(_) | Message::Heartbeat(_, Some(_)) => true,
+                Message::Sync { .. }
+                | Message::Time(_)
+                | Message::Pdo(..)
+                | Message::OtherPdo(..)
+                | Message::Sdo(_)
+                | Message::Heartbeat(_, None)
+                | Message::Lss(_)
+                | Message::Malformed(_)
+                | Message::Unknown => false,
             };
             if let Some(event) = self.describe(&line, is_event) {
                 match boot.events.len() < BOOT_EVENTS {

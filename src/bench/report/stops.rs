@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::modes::{Moment, Stop};
 use crate::subject::Subject;
-use node::cause::{self, Kind};
+use node::cause::{self, CauseKind};
 use node::record::Mode;
 use units::numbering::Joint;
 
@@ -23,7 +23,7 @@ pub(crate) struct StopReport {
     pub(crate) ended: Option<f64>,
     /// Cause with the name of its joint.
     pub(crate) cause: String,
-    pub(crate) kind: Option<Kind>,
+    pub(crate) kind: Option<CauseKind>,
     /// Name of its joint.
     pub(crate) joint: Option<String>,
     /// Folder of its fault record.
@@ -101,7 +101,7 @@ pub(crate) fn of_record(name: String, record: &Value, joints: &[String]) -> Stop
         modes: [mode("mode_before"), mode("mode"), mode("mode")],
         ended: None,
         cause: cause::with_name(cause, joints),
-        kind: Kind::ALL.into_iter().find(|one| kind.as_ref() == Some(&hyphenated(*one))),
+        kind: CauseKind::ALL.into_iter().find(|one| kind.as_ref() == Some(&hyphenated(*one))),
         joint: text(record, "joint_name"),
         record: Some(name),
         not_off: not_off.filter_map(named).collect(),
@@ -131,7 +131,7 @@ pub(crate) fn joint_of(text: &str, joints: &[String]) -> Option<String> {
 }
 
 /// Converts `SamplesMissing` to `samples-missing`, as fault records have it.
-fn hyphenated(kind: Kind) -> String {
+fn hyphenated(kind: CauseKind) -> String {
     let mut text = String::new();
     for letter in format!("{kind:?}").chars() {
         if letter.is_ascii_uppercase() && !text.is_empty() {
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(stop.cause, "joint 3 (elbow): no sample for 3 cycles");
         assert_eq!(
             (stop.kind, stop.not_off),
-            (Some(Kind::SamplesMissing), vec!["elbow".to_owned()])
+            (Some(CauseKind::SamplesMissing), vec!["elbow".to_owned()])
         );
         let empty = of_record("001".to_owned(), &json!({}), &joints());
         assert!(empty.at.is_nan() && empty.kind.is_none());

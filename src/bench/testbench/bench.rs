@@ -13,7 +13,7 @@ use bus::{Bus, Tap};
 use canopen::master::event::Event;
 use config::Config;
 use controller::switches::CommandMode;
-use faults::{Fault, Kind, LinkFault};
+use faults::{Fault, FaultKind, LinkFault};
 use inputs::{InputSink, RecordedNode};
 use memory_bus::Memory;
 use node::record::{Mode, Record};
@@ -63,7 +63,7 @@ impl HostFaults {
         let faults = scenario.faults().iter().copied();
         let to_plan: Vec<Fault> =
             faults.filter(|fault| fault.is_of_host() && fault.start >= elapsed).collect();
-        let is_force = |fault: &&Fault| matches!(fault.kind, Kind::SensedForce(_));
+        let is_force = |fault: &&Fault| matches!(fault.kind, FaultKind::SensedForce(_));
         let forces = to_plan.iter().filter(is_force).copied().collect();
         let mut notices: Vec<Notice> = to_plan.iter().flat_map(notices).collect();
         notices.sort_by_key(|notice| notice.at);
@@ -76,7 +76,9 @@ impl HostFaults {
             let end = fault.duration.map_or(Duration::MAX, |span| fault.start + span);
             (fault.start..end).contains(&elapsed)
         };
-        let Kind::SensedForce(force) = self.forces.iter().rfind(runs)?.kind else { return None };
+        let FaultKind::SensedForce(force) = self.forces.iter().rfind(runs)?.kind else {
+            return None;
+        };
         Some(force)
     }
 }
@@ -167,9 +169,9 @@ impl<T: Tap, S: InputSink + Clone> Bench<T, S> {
     /// As [`RecordedNode::bring_up`].
     pub fn bring_up_within(&mut self, limit: Duration) -> Result<(), BringUpError> {
         let end = self.now() + limit;
-        let watch = self.node.bus_mut().watch();
-        let booted = self.node.bring_up(&mut || watch.now() >= end);
-        self.node.bus_mut().unwatch();
+        let time = self.node.bus_mut().share_time();
+        let booted = self.node.bring_up(&mut || time.now() >= end);
+        self.node.bus_mut().stop_sharing_time();
         booted
     }
 

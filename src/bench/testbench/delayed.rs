@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use contract::{FarEnd, FarState, Feedback, NodeEnd, Reason, Reject};
 use remote::delay::DelaySettings;
-use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideError, messages};
 use sim::random::SplitMix;
 use units::time::Instant;
 
@@ -126,10 +126,10 @@ impl<R: Remote> Remote for DelayedSide<R> {
         self.far.joints()
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
+    fn error(&mut self) -> Option<SideError> {
         match &self.link {
-            None => self.far.fault(),
-            Some(link) => link.holds.map(SideFault::Holds),
+            None => self.far.error(),
+            Some(link) => link.holds.map(SideError::Holds),
         }
     }
 }

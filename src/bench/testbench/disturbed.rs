@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use contract::{FarEnd, NodeEnd, Reason};
-use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideError, messages};
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -132,14 +132,14 @@ impl<R: Remote> Remote for FaultySide<R> {
         self.side.joints()
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        let slow = SideFault::Slow { p99_us: 9_000, stated_us: 5_000 };
+    fn error(&mut self) -> Option<SideError> {
+        let slow = SideError::Slow { p99_us: 9_000, stated_us: 5_000 };
         let own = match (self.holds, self.link) {
-            (true, _) => Some(SideFault::Holds(Reason::SensorSilent)),
+            (true, _) => Some(SideError::Holds(Reason::SensorSilent)),
             (false, LinkState::Slow) => Some(slow),
             (false, _) => None,
         };
-        own.or_else(|| self.side.fault())
+        own.or_else(|| self.side.error())
     }
 }
 

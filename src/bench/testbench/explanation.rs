@@ -167,12 +167,12 @@ fn wrenches(posed: &CycleInputs, output: &Output) -> Vec<Entry> {
 
 /// Returns the joint torques.
 fn torques(output: &Output) -> Vec<Entry> {
-    let Output { j_g, ledger, tau, targets, fault, .. } = output;
+    let Output { j_g, ledger, tau, targets, invalid_value, .. } = output;
     let assist = ledger.centring + ledger.damping;
     let with_gravity = assist + ledger.gravity;
     let joints = ["N·m, N", "joints"];
     let none = ["", ""];
-    let fault = fault.map(|fault| fault.to_string());
+    let invalid = invalid_value.map(|invalid| invalid.to_string());
     let [limiting, slewing] = [ledger.limiting_joint, ledger.slewing_joint]
         .map(|joint| joint.map(|joint| joint.to_string()));
     vec![
@@ -192,7 +192,7 @@ fn torques(output: &Output) -> Vec<Entry> {
         entry("slewing_joint", &slewing, "", none, "the joint that is on its way"),
         entry("tau", tau, "10", joints, "torques asked for"),
         entry("targets", targets, "Fig. 6", ["‰", "drives"], "the same as the drives take it"),
-        entry("fault", &fault, "", none, "what cannot be"),
+        entry("fault", &invalid, "", none, "what cannot be"),
     ]
 }
 

@@ -109,7 +109,7 @@ pub struct FarRobot {
     joint_count: usize,
     /// Session and epoch in which the control was reset last.
     leader: (u64, u32),
-    sensor: SensorWatch,
+    sensor: SensorMonitor,
     is_ending: bool,
     at: Instant,
     measurement: Measurement,
@@ -143,7 +143,7 @@ impl FarRobot {
             limits,
             joint_count: robot.joints.len(),
             leader: (0, 0),
-            sensor: SensorWatch::default(),
+            sensor: SensorMonitor::default(),
             is_ending: false,
             at: Instant::ZERO,
             measurement: site.measurement(),
@@ -263,7 +263,7 @@ impl FarRobot {
 
 /// Monitor of the readings of the force/torque sensor.
 #[derive(Clone, Copy, Debug)]
-struct SensorWatch {
+struct SensorMonitor {
     /// Number of the newest reading; 0 before the first.
     newest: u64,
     missed: u32,
@@ -271,7 +271,7 @@ struct SensorWatch {
     valid: Wrench,
 }
 
-impl Default for SensorWatch {
+impl Default for SensorMonitor {
     fn default() -> Self {
         Self { newest: 0, missed: 0, valid: Wrench::ZERO }
     }
@@ -284,7 +284,7 @@ struct Judgement {
     is_new_and_valid: bool,
 }
 
-impl SensorWatch {
+impl SensorMonitor {
     /// Takes the reading of a cycle; returns the reason to hold that it gives.
     fn judge(&mut self, measurement: &Measurement, limits: &RobotLimits) -> Judgement {
         let Measurement { reading, reading_number, .. } = measurement;

@@ -12,7 +12,7 @@ use config::Config;
 use contract::{Feedback, NodeEnd};
 use remote::link::FarView;
 use remote::stated::{Misfit, StatedCapability};
-use remote::{Command, Remote, RemoteSample, SideFault, messages};
+use remote::{Command, Remote, RemoteSample, SideError, messages};
 use units::time::Instant;
 
 /// Sessions of the two ends, the only ones on this link.
@@ -82,7 +82,7 @@ impl Remote for LinkedRobot {
         self.stated.map_or_else(Vec::new, |stated| stated.misfits(capability))
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
-        self.view.hold(self.end.epoch()).map(SideFault::Holds)
+    fn error(&mut self) -> Option<SideError> {
+        self.view.hold(self.end.epoch()).map(SideError::Holds)
     }
 }

@@ -3,7 +3,7 @@
 use config::Config;
 use remote::site::VirtualSite;
 use remote::stated::Misfit;
-use remote::{Command, Remote, RemoteSample, RobotJoints, SideFault};
+use remote::{Command, Remote, RemoteSample, RobotJoints, SideError};
 use units::time::Instant;
 
 use crate::linked_robot::LinkedRobot;
@@ -73,11 +73,11 @@ impl Remote for Side {
         }
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
+    fn error(&mut self) -> Option<SideError> {
         match self {
-            Self::Virtual(site) => site.fault(),
-            Self::Robot(site) => site.fault(),
-            Self::Linked(linked) => linked.fault(),
+            Self::Virtual(site) => site.error(),
+            Self::Robot(site) => site.error(),
+            Self::Linked(linked) => linked.error(),
         }
     }
 

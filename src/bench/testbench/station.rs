@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::transmit_queue::{Down, TransmitQueue};
-use bus::{Bus, BusEvent, BusFault};
+use bus::{Bus, BusError, BusEvent};
 use canopen::frame::Telegram;
 use canopen_device::station::Station;
 use units::time::Instant;
@@ -42,9 +42,9 @@ pub fn run<B: Bus, S: Station>(
             BusEvent::Frame(frame) => {
                 station.on_frame(latest, received.channel, &frame, &mut frames);
             }
-            BusEvent::Fault(BusFault::Down) => return Err(Down(received.channel)),
-            BusEvent::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
-            BusEvent::Fault(fault) => tracing::debug!(?fault, "bus"),
+            BusEvent::Error(BusError::Down) => return Err(Down(received.channel)),
+            BusEvent::Error(BusError::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
+            BusEvent::Error(error) => tracing::debug!(fault = ?error, "bus"),
         }
     }
     Ok(())

@@ -10,7 +10,7 @@ use controller::torque_delay::TorqueDelay;
 use inputs::InputSink;
 use node::record::Record;
 use telemetry::fidelity::command::AtGrip;
-use telemetry::fidelity::{CommandSampler, Parts, Sample};
+use telemetry::fidelity::{CommandSampler, Sample, WrenchParts};
 
 /// Samples of the ground truth at the hand.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl Truth {
             at: record.at,
             x_0: plant.x_0_g().translation.vector,
             felt: *plant.f_g_hand() * -1.0,
-            parts: Parts {
+            parts: WrenchParts {
                 friction: at_grip.wrench(&balance.resisting),
                 inertia: at_grip.wrench(&balance.inertia) * -1.0,
                 ..acted.parts

@@ -202,7 +202,7 @@ mod tests {
 
     use super::*;
 
-    const PATIENCE: Duration = Duration::from_secs(20);
+    const RECEIVE_TIMEOUT: Duration = Duration::from_secs(20);
 
     fn reading(sockets: Vec<PathBuf>) -> (FeedReader, Receiver<News>) {
         let (news, received) = channel();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     fn absence(received: &Receiver<News>) -> String {
-        match received.recv_timeout(PATIENCE).unwrap() {
+        match received.recv_timeout(RECEIVE_TIMEOUT).unwrap() {
             News::Absent(reason) => reason,
             News::Line(line) => panic!("{line:?}"),
         }
@@ -229,7 +229,7 @@ mod tests {
             let text = format!("{{\"version\":1,\"kind\":\"mode\",\"cycle\":{cycle}}}");
             writeln!(node, "{text}").unwrap();
             let line = Line { kind: Kind::Mode, text: text.into() };
-            assert_eq!(received.recv_timeout(PATIENCE).unwrap(), News::Line(line));
+            assert_eq!(received.recv_timeout(RECEIVE_TIMEOUT).unwrap(), News::Line(line));
             std::fs::remove_file(&path).unwrap();
             drop((node, listener));
             let ended = absence(&received);
@@ -250,13 +250,13 @@ mod tests {
             thread::spawn(
                 move || while node.write_all(b"{\"version\":1,\"kind\":\"mode\"}\n").is_ok() {},
             );
-        assert!(matches!(received.recv_timeout(PATIENCE).unwrap(), News::Line(_)));
+        assert!(matches!(received.recv_timeout(RECEIVE_TIMEOUT).unwrap(), News::Line(_)));
         let (ended, is_ended) = channel();
         thread::spawn(move || {
             drop(reader);
             ended.send(()).unwrap_or_default();
         });
-        is_ended.recv_timeout(PATIENCE).unwrap();
+        is_ended.recv_timeout(RECEIVE_TIMEOUT).unwrap();
         sending.join().unwrap();
     }
 

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::data_type::{self, UNSIGNED8, UNSIGNED32};
-use crate::eds::eds_object::{Access, EdsObject, Setting};
+use crate::eds::eds_object::{Access, DcfEntries, EdsObject};
 use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::read;
 use crate::eds::title::{Heading, Title};
@@ -43,7 +43,7 @@ pub(super) fn array(
         let name = names.get(&sub).map(|entry| entry.value.to_owned());
         let value = values.get(&sub).map(|entry| read::text_of(entry, data_type));
         let denotation = denotations.get(&sub).map(|entry| entry.value.to_owned());
-        let setting = Setting {
+        let setting = DcfEntries {
             value: value.or_else(|| model.setting.value.clone()),
             denotation,
             ..model.setting.clone()
@@ -86,7 +86,7 @@ fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128
         high: None,
         is_mappable: false,
         flags: 0,
-        setting: Setting::default(),
+        setting: DcfEntries::default(),
     }
 }
 

@@ -93,12 +93,12 @@ pub struct EdsObject {
     /// scanned.
     pub flags: u32,
     /// Entries of a DCF.
-    pub setting: Setting,
+    pub setting: DcfEntries,
 }
 
 /// DCF entries of one object (CiA 306, 5.3).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Setting {
+pub struct DcfEntries {
     /// Configured value, as written.
     pub value: Option<String>,
     /// Name in this system.

@@ -18,7 +18,7 @@ pub mod title;
 pub mod value;
 
 pub use device::{Commissioning, DeviceInfo};
-pub use eds_object::{Access, EdsObject, Setting};
+pub use eds_object::{Access, DcfEntries, EdsObject};
 pub use limits::OutsideLimits;
 pub use lint::{Finding, Gap, Severity};
 pub use pdo::PdoAbility;

@@ -2,7 +2,7 @@
 //! [`lint`](crate::eds::lint) reports them.
 
 use crate::data_type::{self, DOMAIN, DataType};
-use crate::eds::eds_object::{Access, EdsObject, Setting};
+use crate::eds::eds_object::{Access, DcfEntries, EdsObject};
 use crate::eds::ini::{Entry, Ini, Section};
 use crate::eds::title::Title;
 use crate::eds::value;
@@ -52,9 +52,9 @@ pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> EdsOb
 }
 
 /// Converts the DCF entries of a section.
-fn setting(section: &Section<'_>, data_type: Option<DataType>) -> Setting {
+fn setting(section: &Section<'_>, data_type: Option<DataType>) -> DcfEntries {
     let text = |key| section.value(key).map(|entry| entry.value.to_owned());
-    Setting {
+    DcfEntries {
         value: section.value("ParameterValue").map(|entry| text_of(entry, data_type)),
         denotation: text("Denotation"),
         upload_file: text("UploadFile"),

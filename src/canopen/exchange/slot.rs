@@ -52,11 +52,11 @@ mod tests {
 
     use super::*;
     use crate::object::Object;
-    use crate::sync::Transmission;
+    use crate::sync::TransmissionType;
 
     fn service(bits: &[u8]) -> Service {
         let mapping: Vec<_> = bits.iter().map(|bits| (Object::STATUSWORD, *bits)).collect();
-        Service::new(Transmission::EVERY_SYNC, &mapping)
+        Service::new(TransmissionType::EVERY_SYNC, &mapping)
     }
 
     proptest! {

@@ -165,7 +165,7 @@ mod tests {
     use crate::exchange::resolve;
     use crate::frame::Frame;
     use crate::layout::{self, Group};
-    use crate::sync::Transmission;
+    use crate::sync::TransmissionType;
     use crate::testing::plans::elbow;
 
     /// Nodes 1 and 2 on bus 1: statusword, torque and position in one TPDO, or grouped.
@@ -231,7 +231,7 @@ mod tests {
         let node = NodeId::new(1).unwrap();
         let mut plan = NodePlan { node, pdos: layout::per_drive(node, None), ..elbow() };
         for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
-            service.transmission = Transmission::EVENT_OF_PROFILE;
+            service.transmission = TransmissionType::EVENT_OF_PROFILE;
         }
         let tpdos = TpdoMap::new(&[(Channel(1), plan)]);
         assert!(

@@ -5,7 +5,7 @@ use canopen_rs::pdo::PDO_COB_ID_INVALID;
 
 use crate::master::check::COB_ID_NO_RTR;
 use crate::object::Object;
-use crate::sync::Transmission;
+use crate::sync::TransmissionType;
 
 /// Direction of a PDO, as seen from the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -52,7 +52,7 @@ pub struct Pdo {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Service {
     /// Transmission type.
-    pub transmission: Transmission,
+    pub transmission: TransmissionType,
     /// Inhibit time, in 100 µs; `None` leaves the drive's value.
     pub inhibit_100us: Option<u16>,
     /// Event timer in ms: maximum period of a TPDO, timeout of an RPDO. `None` leaves the drive's value.
@@ -63,7 +63,7 @@ pub struct Service {
 
 impl Service {
     /// Returns a service that maps these objects, each with its bits, and leaves inhibit time and event timer as they are.
-    pub fn new(transmission: Transmission, mapping: &[(Object, u8)]) -> Self {
+    pub fn new(transmission: TransmissionType, mapping: &[(Object, u8)]) -> Self {
         let mapped =
             mapping.iter().map(|(object, bits)| MappedObject { object: *object, bits: *bits });
         Self { transmission, inhibit_100us: None, event_timer_ms: None, mapping: mapped.collect() }

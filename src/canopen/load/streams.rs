@@ -361,7 +361,7 @@ mod tests {
         assert_eq!(of(0x201), Pace::Clock { period_us: 1_000 });
         let mut arriving = drives(1);
         for service in arriving[0].pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
-            service.transmission = sync::Transmission::EVENT_OF_PROFILE;
+            service.transmission = sync::TransmissionType::EVENT_OF_PROFILE;
         }
         let arriving = streams(&arriving, 1_000, master(), 5);
         let torque = arriving.iter().find(|stream| stream.role == Role::Rpdo(1)).unwrap();

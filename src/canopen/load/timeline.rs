@@ -24,7 +24,7 @@ pub struct Pauses {
 
 /// Stage of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum CycleStage {
     /// Transmission of SYNC.
     Sync,
     /// Sampling by the drives.
@@ -39,9 +39,9 @@ pub enum Stage {
 
 /// Step of a cycle, in µs after the SYNC was due.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct CycleStep {
     /// Transmission or pause that takes the time.
-    pub stage: Stage,
+    pub stage: CycleStage,
     /// Start time.
     pub start_us: f64,
     /// End time.
@@ -52,7 +52,7 @@ pub struct Step {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
     /// Steps, in order.
-    pub steps: Vec<Step>,
+    pub steps: Vec<CycleStep>,
     /// End of the last RPDO, in µs after the SYNC was due.
     pub done_us: f64,
     /// End of the last RPDO if the longest other frame uses each opening.
@@ -71,19 +71,19 @@ impl Timeline {
         let mut steps = Vec::new();
         let mut now = 0.0;
         let mut then = |stage, span_us: f64| {
-            steps.push(Step { stage, start_us: now, end_us: now + span_us });
+            steps.push(CycleStep { stage, start_us: now, end_us: now + span_us });
             now += span_us;
         };
         let of = |role: fn(Role) -> bool| {
             planned.iter().filter(move |stream| stream.is_cyclic() && role(stream.role))
         };
-        of(|role| role == Role::Sync).for_each(|stream| then(Stage::Sync, length(stream)));
-        then(Stage::Drives, f64::from(pauses.drive_us));
+        of(|role| role == Role::Sync).for_each(|stream| then(CycleStage::Sync, length(stream)));
+        then(CycleStage::Drives, f64::from(pauses.drive_us));
         of(|role| matches!(role, Role::Tpdo(_)))
-            .for_each(|stream| then(Stage::Tpdo(stream.cob_id), length(stream)));
-        then(Stage::Host, f64::from(pauses.host_us));
+            .for_each(|stream| then(CycleStage::Tpdo(stream.cob_id), length(stream)));
+        then(CycleStage::Host, f64::from(pauses.host_us));
         of(|role| matches!(role, Role::Rpdo(_)))
-            .for_each(|stream| then(Stage::Rpdo(stream.cob_id), length(stream)));
+            .for_each(|stream| then(CycleStage::Rpdo(stream.cob_id), length(stream)));
         Self { steps, done_us: now, blocked_us: now + OPENINGS * others_us }
     }
 }
@@ -98,9 +98,10 @@ mod tests {
     fn cycle_consists_of_frames_and_pauses_in_order() {
         let timeline = worst_timeline(&streams(&grouped(), 1_000, master(), 5));
         let stages: Vec<_> = timeline.steps.iter().map(|step| step.stage).collect();
-        let positions = (0x181..=0x186).map(Stage::Tpdo);
-        let expected = [Stage::Sync, Stage::Drives].into_iter().chain(positions);
-        let expected = expected.chain([Stage::Host, Stage::Rpdo(0x201), Stage::Rpdo(0x204)]);
+        let positions = (0x181..=0x186).map(CycleStage::Tpdo);
+        let expected = [CycleStage::Sync, CycleStage::Drives].into_iter().chain(positions);
+        let expected =
+            expected.chain([CycleStage::Host, CycleStage::Rpdo(0x201), CycleStage::Rpdo(0x204)]);
         assert_eq!(stages, expected.collect::<Vec<_>>());
         assert_eq!(timeline.done_us.to_string(), (855 + 100 + 60).to_string());
         for pair in timeline.steps.windows(2) {

@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::abort::AbortCode;
 use crate::master::check::{Check, DisplayedValue};
 use crate::master::duplicate::Sign;
-use crate::nameplate::Misfit;
+use crate::nameplate::NameplateMisfit;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::{Content, SdoError};
@@ -50,7 +50,7 @@ pub enum Problem {
     },
     /// Stored sign, scale or ratings of the drive that differ from the configuration.
     #[error(transparent)]
-    Misfit(#[from] Misfit),
+    Misfit(#[from] NameplateMisfit),
     /// Misfit of a drive that holds the values of another drive of the configuration, which does not fit its place
     /// either.
     #[error(
@@ -60,7 +60,7 @@ pub enum Problem {
     )]
     Swapped {
         /// Mismatch of this drive.
-        misfit: Misfit,
+        misfit: NameplateMisfit,
         /// Drive that is meant to hold these values.
         owner: String,
     },

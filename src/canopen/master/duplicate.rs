@@ -79,8 +79,8 @@ impl HeartbeatMonitor {
 /// requests comes from a second node; a late reply does not.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ReplyCounter {
-    newest: Tally,
-    before: Tally,
+    newest: Balance,
+    before: Balance,
 }
 
 /// Kind of an SDO reply.
@@ -96,7 +96,7 @@ pub enum Reply {
 
 /// Requests and replies for one object.
 #[derive(Clone, Copy, Debug, Default)]
-struct Tally {
+struct Balance {
     /// Index, little-endian, and sub-index.
     object: [u8; 3],
     requests: u32,
@@ -114,7 +114,7 @@ impl ReplyCounter {
             let object = [low, high, sub];
             if self.newest.object != object {
                 self.before =
-                    std::mem::replace(&mut self.newest, Tally { object, ..Tally::default() });
+                    std::mem::replace(&mut self.newest, Balance { object, ..Balance::default() });
             }
             self.newest.requests = self.newest.requests.saturating_add(1);
         }
@@ -127,7 +127,7 @@ impl ReplyCounter {
             return Reply::Other;
         }
         let is_about =
-            |counted: &&mut Tally| counted.requests > 0 && counted.object == [low, high, sub];
+            |counted: &&mut Balance| counted.requests > 0 && counted.object == [low, high, sub];
         let is_late = self.newest.object != [low, high, sub];
         let Some(counted) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
             return Reply::Other;
@@ -144,7 +144,7 @@ impl ReplyCounter {
 
     /// Returns whether the server has started to answer an object but still owes replies for it.
     pub fn is_behind(&self) -> bool {
-        let is_behind = |counted: &Tally| counted.replies > 0 && counted.replies < counted.requests;
+        let is_behind = |it: &Balance| it.replies > 0 && it.replies < it.requests;
         is_behind(&self.newest) || is_behind(&self.before)
     }
 }

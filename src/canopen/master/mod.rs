@@ -38,7 +38,7 @@ use canopen_rs::{NmtCommand, NodeId};
 use crate::frame::{Channel, FUNCTION_CODE, Frame, Telegram};
 use crate::heartbeat::Health;
 use crate::master::event::Event;
-use crate::master::read_back::Setting;
+use crate::master::read_back::ObjectRead;
 use crate::master::slave::Slave;
 use crate::master::unknown_nodes::UnknownNodes;
 use crate::nameplate::StoredValue;
@@ -223,7 +223,7 @@ impl Master {
         &mut self,
         now: Instant,
         node: NodeIndex,
-        setting: Setting,
+        setting: ObjectRead,
         out: &mut Vec<Telegram>,
     ) -> bool {
         self.request(now, node, out, |slave, frames| slave.read_back(now, setting, frames))

@@ -26,7 +26,7 @@ const MAX_REPEATS: u8 = 3;
 
 /// Expected value of an object, of at most four bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Setting {
+pub struct ObjectRead {
     /// Object to read.
     pub object: Object,
     /// Expected value.
@@ -39,7 +39,7 @@ pub struct Setting {
     is_compared: bool,
 }
 
-impl Setting {
+impl ObjectRead {
     /// Converts a check; `None` for a value that is longer or empty.
     pub fn from_check(check: &Check) -> Option<Self> {
         let expected = bytes(&check.expected);
@@ -103,7 +103,7 @@ pub enum ReadBack {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObjectReader {
     node: NodeId,
-    setting: Setting,
+    setting: ObjectRead,
     until: Instant,
     is_disturbed: bool,
     repeats: u8,
@@ -115,7 +115,7 @@ impl ObjectReader {
     /// Requests the object of `setting` from `node`.
     pub(super) fn start(
         node: NodeId,
-        setting: Setting,
+        setting: ObjectRead,
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
@@ -220,9 +220,9 @@ mod tests {
         NodeId::new(3).unwrap()
     }
 
-    fn timer() -> Setting {
+    fn timer() -> ObjectRead {
         let object = Object::rpdo_communication(1, 5);
-        Setting::from_check(&Check::exactly(object, Value::Unsigned16(5))).unwrap()
+        ObjectRead::from_check(&Check::exactly(object, Value::Unsigned16(5))).unwrap()
     }
 
     fn started() -> (ObjectReader, Vec<Frame>) {
@@ -284,14 +284,14 @@ mod tests {
     #[test]
     fn only_masked_bits_are_compared() {
         let cob_id = Check::cob_id(Object::tpdo_communication(1, 1), Value::Unsigned32(0x183));
-        let setting = Setting::from_check(&cob_id).unwrap();
+        let setting = ObjectRead::from_check(&cob_id).unwrap();
         assert_eq!(setting.compare(0x4000_0183, Some(4)), ReadBack::Unchanged);
         assert_ne!(setting.compare(0x8000_0183, Some(4)), ReadBack::Unchanged);
         let signed = Check::exactly(Object::FAULT_REACTION, Value::Integer16(-2));
-        let setting = Setting::from_check(&signed).unwrap();
+        let setting = ObjectRead::from_check(&signed).unwrap();
         assert_eq!(setting.compare(0xFFFE, Some(2)), ReadBack::Unchanged);
         let long = Check::exactly(Object::STORED_EDS, Value::Unsigned64(1));
-        assert_eq!(Setting::from_check(&long), None);
+        assert_eq!(ObjectRead::from_check(&long), None);
     }
 
     proptest! {

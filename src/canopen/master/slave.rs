@@ -16,7 +16,7 @@ use crate::master::commission::{Boot, BootOutcome};
 use crate::master::error_control::ErrorControlMonitor;
 use crate::master::inquiry::Inquiry;
 use crate::master::node_request::{self, NodeRequest};
-use crate::master::read_back::{ObjectReader, Setting};
+use crate::master::read_back::{ObjectRead, ObjectReader};
 use crate::master::report::Report;
 use crate::master::sdo_traffic::{Foreign, SdoTraffic};
 use crate::master::steps::{self, Configuration};
@@ -247,7 +247,7 @@ impl Slave {
     pub(super) fn read_back(
         &mut self,
         now: Instant,
-        setting: Setting,
+        setting: ObjectRead,
         out: &mut Vec<Frame>,
     ) -> bool {
         let Stage::Watched { request: request @ None, .. } = &mut self.stage else { return false };

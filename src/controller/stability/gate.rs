@@ -39,7 +39,7 @@ const FIRST_ANGLE: f64 = 0.05;
 
 /// Six axes of the grip, and the postures at which the gate evaluates them.
 #[derive(Clone, Copy, Debug)]
-pub struct Gate<'a> {
+pub struct StabilityGate<'a> {
     /// Axes; `postures` replace their `device`.
     pub axes: &'a [Axis; 6],
     /// Grip dynamics at each posture.
@@ -71,7 +71,7 @@ enum Hand {
 /// One axis of the gate, by index.
 #[derive(Clone, Copy, Debug)]
 struct AxisGate<'a> {
-    gate: &'a Gate<'a>,
+    gate: &'a StabilityGate<'a>,
     axis: &'a Axis,
     index: usize,
 }
@@ -84,7 +84,7 @@ struct LoopGain {
     culprit: Culprit,
 }
 
-impl Gate<'_> {
+impl StabilityGate<'_> {
     /// Evaluates every loop of axis `index`, from 0, in hands and with the grip let go. Empty for another index.
     pub fn findings(&self, index: usize) -> Vec<Finding> {
         let Some(axis) = self.axes.get(index) else { return Vec::new() };

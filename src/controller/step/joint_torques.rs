@@ -8,7 +8,7 @@ use crate::limits::{LimitedTorques, Slew, TorqueRequest};
 use crate::step::{ArmState, Controller, GripWrenches, permitted};
 use crate::switches::Permissions;
 use crate::valid_input::ValidInput;
-use crate::{DriveTargets, Fault, JointVector, Ledger};
+use crate::{DriveTargets, InvalidValue, JointVector, Ledger};
 use units::numbering::Joint;
 use units::spatial::Wrench;
 
@@ -90,7 +90,7 @@ impl Controller {
         &mut self,
         request: Ledger,
         held: Option<DriveTargets>,
-    ) -> (JointVector, Ledger, Option<Fault>) {
+    ) -> (JointVector, Ledger, Option<InvalidValue>) {
         if held == Some(DriveTargets::Withdrawn) {
             self.layers.slew.iter_mut().for_each(Slew::reset);
         }
@@ -115,7 +115,7 @@ impl Controller {
         self.port.request(&limited.tau, &PortTorques { port, damper });
         self.last.0 = tau_a;
         let tau = coupling.at_joints(&tau_a);
-        let broken = is_broken.then_some(Fault::TorqueNotFinite);
+        let broken = is_broken.then_some(InvalidValue::TorqueNotFinite);
         let [limiting_joint, slewing_joint] =
             [limiting_joint, slewing_joint].map(|place| place.and_then(Joint::at));
         let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..request };

@@ -3,7 +3,7 @@
 use crate::mode_check::{Enabling, LOOK_TIME, POWER_OFF_TIMEOUT, RAISE_TIMEOUT};
 use crate::{BringUpError, Node};
 use bus::Bus;
-use canopen::master::read_back::Setting;
+use canopen::master::read_back::ObjectRead;
 use canopen::object::Object;
 use remote::Remote;
 use units::numbering::Joint;
@@ -75,7 +75,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if self.mode_check.is_asked {
             return;
         }
-        let (now, setting) = (self.wire.read_clock(), Setting::unknown(Object::MODE_DISPLAY, 1));
+        let (now, setting) = (self.wire.read_clock(), ObjectRead::unknown(Object::MODE_DISPLAY, 1));
         let master = &mut self.network.master;
         self.mode_check.is_asked = master.read_back(now, joint.into(), setting, &mut self.wire.out);
         self.send_queued();

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use config::switch_inputs::Deadman as Contacts;
+use config::switch_inputs::Contacts;
 use units::time::Instant;
 
 /// Time for which contacts must be stable to count: they bounce for 5 to 20 ms.

@@ -42,7 +42,7 @@ impl Limits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cause::Kind;
+    use crate::cause::CauseKind;
 
     #[test]
     fn message_has_value_limit_and_keys() {
@@ -80,7 +80,7 @@ mod tests {
             let beyond = check(q).unwrap();
             assert_eq!(
                 (beyond.kind(), beyond.joint()),
-                (Kind::BeyondLimit, Some(Joint::of::<6>())),
+                (CauseKind::BeyondLimit, Some(Joint::of::<6>())),
                 "{q}"
             );
         }

@@ -223,7 +223,7 @@ impl ProofTest {
                 LifeSign::Guarding => &mut drive.guarding,
             };
             *result = outcome.and_then(Result::ok);
-            failures.extend(outcome.and_then(Result::err).map(|fault| drive.failure(fault)));
+            failures.extend(outcome.and_then(Result::err).map(|reason| drive.failure(reason)));
         }
         failures
     }

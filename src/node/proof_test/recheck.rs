@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use canopen::master::Master;
 use canopen::master::event::Event;
-use canopen::master::read_back::{ReadBack, Setting};
+use canopen::master::read_back::{ObjectRead, ReadBack};
 use canopen::plan::NodePlan;
 use units::numbering::NodeIndex;
 use units::time::Instant;
@@ -30,7 +30,7 @@ pub(crate) struct Recheck {
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     node: NodeIndex,
-    setting: Setting,
+    setting: ObjectRead,
     /// True if its last reading failed.
     is_unread: bool,
 }
@@ -42,9 +42,9 @@ impl Recheck {
         let of_drive = |(node, plan): (NodeIndex, &NodePlan)| -> Vec<Entry> {
             let missing = master.missing_objects(node);
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
-            let settings = held.filter_map(|check| Setting::from_check(&check));
+            let settings = held.filter_map(|check| ObjectRead::from_check(&check));
             let nameplate = master.nameplate(node).iter().filter(|held| held.may_change());
-            let settings = settings.chain(nameplate.map(Setting::held));
+            let settings = settings.chain(nameplate.map(ObjectRead::held));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
         };
         let drives: Vec<_> = NodeIndex::each(plans).map(of_drive).collect();
@@ -54,7 +54,7 @@ impl Recheck {
     }
 
     /// Returns the drive and the setting to be read now. The first reading is due one interval after the first call.
-    fn due(&mut self, now: Instant) -> Option<(NodeIndex, Setting)> {
+    fn due(&mut self, now: Instant) -> Option<(NodeIndex, ObjectRead)> {
         let due = *self.due.get_or_insert(now + READ_INTERVAL);
         let Entry { node, setting, .. } = *self.entries.get(self.next)?;
         (now >= due).then_some((node, setting))

@@ -50,8 +50,8 @@ pub struct DriveResult {
 
 impl DriveResult {
     /// Returns the failure of this drive.
-    pub(super) fn failure(&self, fault: NoExpiry) -> ProofTestFailure {
-        ProofTestFailure { name: self.name.clone(), node: self.node, fault }
+    pub(super) fn failure(&self, reason: NoExpiry) -> ProofTestFailure {
+        ProofTestFailure { name: self.name.clone(), node: self.node, reason }
     }
 
     /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog expired. RPDOs and
@@ -84,14 +84,14 @@ impl ProofTestReport {
 
 /// Drive that failed the proof test, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{name}, node {}: {fault}", node.raw())]
+#[error("{name}, node {}: {reason}", node.raw())]
 pub struct ProofTestFailure {
     /// Displayed name.
     pub name: String,
     /// Its node-id.
     pub node: NodeId,
     /// Reason of the failure.
-    pub fault: NoExpiry,
+    pub reason: NoExpiry,
 }
 
 /// Reason why a drive failed the proof test: the text behind the drive's name.
@@ -164,10 +164,10 @@ mod tests {
     #[test]
     fn failure_names_drive_duration_and_watchdog() {
         let watchdog = expiry(LifeSign::Rpdo, 5, 0).unwrap().watchdog;
-        let fault = NoExpiry::KeptPower { watchdog, duration: Duration::from_millis(40) };
+        let reason = NoExpiry::KeptPower { watchdog, duration: Duration::from_millis(40) };
         let DriveResult { name, node, .. } = drive(None, None);
         assert_eq!(
-            ProofTestFailure { name, node, fault }.to_string(),
+            ProofTestFailure { name, node, reason }.to_string(),
             "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)"
         );
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::cause::{Cause, Kind};
+use crate::cause::{Cause, CauseKind};
 use units::time::Instant;
 
 /// Time for which a cause stays active after it was last raised. Watches raise their cause in every cycle.
@@ -17,7 +17,7 @@ pub(super) struct ActiveCauses {
 impl ActiveCauses {
     /// No active cause. Reserves space for all kinds, so that the cycle does not allocate.
     pub(super) fn new() -> Self {
-        Self { last: Vec::with_capacity(Kind::ALL.len()) }
+        Self { last: Vec::with_capacity(CauseKind::ALL.len()) }
     }
 
     /// Marks a cause as active from `now` on.
@@ -29,7 +29,7 @@ impl ActiveCauses {
     }
 
     /// Returns the first active cause whose kind `matters`.
-    pub(super) fn first(&self, now: Instant, matters: impl Fn(Kind) -> bool) -> Option<Cause> {
+    pub(super) fn first(&self, now: Instant, matters: impl Fn(CauseKind) -> bool) -> Option<Cause> {
         let is_active =
             |(cause, at): &&(Cause, Instant)| now.since(*at) <= HOLD_TIME && matters(cause.kind());
         self.last.iter().find(is_active).map(|(cause, _)| *cause)
@@ -53,7 +53,7 @@ mod tests {
         active.raise(at(0), first);
         active.raise(at(10), second);
         assert_eq!(active.first(at(30), |_| true), Some(second));
-        assert_eq!(active.first(at(30), |kind| kind == Kind::LinkLost), None);
+        assert_eq!(active.first(at(30), |kind| kind == CauseKind::LinkLost), None);
         assert_eq!(active.first(at(31), |_| true), None);
     }
 }

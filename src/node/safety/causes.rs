@@ -1,12 +1,12 @@
-//! Mapping of network events, bus faults and controller faults to causes.
+//! Mapping of network events, bus errors and invalid values to causes.
 
 use crate::cause::Cause;
-use bus::BusFault;
+use bus::BusError;
 use canopen::NmtState;
 use canopen::frame::Channel;
 use canopen::master::event::Event;
 use canopen::master::read_back::ReadBack;
-use controller::Fault;
+use controller::InvalidValue;
 
 /// Returns the cause of a network event, if the event is a fault.
 pub const fn of_event(event: &Event) -> Option<Cause> {
@@ -52,24 +52,24 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
     }
 }
 
-/// Returns the cause of a bus fault. A receive overrun has none: the frames it loses show as missing samples.
-pub const fn of_bus(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
-    match fault {
-        BusFault::Warning | BusFault::Overrun => None,
-        BusFault::Passive => Some(Cause::BusPassive { channel }),
-        BusFault::Off => Some(Cause::BusOff { channel }),
-        BusFault::Down => Some(Cause::BusDown { channel }),
+/// Returns the cause of a bus error. A receive overrun has none: the frames it loses show as missing samples.
+pub const fn of_bus(Channel(channel): Channel, error: BusError) -> Option<Cause> {
+    match error {
+        BusError::Warning | BusError::Overrun => None,
+        BusError::Passive => Some(Cause::BusPassive { channel }),
+        BusError::Off => Some(Cause::BusOff { channel }),
+        BusError::Down => Some(Cause::BusDown { channel }),
     }
 }
 
-/// Returns the cause of a controller fault. A hand turned too far has none: the controller holds the command.
-pub const fn of_controller(fault: &Fault) -> Option<Cause> {
-    match fault {
-        Fault::TurnedTooFar => None,
-        Fault::TorqueNotFinite
-        | Fault::WrenchNotFinite
-        | Fault::WrenchTooLarge
-        | Fault::ObjectPoseNotFinite
-        | Fault::ShareOutOfRange => Some(Cause::ControllerFault { fault: *fault }),
+/// Returns the cause of an invalid value. A hand turned too far has none: the controller holds the command.
+pub const fn of_controller(invalid: &InvalidValue) -> Option<Cause> {
+    match invalid {
+        InvalidValue::TurnedTooFar => None,
+        InvalidValue::TorqueNotFinite
+        | InvalidValue::WrenchNotFinite
+        | InvalidValue::WrenchTooLarge
+        | InvalidValue::ObjectPoseNotFinite
+        | InvalidValue::ShareOutOfRange => Some(Cause::ControllerFault { invalid: *invalid }),
     }
 }

@@ -21,7 +21,7 @@
 //! | file            | content                                             |
 //! |-----------------|-----------------------------------------------------|
 //! | [`table`]       | reaction of each mode to each kind of cause         |
-//! | [`causes`]      | causes of network events, bus and controller faults |
+//! | [`causes`]      | causes of network events, bus errors, invalid values |
 //! | `active_causes` | causes raised within the last 20 ms                 |
 //! | `ramp`          | shares of gravity compensation and reflection       |
 
@@ -34,7 +34,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::cause::{Cause, Kind};
+use crate::cause::{Cause, CauseKind};
 use crate::operator::deadman::EnableState;
 use crate::permit::Permit;
 use crate::reaction::Reaction;
@@ -212,7 +212,7 @@ impl Safety {
                 return Err(Refusal::DeadmanClosed);
             }
         }
-        let would_stop = |kind: Kind| kind.row().armed > Reaction::None;
+        let would_stop = |kind: CauseKind| kind.row().armed > Reaction::None;
         if let Some(cause) = self.active.first(now, would_stop) {
             return Err(Refusal::CauseActive(cause));
         }
@@ -235,7 +235,7 @@ impl Safety {
             return Err(Refusal::NotStopped(self.mode));
         }
         // A boot restarts all watches; a cause that is active after it refuses arming.
-        let blocks = |kind: Kind| !kind.row().reset_boots && !kind.row().is_reset_in_drive();
+        let blocks = |kind: CauseKind| !kind.row().reset_boots && !kind.row().is_reset_in_drive();
         let active = self.active.first(now, blocks);
         if let Some(cause) = active.filter(|_| !self.must_boot) {
             return Err(Refusal::CauseActive(cause));

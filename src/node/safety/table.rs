@@ -3,7 +3,7 @@
 //! A kind or a mode without an entry does not compile. `frhc explain faults` prints the table.
 //! [`safety`](crate::safety) executes it, and nothing else decides on a stop.
 
-use crate::cause::Kind;
+use crate::cause::CauseKind;
 use crate::reaction::Reaction;
 use crate::record::Mode;
 
@@ -20,7 +20,7 @@ impl Reaction {
 }
 
 /// Returns the reaction of `mode` to a cause of this kind; never one milder than the mode.
-pub const fn reaction(kind: Kind, mode: Mode) -> Reaction {
+pub const fn reaction(kind: CauseKind, mode: Mode) -> Reaction {
     let row = kind.row();
     match mode {
         Mode::Boot | Mode::Ready => row.unarmed,
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn stops_never_become_milder_nor_reflection_off_if_unarmed() {
-        for kind in Kind::ALL {
+        for kind in CauseKind::ALL {
             assert_ne!(kind.row().unarmed, Reaction::ReflectionOff, "{kind:?}");
             for mode in [Mode::ReflectionOff, Mode::ZeroTorque, Mode::DrivesOff] {
                 let after = reaction(kind, mode).mode().unwrap();
@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn armed_reactions_are_at_least_as_strict_as_unarmed_ones() {
-        for kind in Kind::ALL {
+        for kind in CauseKind::ALL {
             let row = kind.row();
             assert!(row.unarmed <= row.armed, "{kind:?}");
             assert!(row.armed > Reaction::None && !row.hazards.is_empty(), "{kind:?}");

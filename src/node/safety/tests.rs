@@ -7,7 +7,7 @@ use canopen::object::Object;
 use canopen::{NmtState, error_codes};
 use config::NoSwitchBox;
 use contract::Reason;
-use controller::Fault;
+use controller::InvalidValue;
 use controller::arm::JointKind;
 use units::numbering::NodeIndex;
 
@@ -64,64 +64,66 @@ fn in_mode(mode: Mode) -> Safety {
 const FIRST: Cause = Cause::TieDown;
 
 /// Returns a cause of a kind.
-fn sample(kind: Kind) -> Cause {
+fn sample(kind: CauseKind) -> Cause {
     let (joint, channel, statusword) = (Joint::of::<3>(), 0, 0x0218);
     let node = joint.into();
     match kind {
-        Kind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
-        Kind::StatusMissing => Cause::StatusMissing { joint },
-        Kind::SamplesRare => Cause::SamplesRare { joint, percent: 6 },
-        Kind::SamplesOverdue => Cause::SamplesOverdue { joint, cycles: 11 },
-        Kind::PositionFrozen => Cause::PositionFrozen { joint },
-        Kind::PositionJumped => Cause::PositionJumped { joint },
-        Kind::TorqueDiffers => Cause::TorqueDiffers { joint },
-        Kind::TargetNotTaken => Cause::TargetNotTaken { joint },
-        Kind::Overspeed => Cause::Overspeed { joint },
-        Kind::GripOverspeed => Cause::GripOverspeed,
-        Kind::BeyondLimit => {
+        CauseKind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
+        CauseKind::StatusMissing => Cause::StatusMissing { joint },
+        CauseKind::SamplesRare => Cause::SamplesRare { joint, percent: 6 },
+        CauseKind::SamplesOverdue => Cause::SamplesOverdue { joint, cycles: 11 },
+        CauseKind::PositionFrozen => Cause::PositionFrozen { joint },
+        CauseKind::PositionJumped => Cause::PositionJumped { joint },
+        CauseKind::TorqueDiffers => Cause::TorqueDiffers { joint },
+        CauseKind::TargetNotTaken => Cause::TargetNotTaken { joint },
+        CauseKind::Overspeed => Cause::Overspeed { joint },
+        CauseKind::GripOverspeed => Cause::GripOverspeed,
+        CauseKind::BeyondLimit => {
             let at = JointReading::new(2.0, JointKind::Revolute);
             Cause::BeyondLimit { joint, position: at, limit: at }
         }
-        Kind::UncommandedMotion => Cause::UncommandedMotion,
-        Kind::Unstable => Cause::Unstable,
-        Kind::LinkLost => Cause::LinkLost,
-        Kind::FarSideHolds => Cause::FarSideHolds { reason: Reason::WrenchLimit },
-        Kind::LinkSlow => Cause::LinkSlow { p99_us: 9_000, stated_us: 5_000 },
-        Kind::ModelDiffers => Cause::ModelDiffers { micrometres: 21_000, millidegrees: 300 },
-        Kind::GripperInputInvalid => {
+        CauseKind::UncommandedMotion => Cause::UncommandedMotion,
+        CauseKind::Unstable => Cause::Unstable,
+        CauseKind::LinkLost => Cause::LinkLost,
+        CauseKind::FarSideHolds => Cause::FarSideHolds { reason: Reason::WrenchLimit },
+        CauseKind::LinkSlow => Cause::LinkSlow { p99_us: 9_000, stated_us: 5_000 },
+        CauseKind::ModelDiffers => Cause::ModelDiffers { micrometres: 21_000, millidegrees: 300 },
+        CauseKind::GripperInputInvalid => {
             Cause::GripperInputInvalid { counts: -9_000, closed: 0, open: 9_000 }
         }
-        Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
-        Kind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
-        Kind::HeartbeatLost => Cause::HeartbeatLost { node },
-        Kind::Rebooted => Cause::Rebooted { node },
-        Kind::LeftOperational => Cause::LeftOperational { node, state: NmtState::Stopped },
-        Kind::Duplicate => Cause::Duplicate { node },
-        Kind::ForeignMaster => Cause::ForeignMaster,
-        Kind::SettingChanged => {
+        CauseKind::DriveLeft => Cause::DriveLeft { joint, statusword },
+        CauseKind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
+        CauseKind::HeartbeatLost => Cause::HeartbeatLost { node },
+        CauseKind::Rebooted => Cause::Rebooted { node },
+        CauseKind::LeftOperational => Cause::LeftOperational { node, state: NmtState::Stopped },
+        CauseKind::Duplicate => Cause::Duplicate { node },
+        CauseKind::ForeignMaster => Cause::ForeignMaster,
+        CauseKind::SettingChanged => {
             let object = Object::rpdo_communication(1, 5);
             Cause::SettingChanged { node, object, expected: 5, found: 0 }
         }
-        Kind::ControllerFault => Cause::ControllerFault { fault: Fault::WrenchNotFinite },
-        Kind::QueueFull => Cause::QueueFull { channel },
-        Kind::TransmitUnconfirmed => Cause::TransmitUnconfirmed { channel },
-        Kind::BusPassive => Cause::BusPassive { channel },
-        Kind::BusOff => Cause::BusOff { channel },
-        Kind::BusDown => Cause::BusDown { channel },
-        Kind::DeadmanDisagrees => Cause::DeadmanDisagrees,
-        Kind::TieDown => Cause::TieDown,
-        Kind::Overrun => Cause::Overrun { cycles: 6 },
-        Kind::Late => Cause::Late,
-        Kind::Suspended => Cause::Suspended,
-        Kind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
-        Kind::NotOff => Cause::NotOff { joint, statusword },
-        Kind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
+        CauseKind::ControllerFault => {
+            Cause::ControllerFault { invalid: InvalidValue::WrenchNotFinite }
+        }
+        CauseKind::QueueFull => Cause::QueueFull { channel },
+        CauseKind::TransmitUnconfirmed => Cause::TransmitUnconfirmed { channel },
+        CauseKind::BusPassive => Cause::BusPassive { channel },
+        CauseKind::BusOff => Cause::BusOff { channel },
+        CauseKind::BusDown => Cause::BusDown { channel },
+        CauseKind::DeadmanDisagrees => Cause::DeadmanDisagrees,
+        CauseKind::TieDown => Cause::TieDown,
+        CauseKind::Overrun => Cause::Overrun { cycles: 6 },
+        CauseKind::Late => Cause::Late,
+        CauseKind::Suspended => Cause::Suspended,
+        CauseKind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
+        CauseKind::NotOff => Cause::NotOff { joint, statusword },
+        CauseKind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
     }
 }
 
 /// Every kind in every mode.
-fn everywhere() -> impl Iterator<Item = (Kind, Mode)> {
-    Kind::ALL.into_iter().flat_map(|kind| Mode::ALL.map(|mode| (kind, mode)))
+fn everywhere() -> impl Iterator<Item = (CauseKind, Mode)> {
+    CauseKind::ALL.into_iter().flat_map(|kind| Mode::ALL.map(|mode| (kind, mode)))
 }
 
 #[test]
@@ -157,7 +159,7 @@ fn first_cause_is_kept_in_every_mode() {
 
 #[test]
 fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
-    for kind in Kind::ALL {
+    for kind in CauseKind::ALL {
         let mut safety = in_mode(Mode::ZeroTorque);
         let cause = sample(kind);
         safety.raise(at(LATER), cause);
@@ -174,7 +176,7 @@ fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
 
 #[test]
 fn active_cause_refuses_arming_and_is_named() {
-    for kind in Kind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::None) {
+    for kind in CauseKind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::None) {
         let mut safety = in_mode(Mode::Ready);
         let cause = sample(kind);
         safety.raise(at(LATER), cause);
@@ -188,7 +190,7 @@ fn active_cause_refuses_arming_and_is_named() {
 
 #[test]
 fn hazard_39_only_a_new_press_engages_after_any_stop() {
-    for kind in Kind::ALL {
+    for kind in CauseKind::ALL {
         let mut safety = engaged();
         safety.raise(at(10), sample(kind));
         assert!(!safety.permit(at(11), true).engaged);
@@ -211,12 +213,12 @@ fn hazard_39_only_a_new_press_engages_after_any_stop() {
 proptest! {
     #[test]
     fn property_15_any_order_of_causes_ends_in_the_strictest_mode(
-        kinds in prop::collection::vec(prop::sample::select(Kind::ALL.to_vec()), 1..12),
+        kinds in prop::collection::vec(prop::sample::select(CauseKind::ALL.to_vec()), 1..12),
         mode in prop::sample::select(vec![Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged])
     ) {
         let mut safety = in_mode(mode);
         let worst = kinds.iter().map(|kind| table::reaction(*kind, mode)).max().unwrap();
-        let is_cause = |kind: &&Kind| table::reaction(**kind, mode) > Reaction::None;
+        let is_cause = |kind: &&CauseKind| table::reaction(**kind, mode) > Reaction::None;
         let first = kinds.iter().find(is_cause).map(|kind| sample(*kind));
         let must_boot = kinds.iter().filter(is_cause).any(|kind| kind.row().reset_boots);
         kinds.iter().for_each(|kind| safety.raise(at(10), sample(*kind)));

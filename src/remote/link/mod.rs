@@ -28,7 +28,7 @@ use socket2::Socket;
 use triple_buffer::{Input, Output, triple_buffer};
 
 use crate::stated::{Misfit, StatedCapability};
-use crate::{Command, Remote, RemoteSample, SideFault, messages};
+use crate::{Command, Remote, RemoteSample, SideError, messages};
 use contract::{NodeEnd, Order};
 use units::time::Instant;
 use unix_socket::Door;
@@ -125,11 +125,11 @@ impl Remote for LinkSide {
         misfits
     }
 
-    fn fault(&mut self) -> Option<SideFault> {
+    fn error(&mut self) -> Option<SideError> {
         let round_trip = self.settings.round_trip;
         let view = self.views.read();
         let slow = view.p99.filter(|p99| *p99 > round_trip);
-        let holds = view.hold(self.epoch).map(SideFault::Holds);
-        holds.or(slow.map(|p99| SideFault::slow(p99, round_trip)))
+        let holds = view.hold(self.epoch).map(SideError::Holds);
+        holds.or(slow.map(|p99| SideError::slow(p99, round_trip)))
     }
 }

@@ -149,7 +149,7 @@ fn command_acts_from_the_first_epoch_on() {
     rig.side.begin_epoch();
     let sensed = rig.cycles(3, &RATE, &mut far).unwrap();
     assert_eq!(far.motion, messages::order(&RATE.into()).motion);
-    assert_eq!((sensed.f_s.force.x, rig.side.fault()), (2.0, None));
+    assert_eq!((sensed.f_s.force.x, rig.side.error()), (2.0, None));
     // The answer to command k, of cycle k, is received in the next one.
     assert!(rig.now.since(sensed.at) <= MS * 3, "{:?}", rig.now.since(sensed.at));
 }
@@ -218,11 +218,11 @@ fn hazard_47_hold_of_the_far_side_is_seen_in_its_epoch_alone() {
     rig.cycles(5, &RATE, &mut far);
     far.end.hold(Reason::SensorSaturated);
     rig.cycles(3, &RATE, &mut far);
-    assert_eq!(rig.side.fault(), Some(SideFault::Holds(Reason::SensorSaturated)));
+    assert_eq!(rig.side.error(), Some(SideError::Holds(Reason::SensorSaturated)));
     rig.side.begin_epoch();
-    assert_eq!(rig.side.fault(), None, "of the epoch before");
+    assert_eq!(rig.side.error(), None, "of the epoch before");
     rig.cycles(5, &RATE, &mut far);
-    assert_eq!((rig.side.fault(), far.end.reason()), (None, Reason::None));
+    assert_eq!((rig.side.error(), far.end.reason()), (None, Reason::None));
 }
 
 #[test]
@@ -344,17 +344,17 @@ fn hazard_48_slow_round_trips_are_a_fault() {
     let (mut rig, mut far) = Rig::connected();
     rig.side.begin_epoch();
     rig.cycles(300, &RATE, &mut far);
-    assert_eq!(rig.side.fault(), None);
+    assert_eq!(rig.side.error(), None);
     // The far side answers 6 ms later.
     for _ in 0..200 {
         far.take(rig.now);
         (0..6).for_each(|_| _ = rig.cycle(&RATE));
         far.answer(rig.now, 2.0);
     }
-    let fault = rig.side.fault();
+    let error = rig.side.error();
     assert!(
-        matches!(fault, Some(SideFault::Slow { p99_us: 5_001.., stated_us: 5_000 })),
-        "{fault:?}"
+        matches!(error, Some(SideError::Slow { p99_us: 5_001.., stated_us: 5_000 })),
+        "{error:?}"
     );
     let [p50, p99] = rig.status().round_trips.unwrap();
     assert!(p50 <= p99 && p99 > MS * 5, "{p50:?} {p99:?}");

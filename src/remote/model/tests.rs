@@ -189,7 +189,7 @@ proptest! {
             let command = hand(ms, &remote.x_b_m, hz, is_rate);
             let follow = |now, motion: &Motion| robot.exchange(now, &(*motion).into()).unwrap();
             let difference = session.cycle(command, follow);
-            prop_assert!(session.model.fault().is_none(), "{ms} ms: {difference:?}");
+            prop_assert!(session.model.excess().is_none(), "{ms} ms: {difference:?}");
         }
     }
 
@@ -212,7 +212,7 @@ proptest! {
                 RemoteSample { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m, gripper: None }
             };
             session.cycle(command, step);
-            session.model.fault().is_some()
+            session.model.excess().is_some()
         });
         prop_assert!(found.is_some(), "{:?}", session.model.difference());
     }

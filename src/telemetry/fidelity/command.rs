@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix6;
 
-use crate::fidelity::sample::{Parts, Sample};
+use crate::fidelity::sample::{Sample, WrenchParts};
 use controller::interpretation::ReflectionFrame;
 use controller::{JointVector, Ledger, Output, Settings};
 use node::record::{Mode, Record};
@@ -42,14 +42,14 @@ impl CommandSampler {
             x_0: output.x_0_g.translation.vector,
             contact_force: record.f_s.force.norm(),
             is_saturated: output.is_saturated(),
-            wanted: self.wanted(record),
+            reference: self.reference(record),
             felt: at_grip.wrench(&(output.tau - output.ledger.gravity)),
             parts: commanded_parts(&output.ledger, &at_grip),
         })
     }
 
     /// Returns K_T times the sensed wrench, at {G} in {G}.
-    pub fn wanted(&self, record: &Record) -> Wrench {
+    pub fn reference(&self, record: &Record) -> Wrench {
         let Settings { reflection, interpretation, .. } = &self.settings;
         let Output { x_h_g, .. } = &record.output;
         let f_g = reflection.at_grip(&reflection.at_object(&record.f_s));
@@ -78,15 +78,15 @@ impl AtGrip {
 }
 
 /// Returns the commanded parts of the wrench at the grip, by the ledger.
-pub fn commanded_parts(ledger: &Ledger, at_grip: &AtGrip) -> Parts {
+pub fn commanded_parts(ledger: &Ledger, at_grip: &AtGrip) -> WrenchParts {
     let rest = ledger.rest_scale * ledger.share;
     let assist = rest * ledger.assist_scale;
-    Parts {
+    WrenchParts {
         centring: at_grip.wrench(&(ledger.centring * assist)),
         damping: at_grip.wrench(&(ledger.damping * assist)),
         compensation: at_grip.wrench(&(ledger.friction * rest)),
         passivity: at_grip.wrench(&(ledger.passivity * rest)),
         soft_stops: at_grip.wrench(&(ledger.soft_stops * rest)),
-        ..Parts::default()
+        ..WrenchParts::default()
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::fidelity::sample::{Parts, Sample, WrenchSource};
+use crate::fidelity::sample::{Sample, WrenchParts, WrenchSource};
 use units::spatial::Wrench;
 
 /// Figures of all situations that occurred.
@@ -107,12 +107,12 @@ impl fmt::Display for Report {
     }
 }
 
-/// Sums of one situation.
+/// Sums over the samples of one situation, for their root mean squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Tally {
+pub(super) struct ErrorSums {
     samples: u64,
     count: f64,
-    wanted: f64,
+    reference: f64,
     felt: f64,
     error: f64,
     moment: f64,
@@ -122,14 +122,14 @@ pub(super) struct Tally {
     shares: [f64; 6],
 }
 
-impl Tally {
+impl ErrorSums {
     pub(super) fn add(&mut self, sample: &Sample) {
-        let Sample { wanted, felt, parts, .. } = sample;
-        let error = *felt + *wanted * -1.0;
+        let Sample { reference, felt, parts, .. } = sample;
+        let error = *felt + *reference * -1.0;
         let beyond = error + parts.intended() * -1.0;
         self.samples += 1;
         self.count += 1.0;
-        self.wanted += wanted.force.norm_squared();
+        self.reference += reference.force.norm_squared();
         self.felt += felt.force.norm_squared();
         self.error += error.force.norm_squared();
         self.moment += error.moment.norm_squared();
@@ -146,7 +146,7 @@ impl Tally {
     pub(super) fn join(&mut self, other: &Self) {
         self.samples += other.samples;
         self.count += other.count;
-        self.wanted += other.wanted;
+        self.reference += other.reference;
         self.felt += other.felt;
         self.error += other.error;
         self.moment += other.moment;
@@ -166,7 +166,7 @@ impl Tally {
             self.shares.map(rms);
         (self.samples > 0).then(|| Figures {
             samples: self.samples,
-            wanted_rms_n: rms(self.wanted),
+            wanted_rms_n: rms(self.reference),
             felt_rms_n: rms(self.felt),
             error_rms_n: rms(self.error),
             error_max_n: self.max,
@@ -186,8 +186,8 @@ impl Tally {
 }
 
 /// Returns the parts in the order of [`Shares`].
-const fn all(parts: &Parts) -> [Wrench; 6] {
-    let Parts { friction, compensation, centring, damping, passivity, inertia, .. } = *parts;
+const fn all(parts: &WrenchParts) -> [Wrench; 6] {
+    let WrenchParts { friction, compensation, centring, damping, passivity, inertia, .. } = *parts;
     [friction, compensation, centring, damping, passivity, inertia]
 }
 
@@ -202,13 +202,13 @@ mod tests {
         Wrench { force: Vector3::new(force, 0.0, 0.0), ..Wrench::ZERO }
     }
 
-    fn sample(wanted: f64, felt: f64, parts: Parts) -> Sample {
+    fn sample(reference: f64, felt: f64, parts: WrenchParts) -> Sample {
         Sample {
             at: Instant::ZERO,
             x_0: Vector3::zeros(),
             contact_force: 0.0,
             is_saturated: false,
-            wanted: along_x(wanted),
+            reference: along_x(reference),
             felt: along_x(felt),
             parts,
         }
@@ -216,10 +216,10 @@ mod tests {
 
     #[test]
     fn errors_are_root_mean_squares_and_maxima() {
-        let mut tally = Tally::default();
-        tally.add(&sample(10.0, 13.0, Parts::default()));
-        tally.add(&sample(10.0, 6.0, Parts::default()));
-        let figures = tally.figures().unwrap();
+        let mut sums = ErrorSums::default();
+        sums.add(&sample(10.0, 13.0, WrenchParts::default()));
+        sums.add(&sample(10.0, 6.0, WrenchParts::default()));
+        let figures = sums.figures().unwrap();
         let expected = 12.5_f64.sqrt();
         assert!((figures.error_rms_n - expected).abs() < 1e-12);
         assert!((figures.relative_error() - expected / 10.0).abs() < 1e-12);
@@ -230,17 +230,17 @@ mod tests {
 
     #[test]
     fn assist_and_inertia_are_no_drag_but_friction_is() {
-        let mut tally = Tally::default();
-        let parts = Parts {
+        let mut sums = ErrorSums::default();
+        let parts = WrenchParts {
             friction: along_x(1.5),
             compensation: along_x(-1.0),
             damping: along_x(2.0),
             centring: along_x(0.3),
             inertia: along_x(-0.7),
-            ..Parts::default()
+            ..WrenchParts::default()
         };
-        tally.add(&sample(0.0, 1.5 - 1.0 + 2.0 + 0.3 - 0.7, parts));
-        let figures = tally.figures().unwrap();
+        sums.add(&sample(0.0, 1.5 - 1.0 + 2.0 + 0.3 - 0.7, parts));
+        let figures = sums.figures().unwrap();
         assert!((figures.beyond_assist_rms_n - 0.5).abs() < 1e-12);
         assert!((figures.shares.friction_n - 1.5).abs() < 1e-12);
         assert!((figures.shares.inertia_n - 0.7).abs() < 1e-12);
@@ -248,10 +248,15 @@ mod tests {
 
     #[test]
     fn joined_runs_are_one_run() {
-        let samples = [(10.0, 13.0), (5.0, 4.0), (8.0, 8.5)].map(|(wanted, felt)| {
-            sample(wanted, felt, Parts { friction: along_x(0.3), ..Parts::default() })
+        let samples = [(10.0, 13.0), (5.0, 4.0), (8.0, 8.5)].map(|(reference, felt)| {
+            sample(
+                reference,
+                felt,
+                WrenchParts { friction: along_x(0.3), ..WrenchParts::default() },
+            )
         });
-        let (mut all, mut first, mut rest) = (Tally::default(), Tally::default(), Tally::default());
+        let (mut all, mut first, mut rest) =
+            (ErrorSums::default(), ErrorSums::default(), ErrorSums::default());
         samples.iter().for_each(|sample| all.add(sample));
         first.add(&samples[0]);
         samples[1..].iter().for_each(|sample| rest.add(sample));
@@ -261,6 +266,6 @@ mod tests {
 
     #[test]
     fn nothing_sampled_has_no_figures() {
-        assert_eq!(Tally::default().figures(), None);
+        assert_eq!(ErrorSums::default().figures(), None);
     }
 }

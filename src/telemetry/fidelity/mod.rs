@@ -23,10 +23,10 @@ mod situation;
 
 pub use command::CommandSampler;
 pub use figures::{Figures, Report, Shares};
-pub use sample::{Parts, Sample, WrenchSource};
+pub use sample::{Sample, WrenchParts, WrenchSource};
 pub use situation::Situation;
 
-use crate::fidelity::figures::Tally;
+use crate::fidelity::figures::ErrorSums;
 use crate::fidelity::situation::Classifier;
 
 /// Figures of a run so far.
@@ -34,13 +34,13 @@ use crate::fidelity::situation::Classifier;
 pub struct Fidelity {
     judged: WrenchSource,
     classifier: Classifier,
-    tallies: [Tally; 4],
+    sums: [ErrorSums; 4],
 }
 
 impl Fidelity {
     /// Creates figures without samples.
     pub fn new(judged: WrenchSource) -> Self {
-        Self { judged, classifier: Classifier::default(), tallies: Default::default() }
+        Self { judged, classifier: Classifier::default(), sums: Default::default() }
     }
 
     /// Adds a sample; `None` without reflection restarts the window.
@@ -50,20 +50,20 @@ impl Fidelity {
             return;
         };
         if let Some((judged, situation)) = self.classifier.next(sample) {
-            situation.entry_mut(&mut self.tallies).add(&judged);
+            situation.entry_mut(&mut self.sums).add(&judged);
         }
     }
 
     /// Adds the figures of another run.
     pub fn join(&mut self, other: &Self) {
-        for (tally, other) in self.tallies.iter_mut().zip(&other.tallies) {
-            tally.join(other);
+        for (sums, other) in self.sums.iter_mut().zip(&other.sums) {
+            sums.join(other);
         }
     }
 
     /// Returns the figures of a situation; `None` without a sample.
     pub fn figures(&self, situation: Situation) -> Option<Figures> {
-        situation.entry(&self.tallies).figures()
+        situation.entry(&self.sums).figures()
     }
 
     /// Returns all figures; `None` without a sample.

@@ -21,7 +21,7 @@ pub enum WrenchSource {
 
 /// Known parts of the wrench on the hand besides the task wrench, at {G} in {G}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Parts {
+pub struct WrenchParts {
     /// Friction and end stops of the joints; zero if unknown.
     pub friction: Wrench,
     /// Friction compensation.
@@ -38,7 +38,7 @@ pub struct Parts {
     pub inertia: Wrench,
 }
 
-impl Parts {
+impl WrenchParts {
     /// Returns the commanded assist plus the inertia, which no torque removes.
     pub(super) fn intended(&self) -> Wrench {
         self.centring + self.damping + self.passivity + self.soft_stops + self.inertia
@@ -57,9 +57,9 @@ pub struct Sample {
     /// Set if a joint is at its capacity; the sample does not count.
     pub is_saturated: bool,
     /// K_T times the sensed wrench, on the hand, at {G} in {G}.
-    pub wanted: Wrench,
+    pub reference: Wrench,
     /// Wrench on the hand, at {G} in {G}.
     pub felt: Wrench,
     /// Known parts of that wrench.
-    pub parts: Parts,
+    pub parts: WrenchParts,
 }

@@ -115,7 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::fidelity::sample::Parts;
+    use crate::fidelity::sample::WrenchParts;
     use units::math;
     use units::spatial::Wrench;
     use units::time::Instant;
@@ -126,9 +126,9 @@ mod tests {
             x_0: Vector3::new(x, 0.0, 0.0),
             contact_force,
             is_saturated: false,
-            wanted: Wrench::ZERO,
+            reference: Wrench::ZERO,
             felt: Wrench::ZERO,
-            parts: Parts::default(),
+            parts: WrenchParts::default(),
         }
     }
 

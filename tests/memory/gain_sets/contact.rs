@@ -6,7 +6,7 @@ use nalgebra::{Unit, Vector3};
 
 use config::Config;
 use experiments::comparison::without_passivity;
-use node::cause::{Cause, Kind};
+use node::cause::{Cause, CauseKind};
 use node::record::Mode;
 use remote::site::Virtual;
 use sim::scenario::Scenario;
@@ -209,7 +209,7 @@ impl Outcome {
     pub(super) fn is_growing(&self) -> bool {
         let [after, last, _] = self.speeds;
         let has_swung = self.stop.is_some_and(|cause| {
-            !matches!(cause.kind(), Kind::UncommandedMotion | Kind::PositionFrozen)
+            !matches!(cause.kind(), CauseKind::UncommandedMotion | CauseKind::PositionFrozen)
         });
         self.contact_s > 0.0 && has_swung || last > SWING && last > 0.8 * after
     }

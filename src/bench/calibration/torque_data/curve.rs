@@ -75,8 +75,8 @@ impl TorqueData {
         readings.finish(data, is_empty)
     }
 
-    fn add(&mut self, row: Option<Row>) {
-        let Some(Row { line, joint, date, sample }) = row else { return };
+    fn add(&mut self, row: Option<CurveReading>) {
+        let Some(CurveReading { line, joint, date, sample }) = row else { return };
         if let Some(date) = date.filter(|date| !self.dates.contains(date)) {
             self.dates.push(date);
         }
@@ -139,7 +139,7 @@ impl Column {
 }
 
 /// One reading.
-struct Row {
+struct CurveReading {
     line: usize,
     joint: String,
     date: Option<String>,
@@ -162,8 +162,8 @@ fn header(readings: &mut Readings<'_>) -> Option<Vec<Column>> {
 fn parse_row(
     readings: &mut Readings<'_>,
     columns: &[Column],
-    readings::Row { line, fields }: &readings::Row,
-) -> Option<Row> {
+    readings::DataLine { line, fields }: &readings::DataLine,
+) -> Option<CurveReading> {
     let line = *line;
     let (mut joint, mut date) = (None, None);
     let (mut direction, mut per_mille, mut torque) = (None, None, None);
@@ -178,7 +178,7 @@ fn parse_row(
         }
     }
     let sample = Sample { torque: torque?, per_mille: per_mille?, direction: direction? };
-    Some(Row { line, joint: joint?, date, sample })
+    Some(CurveReading { line, joint: joint?, date, sample })
 }
 
 #[cfg(test)]
@@ -267,7 +267,7 @@ mod tests {
                 let direction = if is_up { Direction::Up } else { Direction::Down };
                 let torque = (torque * 1e5).round() / 1e5;
                 let sample = Sample { torque, per_mille: per_mille.into(), direction };
-                data.add(Some(Row { line, joint: format!("j{joint}"), date: None, sample }));
+                data.add(Some(CurveReading { line, joint: format!("j{joint}"), date: None, sample }));
             }
             let mut read = parse(&data.to_string()).unwrap();
             // Readings are written by joint, so their lines change.

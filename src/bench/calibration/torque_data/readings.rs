@@ -24,9 +24,9 @@ pub(super) struct Readings<'t> {
     problems: Vec<Problem>,
 }
 
-/// Fields of one line.
+/// A line of readings, split into its fields.
 #[derive(Debug)]
-pub(super) struct Row {
+pub(super) struct DataLine {
     /// Number of the line, from 1.
     pub(super) line: usize,
     pub(super) fields: Vec<String>,
@@ -101,12 +101,12 @@ impl<'t> Readings<'t> {
     }
 
     /// Takes the remaining lines as rows of `width` fields; another number of fields is a problem.
-    pub(super) fn rows(&mut self, width: usize) -> Vec<Row> {
+    pub(super) fn rows(&mut self, width: usize) -> Vec<DataLine> {
         let mut rows = Vec::new();
         while let Some((line, text)) = self.lines.next() {
             let Some(fields) = self.fields(line, text) else { continue };
             if fields.len() == width {
-                rows.push(Row { line, fields });
+                rows.push(DataLine { line, fields });
             } else {
                 let found = fields.len();
                 self.problem(line, "", format_args!("must have {width} fields, got {found}"));

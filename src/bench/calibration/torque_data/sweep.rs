@@ -193,7 +193,7 @@ fn header(readings: &mut Readings<'_>) -> Option<Vec<Column>> {
 fn parse_row(
     readings: &mut Readings<'_>,
     columns: &[Column],
-    readings::Row { line, fields }: &readings::Row,
+    readings::DataLine { line, fields }: &readings::DataLine,
 ) -> Option<(String, SweepReading)> {
     let line = *line;
     let (mut joint, mut velocity, mut per_mille) = (None, None, None);

@@ -5,88 +5,93 @@ use std::time::Duration;
 
 use crate::criterion::Criterion;
 use crate::injection::{Conditions, Injection};
-use crate::kind::{KILLED, Kind, NO_CAUSE, kind};
+use crate::kind::{CaseKind, KILLED, NO_CAUSE, kind};
 use crate::random::Random;
 use crate::timers;
 use canopen::frame::{Channel, Frame};
 use canopen::layout::Direction;
 use canopen::nmt::Order;
 use canopen::{NmtCommand, NodeId, sync};
-use faults::{Disturbance, Fault, HostFault, Kind as FaultKind, Target};
-use node::cause::Kind as Cause;
+use faults::{Disturbance, Fault, FaultKind, HostFault, Target};
+use node::cause::CauseKind;
 use sim::scenario::Entry;
 
-pub(super) const KINDS: &[Kind] = &[
-    kind(21, "transmit queue full", &[Cause::QueueFull], |random, at| {
+pub(super) const KINDS: &[CaseKind] = &[
+    kind(21, "transmit queue full", &[CauseKind::QueueFull], |random, at| {
         disturbed(random, at, Disturbance::QueueFull, abandoned(at))
     }),
     kind(
         22,
         "adapter stuck",
-        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
+        &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing],
         |random, at| disturbed(random, at, Disturbance::AdapterStuck, abandoned(at)),
     ),
     kind(
         22,
         "adapter stalls",
-        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
+        &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing],
         |random, at| stalled(random, at, long_stall(at)..5 * long_stall(at), abandoned(at)),
     ),
     kind(
         22,
         "adapter stalls for a moment",
-        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
+        &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing],
         |random, at| stalled(random, at, 0..long_stall(at), BRIEF_STALL),
     ),
-    kind(23, "bus-off", &[Cause::BusOff], |random, at| {
+    kind(23, "bus-off", &[CauseKind::BusOff], |random, at| {
         disturbed(random, at, Disturbance::BusOff, abandoned(at))
     }),
-    kind(23, "error passive", &[Cause::BusPassive], |random, at| {
+    kind(23, "error passive", &[CauseKind::BusPassive], |random, at| {
         disturbed(random, at, Disturbance::ErrorPassive, Criterion::Stop(at.cycles(2)))
     }),
     kind(23, "error warning", NO_CAUSE, |random, at| {
         disturbed(random, at, Disturbance::ErrorWarning, Criterion::GoesOn)
     }),
-    kind(24, "interface down", &[Cause::BusDown], |random, at| {
+    kind(24, "interface down", &[CauseKind::BusDown], |random, at| {
         disturbed(random, at, Disturbance::InterfaceDown, abandoned(at))
     }),
-    kind(24, "adapter unplugged", &[Cause::BusDown], |random, at| {
+    kind(24, "adapter unplugged", &[CauseKind::BusDown], |random, at| {
         disturbed(random, at, Disturbance::AdapterUnplugged, abandoned(at))
     }),
-    kind(25, "backlog after a stop", &[Cause::Overrun], |random, at| {
+    kind(25, "backlog after a stop", &[CauseKind::Overrun], |random, at| {
         // More samples wait than may be read, so that the first ones are old.
         stopped(random, at, [20, 120])
     }),
-    kind(26, "bus flooded", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], flooded),
-    kind(26, "foreign SYNC", &[Cause::ForeignMaster], |random, at| {
+    kind(26, "bus flooded", &[CauseKind::TransmitUnconfirmed, CauseKind::SamplesMissing], flooded),
+    kind(26, "foreign SYNC", &[CauseKind::ForeignMaster], |random, at| {
         foreign(random, at, Frame::new(sync::COB_ID, []))
     }),
-    kind(26, "foreign NMT", &[Cause::ForeignMaster], foreign_nmt),
-    kind(26, "foreign targets", &[Cause::ForeignMaster], foreign_targets),
-    kind(26, "foreign download", &[Cause::ForeignMaster], foreign_download),
+    kind(26, "foreign NMT", &[CauseKind::ForeignMaster], foreign_nmt),
+    kind(26, "foreign targets", &[CauseKind::ForeignMaster], foreign_targets),
+    kind(26, "foreign download", &[CauseKind::ForeignMaster], foreign_download),
     kind(
         26,
         "random frames, own identifiers",
         &[
-            Cause::ForeignMaster,
-            Cause::Emergency,
-            Cause::Rebooted,
-            Cause::LeftOperational,
-            Cause::DriveLeft,
-            Cause::Duplicate,
-            Cause::SamplesMissing,
+            CauseKind::ForeignMaster,
+            CauseKind::Emergency,
+            CauseKind::Rebooted,
+            CauseKind::LeftOperational,
+            CauseKind::DriveLeft,
+            CauseKind::Duplicate,
+            CauseKind::SamplesMissing,
         ],
         |random, at| random_frames(random, at, true),
     ),
     kind(26, "random frames, other identifiers", NO_CAUSE, |random, at| {
         random_frames(random, at, false)
     }),
-    kind(27, KILLED, &[Cause::Overrun], killed),
-    kind(28, "process stopped", &[Cause::Overrun], |random, at| stopped(random, at, [7, 20])),
+    kind(27, KILLED, &[CauseKind::Overrun], killed),
+    kind(28, "process stopped", &[CauseKind::Overrun], |random, at| stopped(random, at, [7, 20])),
     kind(29, "one cycle late", NO_CAUSE, one_cycle_late),
-    kind(29, "stall within a cycle", &[Cause::Emergency, Cause::DriveLeft], stall_within_cycle),
+    kind(
+        29,
+        "stall within a cycle",
+        &[CauseKind::Emergency, CauseKind::DriveLeft],
+        stall_within_cycle,
+    ),
     kind(31, "wall clock set", NO_CAUSE, clock_set),
-    kind(31, "host suspended", &[Cause::Suspended], suspended),
+    kind(31, "host suspended", &[CauseKind::Suspended], suspended),
 ];
 
 /// Demands that the drives stop by their own timers, or by the node where it still reaches them.

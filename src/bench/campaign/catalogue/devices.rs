@@ -5,70 +5,70 @@ use std::time::Duration;
 use crate::catalogue::pdo_with;
 use crate::criterion::Criterion;
 use crate::injection::{Conditions, Injection};
-use crate::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind, ready};
+use crate::kind::{CaseKind, NO_CAUSE, armed, engaged, in_contact, kind, ready};
 use crate::random::{Random, rounded};
 use canopen::error_codes;
 use canopen::frame::Frame;
 use canopen::object::Object;
 use canopen::watchdog::LifeSign;
 use faults::{
-    DeviceFault, Disconnection, Effect, FrameFault, Kind as FaultKind, SensorFault, Service, Target,
+    DeviceFault, Disconnection, Effect, FaultKind, FrameFault, SensorFault, Service, Target,
 };
-use node::cause::Kind as Cause;
+use node::cause::CauseKind;
 use sim::quirks::Quirk;
 use sim::scenario::Entry;
 use sim::scenario::operator::Move;
 use units::numbering::Joint;
 
-pub(super) const KINDS: &[Kind] = &[
-    kind(1, "drive unplugged", &[Cause::SamplesMissing], |random, at| {
+pub(super) const KINDS: &[CaseKind] = &[
+    kind(1, "drive unplugged", &[CauseKind::SamplesMissing], |random, at| {
         lost(random, at, Disconnection::Unplugged)
     }),
-    kind(1, "wire cut", &[Cause::SamplesMissing], |random, at| {
+    kind(1, "wire cut", &[CauseKind::SamplesMissing], |random, at| {
         lost(random, at, Disconnection::WireCut)
     }),
-    kind(1, "drive bus-off", &[Cause::SamplesMissing], |random, at| {
+    kind(1, "drive bus-off", &[CauseKind::SamplesMissing], |random, at| {
         lost(random, at, Disconnection::BusOff)
     }),
-    kind(2, "drive heartbeat lost", &[Cause::HeartbeatLost], |random, at| {
+    kind(2, "drive heartbeat lost", &[CauseKind::HeartbeatLost], |random, at| {
         heartbeat_lost(at, Target::Joint(random.joint()))
     }),
-    kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], |_, at| {
+    kind(2, "switch box heartbeat lost", &[CauseKind::HeartbeatLost], |_, at| {
         heartbeat_lost(at, Target::SwitchBox)
     }),
     kind(
         8,
         "drive heartbeat of another state",
-        &[Cause::LeftOperational],
+        &[CauseKind::LeftOperational],
         heartbeat_of_another_state,
     ),
-    kind(7, "emergency", &[Cause::Emergency], |random, at| {
+    kind(7, "emergency", &[CauseKind::Emergency], |random, at| {
         let target = Target::Joint(random.joint());
         emergency(random, at, target)
     }),
-    kind(7, "emergency of the switch box", &[Cause::Emergency], |random, at| {
+    kind(7, "emergency of the switch box", &[CauseKind::Emergency], |random, at| {
         emergency(random, at, Target::SwitchBox)
     }),
-    kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], drive_fault),
-    kind(8, "drive fault, no emergency", &[Cause::DriveLeft], drive_fault_without_emergency),
-    kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], |random, at| {
+    kind(8, "drive fault", &[CauseKind::Emergency, CauseKind::DriveLeft], drive_fault),
+    kind(8, "drive fault, no emergency", &[CauseKind::DriveLeft], drive_fault_without_emergency),
+    kind(8, "safe torque off", &[CauseKind::DriveLeft, CauseKind::Emergency], |random, at| {
         let target = Target::Joint(random.joint());
         device(at, target, DeviceFault::SafeTorqueOff)
     }),
     // Its lost settings may be read before its boot-up message arrives.
-    kind(9, "drive reboots", &[Cause::Rebooted, Cause::SettingChanged], |random, at| {
+    kind(9, "drive reboots", &[CauseKind::Rebooted, CauseKind::SettingChanged], |random, at| {
         device(at, Target::Joint(random.joint()), DeviceFault::Reboot)
     }),
-    kind(9, "switch box reboots", &[Cause::Rebooted], |_, at| {
+    kind(9, "switch box reboots", &[CauseKind::Rebooted], |_, at| {
         device(at, Target::SwitchBox, DeviceFault::Reboot)
     }),
-    engaged(10, "torque actual wrong", &[Cause::TorqueDiffers], torque_scaled),
+    engaged(10, "torque actual wrong", &[CauseKind::TorqueDiffers], torque_scaled),
     ready(10, "torque before arming", UNARMED_TORQUE, torque_before_arming),
     armed(10, "stored torque offset", NO_CAUSE, stored_offset),
-    kind(12, "encoder jumps", &[Cause::PositionJumped], encoder_jump),
-    engaged(5, "encoder frozen", &[Cause::PositionFrozen], encoder_frozen),
-    in_contact(5, "encoder frozen in motion", &[Cause::PositionFrozen], frozen_in_motion),
-    kind(13, "several drives unplugged", &[Cause::SamplesMissing], several_lost),
+    kind(12, "encoder jumps", &[CauseKind::PositionJumped], encoder_jump),
+    engaged(5, "encoder frozen", &[CauseKind::PositionFrozen], encoder_frozen),
+    in_contact(5, "encoder frozen in motion", &[CauseKind::PositionFrozen], frozen_in_motion),
+    kind(13, "several drives unplugged", &[CauseKind::SamplesMissing], several_lost),
 ];
 
 fn lost(random: &mut Random, at: &Conditions<'_>, how: Disconnection) -> Injection {
@@ -175,12 +175,12 @@ fn torque_scaled(random: &mut Random, at: &Conditions<'_>) -> Injection {
 }
 
 /// Causes that detect a torque without a command.
-const UNARMED_TORQUE: &[Cause] = &[
-    Cause::TorqueDiffers,
-    Cause::TargetNotTaken,
-    Cause::Overspeed,
-    Cause::GripOverspeed,
-    Cause::BeyondLimit,
+const UNARMED_TORQUE: &[CauseKind] = &[
+    CauseKind::TorqueDiffers,
+    CauseKind::TargetNotTaken,
+    CauseKind::Overspeed,
+    CauseKind::GripOverspeed,
+    CauseKind::BeyondLimit,
 ];
 
 /// Returns whether a drive has a torque offset (60B2h).

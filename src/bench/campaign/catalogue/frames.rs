@@ -5,37 +5,37 @@ use std::time::Duration;
 use crate::catalogue::pdo_with;
 use crate::criterion::Criterion;
 use crate::injection::{Conditions, Injection};
-use crate::kind::{Kind, NO_CAUSE, kind};
+use crate::kind::{CaseKind, NO_CAUSE, kind};
 use crate::random::{Random, rounded};
 use crate::situation::Situation;
 use crate::timers;
 use canopen::error_codes;
 use canopen::object::Object;
 use config::Layout;
-use faults::{DeviceFault, Effect, Extent, FrameFault, Kind as FaultKind, Service, Target};
-use node::cause::Kind as Cause;
+use faults::{DeviceFault, Effect, Extent, FaultKind, FrameFault, Service, Target};
+use node::cause::CauseKind;
 use sim::scenario::Entry;
 use sim::scenario::operator::Move;
 use units::numbering::Joint;
 
-pub(super) const KINDS: &[Kind] = &[
-    kind(3, "TPDO lost", &[Cause::SamplesMissing], |random, at| {
+pub(super) const KINDS: &[CaseKind] = &[
+    kind(3, "TPDO lost", &[CauseKind::SamplesMissing], |random, at| {
         of_tpdo(random, at, Effect::Drop, Criterion::Stop(at.limit()))
     }),
     kind(3, "TPDOs lost now and then", LOSSES, tpdo_share),
     kind(3, "one TPDO lost", NO_CAUSE, |random, at| one_lost(random, at, TPDO)),
-    kind(3, "SYNC missing", &[Cause::SamplesMissing], sync_lost),
-    kind(3, "TPDO of another length", &[Cause::SamplesMissing], resized),
+    kind(3, "SYNC missing", &[CauseKind::SamplesMissing], sync_lost),
+    kind(3, "TPDO of another length", &[CauseKind::SamplesMissing], resized),
     kind(4, "TPDO late by less than 3 cycles", LOSSES, slightly_late),
     kind(4, "TPDO late by more", LOSSES, late),
     kind(4, "TPDOs overtake each other", OUT_OF_ORDER, reordered),
-    kind(4, "TPDOs grow old", &[Cause::SamplesOverdue], growing_delay),
-    kind(5, "TPDO frozen", &[Cause::PositionFrozen, Cause::TorqueDiffers], frozen),
-    kind(6, "TPDO twice", &[Cause::Duplicate], |random, at| {
+    kind(4, "TPDOs grow old", &[CauseKind::SamplesOverdue], growing_delay),
+    kind(5, "TPDO frozen", &[CauseKind::PositionFrozen, CauseKind::TorqueDiffers], frozen),
+    kind(6, "TPDO twice", &[CauseKind::Duplicate], |random, at| {
         of_tpdo(random, at, Effect::Duplicate, second_node(at))
     }),
     kind(6, "two drives of one node-id", TWO_DRIVES, imitated),
-    kind(12, "TPDO corrupted", &[Cause::PositionJumped], corrupted),
+    kind(12, "TPDO corrupted", &[CauseKind::PositionJumped], corrupted),
     kind(13, "RPDO lost", COMMANDS_LOST, rpdo_lost),
     kind(13, "controlword lost", COMMANDS_LOST, controlword_lost),
     kind(13, "one RPDO lost", NO_CAUSE, |random, at| one_lost(random, at, RPDO)),
@@ -48,14 +48,19 @@ const TPDO: Service = Service::Tpdo(1);
 const RPDO: Service = Service::Rpdo(1);
 
 /// Causes of two drives with one node-ID: if the second one answers first, the position appears to jump.
-const TWO_DRIVES: &[Cause] = &[Cause::Duplicate, Cause::PositionJumped];
+const TWO_DRIVES: &[CauseKind] = &[CauseKind::Duplicate, CauseKind::PositionJumped];
 
 /// Causes of reordered samples, which leave SYNC windows empty; late ones may then exceed the number of SYNCs.
-const OUT_OF_ORDER: &[Cause] =
-    &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue, Cause::Duplicate];
+const OUT_OF_ORDER: &[CauseKind] = &[
+    CauseKind::SamplesMissing,
+    CauseKind::SamplesRare,
+    CauseKind::SamplesOverdue,
+    CauseKind::Duplicate,
+];
 
 /// Causes of lost or late samples: three in succession, one in twenty, or more than ten overdue.
-const LOSSES: &[Cause] = &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue];
+const LOSSES: &[CauseKind] =
+    &[CauseKind::SamplesMissing, CauseKind::SamplesRare, CauseKind::SamplesOverdue];
 
 fn frames(at: &Conditions<'_>, joint: Joint, fault: FrameFault) -> Entry {
     at.fault(Target::Joint(joint), FaultKind::Frames(fault))
@@ -178,8 +183,12 @@ fn corrupted(random: &mut Random, at: &Conditions<'_>) -> Injection {
 }
 
 /// Causes of lost RPDOs: the drive stops by its timer, or the node detects that it holds its target.
-const COMMANDS_LOST: &[Cause] =
-    &[Cause::Emergency, Cause::DriveLeft, Cause::TargetNotTaken, Cause::TorqueDiffers];
+const COMMANDS_LOST: &[CauseKind] = &[
+    CauseKind::Emergency,
+    CauseKind::DriveLeft,
+    CauseKind::TargetNotTaken,
+    CauseKind::TorqueDiffers,
+];
 
 /// Drops the RPDOs of a drive. Its timer stops it, and its EMCY stops the others two cycles later. A drive without that
 /// timer holds its target until the node detects it and switches the drive off by SDO. The hand moves to change the

@@ -4,36 +4,35 @@ use std::time::Duration;
 
 use crate::criterion::{Criterion, MayStop};
 use crate::injection::{Conditions, Injection, seconds};
-use crate::kind::{Kind, NO_CAUSE, armed, engaged, in_contact, kind};
+use crate::kind::{CaseKind, NO_CAUSE, armed, engaged, in_contact, kind};
 use crate::random::Random;
 use faults::{
-    ContactFault, Disconnection, Effect, FrameFault, Input, Kind as FaultKind, LinkFault, Service,
-    Target,
+    ContactFault, Disconnection, Effect, FaultKind, FrameFault, Input, LinkFault, Service, Target,
 };
-use node::cause::Kind as Cause;
+use node::cause::CauseKind;
 use sim::scenario::operator::{Console, Move, Switch};
 use sim::scenario::{ConsoleRequest, Entry};
 
-pub(super) const KINDS: &[Kind] = &[
-    in_contact(11, "hand too fast", &[Cause::GripOverspeed, Cause::Overspeed], too_fast),
-    engaged(33, "wrench not finite", &[Cause::LinkLost], not_finite),
-    engaged(33, "wrench too large", &[Cause::LinkLost], too_large),
+pub(super) const KINDS: &[CaseKind] = &[
+    in_contact(11, "hand too fast", &[CauseKind::GripOverspeed, CauseKind::Overspeed], too_fast),
+    engaged(33, "wrench not finite", &[CauseKind::LinkLost], not_finite),
+    engaged(33, "wrench too large", &[CauseKind::LinkLost], too_large),
     engaged(33, "wrench large, but valid", NO_CAUSE, large),
-    engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
-    engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
-    engaged(37, "link answers another node", &[Cause::LinkLost], answers_another),
+    engaged(34, "link lost", &[CauseKind::LinkLost], |_, at| link(at, LinkFault::Lost)),
+    engaged(35, "link frozen", &[CauseKind::LinkLost], |_, at| link(at, LinkFault::Frozen)),
+    engaged(37, "link answers another node", &[CauseKind::LinkLost], answers_another),
     engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),
-    engaged(47, "far side holds", &[Cause::FarSideHolds], |_, at| link(at, LinkFault::Held)),
-    engaged(48, "link slow", &[Cause::LinkSlow], |_, at| link(at, LinkFault::Slow)),
+    engaged(47, "far side holds", &[CauseKind::FarSideHolds], |_, at| link(at, LinkFault::Held)),
+    engaged(48, "link slow", &[CauseKind::LinkSlow], |_, at| link(at, LinkFault::Slow)),
     engaged(38, "deadman released", NO_CAUSE, deadman_released),
     kind(
         38,
         "switch box unplugged",
-        &[Cause::HeartbeatLost, Cause::StatusMissing],
+        &[CauseKind::HeartbeatLost, CauseKind::StatusMissing],
         switch_box_unplugged,
     ),
     kind(38, "disarmed", NO_CAUSE, disarmed),
-    kind(39, "deadman channel stuck", &[Cause::DeadmanDisagrees], deadman_stuck),
+    kind(39, "deadman channel stuck", &[CauseKind::DeadmanDisagrees], deadman_stuck),
     kind(39, "deadman bounces", NO_CAUSE, deadman_bounces),
     armed(39, "deadman touched", NO_CAUSE, deadman_touched),
     armed(39, "deadman bounces when pressed", NO_CAUSE, deadman_bounces_when_pressed),

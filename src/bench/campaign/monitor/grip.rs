@@ -6,7 +6,7 @@ use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::mode_class::ModeClass;
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
-use config::switch_inputs::{Deadman, SwitchInputs};
+use config::switch_inputs::{Contacts, SwitchInputs};
 use units::time::Instant;
 
 /// Time for which both contacts must agree before they count: a contact bounces for 5 to 20 ms.
@@ -20,9 +20,9 @@ fn min_settling_time(sheet: &Sheet) -> Duration {
 /// Contacts of the deadman as reported by the switch box, and their settling.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Grip {
-    reported: Option<Deadman>,
+    reported: Option<Contacts>,
     /// State of the contacts at the end of a cycle, and the time of its last change.
-    contacts: Option<(Deadman, Instant)>,
+    contacts: Option<(Contacts, Instant)>,
     /// Set if the deadman has settled open, and has not engaged since.
     has_released: bool,
     is_engaged: bool,
@@ -44,7 +44,7 @@ impl Grip {
         }
         let before = self.contacts.filter(|(contacts, _)| Some(*contacts) == self.reported);
         if before.is_none() {
-            let was_open = self.contacts.filter(|(contacts, _)| *contacts == Deadman::Released);
+            let was_open = self.contacts.filter(|(contacts, _)| *contacts == Contacts::Released);
             self.has_released |=
                 was_open.is_some_and(|(_, since)| at.since(since) >= min_settling_time(sheet));
             self.contacts = self.reported.map(|contacts| (contacts, at));
@@ -54,8 +54,8 @@ impl Grip {
     /// Checks an engagement.
     fn check(&mut self, moment: &mut Moment<'_>) {
         let pressed = match self.contacts {
-            Some((Deadman::Pressed, since)) => moment.at.since(since),
-            Some((Deadman::Released | Deadman::Disagreeing, _)) | None => Duration::ZERO,
+            Some((Contacts::Pressed, since)) => moment.at.since(since),
+            Some((Contacts::Released | Contacts::Disagreeing, _)) | None => Duration::ZERO,
         };
         if !std::mem::take(&mut self.has_released) {
             let what = "engaged by a deadman that was not released for 25 ms before";

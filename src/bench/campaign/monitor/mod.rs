@@ -3,19 +3,20 @@
 //! It decodes frames from the configuration alone, without the node's state. Answers of the console are reported to it, as
 //! to an operator. It has no effect on the node.
 //!
-//! | file        | invariants                                        |
-//! |-------------|---------------------------------------------------|
-//! | `torque`    | target torques: I1 to I4, I11                     |
-//! | `rhythm`    | times of frames: I5, I7                           |
-//! | `spacing`   | distances of SYNCs: I10                           |
-//! | `grip`      | engagement by the deadman: I3                     |
-//! | `age`       | age of targets on the wire                        |
-//! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
-//! | `watch`     | proof of the timers that stop a drive             |
-//! | `sheet`     | the monitor's own interpretation of the configuration |
-//! | `invariant` | names of the invariants, and their violations     |
+//! | file           | invariants                                             |
+//! |----------------|--------------------------------------------------------|
+//! | `torque`       | target torques: I1 to I4, I11                          |
+//! | `rhythm`       | times of frames: I5, I7                                |
+//! | `spacing`      | distances of SYNCs: I10                                |
+//! | `grip`         | engagement by the deadman: I3                          |
+//! | `age`          | age of targets on the wire                             |
+//! | `order`        | order of boot, enabling and stop: I6, I8, I9, I12, I13 |
+//! | `drive_timers` | proof of the timers that stop a drive                  |
+//! | `sheet`        | the monitor's own interpretation of the configuration  |
+//! | `invariant`    | names of the invariants, and their violations          |
 
 mod age;
+mod drive_timers;
 mod grip;
 mod invariant;
 pub mod mode_class;
@@ -26,7 +27,6 @@ mod spacing;
 #[cfg(test)]
 mod tests;
 mod torque;
-mod watch;
 
 pub(super) use age::stale;
 pub use invariant::{Invariant, Violation};

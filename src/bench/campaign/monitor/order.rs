@@ -1,8 +1,8 @@
 //! Order of the node's commands to each device: I6, I8, I9, I12 and I13.
 
+use crate::monitor::drive_timers::Proof;
 use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::{ERROR_CONTROL, Member, SDO_REPLY, SDO_REQUEST, Sheet};
-use crate::monitor::watch::Proof;
 use canopen::NmtCommand;
 use canopen::drive::{Controlword, State};
 use canopen::emcy::Emergency;

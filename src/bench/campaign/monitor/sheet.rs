@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::monitor::watch::DriveTimers;
+use crate::monitor::drive_timers::DriveTimers;
 use canopen::exchange::TpdoMap;
 use canopen::frame::{Channel, Frame};
 use canopen::layout::{Direction, MappedObject, Pdo};

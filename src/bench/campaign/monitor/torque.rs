@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::monitor::invariant::{Invariant, Moment};
 use crate::monitor::sheet::Sheet;
 use canopen::exchange::TpdoSample;
-use config::switch_inputs::{Deadman, SwitchInputs};
+use config::switch_inputs::{Contacts, SwitchInputs};
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -42,7 +42,7 @@ pub(super) struct Torque {
     /// Number of targets in a row that exceed the weight.
     heavy: [u32; 6],
     /// Deadman as the switch box reports it, and the time since which it is open.
-    deadman: Option<Deadman>,
+    deadman: Option<Contacts>,
     open_since: Option<Instant>,
     /// Set if the deadman was open since arming: only then may closing it engage.
     has_edge: bool,
@@ -94,13 +94,13 @@ impl Torque {
         if let Some(inputs) = sample.inputs.map(SwitchInputs::from_bits) {
             let deadman = inputs.deadman();
             match deadman {
-                Deadman::Pressed if self.state == State::Armed => self.open_since = None,
-                Deadman::Pressed => {}
-                Deadman::Released => {
+                Contacts::Pressed if self.state == State::Armed => self.open_since = None,
+                Contacts::Pressed => {}
+                Contacts::Released => {
                     self.has_edge = true;
                     self.open_since.get_or_insert(at);
                 }
-                Deadman::Disagreeing => _ = self.open_since.get_or_insert(at),
+                Contacts::Disagreeing => _ = self.open_since.get_or_insert(at),
             }
             self.deadman = Some(deadman);
         }
@@ -108,7 +108,7 @@ impl Torque {
 
     /// Takes the arming by the console. I4: not with a closed deadman.
     pub(super) fn on_armed(&mut self, moment: &mut Moment<'_>) {
-        if self.deadman != Some(Deadman::Released) {
+        if self.deadman != Some(Contacts::Released) {
             moment.violates(Invariant::Latched, "armed although the deadman is not open");
         }
         if matches!(self.state, State::Stopped(_)) {
@@ -120,7 +120,7 @@ impl Torque {
     /// Takes a reset that leads back to gravity compensation.
     pub(super) const fn resume(&mut self) {
         self.state = State::Armed;
-        self.has_edge = matches!(self.deadman, Some(Deadman::Released));
+        self.has_edge = matches!(self.deadman, Some(Contacts::Released));
         self.cut = [None; 6];
     }
 

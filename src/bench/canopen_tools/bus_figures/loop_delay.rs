@@ -1,6 +1,6 @@
 //! Delay from the position that a drive samples to the torque computed from it.
 
-use canopen::load::timeline::{Stage, Timeline};
+use canopen::load::timeline::{CycleStage, Timeline};
 
 /// Delay from sampling to torque, in µs, for both kinds of RPDO.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,13 +16,13 @@ pub struct LoopDelay {
 impl LoopDelay {
     /// Delay from the sampling of a position, at the end of SYNC, to the torque computed from it; zero without RPDOs.
     pub fn new(timeline: &Timeline, period_us: f64) -> Self {
-        let ends = |is_wanted: fn(Stage) -> bool| {
+        let ends = |is_wanted: fn(CycleStage) -> bool| {
             let steps = timeline.steps.iter().filter(move |step| is_wanted(step.stage));
             steps.map(|step| step.end_us)
         };
-        let sampled = ends(|stage| stage == Stage::Sync).fold(0.0, f64::max);
+        let sampled = ends(|stage| stage == CycleStage::Sync).fold(0.0, f64::max);
         let arrivals: Vec<f64> =
-            ends(|stage| matches!(stage, Stage::Rpdo(_))).map(|end| end - sampled).collect();
+            ends(|stage| matches!(stage, CycleStage::Rpdo(_))).map(|end| end - sampled).collect();
         // SYNC always takes the same time: RPDOs complete before the next one starts act at its end.
         let periods = (timeline.done_us / period_us.max(1.0)).ceil().max(1.0);
         let periods = if arrivals.is_empty() { 0.0 } else { periods };
@@ -71,7 +71,11 @@ mod tests {
             let positions = worst_timeline(&planned);
             assert_eq!(LoopDelay::new(&positions, period), none);
             assert_eq!(
-                positions.steps.iter().filter(|step| matches!(step.stage, Stage::Tpdo(_))).count(),
+                positions
+                    .steps
+                    .iter()
+                    .filter(|step| matches!(step.stage, CycleStage::Tpdo(_)))
+                    .count(),
                 3
             );
         }

@@ -12,12 +12,12 @@
 //! assert_eq!((annotation.name().to_string(), annotation.to_string()), ("heartbeat node 3".into(), "boot-up".into()));
 //! ```
 
+pub mod bus_monitor;
 pub mod error_frame;
 pub mod lss;
 mod network;
 pub mod sdo;
 pub mod text;
-pub mod watch;
 
 #[cfg(test)]
 mod tests;
@@ -28,10 +28,10 @@ use canopen_rs::NmtState;
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::time::TimeOfDay;
 
+use crate::decode::bus_monitor::{BusMonitor, Change, Remark, Timing};
 use crate::decode::lss::Lss;
 use crate::decode::network::{Network, Use};
 use crate::decode::sdo::{Listener, Side, Step};
-use crate::decode::watch::{Change, Remark, Timing, Watch};
 use crate::signals::{self, Member, PdoFrame};
 use canopen::emcy::Emergency;
 use canopen::frame::{Channel, Frame};
@@ -62,7 +62,7 @@ pub struct Bus(usize);
 #[derive(Clone, Debug)]
 struct BusState {
     network: usize,
-    watch: Watch,
+    monitor: BusMonitor,
     sdo: Vec<Listener>,
 }
 
@@ -75,9 +75,9 @@ pub enum Who<'d> {
     Node(u8),
 }
 
-/// Decoded content of a frame.
+/// CANopen message of a frame, decoded.
 #[derive(Clone, Debug)]
-pub enum What<'d> {
+pub enum Message<'d> {
     /// NMT command.
     Nmt(Order),
     /// SYNC, with the time since the last one.
@@ -115,7 +115,7 @@ pub struct Annotation<'d> {
     /// Node that sends the frame, or receives it.
     pub who: Option<Who<'d>>,
     /// Meaning of identifier and data.
-    pub what: What<'d>,
+    pub message: Message<'d>,
     remarks: &'d [Remark],
     decoder: &'d Decoder,
     network: usize,
@@ -157,8 +157,8 @@ impl Decoder {
         let members = (0..128).filter_map(|node| self.members.get(layout.member(node)?));
         let lost_after =
             members.map(|member| (member.node().raw(), member.plan.error_control.lost_after()));
-        let watch = Watch::new(self.timing, &self.frames, &layout.frames, node, lost_after);
-        self.buses.push(BusState { network, watch, sdo: vec![Listener::default(); 128] });
+        let monitor = BusMonitor::new(self.timing, &self.frames, &layout.frames, node, lost_after);
+        self.buses.push(BusState { network, monitor, sdo: vec![Listener::default(); 128] });
         Bus(self.buses.len() - 1)
     }
 
@@ -185,7 +185,7 @@ impl Decoder {
         let use_of = self.networks.get(network).map_or(Use::Unknown, |n| n.use_of(cob_id));
         let decoded = match (Frame::from_slice(cob_id, data), self.buses.get_mut(place)) {
             (Some(frame), Some(bus)) => bus.decoded(at, use_of, &frame, &self.frames),
-            (None, _) | (_, None) => OwnedWhat::Whole(What::Malformed("at most eight bytes")),
+            (None, _) | (_, None) => OwnedMessage::Whole(Message::Malformed("at most eight bytes")),
         };
         let node = use_of.node();
         let member = if let Use::Pdo(pdo) = use_of {
@@ -198,26 +198,26 @@ impl Decoder {
             (Some(member), _) => Some(Who::Named(&member.name)),
             (None, node) => node.map(|node| self.who(network, node)),
         };
-        let what = self.what(place, decoded);
-        let remarks = self.buses.get(place).map(|bus| &*bus.watch.remarks).unwrap_or_default();
-        Annotation { who, what, member, network, remarks, decoder: self }
+        let message = self.message(place, decoded);
+        let remarks = self.buses.get(place).map(|bus| &*bus.monitor.remarks).unwrap_or_default();
+        Annotation { who, message, member, network, remarks, decoder: self }
     }
 
     /// Adds the borrowed parts of a decoded frame.
-    fn what(&self, place: usize, decoded: OwnedWhat) -> What<'_> {
+    fn message(&self, place: usize, decoded: OwnedMessage) -> Message<'_> {
         match decoded {
-            OwnedWhat::Pdo(pdo, data, length) => match self.frames.get(pdo) {
-                Some(frame) => What::Pdo(frame, data, length),
-                None => What::Unknown,
+            OwnedMessage::Pdo(pdo, data, length) => match self.frames.get(pdo) {
+                Some(frame) => Message::Pdo(frame, data, length),
+                None => Message::Unknown,
             },
-            OwnedWhat::Sdo(node, side, what) => {
+            OwnedMessage::Sdo(node, side, kind) => {
                 let bus = self.buses.get(place);
                 match bus.and_then(|bus| bus.sdo.get(usize::from(node))) {
-                    Some(listener) => What::Sdo(listener.step(side, what)),
-                    None => What::Unknown,
+                    Some(listener) => Message::Sdo(listener.step(side, kind)),
+                    None => Message::Unknown,
                 }
             }
-            OwnedWhat::Whole(what) => what,
+            OwnedMessage::Whole(message) => message,
         }
     }
 
@@ -239,38 +239,40 @@ impl BusState {
         use_of: Use,
         frame: &Frame,
         frames: &[PdoFrame],
-    ) -> OwnedWhat {
-        self.watch.remarks.clear();
+    ) -> OwnedMessage {
+        self.monitor.remarks.clear();
         if let Some(now) = at {
-            self.watch.on_time(now);
+            self.monitor.on_time(now);
         }
         let eight = <[u8; 8]>::try_from(frame.data()).ok();
         let whole = match (use_of, eight) {
             (Use::Pdo(pdo), _) => return self.on_pdo(at, pdo, frame, frames),
             (Use::Sdo(side, node), Some(data)) => return self.on_sdo(node, side, data),
             (Use::Lss(side), Some(data)) => {
-                Some(What::Lss(Lss { is_request: side == Side::Client, data }))
+                Some(Message::Lss(Lss { is_request: side == Side::Client, data }))
             }
             (Use::Sdo(..) | Use::Lss(_), None) => None,
             (Use::Nmt, _) => Order::decode(frame).map(|order| {
-                self.watch.on_order(order);
-                What::Nmt(order)
+                self.monitor.on_order(order);
+                Message::Nmt(order)
             }),
             (Use::Sync, _) => Sync::decode(frame).map(|Sync { counter }| {
-                let (period, jitter_us) = self.watch.on_sync(at).unzip();
-                What::Sync { counter, period, jitter_us: jitter_us.flatten() }
+                let (period, jitter_us) = self.monitor.on_sync(at).unzip();
+                Message::Sync { counter, period, jitter_us: jitter_us.flatten() }
             }),
-            (Use::Time, _) => TimeOfDay::decode(frame.data()).ok().map(What::Time),
-            (Use::Emergency(_), _) => Emergency::decode(frame.data()).map(What::Emergency),
-            (Use::OtherPdo(direction, number, _), _) => Some(What::OtherPdo(direction, number)),
+            (Use::Time, _) => TimeOfDay::decode(frame.data()).ok().map(Message::Time),
+            (Use::Emergency(_), _) => Emergency::decode(frame.data()).map(Message::Emergency),
+            (Use::OtherPdo(direction, number, _), _) => Some(Message::OtherPdo(direction, number)),
             (Use::Heartbeat(node), _) => {
                 let state =
                     frame.data().try_into().ok().and_then(|byte| decode_heartbeat(byte).ok());
-                state.map(|state| What::Heartbeat(state, self.watch.on_heartbeat(at, node, state)))
+                state.map(|state| {
+                    Message::Heartbeat(state, self.monitor.on_heartbeat(at, node, state))
+                })
             }
-            (Use::Unknown, _) => Some(What::Unknown),
+            (Use::Unknown, _) => Some(Message::Unknown),
         };
-        OwnedWhat::Whole(whole.unwrap_or_else(|| What::Malformed(use_of.expects())))
+        OwnedMessage::Whole(whole.unwrap_or_else(|| Message::Malformed(use_of.expects())))
     }
 
     fn on_pdo(
@@ -279,37 +281,37 @@ impl BusState {
         pdo: usize,
         frame: &Frame,
         frames: &[PdoFrame],
-    ) -> OwnedWhat {
-        let Some(layout) = frames.get(pdo) else { return OwnedWhat::Whole(What::Unknown) };
+    ) -> OwnedMessage {
+        let Some(layout) = frames.get(pdo) else { return OwnedMessage::Whole(Message::Unknown) };
         let length = frame.data().len();
         if length != layout.bytes {
-            self.watch.remarks.push(Remark::Length(layout.bytes));
+            self.monitor.remarks.push(Remark::Length(layout.bytes));
         }
-        self.watch.on_pdo(at, pdo, !layout.senders.is_empty());
+        self.monitor.on_pdo(at, pdo, !layout.senders.is_empty());
         let mut data = [0; 8];
         for (to, from) in data.iter_mut().zip(frame.data()) {
             *to = *from;
         }
-        OwnedWhat::Pdo(pdo, data, length)
+        OwnedMessage::Pdo(pdo, data, length)
     }
 
-    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> OwnedWhat {
+    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> OwnedMessage {
         match self.sdo.get_mut(usize::from(node)) {
-            Some(listener) => OwnedWhat::Sdo(node, side, listener.on_frame(side, data)),
-            None => OwnedWhat::Whole(What::Unknown),
+            Some(listener) => OwnedMessage::Sdo(node, side, listener.on_frame(side, data)),
+            None => OwnedMessage::Whole(Message::Unknown),
         }
     }
 }
 
-/// [`What`] without borrowed parts.
+/// [`Message`] without borrowed parts.
 #[derive(Clone, Debug)]
-enum OwnedWhat {
+enum OwnedMessage {
     /// Index of the PDO, its data and length.
     Pdo(usize, [u8; 8], usize),
     /// Node, side and step of a transfer.
-    Sdo(u8, Side, sdo::What),
+    Sdo(u8, Side, sdo::ActionKind),
     /// Borrows nothing.
-    Whole(What<'static>),
+    Whole(Message<'static>),
 }
 
 /// Returns the member of a PDO: its sender, or else its receiver; `None` for several.

@@ -29,16 +29,16 @@ pub struct Step<'t> {
     /// Object, if known.
     pub object: Option<Object>,
     /// Effect of the frame on its transfer.
-    pub act: Act<'t>,
+    pub action: Action<'t>,
 }
 
 /// Action of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Act<'t> {
+pub enum Action<'t> {
     /// Requests an upload.
-    AskRead,
+    RequestUpload,
     /// Requests an expedited download.
-    AskWrite(Value<'t>),
+    RequestDownload(Value<'t>),
     /// Initiates a longer transfer, with the indicated size.
     Begin(Option<u32>),
     /// Continues a transfer: bytes so far, and the indicated size.
@@ -104,7 +104,7 @@ struct Block {
 
 impl Listener {
     /// Takes one frame of eight bytes; [`step`](Self::step) adds its value.
-    pub(super) fn on_frame(&mut self, side: Side, data: [u8; 8]) -> What {
+    pub(super) fn on_frame(&mut self, side: Side, data: [u8; 8]) -> ActionKind {
         if let Phase::Block(sender, block) = self.phase
             && sender == side
         {
@@ -117,24 +117,24 @@ impl Listener {
     }
 
     /// Step of the newest frame, with the current value.
-    pub(super) fn step(&self, side: Side, what: What) -> Step<'_> {
+    pub(super) fn step(&self, side: Side, kind: ActionKind) -> Step<'_> {
         let is_wrong = |size: &u32| usize::try_from(*size) != Ok(self.length);
         let announced = self.announced.filter(is_wrong);
         let value = Value { bytes: &self.kept, length: self.length, announced };
-        let act = match what {
-            What::AskRead => Act::AskRead,
-            What::AskWrite => Act::AskWrite(value),
-            What::Begin => Act::Begin(self.announced),
-            What::Part => Act::Part(self.length, self.announced),
-            What::Read => Act::Read(value),
-            What::Written => Act::Written(value),
-            What::Aborted(code) => Act::Aborted(code),
-            What::Stray => return Step { side, object: None, act: Act::Stray },
+        let action = match kind {
+            ActionKind::RequestUpload => Action::RequestUpload,
+            ActionKind::RequestDownload => Action::RequestDownload(value),
+            ActionKind::Begin => Action::Begin(self.announced),
+            ActionKind::Part => Action::Part(self.length, self.announced),
+            ActionKind::Read => Action::Read(value),
+            ActionKind::Written => Action::Written(value),
+            ActionKind::Aborted(code) => Action::Aborted(code),
+            ActionKind::Stray => return Step { side, object: None, action: Action::Stray },
         };
-        Step { side, object: self.object, act }
+        Step { side, object: self.object, action }
     }
 
-    fn on_request(&mut self, data: [u8; 8]) -> What {
+    fn on_request(&mut self, data: [u8; 8]) -> ActionKind {
         let [command, .., a, b, c, d] = data;
         let object = multiplexor(data);
         match command >> 5 {
@@ -142,121 +142,121 @@ impl Listener {
             1 if command & EXPEDITED != 0 => {
                 self.start(object, Phase::AskedWrite);
                 self.take_expedited(data);
-                What::AskWrite
+                ActionKind::RequestDownload
             }
             1 => {
                 self.start(object, Phase::Writing(false));
                 self.announced = announced(command & 1 != 0, [a, b, c, d]);
-                What::Begin
+                ActionKind::Begin
             }
             2 => {
                 self.start(object, Phase::AskedRead);
-                What::AskRead
+                ActionKind::RequestUpload
             }
             3 => self.part_if(self.phase == Phase::Reading),
             4 => self.abort(data),
             5 => match (command & 3, self.phase) {
                 (0, _) => {
                     self.start(object, Phase::BlockAsked);
-                    What::AskRead
+                    ActionKind::RequestUpload
                 }
                 (3, Phase::BlockAsked) => self.open_block(Side::Server),
                 (2, Phase::Block(Side::Server, block)) => {
                     self.acknowledge(block, data, Side::Server)
                 }
-                (1, Phase::BlockEnding) => self.finish(What::Read),
-                _ => What::Stray,
+                (1, Phase::BlockEnding) => self.finish(ActionKind::Read),
+                _ => ActionKind::Stray,
             },
             6 if command & 1 == 0 => {
                 self.start(object, Phase::BlockAsked);
                 self.announced = announced(command & 2 != 0, [a, b, c, d]);
-                What::Begin
+                ActionKind::Begin
             }
             6 if self.phase == Phase::BlockEnding => self.trim(command),
-            _ => What::Stray,
+            _ => ActionKind::Stray,
         }
     }
 
-    fn on_response(&mut self, data: [u8; 8]) -> What {
+    fn on_response(&mut self, data: [u8; 8]) -> ActionKind {
         let [command, .., a, b, c, d] = data;
         let object = multiplexor(data);
         let is_same = self.object == Some(object);
         match command >> 5 {
             0 => self.on_segment(data, self.phase == Phase::Reading, true),
-            1 if self.phase == Phase::Writing(true) => self.finish(What::Written),
+            1 if self.phase == Phase::Writing(true) => self.finish(ActionKind::Written),
             1 => self.part_if(self.phase == Phase::Writing(false)),
             2 if command & EXPEDITED != 0 => {
                 self.start(object, Phase::Idle);
                 self.take_expedited(data);
-                What::Read
+                ActionKind::Read
             }
             2 => {
                 self.start(object, Phase::Reading);
                 self.announced = announced(command & 1 != 0, [a, b, c, d]);
-                What::Begin
+                ActionKind::Begin
             }
-            3 if is_same && self.phase == Phase::AskedWrite => self.finish(What::Written),
-            3 if is_same && self.phase == Phase::Writing(false) => What::Part,
+            3 if is_same && self.phase == Phase::AskedWrite => self.finish(ActionKind::Written),
+            3 if is_same && self.phase == Phase::Writing(false) => ActionKind::Part,
             4 => self.abort(data),
             5 => match (command & 3, self.phase) {
                 (0, Phase::BlockAsked) if is_same => self.open_block(Side::Client),
                 (2, Phase::Block(Side::Client, block)) => {
                     self.acknowledge(block, data, Side::Client)
                 }
-                (1, Phase::BlockEnding) => self.finish(What::Written),
-                _ => What::Stray,
+                (1, Phase::BlockEnding) => self.finish(ActionKind::Written),
+                _ => ActionKind::Stray,
             },
             6 if command & 1 == 0 && is_same && self.phase == Phase::BlockAsked => {
                 self.announced = announced(command & 2 != 0, [a, b, c, d]);
-                What::Begin
+                ActionKind::Begin
             }
             6 if command & 1 != 0 && self.phase == Phase::BlockEnding => self.trim(command),
-            _ => What::Stray,
+            _ => ActionKind::Stray,
         }
     }
 
     /// Takes a segment of up to seven bytes.
-    fn on_segment(&mut self, data: [u8; 8], is_expected: bool, is_read: bool) -> What {
+    fn on_segment(&mut self, data: [u8; 8], is_expected: bool, is_read: bool) -> ActionKind {
         let [command, segment @ ..] = data;
         if !is_expected {
-            return What::Stray;
+            return ActionKind::Stray;
         }
         let unused = usize::from(command >> 1 & 7);
         self.append(segment.get(..SEGMENT - unused).unwrap_or_default());
         match (command & 1 != 0, is_read) {
-            (true, true) => self.finish(What::Read),
+            (true, true) => self.finish(ActionKind::Read),
             (true, false) => {
                 self.phase = Phase::Writing(true);
-                What::Part
+                ActionKind::Part
             }
-            (false, _) => What::Part,
+            (false, _) => ActionKind::Part,
         }
     }
 
     /// Takes a block segment: a sequence number, and seven bytes that count if they are next.
-    fn on_block_segment(&mut self, mut block: Block, data: [u8; 8]) -> What {
+    fn on_block_segment(&mut self, mut block: Block, data: [u8; 8]) -> ActionKind {
         let [command, segment @ ..] = data;
         if command == ABORT {
             return self.abort(data);
         }
-        let Phase::Block(sender, _) = self.phase else { return What::Stray };
+        let Phase::Block(sender, _) = self.phase else { return ActionKind::Stray };
         if command & 0x7F == block.next && !block.has_last {
             self.append(&segment);
             block.next = block.next.saturating_add(1);
             block.has_last = command & 0x80 != 0;
             self.phase = Phase::Block(sender, block);
         }
-        What::Part
+        ActionKind::Part
     }
 
-    fn open_block(&mut self, sender: Side) -> What {
+    fn open_block(&mut self, sender: Side) -> ActionKind {
         let block = Block { before: self.length, next: 1, has_last: false };
         self.phase = Phase::Block(sender, block);
-        What::Part
+        ActionKind::Part
     }
 
     /// Takes an acknowledgement; segments after the acknowledged one are sent again.
-    fn acknowledge(&mut self, block: Block, data: [u8; 8], sender: Side) -> What {
+    fn acknowledge(&mut self, block: Block, data: [u8; 8], sender: Side) -> ActionKind {
         let [_, last, ..] = data;
         if last.saturating_add(1) < block.next {
             self.length = block.before + SEGMENT * usize::from(last);
@@ -264,17 +264,17 @@ impl Listener {
             self.open_block(sender)
         } else if block.has_last {
             self.phase = Phase::BlockEnding;
-            What::Part
+            ActionKind::Part
         } else {
             self.open_block(sender)
         }
     }
 
     /// Removes the unused bytes of the last segment.
-    fn trim(&mut self, command: u8) -> What {
+    fn trim(&mut self, command: u8) -> ActionKind {
         self.length = self.length.saturating_sub(usize::from(command >> 2 & 7));
         self.kept.truncate(self.length);
-        What::Part
+        ActionKind::Part
     }
 
     fn start(&mut self, object: Object, phase: Phase) {
@@ -297,27 +297,27 @@ impl Listener {
         self.length = self.length.saturating_add(bytes.len());
     }
 
-    const fn part_if(&self, is_expected: bool) -> What {
-        if is_expected { What::Part } else { What::Stray }
+    const fn part_if(&self, is_expected: bool) -> ActionKind {
+        if is_expected { ActionKind::Part } else { ActionKind::Stray }
     }
 
-    const fn finish(&mut self, what: What) -> What {
+    const fn finish(&mut self, kind: ActionKind) -> ActionKind {
         self.phase = Phase::Idle;
-        what
+        kind
     }
 
-    fn abort(&mut self, data: [u8; 8]) -> What {
+    fn abort(&mut self, data: [u8; 8]) -> ActionKind {
         let [.., a, b, c, d] = data;
         self.start(multiplexor(data), Phase::Idle);
-        What::Aborted(AbortCode(u32::from_le_bytes([a, b, c, d])))
+        ActionKind::Aborted(AbortCode(u32::from_le_bytes([a, b, c, d])))
     }
 }
 
-/// [`Act`] without its borrowed value.
+/// [`Action`] without its borrowed value.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum What {
-    AskRead,
-    AskWrite,
+pub(super) enum ActionKind {
+    RequestUpload,
+    RequestDownload,
     Begin,
     Part,
     Read,
@@ -350,8 +350,8 @@ mod tests {
     /// Text of the steps of these frames.
     fn steps_of(listener: &mut Listener, frames: &[(Side, [u8; 8])]) -> Vec<String> {
         let step = |(side, data): &(Side, [u8; 8])| {
-            let what = listener.on_frame(*side, *data);
-            format!("{:?}", listener.step(*side, what).act)
+            let kind = listener.on_frame(*side, *data);
+            format!("{:?}", listener.step(*side, kind).action)
         };
         frames.iter().map(step).collect()
     }
@@ -397,9 +397,9 @@ mod tests {
         assert_eq!(
             steps,
             [
-                "AskRead",
+                "RequestUpload",
                 "Read(Value { bytes: [140, 15], length: 2, announced: None })",
-                "AskWrite(Value { bytes: [10], length: 1, announced: None })",
+                "RequestDownload(Value { bytes: [10], length: 1, announced: None })",
                 "Written(Value { bytes: [10], length: 1, announced: None })",
                 "Aborted(AbortCode(101253137))",
             ]
@@ -474,15 +474,15 @@ mod tests {
             ];
             written.extend(segments(Side::Client, &bytes));
             let transfers = [
-                (read, Act::Read(value)),
-                (written, Act::Written(value)),
-                (block(Side::Client, &bytes), Act::Written(value)),
-                (block(Side::Server, &bytes), Act::Read(value)),
+                (read, Action::Read(value)),
+                (written, Action::Written(value)),
+                (block(Side::Client, &bytes), Action::Written(value)),
+                (block(Side::Server, &bytes), Action::Read(value)),
             ];
             let mut listener = Listener::default();
-            for (frames, act) in transfers {
+            for (frames, action) in transfers {
                 let steps = steps_of(&mut listener, &frames);
-                prop_assert_eq!(steps.last(), Some(&format!("{act:?}")));
+                prop_assert_eq!(steps.last(), Some(&format!("{action:?}")));
                 prop_assert!(!steps.contains(&"Stray".to_owned()), "{:?}", steps);
             }
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::decode::watch::Timing;
+use crate::decode::bus_monitor::Timing;
 use crate::decode::{Bus, Decoder};
 use crate::signals::Member;
 use crate::signals::tests::{grouped, per_drive};

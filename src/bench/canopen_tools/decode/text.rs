@@ -4,10 +4,10 @@ use std::fmt;
 
 use canopen_rs::NmtState;
 
+use crate::decode::bus_monitor::{Change, Remark};
 use crate::decode::lss::Clock;
-use crate::decode::sdo::{Act, Side, Step, Value};
-use crate::decode::watch::{Change, Remark};
-use crate::decode::{Annotation, What, Who};
+use crate::decode::sdo::{Action, Side, Step, Value};
+use crate::decode::{Annotation, Message, Who};
 use crate::fixed::FixedDecimal;
 use crate::object_text::{self, Command, ObjectText, Status, Switches, ValueText};
 use crate::signals::{ACTUATOR_POSITION, PdoFrame, Signal};
@@ -32,24 +32,24 @@ pub struct Name<'a, 'd>(pub(super) &'a Annotation<'d>);
 
 impl fmt::Display for Name<'_, '_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Annotation { what, who, .. } = self.0;
-        if let What::Pdo(frame, ..) = what {
+        let Annotation { message, who, .. } = self.0;
+        if let Message::Pdo(frame, ..) = message {
             return f.write_str(&frame.name);
         }
-        f.write_str(match what {
-            What::Nmt(_) => "NMT",
-            What::Sync { .. } => "SYNC",
-            What::Time(_) => "TIME",
-            What::Emergency(_) => "EMCY",
-            What::OtherPdo(Direction::Transmit, _) => "TPDO",
-            What::OtherPdo(Direction::Receive, _) => "RPDO",
-            What::Sdo(_) => "SDO",
-            What::Heartbeat(..) => "heartbeat",
-            What::Lss(_) => "LSS",
-            What::Malformed(_) => "malformed",
-            What::Pdo(..) | What::Unknown => "unknown",
+        f.write_str(match message {
+            Message::Nmt(_) => "NMT",
+            Message::Sync { .. } => "SYNC",
+            Message::Time(_) => "TIME",
+            Message::Emergency(_) => "EMCY",
+            Message::OtherPdo(Direction::Transmit, _) => "TPDO",
+            Message::OtherPdo(Direction::Receive, _) => "RPDO",
+            Message::Sdo(_) => "SDO",
+            Message::Heartbeat(..) => "heartbeat",
+            Message::Lss(_) => "LSS",
+            Message::Malformed(_) => "malformed",
+            Message::Pdo(..) | Message::Unknown => "unknown",
         })?;
-        if let What::OtherPdo(_, number) = what {
+        if let Message::OtherPdo(_, number) = message {
             write!(f, "{number}")?;
         }
         who.map_or(Ok(()), |who| write!(f, " {who}"))
@@ -58,22 +58,22 @@ impl fmt::Display for Name<'_, '_> {
 
 impl fmt::Display for Annotation<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.what {
-            What::Nmt(order) => write!(f, "{order}"),
-            What::Sync { counter, period, jitter_us } => {
+        match &self.message {
+            Message::Nmt(order) => write!(f, "{order}"),
+            Message::Sync { counter, period, jitter_us } => {
                 counter.map_or(Ok(()), |counter| write!(f, "counter {counter} "))?;
                 period.map_or(Ok(()), |period| write!(f, "{} µs", period.as_micros()))?;
                 jitter_us.map_or(Ok(()), |jitter| write!(f, " {jitter:+}"))
             }
-            What::Time(time) => write!(f, "{}", Clock(*time)),
-            What::Emergency(emergency) => write!(f, "{emergency}"),
-            What::Pdo(frame, data, length) => pdo(frame, *data, *length, self, f),
-            What::OtherPdo(..) if self.member.is_some() => f.write_str("off in this layout"),
-            What::OtherPdo(..) | What::Unknown => Ok(()),
-            What::Sdo(step) => self.sdo(step, f),
-            What::Heartbeat(state, change) => heartbeat(*state, *change, f),
-            What::Lss(lss) => write!(f, "{lss}"),
-            What::Malformed(expected) => write!(f, "not {expected}"),
+            Message::Time(time) => write!(f, "{}", Clock(*time)),
+            Message::Emergency(emergency) => write!(f, "{emergency}"),
+            Message::Pdo(frame, data, length) => pdo(frame, *data, *length, self, f),
+            Message::OtherPdo(..) if self.member.is_some() => f.write_str("off in this layout"),
+            Message::OtherPdo(..) | Message::Unknown => Ok(()),
+            Message::Sdo(step) => self.sdo(step, f),
+            Message::Heartbeat(state, change) => heartbeat(*state, *change, f),
+            Message::Lss(lss) => write!(f, "{lss}"),
+            Message::Malformed(expected) => write!(f, "not {expected}"),
         }
     }
 }
@@ -86,17 +86,17 @@ impl<'d> Annotation<'d> {
 
     /// Kind of the frame in one word.
     pub const fn kind(&self) -> &'static str {
-        match self.what {
-            What::Nmt(_) => "nmt",
-            What::Sync { .. } => "sync",
-            What::Time(_) => "time",
-            What::Emergency(_) => "emcy",
-            What::Pdo(..) | What::OtherPdo(..) => "pdo",
-            What::Sdo(_) => "sdo",
-            What::Heartbeat(..) => "heartbeat",
-            What::Lss(_) => "lss",
-            What::Malformed(_) => "malformed",
-            What::Unknown => "unknown",
+        match self.message {
+            Message::Nmt(_) => "nmt",
+            Message::Sync { .. } => "sync",
+            Message::Time(_) => "time",
+            Message::Emergency(_) => "emcy",
+            Message::Pdo(..) | Message::OtherPdo(..) => "pdo",
+            Message::Sdo(_) => "sdo",
+            Message::Heartbeat(..) => "heartbeat",
+            Message::Lss(_) => "lss",
+            Message::Malformed(_) => "malformed",
+            Message::Unknown => "unknown",
         }
     }
 
@@ -107,22 +107,22 @@ impl<'d> Annotation<'d> {
 
     /// Returns whether the frame needs attention: an emergency, an SDO abort, a drive fault, an invalid frame.
     pub fn is_alarming(&self) -> bool {
-        match &self.what {
-            What::Emergency(emergency) => !emergency.is_reset(),
-            What::Sdo(step) => matches!(step.act, Act::Aborted(_)),
-            What::Pdo(frame, data, length) => frame.signals.iter().any(|signal| {
+        match &self.message {
+            Message::Emergency(emergency) => !emergency.is_reset(),
+            Message::Sdo(step) => matches!(step.action, Action::Aborted(_)),
+            Message::Pdo(frame, data, length) => frame.signals.iter().any(|signal| {
                 signal.object == Object::STATUSWORD
                     && signal.is_in(*length)
                     && signal.raw(*data) & i64::from(Statusword::FAULT) != 0
             }),
-            What::Malformed(_) => true,
-            What::Nmt(_)
-            | What::Sync { .. }
-            | What::Time(_)
-            | What::OtherPdo(..)
-            | What::Heartbeat(..)
-            | What::Lss(_)
-            | What::Unknown => false,
+            Message::Malformed(_) => true,
+            Message::Nmt(_)
+            | Message::Sync { .. }
+            | Message::Time(_)
+            | Message::OtherPdo(..)
+            | Message::Heartbeat(..)
+            | Message::Lss(_)
+            | Message::Unknown => false,
         }
     }
 
@@ -138,21 +138,21 @@ impl<'d> Annotation<'d> {
             }
             Remark::SyncGap(_) | Remark::Late(_) | Remark::Length(_) => false,
         });
-        let shared = match &self.what {
-            What::Pdo(frame, ..) => is_in(frame),
-            What::Nmt(order) => {
+        let shared = match &self.message {
+            Message::Pdo(frame, ..) => is_in(frame),
+            Message::Nmt(order) => {
                 let node = self.decoder.members.get(member).map(|member| member.node());
                 order.node.is_none() || order.node == node
             }
-            What::Sync { .. }
-            | What::Time(_)
-            | What::Emergency(_)
-            | What::OtherPdo(..)
-            | What::Sdo(_)
-            | What::Heartbeat(..)
-            | What::Lss(_)
-            | What::Malformed(_)
-            | What::Unknown => false,
+            Message::Sync { .. }
+            | Message::Time(_)
+            | Message::Emergency(_)
+            | Message::OtherPdo(..)
+            | Message::Sdo(_)
+            | Message::Heartbeat(..)
+            | Message::Lss(_)
+            | Message::Malformed(_)
+            | Message::Unknown => false,
         };
         is_remarked || shared || self.member == Some(member)
     }
@@ -167,24 +167,26 @@ impl<'d> Annotation<'d> {
         let described = member.and_then(|member| member.eds.as_ref()?.object(object));
         let called = ObjectText { object, fallback: described.map(|it| it.name.as_str()) };
         let else_type = described.map(|described| described.data_type);
-        match &step.act {
-            Act::AskRead => write!(f, "read {called}"),
-            Act::AskWrite(value) => write!(f, "write {called} = {}", value.text(object, else_type)),
-            Act::Begin(None) => write!(f, "{called}, in pieces"),
-            Act::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
-            Act::Part(done, None) => write!(f, "{called}, {done} bytes"),
-            Act::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
-            Act::Read(value) => {
+        match &step.action {
+            Action::RequestUpload => write!(f, "read {called}"),
+            Action::RequestDownload(value) => {
+                write!(f, "write {called} = {}", value.text(object, else_type))
+            }
+            Action::Begin(None) => write!(f, "{called}, in pieces"),
+            Action::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
+            Action::Part(done, None) => write!(f, "{called}, {done} bytes"),
+            Action::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
+            Action::Read(value) => {
                 write!(f, "{called} = {}{}", value.text(object, else_type), Cut(*value))
             }
-            Act::Written(value) => {
+            Action::Written(value) => {
                 write!(f, "written {called} = {}{}", value.text(object, else_type), Cut(*value))
             }
-            Act::Aborted(code) => {
+            Action::Aborted(code) => {
                 f.write_str(if step.side == Side::Client { "broken off " } else { "refused " })?;
                 write!(f, "{called}: {code}")
             }
-            Act::Stray => Ok(()),
+            Action::Stray => Ok(()),
         }
     }
 }

@@ -14,7 +14,7 @@ use canopen::frame::{COB_ID_MAX, Frame};
 use canopen::layout::{Direction, MAX_PDOS, MappedObject, Pdo, Service};
 use canopen::object::Object;
 use canopen::sdo::{Outcome, SdoError, Transfer};
-use canopen::sync::Transmission;
+use canopen::sync::TransmissionType;
 use units::time::Instant;
 
 /// Maximum gap in the numbers of PDOs; further ones are not found.
@@ -51,7 +51,7 @@ pub struct Reader {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Query {
     CobId,
-    Transmission,
+    TransmissionType,
     InhibitTime,
     EventTimer,
     Count,
@@ -77,7 +77,7 @@ impl Reader {
     fn object(&self) -> Object {
         match self.query {
             Query::CobId | Query::Nothing => self.pdo.communication(1),
-            Query::Transmission => self.pdo.communication(2),
+            Query::TransmissionType => self.pdo.communication(2),
             Query::InhibitTime => self.pdo.communication(3),
             Query::EventTimer => self.pdo.communication(5),
             Query::Count => self.pdo.mapping(0),
@@ -126,9 +126,9 @@ impl Reader {
                     return self.next_pdo();
                 }
                 self.pdo.service = Some(unknown_service());
-                return Query::Transmission;
+                return Query::TransmissionType;
             }
-            Query::Transmission => self.service(|s| s.transmission = Transmission(lowest)),
+            Query::TransmissionType => self.service(|s| s.transmission = TransmissionType(lowest)),
             Query::InhibitTime => self.service(|s| s.inhibit_100us = Some(pair)),
             Query::EventTimer => self.service(|s| s.event_timer_ms = Some(pair)),
             Query::Count => {
@@ -155,7 +155,7 @@ impl Reader {
             }
             // An enabled PDO without a mapping parameter has an unknown, fixed mapping.
             Query::Count | Query::Entry { .. } => self.next_pdo(),
-            Query::Transmission | Query::InhibitTime | Query::EventTimer | Query::Nothing => {
+            Query::TransmissionType | Query::InhibitTime | Query::EventTimer | Query::Nothing => {
                 self.next_question()
             }
         }
@@ -163,7 +163,7 @@ impl Reader {
 
     const fn next_question(&self) -> Query {
         match self.query {
-            Query::Transmission => Query::InhibitTime,
+            Query::TransmissionType => Query::InhibitTime,
             Query::InhibitTime => Query::EventTimer,
             Query::EventTimer => Query::Count,
             Query::CobId | Query::Count | Query::Entry { .. } | Query::Nothing => Query::Nothing,
@@ -249,7 +249,7 @@ const fn blank(direction: Direction, number: u16) -> Pdo {
 
 const fn unknown_service() -> Service {
     Service {
-        transmission: Transmission::EVENT_OF_PROFILE,
+        transmission: TransmissionType::EVENT_OF_PROFILE,
         inhibit_100us: None,
         event_timer_ms: None,
         mapping: Vec::new(),

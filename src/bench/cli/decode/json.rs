@@ -11,8 +11,8 @@ use ::replay::recorder_line::RecorderLine;
 use canopen::drive::{Controlword, State, Statusword};
 use canopen::object::Object;
 use canopen_tools::candump::{Content, Line, NotALine};
-use canopen_tools::decode::What;
-use canopen_tools::decode::sdo::{Act, Step};
+use canopen_tools::decode::Message;
+use canopen_tools::decode::sdo::{Action, Step};
 use canopen_tools::object_text::{Command, Switches};
 use canopen_tools::signals::{PdoFrame, Signal};
 
@@ -68,7 +68,7 @@ pub(super) fn frame(
                 text("node", who, scratch, to)?;
             }
             text("text", annotation, scratch, to)?;
-            what(&annotation.what, to)?;
+            message(&annotation.message, to)?;
         }
         Meaning::RecorderLine(pseudo) => {
             write!(to, ",\"kind\":\"{}\"", pseudo.name())?;
@@ -128,47 +128,47 @@ fn number(value: f64, to: &mut impl Write) -> io::Result<()> {
 }
 
 /// Writes the members specific to the kind of frame.
-fn what(what: &What<'_>, to: &mut impl Write) -> io::Result<()> {
-    match what {
-        What::Pdo(frame, data, length) => signals(frame, *data, *length, to),
-        What::Sync { period: Some(period), jitter_us, .. } => {
+fn message(message: &Message<'_>, to: &mut impl Write) -> io::Result<()> {
+    match message {
+        Message::Pdo(frame, data, length) => signals(frame, *data, *length, to),
+        Message::Sync { period: Some(period), jitter_us, .. } => {
             write!(to, ",\"period_us\":{}", period.as_micros())?;
             jitter_us.map_or(Ok(()), |jitter| write!(to, ",\"jitter_us\":{jitter}"))
         }
-        What::Sdo(step) => sdo(step, to),
-        What::Emergency(emergency) => {
+        Message::Sdo(step) => sdo(step, to),
+        Message::Emergency(emergency) => {
             write!(to, ",\"code\":{},\"register\":{}", emergency.code, emergency.register)
         }
-        What::Heartbeat(state, change) => {
+        Message::Heartbeat(state, change) => {
             let state = canopen_tools::decode::text::state_name(*state);
             write!(to, ",\"state\":\"{state}\",\"is_new\":{}", change.is_some())
         }
-        What::Sync { .. }
-        | What::Nmt(_)
-        | What::Time(_)
-        | What::OtherPdo(..)
-        | What::Lss(_)
-        | What::Malformed(_)
-        | What::Unknown => Ok(()),
+        Message::Sync { .. }
+        | Message::Nmt(_)
+        | Message::Time(_)
+        | Message::OtherPdo(..)
+        | Message::Lss(_)
+        | Message::Malformed(_)
+        | Message::Unknown => Ok(()),
     }
 }
 
 fn sdo(step: &Step<'_>, to: &mut impl Write) -> io::Result<()> {
     let Some(object) = step.object else { return Ok(()) };
     write!(to, ",\"object\":\"{object}\"")?;
-    let (act, value) = match &step.act {
-        Act::AskRead => ("ask to read", None),
-        Act::AskWrite(value) => ("ask to write", Some(value)),
-        Act::Begin(_) | Act::Part(..) => ("part", None),
-        Act::Read(value) => ("read", Some(value)),
-        Act::Written(value) => ("written", Some(value)),
-        Act::Aborted(code) => {
+    let (action, value) = match &step.action {
+        Action::RequestUpload => ("ask to read", None),
+        Action::RequestDownload(value) => ("ask to write", Some(value)),
+        Action::Begin(_) | Action::Part(..) => ("part", None),
+        Action::Read(value) => ("read", Some(value)),
+        Action::Written(value) => ("written", Some(value)),
+        Action::Aborted(code) => {
             write!(to, ",\"abort\":{}", code.0)?;
             ("aborted", None)
         }
-        Act::Stray => ("stray", None),
+        Action::Stray => ("stray", None),
     };
-    write!(to, ",\"act\":\"{act}\"")?;
+    write!(to, ",\"act\":\"{action}\"")?;
     let Some(value) = value else { return Ok(()) };
     write!(to, ",\"length\":{},\"value\":\"", value.length)?;
     hex(value.bytes, to)?;

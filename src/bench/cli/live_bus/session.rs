@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use bus::{Bus, BusEvent, BusFault, SendError};
+use bus::{Bus, BusError, BusEvent, SendError};
 use canopen::frame::{Channel, Frame, Telegram};
 use canopen_tools::procedure::Procedure;
 use units::time::Instant;
@@ -137,12 +137,12 @@ impl<B: Bus> Session<B> {
         match received.event {
             BusEvent::Frame(frame) if received.channel == self.channel => Ok(Some(frame)),
             BusEvent::Frame(_) => Ok(None),
-            BusEvent::Fault(BusFault::Down) => Err(SessionError::Down),
-            BusEvent::Fault(BusFault::Off) => Err(SessionError::BusOff),
-            BusEvent::Fault(
-                fault @ (BusFault::Warning | BusFault::Overrun | BusFault::Passive),
+            BusEvent::Error(BusError::Down) => Err(SessionError::Down),
+            BusEvent::Error(BusError::Off) => Err(SessionError::BusOff),
+            BusEvent::Error(
+                error @ (BusError::Warning | BusError::Overrun | BusError::Passive),
             ) => {
-                tracing::warn!("{}", description(fault));
+                tracing::warn!("{}", description(error));
                 Ok(None)
             }
         }
@@ -179,14 +179,14 @@ impl<B: Bus> Session<B> {
     }
 }
 
-/// Describes a fault of the bus.
-const fn description(fault: BusFault) -> &'static str {
-    match fault {
-        BusFault::Warning => "many errors on the bus",
-        BusFault::Overrun => "frames were lost before they were read",
-        BusFault::Passive => "error-passive: no node acknowledges, or the bit rate differs",
-        BusFault::Off => "bus-off",
-        BusFault::Down => "the interface is down",
+/// Describes a bus error.
+const fn description(error: BusError) -> &'static str {
+    match error {
+        BusError::Warning => "many errors on the bus",
+        BusError::Overrun => "frames were lost before they were read",
+        BusError::Passive => "error-passive: no node acknowledges, or the bit rate differs",
+        BusError::Off => "bus-off",
+        BusError::Down => "the interface is down",
     }
 }
 
@@ -204,7 +204,7 @@ mod tests {
         now: Instant,
         room: usize,
         sent: Vec<Frame>,
-        fault: Option<BusFault>,
+        error: Option<BusError>,
     }
 
     impl Bus for EmptyBus {
@@ -228,12 +228,12 @@ mod tests {
         fn wait(&mut self, _: Instant, until: Instant) -> Wake {
             let now = self.now.max(until);
             self.now = now;
-            let received = |fault| ReceivedEvent {
+            let received = |error| ReceivedEvent {
                 at: now,
                 channel: Channel(0),
-                event: BusEvent::Fault(fault),
+                event: BusEvent::Error(error),
             };
-            Wake { now, received: self.fault.take().map(received) }
+            Wake { now, received: self.error.take().map(received) }
         }
     }
 
@@ -271,13 +271,13 @@ mod tests {
     }
 
     #[test]
-    fn bus_faults_end_the_session_but_warnings_do_not() {
-        for (fault, outcome) in [
-            (BusFault::Down, Err(SessionError::Down)),
-            (BusFault::Off, Err(SessionError::BusOff)),
-            (BusFault::Passive, Ok(Err(SdoError::Timeout))),
+    fn bus_errors_end_the_session_but_warnings_do_not() {
+        for (error, outcome) in [
+            (BusError::Down, Err(SessionError::Down)),
+            (BusError::Off, Err(SessionError::BusOff)),
+            (BusError::Passive, Ok(Err(SdoError::Timeout))),
         ] {
-            let bus = EmptyBus { room: 9, fault: Some(fault), ..EmptyBus::default() };
+            let bus = EmptyBus { room: 9, error: Some(error), ..EmptyBus::default() };
             assert_eq!(session(bus).run(read), outcome);
         }
     }

@@ -10,7 +10,7 @@ use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
 use canopen::load::rates::Rates;
 use canopen::load::streams::Sender;
-use canopen::load::timeline::{Stage, Step, Timeline};
+use canopen::load::timeline::{CycleStage, CycleStep, Timeline};
 use canopen::load::utilisation::BusLoad;
 use canopen_tools::bus_figures::loop_delay::LoopDelay;
 use canopen_tools::bus_figures::{Both, BusPlan, PlannedFrame};
@@ -137,13 +137,13 @@ fn timeline(timeline: &Timeline) -> Json {
     })
 }
 
-fn step(step: &Step) -> Json {
+fn step(step: &CycleStep) -> Json {
     let (what, cob_id) = match step.stage {
-        Stage::Sync => ("SYNC", None),
-        Stage::Drives => ("drives sample", None),
-        Stage::Tpdo(cob_id) => ("TPDO", Some(cob_id)),
-        Stage::Host => ("host computes", None),
-        Stage::Rpdo(cob_id) => ("RPDO", Some(cob_id)),
+        CycleStage::Sync => ("SYNC", None),
+        CycleStage::Drives => ("drives sample", None),
+        CycleStage::Tpdo(cob_id) => ("TPDO", Some(cob_id)),
+        CycleStage::Host => ("host computes", None),
+        CycleStage::Rpdo(cob_id) => ("RPDO", Some(cob_id)),
     };
     json!({ "what": what, "cob_id": cob_id, "start_us": step.start_us, "end_us": step.end_us })
 }

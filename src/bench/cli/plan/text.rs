@@ -7,7 +7,7 @@ use canopen::load::network::Bus;
 use canopen::load::pace::Pace;
 use canopen::load::proposals::Proposal;
 use canopen::load::streams::{Role, Stream};
-use canopen::load::timeline::{Stage, Step};
+use canopen::load::timeline::{CycleStage, CycleStep};
 use canopen::load::utilisation::BusLoad;
 use canopen_tools::bus_figures::{BusPlan, PlannedFrame};
 
@@ -169,10 +169,10 @@ fn cycle_lines(plan: &BusPlan, bus: &Bus, report: &Report<'_>) -> Vec<String> {
 }
 
 /// Draws a step of the timeline: filled while a frame is sent, dotted while drives or host compute.
-fn bar(step: &Step, width_us: f64) -> String {
+fn bar(step: &CycleStep, width_us: f64) -> String {
     let mark = match step.stage {
-        Stage::Drives | Stage::Host => '·',
-        Stage::Sync | Stage::Tpdo(_) | Stage::Rpdo(_) => '█',
+        CycleStage::Drives | CycleStage::Host => '·',
+        CycleStage::Sync | CycleStage::Tpdo(_) | CycleStage::Rpdo(_) => '█',
     };
     let column_us = width_us / f64::from(COLUMNS);
     let place = |column: u32| (f64::from(column) + 0.5) * column_us;
@@ -268,7 +268,7 @@ fn response(response: Option<Duration>) -> String {
     response.map_or_else(|| "none".into(), |bound| bound.as_nanos().div_ceil(1_000).to_string())
 }
 
-fn stage(stage: Stage, plan: &BusPlan, bus: &Bus, names: &Names) -> String {
+fn stage(stage: CycleStage, plan: &BusPlan, bus: &Bus, names: &Names) -> String {
     let frame = |cob_id: u16| {
         let found = plan.frames.iter().find(|frame| frame.stream.cob_id == cob_id);
         found.map_or_else(String::new, |frame| {
@@ -279,9 +279,9 @@ fn stage(stage: Stage, plan: &BusPlan, bus: &Bus, names: &Names) -> String {
         })
     };
     match stage {
-        Stage::Sync => "SYNC".into(),
-        Stage::Drives => "drives sample".into(),
-        Stage::Host => "host computes".into(),
-        Stage::Tpdo(cob_id) | Stage::Rpdo(cob_id) => frame(cob_id),
+        CycleStage::Sync => "SYNC".into(),
+        CycleStage::Drives => "drives sample".into(),
+        CycleStage::Host => "host computes".into(),
+        CycleStage::Tpdo(cob_id) | CycleStage::Rpdo(cob_id) => frame(cob_id),
     }
 }

@@ -10,9 +10,9 @@ use serde::Serialize;
 use crate::command::common::{Results, Robots, refused};
 use crate::command::frame::{Files, Frame, Report};
 use crate::command::table::{self, Column, Table};
-use crate::contact_bounds;
+use crate::contact_bounds::CourseResult;
 use crate::no_trial::NoTrial;
-use crate::ntrfc::{Press, Row};
+use crate::ntrfc::{Press, PressResult};
 use config::Config;
 use picture::{Ink, Panel, Series};
 use run::check::refuse_far_side;
@@ -81,7 +81,7 @@ enum Part {
 #[derive(Serialize)]
 struct Figures {
     presses: Vec<Figure>,
-    bounds: Vec<contact_bounds::Row>,
+    bounds: Vec<CourseResult>,
 }
 
 /// Press with its part.
@@ -89,7 +89,7 @@ struct Figures {
 struct Figure {
     part: Part,
     #[serde(flatten)]
-    row: Row,
+    row: PressResult,
 }
 
 /// Runs the experiment, prints the tables and writes the files.
@@ -147,7 +147,7 @@ fn presses(args: &Arguments, lag: f64) -> Vec<(Part, Press)> {
 
 fn forces(figures: &[Figure]) -> Table {
     let of = figures.iter().filter(|figure| figure.part != Part::Gain);
-    let columns: [Column<&Row>; 8] = [
+    let columns: [Column<&PressResult>; 8] = [
         ("arm", |row| row.arm.clone()),
         ("rate, mm/s", |row| format!("{:.0}", 1e3 * row.speed_m_per_s)),
         ("deadband, N", |row| format!("{:.1}", row.deadband_n)),
@@ -163,7 +163,7 @@ fn forces(figures: &[Figure]) -> Table {
 
 fn gains(figures: &[Figure]) -> Table {
     let of = figures.iter().filter(|figure| figure.part == Part::Gain);
-    let columns: [Column<&Row>; 7] = [
+    let columns: [Column<&PressResult>; 7] = [
         ("arm", |row| row.arm.clone()),
         ("K_FA k_e τ_s", |row| format!("{:.3}", row.servo_share)),
         ("approach, mm/s", |row| format!("{:.0}", 1e3 * row.speed_m_per_s)),
@@ -180,7 +180,7 @@ fn gains(figures: &[Figure]) -> Table {
 fn panels(figures: &[Figure]) -> Vec<Panel> {
     let mut arms: Vec<&str> = figures.iter().map(|figure| figure.row.arm.as_str()).collect();
     arms.dedup();
-    let curve = |arm: &str, part: Part, value: fn(&Row) -> f64| {
+    let curve = |arm: &str, part: Part, value: fn(&PressResult) -> f64| {
         let of = figures.iter().filter(|figure| figure.part == part && figure.row.arm == arm);
         of.map(|figure| [1e3 * figure.row.speed_m_per_s, value(&figure.row)]).collect::<Vec<_>>()
     };
@@ -217,7 +217,7 @@ fn gate(figures: &[Figure]) -> Option<String> {
         Part::Ideal | Part::Biased | Part::Deadband => row.error().abs() > TOLERANCE,
         Part::Gain => row.servo_share < MAX_SHARE && !row.is_calm(),
     })?;
-    let Row { arm, speed_m_per_s, law_n, rest_n, servo_share, .. } = row;
+    let PressResult { arm, speed_m_per_s, law_n, rest_n, servo_share, .. } = row;
     Some(format!(
         "{arm}, {speed_m_per_s:.3} m/s, K_FA k_e τ_s = {servo_share:.3}: {rest_n:.2} N at rest, law {law_n:.2} N"
     ))

@@ -8,7 +8,7 @@ use crate::delay::script::JUDGED_S;
 use config::Config;
 use controller::JointVector;
 use controller::torque_delay::TorqueDelay;
-use node::cause::{Cause, Kind};
+use node::cause::{Cause, CauseKind};
 use node::record::{Mode, Record};
 use telemetry::contact::Contact;
 use telemetry::shaking::Shaking;
@@ -153,7 +153,7 @@ impl Measurement {
     /// Returns the outcome: a stop first, then unrest, then a wall that was not met.
     pub(super) fn outcome(&self) -> Outcome {
         match self.cause.map(|cause| cause.kind()) {
-            Some(Kind::LinkLost) => Outcome::LinkLost,
+            Some(CauseKind::LinkLost) => Outcome::LinkLost,
             Some(_) => Outcome::Stopped,
             None if !self.was_engaged => Outcome::LinkLost,
             None if self.unrest() > CALM => Outcome::Swings,

@@ -113,8 +113,8 @@ fn beyond_the_deadband(config: &Config, operator: &OperatorSettings) -> Option<V
     let edge = along.zip_map(&deadband, |along, edge| {
         if along.abs() > MIN_COMPONENT { edge.copysign(along) } else { 0.0 }
     });
-    let held = along * operator.deflection(k_t * force + plateau);
-    (k_fa.min() > 0.0 && k_v.min() > 0.0).then_some(edge + commanded + held)
+    let deflection = along * operator.deflection(k_t * force + plateau);
+    (k_fa.min() > 0.0 && k_v.min() > 0.0).then_some(edge + commanded + deflection)
 }
 
 /// Returns the first three of six numbers.

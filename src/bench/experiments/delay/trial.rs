@@ -64,7 +64,7 @@ pub struct Trial<'a> {
 
 /// Run in figures.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct TrialResult {
     /// Object or arm that the hand led.
     pub led: String,
     /// Link between node and object.
@@ -75,7 +75,8 @@ pub struct Row {
     /// K_T along x.
     pub k_t: f64,
     /// K_T k_e, in N/m.
-    pub felt_stiffness_n_per_m: f64,
+    #[serde(rename = "felt_stiffness_n_per_m")]
+    pub displayed_stiffness_n_per_m: f64,
     /// Set if the passivity layer was on.
     pub has_layer: bool,
     /// Set if a sample can arrive within the maximum age.
@@ -127,7 +128,7 @@ impl Trial<'_> {
     ///
     /// # Errors
     /// Returns an error if the configuration has no wall, or the drives or the arm cannot be simulated.
-    pub fn play(&self, config: &Config) -> Result<Row, NoTrial> {
+    pub fn play(&self, config: &Config) -> Result<TrialResult, NoTrial> {
         let config = &self.configured(config);
         let wall = config.remote.wall.ok_or(NoTrial::NoWall)?.2;
         let commanded = self.commanded;
@@ -139,12 +140,12 @@ impl Trial<'_> {
             let record = bench.cycle();
             measured.add(&bench, &record);
         }
-        Ok(Row {
+        Ok(TrialResult {
             led: self.led.to_string(),
             link: self.link,
             commanded,
             k_t: self.k_t,
-            felt_stiffness_n_per_m: self.k_t * wall.stiffness,
+            displayed_stiffness_n_per_m: self.k_t * wall.stiffness,
             has_layer: self.has_layer,
             is_usable: self.link.is_usable(config),
             is_accepted: link::is_accepted(config),
@@ -198,7 +199,7 @@ mod tests {
         k_t: f64,
         has_layer: bool,
         commanded: CommandMode,
-    ) -> Row {
+    ) -> TrialResult {
         let link = LinkConditions { delay_ms, max_age_ms, ..LinkConditions::default() };
         let trial = Trial { led: Follower::Object, link, commanded, k_t, has_layer, seed: 1 };
         trial.play(&config()).unwrap()

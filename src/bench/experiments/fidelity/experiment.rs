@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::fidelity::hold::{Hold, Holds};
-use crate::fidelity::place::{self, Place, WAYS};
+use crate::fidelity::place::{self, DISTANCES, Place};
 use crate::fidelity::release::{Release, ReleaseJudge};
 use crate::fidelity::script::{Course, Hand};
 use crate::fidelity::trial::Arm;
@@ -33,18 +33,20 @@ pub struct Condition {
     /// Simulated arm, which may differ from the configured one.
     pub arm: Arm,
     /// Distance of the hand from the start to the wall, in m.
-    pub way_m: f64,
+    #[serde(rename = "way_m")]
+    pub distance_m: f64,
     /// Stiffness of the wall, in N/m; `None` for the configured one.
     pub stiffness_n_per_m: Option<f64>,
     /// Reflected force during a hold, in N.
-    pub felt_n: f64,
+    #[serde(rename = "felt_n")]
+    pub reflected_n: f64,
 }
 
 impl Condition {
     /// Returns all conditions of the experiment.
     pub fn full() -> Vec<Self> {
-        let [near, ..] = WAYS;
-        let everywhere = WAYS.iter().flat_map(|way| FORCES.map(|felt| (*way, felt)));
+        let [near, ..] = DISTANCES;
+        let everywhere = DISTANCES.iter().flat_map(|way| FORCES.map(|felt| (*way, felt)));
         let identified = everywhere.map(|(way, felt)| Self::still(Arm::Identified, way, felt));
         let others = [Arm::LessFriction, Arm::MoreFriction]
             .into_iter()
@@ -59,20 +61,20 @@ impl Condition {
 
     /// Returns the conditions of the short form.
     pub fn short() -> Vec<Self> {
-        let [near, _, far] = WAYS;
+        let [near, _, far] = DISTANCES;
         let still = [near, far]
             .into_iter()
             .flat_map(|way| [2.0, 9.0].map(|felt| Self::still(Arm::Identified, way, felt)));
         still.chain(Self::releases(None)).collect()
     }
 
-    const fn still(arm: Arm, way_m: f64, felt_n: f64) -> Self {
-        Self { course: Course::Full, arm, way_m, stiffness_n_per_m: None, felt_n }
+    const fn still(arm: Arm, distance_m: f64, reflected_n: f64) -> Self {
+        Self { course: Course::Full, arm, distance_m, stiffness_n_per_m: None, reflected_n }
     }
 
     /// Returns the releases of both modes at the nearest place.
     fn releases(stiffness_n_per_m: Option<f64>) -> [Self; 2] {
-        let [near, ..] = WAYS;
+        let [near, ..] = DISTANCES;
         let courses = [(Course::PoseRelease, POSE_FORCE), (Course::RateRelease, RATE_FORCE)];
         courses.map(|(course, felt)| Self {
             course,
@@ -82,9 +84,9 @@ impl Condition {
     }
 }
 
-/// Figures of one run.
+/// Result of one run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct FidelityResult {
     /// Name of the configuration.
     pub config: String,
     /// Conditions of the run.
@@ -114,7 +116,7 @@ pub struct Row {
     pub stopped_by: Option<String>,
 }
 
-impl Row {
+impl FidelityResult {
     /// Plays one run of `config`; `each` is called in every cycle, with the time of the script in s and the sample.
     ///
     /// # Errors
@@ -126,9 +128,9 @@ impl Row {
         (hand, seed): (&'static Hand, u64),
         mut each: impl FnMut(f64, Option<&Sample>),
     ) -> Result<Self, NoTrial> {
-        let Condition { course, arm, way_m, stiffness_n_per_m, felt_n } = condition;
-        let placed = place::moved_wall(config, way_m, stiffness_n_per_m);
-        let scenario = course.script(&placed, hand, felt_n).ok_or(NoTrial::NoWall)?;
+        let Condition { course, arm, distance_m, stiffness_n_per_m, reflected_n } = condition;
+        let placed = place::moved_wall(config, distance_m, stiffness_n_per_m);
+        let scenario = course.script(&placed, hand, reflected_n).ok_or(NoTrial::NoWall)?;
         let controlled = arm.controlled(&placed);
         let world = controlled.clone().with_friction(arm.friction());
         let mut bench = Bench::in_world_of(&world, &controlled, scenario, seed, ());
@@ -154,7 +156,7 @@ impl Row {
         Ok(Self {
             config: name.to_owned(),
             condition,
-            place: Place::new(config, way_m).ok(),
+            place: Place::new(config, distance_m).ok(),
             hand: hand.0,
             seed,
             holds: holds.figures().to_vec(),

@@ -78,9 +78,9 @@ impl ReleaseJudge {
         };
         let now = Before { t, x_0: sample.x_0, damper: sample.parts.passivity };
         let before = self.before.replace(now);
-        let is_contact = sample.wanted.force.norm() >= CONTACT;
+        let is_contact = sample.reference.force.norm() >= CONTACT;
         if is_contact {
-            self.outwards = sample.wanted.force.try_normalize(0.0);
+            self.outwards = sample.reference.force.try_normalize(0.0);
             self.free_since = None;
         } else {
             self.free_since = self.free_since.or(Some(t));
@@ -105,7 +105,7 @@ impl ReleaseJudge {
         let speed = (now.x_0 - before.x_0).norm() / dt;
         let damping = self.damping * speed;
         let force = answer(sample).force.dot(outwards);
-        let task = sample.wanted.force.dot(outwards);
+        let task = sample.reference.force.dot(outwards);
         let least = if is_contact { 0.0 } else { -damping };
         let (pull, excess) = (least - force, force - task - damping);
         let damper = now.damper.force.dot(outwards).abs();
@@ -130,7 +130,7 @@ fn answer(sample: &Sample) -> Wrench {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use telemetry::fidelity::Parts;
+    use telemetry::fidelity::WrenchParts;
     use units::time::Instant;
 
     fn along_x(force: f64) -> Wrench {
@@ -148,9 +148,9 @@ mod tests {
                 x_0: Vector3::new(-0.1 * t, 0.0, 0.0),
                 contact_force: 0.0,
                 is_saturated: false,
-                wanted: along_x(-task),
+                reference: along_x(-task),
                 felt: along_x(-felt),
-                parts: Parts { passivity: along_x(damper), ..Parts::default() },
+                parts: WrenchParts { passivity: along_x(damper), ..WrenchParts::default() },
             };
             judge.add(t, Some(&sample));
         }

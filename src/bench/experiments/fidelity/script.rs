@@ -85,24 +85,24 @@ impl Course {
             |at_s, seconds, [x, y, z]: [f64; 3]| Entry::Move(Move::new(at_s, seconds, [x, y, z]));
         let Times { release, end } = self.times();
         let deep = |force: f64| wall.way + operator.deflection(force) + force / wall.stiffness;
-        let (held, pressed) = (deep(felt), deep(felt + PRESS));
+        let (hold, press) = (deep(felt), deep(felt + PRESS));
         let moves = match self {
             Self::Full => vec![
                 at(3.0, 0.75, [0.0, 0.05, 0.0]),
                 at(3.75, 1.0, [0.0, -0.05, 0.0]),
                 at(4.75, 1.0, [0.0, 0.0, 0.05]),
                 at(5.75, 0.75, [0.0, 0.0, 0.0]),
-                at(7.0, 1.5, [held, 0.0, 0.0]),
-                at(11.0, 0.5, [held, 0.02, 0.0]),
-                at(11.5, 1.0, [held, -0.02, 0.0]),
-                at(12.5, 0.5, [held, 0.0, 0.0]),
-                at(14.5, 0.5, [pressed, 0.0, 0.0]),
+                at(7.0, 1.5, [hold, 0.0, 0.0]),
+                at(11.0, 0.5, [hold, 0.02, 0.0]),
+                at(11.5, 1.0, [hold, -0.02, 0.0]),
+                at(12.5, 0.5, [hold, 0.0, 0.0]),
+                at(14.5, 0.5, [press, 0.0, 0.0]),
                 at(16.5, 0.5, [deep((felt + PRESS) / 2.0), 0.0, 0.0]),
                 at(release, LET_GO_S, [wall.way, 0.0, 0.0]),
                 at(release + LET_GO_S, 0.7, [0.0, 0.0, 0.0]),
             ],
             Self::PoseRelease => vec![
-                at(3.0, 1.5, [held, 0.0, 0.0]),
+                at(3.0, 1.5, [hold, 0.0, 0.0]),
                 at(release, LET_GO_S, [wall.way, 0.0, 0.0]),
                 at(release + LET_GO_S, 0.7, [0.0, 0.0, 0.0]),
             ],

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::fidelity::experiment::{Condition, Row};
+use crate::fidelity::experiment::{Condition, FidelityResult};
 use crate::fidelity::hold::Hold;
 use crate::fidelity::place::Place;
 use crate::fidelity::release::Release;
@@ -69,8 +69,10 @@ pub struct WorstCases {
 
 impl WorstCases {
     /// Pools rows by configuration and condition; rows of one group must be adjacent.
-    pub fn new(rows: &[Row]) -> Self {
-        let same = |a: &Row, b: &Row| a.config == b.config && a.condition == b.condition;
+    pub fn new(rows: &[FidelityResult]) -> Self {
+        let same = |a: &FidelityResult, b: &FidelityResult| {
+            a.config == b.config && a.condition == b.condition
+        };
         let (mut still, mut releases) = (Vec::new(), Vec::new());
         for rows in rows.chunk_by(same) {
             let Some(first) = rows.first() else { continue };
@@ -85,7 +87,7 @@ impl WorstCases {
     }
 }
 
-fn still_of(first: &Row, rows: &[Row]) -> Still {
+fn still_of(first: &FidelityResult, rows: &[FidelityResult]) -> Still {
     let hold = |place: usize| {
         let figures = rows.iter().filter_map(|row| row.holds.get(place)?.1);
         figures.map(|figures| 100.0 * figures.relative_error()).reduce(f64::max)
@@ -103,7 +105,7 @@ fn still_of(first: &Row, rows: &[Row]) -> Still {
     }
 }
 
-fn hand_of(rows: &[Row]) -> Option<HandError> {
+fn hand_of(rows: &[FidelityResult]) -> Option<HandError> {
     Some(HandError {
         hand: rows.first()?.hand,
         error_n: worst(rows, |row| Some(row.still_contact?.error_rms_n)),
@@ -114,7 +116,7 @@ fn hand_of(rows: &[Row]) -> Option<HandError> {
     })
 }
 
-fn releases_of(first: &Row, rows: &[Row]) -> Releases {
+fn releases_of(first: &FidelityResult, rows: &[FidelityResult]) -> Releases {
     let of = |value: fn(&Release) -> f64| worst(rows, |row| Some(value(&row.release)));
     Releases {
         config: first.config.clone(),
@@ -131,10 +133,10 @@ fn releases_of(first: &Row, rows: &[Row]) -> Releases {
     }
 }
 
-fn worst(rows: &[Row], value: impl Fn(&Row) -> Option<f64>) -> f64 {
+fn worst(rows: &[FidelityResult], value: impl Fn(&FidelityResult) -> Option<f64>) -> f64 {
     rows.iter().filter_map(value).fold(0.0, f64::max)
 }
 
-fn stopped(rows: &[Row]) -> usize {
+fn stopped(rows: &[FidelityResult]) -> usize {
     rows.iter().filter(|row| row.stopped_by.is_some()).count()
 }

@@ -41,9 +41,9 @@ impl GripReturn {
     }
 }
 
-/// One axis of one configuration.
+/// Result of the sweep of one axis, with one configuration.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct SweepResult {
     /// Name of the configuration.
     pub config: String,
     /// Name of the axis of ΔX.
@@ -67,7 +67,7 @@ pub struct Row {
     pub points: Vec<Point>,
 }
 
-impl Row {
+impl SweepResult {
     /// Plays the sweep of one axis; the object touches nothing.
     ///
     /// # Errors
@@ -113,7 +113,7 @@ struct Measurement {
     sweep: Sweep,
     truth: Truth,
     bins: Bins,
-    row: Row,
+    row: SweepResult,
     /// Displacement in the last cycle, in m or rad.
     before: Option<f64>,
     dt: f64,
@@ -132,7 +132,7 @@ impl Measurement {
             sweep: *sweep,
             truth: Truth::new(config),
             bins: Bins::new(sweep.reach),
-            row: Row {
+            row: SweepResult {
                 config: name.to_owned(),
                 axis: sweep.name(),
                 is_rotation: sweep.axis >= 3,

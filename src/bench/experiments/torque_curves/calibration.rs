@@ -67,9 +67,9 @@ pub struct TorqueError {
     pub falling: f64,
 }
 
-/// One joint with both curves.
+/// Errors of both curves of one joint.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct CurveErrors {
     /// Name of the configuration.
     pub config: String,
     /// Name of the joint.
@@ -126,8 +126,8 @@ impl JointCurves {
     }
 
     /// Returns the errors of both curves.
-    pub fn row(&self, config: &str, joint: &JointParameters, seed: u64) -> Row {
-        Row {
+    pub fn row(&self, config: &str, joint: &JointParameters, seed: u64) -> CurveErrors {
+        CurveErrors {
             config: config.to_owned(),
             joint: joint.name.clone(),
             seed,
@@ -184,7 +184,8 @@ mod tests {
         for seed in 1..=3 {
             let measured = JointCurves::measure_all(&config, seed).unwrap();
             for (curves, joint) in measured.iter().zip(&config.joints) {
-                let Row { line, polynomial, range, friction, .. } = curves.row("", joint, seed);
+                let CurveErrors { line, polynomial, range, friction, .. } =
+                    curves.row("", joint, seed);
                 assert!(line.rms > 10.0 * polynomial.rms, "{}, seed {seed}: {line:?}", joint.name);
                 assert!(polynomial.max < 1.0, "{}, seed {seed}: {polynomial:?}", joint.name);
                 let known = joint.plant.friction.coulomb;

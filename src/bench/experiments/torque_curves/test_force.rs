@@ -69,9 +69,9 @@ pub struct ForceError {
     pub error_percent: f64,
 }
 
-/// Figures of one run.
+/// Result of one run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct TestForceResult {
     /// Name of the configuration.
     pub config: String,
     /// Simulated arm.
@@ -88,7 +88,7 @@ pub struct Row {
     pub stopped_by: Option<String>,
 }
 
-impl Row {
+impl TestForceResult {
     /// Plays one run: the motors have the curves of `joint_curves`, the controller has `curve`.
     ///
     /// # Errors
@@ -121,7 +121,7 @@ impl Row {
             let Some(sample) = truth.sample(&bench, &record) else { continue };
             let t = record.at.since(bench.begun()).as_secs_f64() - START_S;
             if let Some(segment) = averaged(t).and_then(|place| segments.get_mut(place)) {
-                segment.add(&sample.wanted, &sample.felt);
+                segment.add(&sample.reference, &sample.felt);
             }
         }
         Ok(Self {
@@ -140,14 +140,14 @@ impl Row {
 #[derive(Clone, Copy, Debug, Default)]
 struct Segment {
     count: f64,
-    wanted: Wrench,
+    reference: Wrench,
     felt: Wrench,
 }
 
 impl Segment {
-    fn add(&mut self, wanted: &Wrench, felt: &Wrench) {
+    fn add(&mut self, reference: &Wrench, felt: &Wrench) {
         self.count += 1.0;
-        self.wanted = self.wanted + *wanted;
+        self.reference = self.reference + *reference;
         self.felt = self.felt + *felt;
     }
 
@@ -159,8 +159,8 @@ impl Segment {
         (self.count > 0.0).then(|| self.felt().force.norm())
     }
 
-    fn wanted(&self) -> Wrench {
-        self.mean(&self.wanted)
+    fn reference(&self) -> Wrench {
+        self.mean(&self.reference)
     }
 
     fn felt(&self) -> Wrench {
@@ -176,20 +176,20 @@ fn feelings(segments: &[Segment]) -> [Option<ForceError>; 6] {
             return None;
         }
         let felt = pressed.felt() - (before.felt() + after.felt()) * 0.5;
-        let wanted = pressed.wanted();
+        let reference = pressed.reference();
         match place {
-            0..3 => feel(&wanted.force, &felt.force),
-            _ => feel(&wanted.moment, &felt.moment),
+            0..3 => feel(&reference.force, &felt.force),
+            _ => feel(&reference.moment, &felt.moment),
         }
     })
 }
 
-fn feel(wanted: &Vector3<f64>, felt: &Vector3<f64>) -> Option<ForceError> {
-    let size = wanted.norm();
+fn feel(reference: &Vector3<f64>, felt: &Vector3<f64>) -> Option<ForceError> {
+    let size = reference.norm();
     (size > f64::EPSILON).then(|| ForceError {
-        size_percent: 100.0 * (felt.dot(wanted) / (size * size) - 1.0),
-        turned_deg: wanted.angle(felt).to_degrees(),
-        error_percent: 100.0 * (felt - wanted).norm() / size,
+        size_percent: 100.0 * (felt.dot(reference) / (size * size) - 1.0),
+        turned_deg: reference.angle(felt).to_degrees(),
+        error_percent: 100.0 * (felt - reference).norm() / size,
     })
 }
 

@@ -8,7 +8,7 @@ mod course;
 
 use crate::actuator::{ActuatorSettings, Encoder};
 use crate::drive::limits::Limits;
-use crate::drive::monitor::{Cause, Monitor};
+use crate::drive::monitor::{FaultCause, Monitor};
 use crate::drive::options::{Abort, Options};
 use crate::drive::power::Power;
 use crate::drive::servo::Servo;
@@ -286,7 +286,7 @@ impl Axis {
             State::NotReadyToSwitchOn | State::Fault => true,
             State::FaultReactionActive => !cause.is_torque_gone(),
             State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn => {
-                cause == Cause::OverSpeed
+                cause == FaultCause::OverSpeed
             }
             State::OperationEnabled | State::QuickStopActive => false,
         };

@@ -28,9 +28,9 @@ impl Default for Monitor {
     }
 }
 
-/// Cause of a fault.
+/// Cause of the Fault state (CiA 402), most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Cause {
+pub(super) enum FaultCause {
     SafeTorqueOff,
     UnderVoltage,
     OverVoltage,
@@ -38,7 +38,7 @@ pub(super) enum Cause {
     OverSpeed,
 }
 
-impl Cause {
+impl FaultCause {
     /// Returns the error code of 603Fh and the EMCY.
     pub(super) const fn error_code(self) -> u16 {
         match self {
@@ -61,13 +61,13 @@ impl Cause {
 
 impl Monitor {
     /// Returns the most severe cause present.
-    pub(super) fn cause(&self) -> Option<Cause> {
+    pub(super) fn cause(&self) -> Option<FaultCause> {
         let causes = [
-            (self.inputs.is_torque_off, Cause::SafeTorqueOff),
-            (self.link_voltage < MIN_VOLTAGE, Cause::UnderVoltage),
-            (self.link_voltage > MAX_VOLTAGE, Cause::OverVoltage),
-            (self.temperature >= MAX_TEMPERATURE, Cause::OverTemperature),
-            (self.is_too_fast, Cause::OverSpeed),
+            (self.inputs.is_torque_off, FaultCause::SafeTorqueOff),
+            (self.link_voltage < MIN_VOLTAGE, FaultCause::UnderVoltage),
+            (self.link_voltage > MAX_VOLTAGE, FaultCause::OverVoltage),
+            (self.temperature >= MAX_TEMPERATURE, FaultCause::OverTemperature),
+            (self.is_too_fast, FaultCause::OverSpeed),
         ];
         causes.into_iter().find_map(|(is_present, cause)| is_present.then_some(cause))
     }
@@ -108,7 +108,7 @@ mod tests {
             (25.0, false, None),
             (109.9, false, None),
             (110.0, true, None),
-            (120.0, true, Some(Cause::OverTemperature)),
+            (120.0, true, Some(FaultCause::OverTemperature)),
         ] {
             assert_eq!(at(temperature).has_warning(), has_warning, "{temperature} °C");
             assert_eq!(at(temperature).cause(), cause, "{temperature} °C");
@@ -118,22 +118,22 @@ mod tests {
     #[test]
     fn most_severe_cause_comes_first() {
         let mut monitor = Monitor { is_too_fast: true, ..at(130.0) };
-        assert_eq!(monitor.cause(), Some(Cause::OverTemperature));
+        assert_eq!(monitor.cause(), Some(FaultCause::OverTemperature));
         monitor.link_voltage = 70.0;
-        assert_eq!(monitor.cause(), Some(Cause::OverVoltage));
+        assert_eq!(monitor.cause(), Some(FaultCause::OverVoltage));
         monitor.inputs.is_torque_off = true;
-        assert_eq!(monitor.cause(), Some(Cause::SafeTorqueOff));
+        assert_eq!(monitor.cause(), Some(FaultCause::SafeTorqueOff));
         assert!(!monitor.has_voltage());
     }
 
     #[test]
     fn error_codes_have_descriptions() {
         for (cause, words) in [
-            (Cause::SafeTorqueOff, "safe torque off"),
-            (Cause::UnderVoltage, "DC link under-voltage"),
-            (Cause::OverVoltage, "DC link over-voltage"),
-            (Cause::OverTemperature, "drive temperature too high"),
-            (Cause::OverSpeed, "speed"),
+            (FaultCause::SafeTorqueOff, "safe torque off"),
+            (FaultCause::UnderVoltage, "DC link under-voltage"),
+            (FaultCause::OverVoltage, "DC link over-voltage"),
+            (FaultCause::OverTemperature, "drive temperature too high"),
+            (FaultCause::OverSpeed, "speed"),
         ] {
             assert_eq!(error_codes::description(cause.error_code()), words);
         }

@@ -25,7 +25,7 @@ use crate::fault::devices::{Devices, present};
 use crate::fault::running::{OfDevices, Running};
 use canopen::error_codes;
 use canopen::frame::Telegram;
-use faults::{DeviceFault, Disconnection, Fault, Kind, LinkFault};
+use faults::{DeviceFault, Disconnection, Fault, FaultKind, LinkFault};
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -143,7 +143,7 @@ impl Faults {
     /// Returns the worst fault of the link to the commanded side.
     pub fn link(&self) -> Option<LinkFault> {
         let links = self.running.iter().filter_map(|running| {
-            let Kind::Link(link) = running.fault.kind else { return None };
+            let FaultKind::Link(link) = running.fault.kind else { return None };
             Some(link)
         });
         links.max()
@@ -170,26 +170,26 @@ impl Faults {
         self.notify(now, fault, false);
         let mut running = Running::new(fault, now, self.seed ^ number.wrapping_mul(STREAM));
         match fault.kind {
-            Kind::Disconnection(how) => running.disconnect(how, devices),
-            Kind::Device(what) => {
+            FaultKind::Disconnection(how) => running.disconnect(how, devices),
+            FaultKind::Device(what) => {
                 apply(now, fault, what, devices);
                 if what.is_momentary() {
                     return;
                 }
             }
-            Kind::Imitation { by, service } => running.imitate(by, service, devices),
-            Kind::ForeignFrame { frame, period: None } => {
+            FaultKind::Imitation { by, service } => running.imitate(by, service, devices),
+            FaultKind::ForeignFrame { frame, period: None } => {
                 out.extend(fault.target.bus().map(|channel| Telegram { channel, frame }));
                 return;
             }
-            Kind::ForeignFrame { period: Some(_), .. } => running.sends = Some(now),
-            Kind::Frames(_)
-            | Kind::Sensor(_)
-            | Kind::Contact(..)
-            | Kind::Link(_)
-            | Kind::SensedForce(_)
-            | Kind::Bus(_)
-            | Kind::Host(_) => {}
+            FaultKind::ForeignFrame { period: Some(_), .. } => running.sends = Some(now),
+            FaultKind::Frames(_)
+            | FaultKind::Sensor(_)
+            | FaultKind::Contact(..)
+            | FaultKind::Link(_)
+            | FaultKind::SensedForce(_)
+            | FaultKind::Bus(_)
+            | FaultKind::Host(_) => {}
         }
         self.running.push(running);
     }
@@ -201,27 +201,29 @@ impl Faults {
         for (place, device) in present(devices) {
             let is_back = over.is_disconnected(place) && !self.is_disconnected(place);
             match fault.kind {
-                Kind::Disconnection(Disconnection::Unplugged) if is_back => device.switch_on(now),
-                Kind::Disconnection(Disconnection::BusOff) if is_back => {
+                FaultKind::Disconnection(Disconnection::Unplugged) if is_back => {
+                    device.switch_on(now);
+                }
+                FaultKind::Disconnection(Disconnection::BusOff) if is_back => {
                     device.send_emergency(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
                 }
-                Kind::Device(DeviceFault::SafeTorqueOff) if fault.target.has(place) => {
+                FaultKind::Device(DeviceFault::SafeTorqueOff) if fault.target.has(place) => {
                     device.set_safe_torque_off(false);
                 }
-                Kind::Device(DeviceFault::ControlwordIgnored) if fault.target.has(place) => {
+                FaultKind::Device(DeviceFault::ControlwordIgnored) if fault.target.has(place) => {
                     device.set_ignores_controlword(false);
                 }
-                Kind::Disconnection(_)
-                | Kind::Frames(_)
-                | Kind::Imitation { .. }
-                | Kind::Device(_)
-                | Kind::Sensor(_)
-                | Kind::Contact(..)
-                | Kind::ForeignFrame { .. }
-                | Kind::Link(_)
-                | Kind::SensedForce(_)
-                | Kind::Bus(_)
-                | Kind::Host(_) => {}
+                FaultKind::Disconnection(_)
+                | FaultKind::Frames(_)
+                | FaultKind::Imitation { .. }
+                | FaultKind::Device(_)
+                | FaultKind::Sensor(_)
+                | FaultKind::Contact(..)
+                | FaultKind::ForeignFrame { .. }
+                | FaultKind::Link(_)
+                | FaultKind::SensedForce(_)
+                | FaultKind::Bus(_)
+                | FaultKind::Host(_) => {}
             }
         }
     }

@@ -6,8 +6,8 @@ use crate::fault::devices::{Devices, present};
 use crate::random::SplitMix;
 use canopen::frame::{Channel, Frame, Telegram};
 use faults::{
-    ContactFault, Disconnection, Effect, Extent, Fault, FrameFault, Kind, Selection, SensorFault,
-    Service, Target,
+    ContactFault, Disconnection, Effect, Extent, Fault, FaultKind, FrameFault, Selection,
+    SensorFault, Service, Target,
 };
 use units::numbering::{Joint, NodeIndex};
 use units::time::Instant;
@@ -138,7 +138,9 @@ impl Running {
 
     /// Sends a foreign frame if its time has come.
     pub(super) fn send_foreign(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        let Kind::ForeignFrame { frame, period: Some(period) } = self.fault.kind else { return };
+        let FaultKind::ForeignFrame { frame, period: Some(period) } = self.fault.kind else {
+            return;
+        };
         if self.sends.is_some_and(|sends| sends <= now) {
             out.extend(self.fault.target.bus().map(|channel| Telegram { channel, frame }));
             self.sends = Some(now + period);
@@ -153,7 +155,7 @@ impl Running {
         direction: Direction,
         frame: &Frame,
     ) -> Option<Effect> {
-        let Kind::Frames(FrameFault { selection, effect, extent }) = self.fault.kind else {
+        let FaultKind::Frames(FrameFault { selection, effect, extent }) = self.fault.kind else {
             return None;
         };
         if !self.fault.target.has(place) || self.is_spent() {
@@ -178,14 +180,15 @@ impl Running {
 
     /// Returns whether frames from or to the device at a place may be changed or imitated.
     pub(super) fn changes(&self, place: NodeIndex) -> bool {
-        let is_of_frames = matches!(self.fault.kind, Kind::Frames(_)) && !self.is_spent();
+        let is_of_frames = matches!(self.fault.kind, FaultKind::Frames(_)) && !self.is_spent();
         let is_imitated = self.imitation.is_some_and(|imitation| imitation.of == place);
         is_of_frames && self.fault.target.has(place) || self.is_disconnected(place) || is_imitated
     }
 
     /// Returns whether the fault has applied to as many frames as its `count`.
     pub(super) const fn is_spent(&self) -> bool {
-        let Kind::Frames(FrameFault { extent: Extent::First(count), .. }) = self.fault.kind else {
+        let FaultKind::Frames(FrameFault { extent: Extent::First(count), .. }) = self.fault.kind
+        else {
             return false;
         };
         self.matched >= count
@@ -205,7 +208,7 @@ impl Running {
 
     /// Returns the values that a drive measures.
     pub(super) fn sensed(&mut self, joint: Joint, sensed: MotorReading) -> MotorReading {
-        let Kind::Sensor(fault) = self.fault.kind else { return sensed };
+        let FaultKind::Sensor(fault) = self.fault.kind else { return sensed };
         if !self.fault.target.has(joint.into()) {
             return sensed;
         }
@@ -225,7 +228,7 @@ impl Running {
 
     /// Returns the levels at the switch box's terminals.
     pub(super) fn inputs(&mut self, inputs: u8) -> u8 {
-        let Kind::Contact(input, fault) = self.fault.kind else { return inputs };
+        let FaultKind::Contact(input, fault) = self.fault.kind else { return inputs };
         match fault {
             ContactFault::StuckHigh => inputs | input.bit(),
             ContactFault::StuckLow => inputs & !input.bit(),

@@ -8,7 +8,7 @@ use toml::Spanned;
 use crate::scenario::fault_table::{self, seconds};
 use crate::scenario::keys::{Entry, KeyList, Keys};
 use crate::scenario::problem::{LocatedProblem, MIN_DURATION, follows};
-use faults::{Fault, Kind};
+use faults::{Fault, FaultKind};
 
 /// Reads all of them. They may overlap, but none may start before the one before it.
 pub(super) fn read_all(
@@ -34,12 +34,13 @@ fn read(kind: &str, at_s: f64, length: f64, keys: &mut Keys) -> Result<Fault, Lo
     let mut fault = Fault::new(Duration::from_secs_f64(at_s), target, kind);
     if !kind.is_momentary() {
         // A host or an adapter may stall for a part of a cycle.
-        let least = if matches!(kind, Kind::Host(_) | Kind::Bus(_)) { 0.0 } else { MIN_DURATION };
+        let least =
+            if matches!(kind, FaultKind::Host(_) | FaultKind::Bus(_)) { 0.0 } else { MIN_DURATION };
         let duration = keys.value("for_s", |it| it.number(least..=length - at_s))?;
         fault.duration = duration.map(Duration::from_secs_f64);
     }
     // Without an end, the process would never run again in virtual time.
-    if matches!(kind, Kind::Host(_)) && !kind.is_momentary() {
+    if matches!(kind, FaultKind::Host(_)) && !kind.is_momentary() {
         keys.needed("for_s", fault.duration)?;
     }
     Ok(fault)

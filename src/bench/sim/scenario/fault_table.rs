@@ -12,8 +12,8 @@ use canopen::layout::MAX_PDOS;
 use canopen::nmt::Order;
 use canopen::sync;
 use faults::{
-    ContactFault, DeviceFault, Disconnection, Disturbance, Effect, Extent, FrameFault, HostFault,
-    Input, Kind, LinkFault, Selection, SensorFault, Service, Target,
+    ContactFault, DeviceFault, Disconnection, Disturbance, Effect, Extent, FaultKind, FrameFault,
+    HostFault, Input, LinkFault, Selection, SensorFault, Service, Target,
 };
 use units::numbering::Joint;
 
@@ -29,7 +29,7 @@ macro_rules! fault_table {
             => $short_kind:expr;)+
     ) => {
         /// Reads target and kind of the fault that `word` names.
-        pub(super) fn read(word: &str, keys: &mut Keys) -> Result<(Target, Kind), LocatedProblem> {
+        pub(super) fn read(word: &str, keys: &mut Keys) -> Result<(Target, FaultKind), LocatedProblem> {
             Ok(match word {
                 $($word => {
                     $(let $value = $key.read(keys)?;)*
@@ -48,7 +48,7 @@ macro_rules! fault_table {
         }
 
         /// Writes `kind`, the target and the keys.
-        pub(super) fn write(target: Target, kind: Kind, keys: &mut KeyList) {
+        pub(super) fn write(target: Target, kind: FaultKind, keys: &mut KeyList) {
             match kind {
                 $($($kind)+ => {
                     keys.push(("kind", $word.into()));
@@ -61,62 +61,62 @@ macro_rules! fault_table {
 }
 
 fault_table! {
-    "unplug" by DEVICE => (Kind::Disconnection(Disconnection::Unplugged));
-    "wire_cut" by DEVICE => (Kind::Disconnection(Disconnection::WireCut));
-    "bus_off" by DEVICE => (Kind::Disconnection(Disconnection::BusOff));
+    "unplug" by DEVICE => (FaultKind::Disconnection(Disconnection::Unplugged));
+    "wire_cut" by DEVICE => (FaultKind::Disconnection(Disconnection::WireCut));
+    "bus_off" by DEVICE => (FaultKind::Disconnection(Disconnection::BusOff));
     "drop" by DEVICE, selection: SELECTION, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Drop, extent }));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Drop, extent }));
     "duplicate" by DEVICE, selection: SELECTION, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Duplicate, extent }));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Duplicate, extent }));
     "delay" by DEVICE, selection: SELECTION, by: DELAY, reorders: REORDER, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Delay { by, reorders }, extent }));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Delay { by, reorders }, extent }));
     "corrupt" by DEVICE, selection: SELECTION, mask: MASK, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Corrupt(mask), extent }));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Corrupt(mask), extent }));
     "freeze" by DEVICE, selection: SELECTION, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Freeze, extent }));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Freeze, extent }));
     "resize" by DEVICE, selection: SELECTION, bytes: BYTES, extent: EXTENT
-        => (Kind::Frames(FrameFault { selection, effect: Effect::Resize(bytes), extent }));
-    "impersonate" by DEVICE, by: IMITATED, service: SERVICE => (Kind::Imitation { by, service });
-    "reset" by DEVICE => (Kind::Device(DeviceFault::Reboot));
+        => (FaultKind::Frames(FrameFault { selection, effect: Effect::Resize(bytes), extent }));
+    "impersonate" by DEVICE, by: IMITATED, service: SERVICE => (FaultKind::Imitation { by, service });
+    "reset" by DEVICE => (FaultKind::Device(DeviceFault::Reboot));
     "emergency" by DEVICE, code: CODE, register: REGISTER
-        => (Kind::Device(DeviceFault::Emergency { code, register }));
-    "fault" by DRIVE, code: CODE.or(0) => (Kind::Device(DeviceFault::DriveFault(code)));
-    "sto" by DRIVE => (Kind::Device(DeviceFault::SafeTorqueOff));
-    "controlword_ignored" by DRIVE => (Kind::Device(DeviceFault::ControlwordIgnored));
-    "torque_offset" by DRIVE, torque: TORQUE => (Kind::Device(DeviceFault::TorqueOffset(torque)));
-    "encoder_jump" by DRIVE, by: OFFSET => (Kind::Sensor(SensorFault::PositionOffset(by)));
-    "encoder_frozen" by DRIVE => (Kind::Sensor(SensorFault::PositionFrozen));
+        => (FaultKind::Device(DeviceFault::Emergency { code, register }));
+    "fault" by DRIVE, code: CODE.or(0) => (FaultKind::Device(DeviceFault::DriveFault(code)));
+    "sto" by DRIVE => (FaultKind::Device(DeviceFault::SafeTorqueOff));
+    "controlword_ignored" by DRIVE => (FaultKind::Device(DeviceFault::ControlwordIgnored));
+    "torque_offset" by DRIVE, torque: TORQUE => (FaultKind::Device(DeviceFault::TorqueOffset(torque)));
+    "encoder_jump" by DRIVE, by: OFFSET => (FaultKind::Sensor(SensorFault::PositionOffset(by)));
+    "encoder_frozen" by DRIVE => (FaultKind::Sensor(SensorFault::PositionFrozen));
     "torque_actual_scale" by DRIVE, factor: SCALE
-        => (Kind::Sensor(SensorFault::TorqueScaled(factor)));
+        => (FaultKind::Sensor(SensorFault::TorqueScaled(factor)));
     "switch_bounce" on Target::SwitchBox, input: SWITCH
-        => (Kind::Contact(input, ContactFault::Bouncing));
-    "switch_stuck" on Target::SwitchBox, input: SWITCH, level: LEVEL => (Kind::Contact(input, level));
-    "foreign_frame" by BUS, frame: FRAME, period: PERIOD => (Kind::ForeignFrame { frame, period });
-    "link_loss" on Target::Link => (Kind::Link(LinkFault::Lost));
-    "link_slow" on Target::Link => (Kind::Link(LinkFault::Slow));
-    "link_foreign" on Target::Link => (Kind::Link(LinkFault::Foreign));
-    "far_side_holds" on Target::Link => (Kind::Link(LinkFault::Held));
-    "link_frozen" on Target::Link => (Kind::Link(LinkFault::Frozen));
-    "sensed_force" on Target::Link, force: FORCE => (Kind::SensedForce(force));
-    "queue_full" by BUS => (Kind::Bus(Disturbance::QueueFull));
-    "adapter_stuck" by BUS => (Kind::Bus(Disturbance::AdapterStuck));
-    "adapter_stalled" by BUS => (Kind::Bus(Disturbance::AdapterStalled));
-    "adapter_unplugged" by BUS => (Kind::Bus(Disturbance::AdapterUnplugged));
-    "adapter_bus_off" by BUS => (Kind::Bus(Disturbance::BusOff));
-    "error_passive" by BUS => (Kind::Bus(Disturbance::ErrorPassive));
-    "error_warning" by BUS => (Kind::Bus(Disturbance::ErrorWarning));
-    "interface_down" by BUS => (Kind::Bus(Disturbance::InterfaceDown));
-    "flood" by BUS, frame: FRAME => (Kind::Bus(Disturbance::Flood(frame)));
-    "host_suspended" on Target::Host, after: AFTER => (Kind::Host(HostFault::Suspended(after)));
-    "clock_set" on Target::Host, wall: WALL => (Kind::Host(HostFault::ClockSet(wall)));
-    "process_stopped" on Target::Host, stop: STOP => (Kind::Host(stop));
+        => (FaultKind::Contact(input, ContactFault::Bouncing));
+    "switch_stuck" on Target::SwitchBox, input: SWITCH, level: LEVEL => (FaultKind::Contact(input, level));
+    "foreign_frame" by BUS, frame: FRAME, period: PERIOD => (FaultKind::ForeignFrame { frame, period });
+    "link_loss" on Target::Link => (FaultKind::Link(LinkFault::Lost));
+    "link_slow" on Target::Link => (FaultKind::Link(LinkFault::Slow));
+    "link_foreign" on Target::Link => (FaultKind::Link(LinkFault::Foreign));
+    "far_side_holds" on Target::Link => (FaultKind::Link(LinkFault::Held));
+    "link_frozen" on Target::Link => (FaultKind::Link(LinkFault::Frozen));
+    "sensed_force" on Target::Link, force: FORCE => (FaultKind::SensedForce(force));
+    "queue_full" by BUS => (FaultKind::Bus(Disturbance::QueueFull));
+    "adapter_stuck" by BUS => (FaultKind::Bus(Disturbance::AdapterStuck));
+    "adapter_stalled" by BUS => (FaultKind::Bus(Disturbance::AdapterStalled));
+    "adapter_unplugged" by BUS => (FaultKind::Bus(Disturbance::AdapterUnplugged));
+    "adapter_bus_off" by BUS => (FaultKind::Bus(Disturbance::BusOff));
+    "error_passive" by BUS => (FaultKind::Bus(Disturbance::ErrorPassive));
+    "error_warning" by BUS => (FaultKind::Bus(Disturbance::ErrorWarning));
+    "interface_down" by BUS => (FaultKind::Bus(Disturbance::InterfaceDown));
+    "flood" by BUS, frame: FRAME => (FaultKind::Bus(Disturbance::Flood(frame)));
+    "host_suspended" on Target::Host, after: AFTER => (FaultKind::Host(HostFault::Suspended(after)));
+    "clock_set" on Target::Host, wall: WALL => (FaultKind::Host(HostFault::ClockSet(wall)));
+    "process_stopped" on Target::Host, stop: STOP => (FaultKind::Host(stop));
 
     short forms:
-    "heartbeat_stop" by DEVICE => Kind::Frames(FrameFault::on_service(Service::Heartbeat, Effect::Drop));
+    "heartbeat_stop" by DEVICE => FaultKind::Frames(FrameFault::on_service(Service::Heartbeat, Effect::Drop));
     "foreign_sync" by BUS, period: PERIOD
-        => Kind::ForeignFrame { frame: Frame::new(sync::COB_ID, []), period };
+        => FaultKind::ForeignFrame { frame: Frame::new(sync::COB_ID, []), period };
     "foreign_nmt" by BUS, command: COMMAND, node: NODE, period: PERIOD
-        => Kind::ForeignFrame { frame: Order { command, node }.frame(), period };
+        => FaultKind::ForeignFrame { frame: Order { command, node }.frame(), period };
 }
 
 /// `joint = 3`, `joint = "all"` or `device = "switches"`.

@@ -300,7 +300,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use faults::{DeviceFault, Kind, Target};
+    use faults::{DeviceFault, FaultKind, Target};
     use units::numbering::Joint;
 
     const SCRIPT: &str = "seconds = 5\n\
@@ -420,7 +420,7 @@ mod tests {
         let fault = Fault::new(
             Duration::from_micros(1_234_567),
             Target::Joint(Joint::of::<3>()),
-            Kind::Device(DeviceFault::SafeTorqueOff),
+            FaultKind::Device(DeviceFault::SafeTorqueOff),
         );
         let entries = [
             Entry::Console(Console::new(at_s[0], ConsoleRequest::Arm)),

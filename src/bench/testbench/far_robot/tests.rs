@@ -175,8 +175,8 @@ fn hazard_34_silence_holds_until_a_new_epoch() {
     assert!(ends.moved(ahead(0.05), 100) > 3e-3);
 }
 
-/// Returns what a fault makes of the measurements.
-type Fault = fn(Measurement) -> Measurement;
+/// Returns the measurements with wrong values.
+type Corruption = fn(Measurement) -> Measurement;
 
 fn with_force(mut measurement: Measurement, force: f64) -> Measurement {
     measurement.reading.force.y = force;
@@ -188,8 +188,8 @@ fn with_moment(mut measurement: Measurement, moment: f64) -> Measurement {
     measurement
 }
 
-/// Faults of sensor and joints, and the reasons to hold that they are.
-const FAULTS: [(Fault, Reason); 8] = [
+/// Wrong values of sensor and joints, each with its reason to hold.
+const CORRUPTIONS: [(Corruption, Reason); 8] = [
     (|it| with_force(it, 200.0), Reason::SensorSaturated),
     (|it| with_force(it, -200.1), Reason::SensorSaturated),
     (|it| with_moment(it, 20.0), Reason::SensorSaturated),
@@ -202,10 +202,10 @@ const FAULTS: [(Fault, Reason); 8] = [
 
 #[test]
 fn faults_of_sensor_and_joints_hold_until_a_new_epoch() {
-    for (place, (fault, reason)) in FAULTS.into_iter().enumerate() {
+    for (place, (corruption, reason)) in CORRUPTIONS.into_iter().enumerate() {
         let mut ends = Ends::usual();
         ends.run(ahead(0.05), 200);
-        let faulty = (0..200).map(|_| ends.exchange(ahead(0.05), fault));
+        let faulty = (0..200).map(|_| ends.exchange(ahead(0.05), corruption));
         let feedback = faulty.last().flatten().unwrap().feedback;
         assert_eq!(feedback.reason, reason, "{place}");
         assert_eq!(feedback.measured.wrench, None, "{place}");
@@ -219,13 +219,13 @@ fn faults_of_sensor_and_joints_hold_until_a_new_epoch() {
 
 #[test]
 fn fault_that_lasts_holds_in_a_new_epoch_as_well() {
-    for (fault, reason) in FAULTS {
+    for (corruption, reason) in CORRUPTIONS {
         let mut ends = Ends::usual();
-        (0..10).for_each(|_| _ = ends.exchange(ahead(0.05), fault));
+        (0..10).for_each(|_| _ = ends.exchange(ahead(0.05), corruption));
         let before = *ends.far.site().pose();
         ends.node.begin_epoch();
         for _ in 0..300 {
-            ends.exchange(ahead(0.05), fault);
+            ends.exchange(ahead(0.05), corruption);
             assert_eq!(ends.far.reason(), reason);
         }
         let moved = (before.inverse() * ends.far.site().pose()).translation.vector.norm();

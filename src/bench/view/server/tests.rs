@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::server::hub::MAX_VIEWERS;
 use crate::server::{NO_SEAT, Running, Server};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const READ_TIMEOUT: Duration = Duration::from_secs(20);
 const DESCRIPTION: &str = r#"{"version":1,"kind":"description","hand":{"joints":[{"name":"<img src=x> & \u0000 \"é\""}]}}"#;
 const MODE: &str = r#"{"version":1,"kind":"mode","mode":"ready"}"#;
 const SNAPSHOT: &str =
@@ -34,7 +34,7 @@ impl Bench {
 
     fn send(&self, request: &str) -> TcpStream {
         let mut stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(READ_TIMEOUT)).unwrap();
         stream.write_all(request.as_bytes()).unwrap();
         stream
     }

@@ -2,7 +2,7 @@
 
 use super::joints::JOINTS;
 use super::number::{fixed, percent};
-use super::page::{Row, plain, row};
+use super::page::{ScreenRow, plain, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::fitted;
@@ -23,7 +23,7 @@ const COMPONENTS: [(&str, &str, usize); 7] = [
 const NAME: usize = 13;
 
 /// Returns the budget of each joint below a heading, and the scales of its terms: 80 columns.
-pub(super) fn table(state: &State) -> Vec<Row> {
+pub(super) fn table(state: &State) -> Vec<ScreenRow> {
     let budget = |key: &'static str| at(&state.snapshot, &["budget", key]);
     let names: String =
         COMPONENTS.iter().map(|(_, name, columns)| format!("{name:>columns$}")).collect();

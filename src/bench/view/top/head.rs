@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 
 use super::number::{clock, fixed};
-use super::page::{Block, Row, plain, row};
+use super::page::{Block, ScreenRow, plain, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::{cut, fitted, width, wrapped};
@@ -20,7 +20,7 @@ const MAX_NAME: usize = 14;
 const MAX_ROWS: usize = 3;
 
 /// Returns the first row. `columns` is at least 40.
-pub(super) fn title(state: &State, view: &View, palette: Palette, columns: usize) -> Row {
+pub(super) fn title(state: &State, view: &View, palette: Palette, columns: usize) -> ScreenRow {
     let (word, style) = match (&state.absence, state.mode_name()) {
         (Some(_), _) => ("no node".to_owned(), palette.alarm()),
         (None, mode) if mode.is_empty() => ("waiting".to_owned(), palette.mode("")),
@@ -48,7 +48,7 @@ pub(super) fn title(state: &State, view: &View, palette: Palette, columns: usize
     ])
 }
 
-fn narrow_pause(badge: String, style: Style, time: &str, columns: usize) -> Row {
+fn narrow_pause(badge: String, style: Style, time: &str, columns: usize) -> ScreenRow {
     let rest = columns.saturating_sub(BADGE + width(time));
     row([
         (badge, style),
@@ -72,7 +72,7 @@ pub(super) fn remarks(
     palette: Palette,
     columns: usize,
 ) -> Vec<Block> {
-    let styled = |text: &str, style: Style| -> Vec<Row> {
+    let styled = |text: &str, style: Style| -> Vec<ScreenRow> {
         let rows = wrapped(text, columns, MAX_ROWS);
         rows.into_iter().map(|text| row([(text, style)])).collect()
     };
@@ -106,7 +106,7 @@ pub(super) fn remarks(
 
 /// Returns the steps out of this mode: the first is more important than the others.
 fn way_out(steps: &[String], columns: usize) -> Vec<Block> {
-    let rows_of = |step: &String, max| -> Vec<Row> {
+    let rows_of = |step: &String, max| -> Vec<ScreenRow> {
         let rows = wrapped(step, columns.saturating_sub(2), max);
         let marked = rows.iter().enumerate();
         marked
@@ -121,7 +121,7 @@ fn way_out(steps: &[String], columns: usize) -> Vec<Block> {
 }
 
 /// Returns the last row: the keys.
-pub(super) fn keys(view: &View, has_budget: bool, columns: usize) -> Row {
+pub(super) fn keys(view: &View, has_budget: bool, columns: usize) -> ScreenRow {
     let pause = if view.is_paused { "p go on" } else { "p pause" };
     let budget = match (has_budget, view.is_budget) {
         (false, _) => "",

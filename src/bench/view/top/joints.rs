@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 
 use super::number::{bar, fixed, percent};
-use super::page::{Row, row};
+use super::page::{ScreenRow, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::fitted;
@@ -43,7 +43,7 @@ fn values(state: &State, place: usize) -> Values {
 }
 
 /// Returns the heading of the table of at least 80 columns.
-pub(super) fn heading(columns: usize) -> Row {
+pub(super) fn heading(columns: usize) -> ScreenRow {
     let bar = bar_columns(columns) + 6;
     let text = format!(
         "{:NAME$} {:>9}     {:>9}      {:bar$}  {:7}",
@@ -53,7 +53,7 @@ pub(super) fn heading(columns: usize) -> Row {
 }
 
 /// Returns a row for each joint, of at least 80 columns.
-pub(super) fn wide(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn wide(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let of_joint = |place| {
         let Values { name, position, position_unit, torque, torque_unit, share, is_sampled } =
             values(state, place);
@@ -82,7 +82,7 @@ fn bar_columns(columns: usize) -> usize {
 }
 
 /// Returns a row for each joint, of at least 40 columns; a missed sample has an exclamation mark.
-pub(super) fn narrow(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn narrow(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let of_joint = |place| {
         let Values { name, position, position_unit, torque, torque_unit, share, is_sampled } =
             values(state, place);

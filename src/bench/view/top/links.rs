@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 
 use super::number::{bar, fixed, percent};
-use super::page::{Row, beside, plain, row};
+use super::page::{ScreenRow, beside, plain, row};
 use super::palette::Palette;
 use super::state::{State, Watchdog};
 use super::text::{cut, fitted, width};
@@ -19,7 +19,7 @@ const SHARE_COLUMNS: usize = 50;
 const BUS_NAME: usize = 8;
 
 /// Returns a row for each bus: load, limit and bar.
-pub(super) fn buses(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn buses(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let of_bus = |place: usize| {
         let Bus { name, load, limit } = bus(state, place);
         let share = load.map(|load| load / 100.0);
@@ -39,13 +39,14 @@ pub(super) fn buses(state: &State, palette: Palette, columns: usize) -> Vec<Row>
 }
 
 /// Returns the loads of the buses and the age of the newest sample, two values a row: 40 columns.
-pub(super) fn short_buses(state: &State, palette: Palette) -> Vec<Row> {
+pub(super) fn short_buses(state: &State, palette: Palette) -> Vec<ScreenRow> {
     let of_bus = |place: usize| {
         let Bus { name, load, limit } = bus(state, place);
         let used = load.zip(limit).map(|(load, limit)| load / limit);
         row([(format!("{}{} %", fitted(&name, BUS_NAME), fixed(load, 5, 1)), palette.share(used))])
     };
-    let values: Vec<Row> = (0..bus_count(state)).map(of_bus).chain([sample_age(state)]).collect();
+    let values: Vec<ScreenRow> =
+        (0..bus_count(state)).map(of_bus).chain([sample_age(state)]).collect();
     let pairs = values.chunks(2);
     pairs
         .flat_map(|pair| {
@@ -78,13 +79,13 @@ fn bus_count(state: &State) -> usize {
 }
 
 /// Returns the age of the newest sample of the commanded side.
-pub(super) fn sample_age(state: &State) -> Row {
+pub(super) fn sample_age(state: &State) -> ScreenRow {
     let age_us = number(at(&state.snapshot, &["sample_age_us"]));
     plain(format!("sample age{} ms", fixed(age_us.map(|age| age / 1e3), 9, 2)))
 }
 
 /// Returns this age with its limit.
-pub(super) fn bounded_sample_age(state: &State) -> Row {
+pub(super) fn bounded_sample_age(state: &State) -> ScreenRow {
     let watchdog = state.watchdogs.iter().find(|watchdog| watchdog.name == SAMPLE_AGE);
     let limit = watchdog.and_then(|watchdog| watchdog.limit);
     let mut age = sample_age(state);
@@ -95,7 +96,7 @@ pub(super) fn bounded_sample_age(state: &State) -> Row {
 }
 
 /// Returns the state of the link; no row where the commanded side is in the node's process.
-pub(super) fn link(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn link(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let link = at(&state.snapshot, &["link"]);
     if !link.is_object() {
         return Vec::new();
@@ -115,13 +116,13 @@ pub(super) fn link(state: &State, palette: Palette, columns: usize) -> Vec<Row> 
 }
 
 /// Returns the watchdog that is nearest to its limit, and then each of them.
-pub(super) fn watchdogs(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn watchdogs(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let each = state.watchdogs.iter().map(|watchdog| watchdog_row(watchdog, palette, columns));
     nearest(state, palette, columns).into_iter().chain(each).collect()
 }
 
 /// Returns the watchdog that is nearest to its limit; `None` without watchdogs.
-pub(super) fn nearest(state: &State, palette: Palette, columns: usize) -> Option<Row> {
+pub(super) fn nearest(state: &State, palette: Palette, columns: usize) -> Option<ScreenRow> {
     let share = |watchdog: &&Watchdog| watchdog.share().unwrap_or(f64::NEG_INFINITY);
     let nearest =
         state.watchdogs.iter().max_by(|one, other| share(one).total_cmp(&share(other)))?;
@@ -136,7 +137,7 @@ pub(super) fn nearest(state: &State, palette: Palette, columns: usize) -> Option
 }
 
 /// Returns value and limit of a watchdog, of a constant width, and its share where there are `SHARE_COLUMNS`.
-fn watchdog_row(watchdog: &Watchdog, palette: Palette, columns: usize) -> Row {
+fn watchdog_row(watchdog: &Watchdog, palette: Palette, columns: usize) -> ScreenRow {
     let Watchdog { name, unit, value, limit, .. } = watchdog;
     let share = watchdog.share();
     let decimals = match limit {

@@ -6,37 +6,37 @@ use ratatui::text::{Line, Span};
 use super::text::fitted;
 
 /// Row of the screen.
-pub(super) type Row = Line<'static>;
+pub(super) type ScreenRow = Line<'static>;
 
 /// Rows that belong together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    rows: Vec<Row>,
+    rows: Vec<ScreenRow>,
     importance: u8,
     is_divisible: bool,
     /// Rows that are shown instead where there is room for them, and their importance.
-    fuller: Option<(u8, Vec<Row>)>,
+    fuller: Option<(u8, Vec<ScreenRow>)>,
 }
 
 impl Block {
     /// Creates a block that is shown completely or not at all.
-    pub(super) fn whole(importance: u8, rows: Vec<Row>) -> Self {
+    pub(super) fn whole(importance: u8, rows: Vec<ScreenRow>) -> Self {
         Self { rows, importance, is_divisible: false, fuller: None }
     }
 
     /// Creates a block whose first rows are shown where there is no room for all.
-    pub(super) fn divisible(importance: u8, rows: Vec<Row>) -> Self {
+    pub(super) fn divisible(importance: u8, rows: Vec<ScreenRow>) -> Self {
         Self { is_divisible: true, ..Self::whole(importance, rows) }
     }
 
     /// Creates a block with a short form for screens without room for the full one. Each form has its importance.
-    pub(super) fn abridged(short: (u8, Vec<Row>), fuller: (u8, Vec<Row>)) -> Self {
+    pub(super) fn abridged(short: (u8, Vec<ScreenRow>), fuller: (u8, Vec<ScreenRow>)) -> Self {
         Self { fuller: Some(fuller), ..Self::whole(short.0, short.1) }
     }
 
     /// Creates an empty row, shown only if all other blocks have room.
     pub(super) fn gap() -> Self {
-        Self::whole(0, vec![Row::default()])
+        Self::whole(0, vec![ScreenRow::default()])
     }
 
     /// Returns the number of rows that are shown in this room.
@@ -58,7 +58,7 @@ struct Claim {
 }
 
 /// Returns the rows of the most important blocks, in the order of the blocks: at most `height`.
-pub(super) fn arranged(blocks: &[Block], height: usize) -> Vec<Row> {
+pub(super) fn arranged(blocks: &[Block], height: usize) -> Vec<ScreenRow> {
     let claims = |(place, block): (usize, &Block)| {
         let first = Claim { importance: block.importance, place, is_fuller: false };
         let fuller = block.fuller.as_ref();
@@ -69,7 +69,7 @@ pub(super) fn arranged(blocks: &[Block], height: usize) -> Vec<Row> {
     };
     let mut ranking: Vec<Claim> = blocks.iter().enumerate().flat_map(claims).flatten().collect();
     ranking.sort_by_key(|claim| std::cmp::Reverse(claim.importance));
-    let mut shown: Vec<&[Row]> = vec![&[]; blocks.len()];
+    let mut shown: Vec<&[ScreenRow]> = vec![&[]; blocks.len()];
     let mut room = height;
     for Claim { place, is_fuller, .. } in ranking {
         let (Some(block), Some(rows)) = (blocks.get(place), shown.get_mut(place)) else { continue };
@@ -85,17 +85,17 @@ pub(super) fn arranged(blocks: &[Block], height: usize) -> Vec<Row> {
 }
 
 /// Returns a row of texts, each with its style.
-pub(super) fn row<const N: usize>(parts: [(String, Style); N]) -> Row {
-    Row::from(parts.map(|(text, style)| Span::styled(text, style)).to_vec())
+pub(super) fn row<const N: usize>(parts: [(String, Style); N]) -> ScreenRow {
+    ScreenRow::from(parts.map(|(text, style)| Span::styled(text, style)).to_vec())
 }
 
 /// Returns a row in the default style.
-pub(super) fn plain(text: impl Into<String>) -> Row {
-    Row::from(text.into())
+pub(super) fn plain(text: impl Into<String>) -> ScreenRow {
+    ScreenRow::from(text.into())
 }
 
 /// Returns rows side by side: the left ones have `width` columns.
-pub(super) fn beside(left: &[Row], width: usize, right: &[Row]) -> Vec<Row> {
+pub(super) fn beside(left: &[ScreenRow], width: usize, right: &[ScreenRow]) -> Vec<ScreenRow> {
     let side = |place: usize| {
         let mut whole = left.get(place).cloned().unwrap_or_default();
         let blank = width.saturating_sub(whole.width());
@@ -110,7 +110,7 @@ pub(super) fn beside(left: &[Row], width: usize, right: &[Row]) -> Vec<Row> {
 mod tests {
     use super::*;
 
-    fn block(importance: u8, name: &str, rows: usize) -> Vec<Row> {
+    fn block(importance: u8, name: &str, rows: usize) -> Vec<ScreenRow> {
         (0..rows).map(|_| plain(format!("{name}{importance}"))).collect()
     }
 

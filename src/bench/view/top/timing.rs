@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 
 use super::number::fixed;
-use super::page::{Row, plain, row};
+use super::page::{ScreenRow, plain, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::{cut, fitted};
@@ -24,7 +24,7 @@ const TIMES: [(&str, &str); 4] = [
 ];
 
 /// Returns the table of the times, below a heading.
-pub(super) fn table(state: &State) -> Vec<Row> {
+pub(super) fn table(state: &State) -> Vec<ScreenRow> {
     let heading = format!("{:15}{:>8}{:>8}{:>8}", "timing, µs", "p50", "p99", "max");
     let of_key = |(key, name): (&str, &str)| {
         let value = |part| fixed(number(at(&state.snapshot, &["timing", key, part])), 8, 0);
@@ -34,7 +34,7 @@ pub(super) fn table(state: &State) -> Vec<Row> {
 }
 
 /// Returns overruns, missed samples and losses, in one row where `columns` are at least 80.
-pub(super) fn counters(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn counters(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let counter = |key| number(at(&state.snapshot, &[key]));
     let style = |count: Option<f64>| match count {
         Some(count) if count > 0.0 => palette.bad(),
@@ -61,7 +61,7 @@ fn losses(state: &State) -> Option<f64> {
 }
 
 /// Returns warnings about the recording, the switch box and other masters; no row without a warning.
-pub(super) fn others(state: &State, palette: Palette, columns: usize) -> Vec<Row> {
+pub(super) fn others(state: &State, palette: Palette, columns: usize) -> Vec<ScreenRow> {
     let snapshot = |path: &[&str]| at(&state.snapshot, path);
     let mut rows = Vec::new();
     if snapshot(&["switches_online"]).as_bool() == Some(false) {

@@ -3,7 +3,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
-use super::page::{Block, Row, arranged, beside, plain};
+use super::page::{Block, ScreenRow, arranged, beside, plain};
 use super::palette::Palette;
 use super::state::State;
 use super::text::wrapped;
@@ -48,7 +48,7 @@ impl Scene<'_> {
             self.too_small(columns, height)
         } else {
             let mut rows = arranged(&self.blocks(columns, height), height - 1);
-            rows.resize(height - 1, Row::default());
+            rows.resize(height - 1, ScreenRow::default());
             rows.push(head::keys(
                 &self.view,
                 is_wide(columns, height) && height < BUDGET_ROWS,
@@ -62,12 +62,12 @@ impl Scene<'_> {
     }
 
     /// Returns all rows of a screen of this width, without that of the keys.
-    pub(super) fn all_rows(&self, columns: usize) -> Vec<Row> {
+    pub(super) fn all_rows(&self, columns: usize) -> Vec<ScreenRow> {
         let height = usize::from(u16::MAX);
         arranged(&self.blocks(columns, height), height)
     }
 
-    fn too_small(&self, columns: usize, height: usize) -> Vec<Row> {
+    fn too_small(&self, columns: usize, height: usize) -> Vec<ScreenRow> {
         let (width, rows) = MIN_SIZE;
         let text = format!("{}. frhc top needs {width} × {rows} cells.", self.state.mode_name());
         wrapped(text.trim_start_matches(". "), columns, height).into_iter().map(plain).collect()
@@ -93,7 +93,7 @@ impl Scene<'_> {
         links.extend(links::link(state, palette, right));
         links.extend(links::watchdogs(state, palette, right));
         let extras = [wrenches::gripper(state, columns), wrenches::adjusted(state, columns)];
-        let extras: Vec<Row> = extras.into_iter().flatten().collect();
+        let extras: Vec<ScreenRow> = extras.into_iter().flatten().collect();
         // Without a stop, the blocks other than times and budget have at most this many rows.
         links.truncate(height.saturating_sub(OTHER_ROWS + extras.len()).max(timing::ROWS));
         let times = beside(&timing::table(state), timing::COLUMNS + 2, &links);

@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 
 use super::number::{fixed, percent};
-use super::page::{Row, plain, row};
+use super::page::{ScreenRow, plain, row};
 use super::palette::Palette;
 use super::state::State;
 use super::text::{cut, fitted};
@@ -29,7 +29,7 @@ fn fixed_all(values: &[Option<f64>], width: usize, decimals: usize) -> String {
 }
 
 /// Returns the wrenches with their components, below a heading: 80 columns.
-pub(super) fn wide(state: &State) -> Vec<Row> {
+pub(super) fn wide(state: &State) -> Vec<ScreenRow> {
     let heading = format!(
         "{:10}{:>8}{:>8}{:>8}{:>9}  {:>8}{:>8}{:>8}{:>11}",
         "wrench", "x", "y", "z", "force N", "x", "y", "z", "moment N·m"
@@ -47,13 +47,13 @@ pub(super) fn wide(state: &State) -> Vec<Row> {
 }
 
 /// Returns the magnitudes of the forces on the object and on the hand: 40 columns.
-pub(super) fn forces(state: &State) -> Row {
+pub(super) fn forces(state: &State) -> ScreenRow {
     let force = |key| fixed(magnitude(&wrench(state, key).force), 8, 2);
     plain(format!("sensed{} N   felt{} N", force("f_s"), force("f_g")))
 }
 
 /// Returns the components of the forces and moments: 40 columns.
-pub(super) fn components(state: &State) -> Vec<Row> {
+pub(super) fn components(state: &State) -> Vec<ScreenRow> {
     let of_key = |(key, name): (&str, &str)| {
         let Wrench { force, moment } = wrench(state, key);
         let force = plain(format!("{name:10}{} N", fixed_all(&force, 8, 2)));
@@ -63,7 +63,7 @@ pub(super) fn components(state: &State) -> Vec<Row> {
 }
 
 /// Returns the command: 80 columns.
-pub(super) fn command(state: &State) -> Row {
+pub(super) fn command(state: &State) -> ScreenRow {
     let command = at(&state.snapshot, &["command"]);
     let kind = text(at(command, &["kind"])).unwrap_or_else(|| "–".to_owned());
     let name = format!("command   {}", fitted(&kind, 6));
@@ -83,7 +83,7 @@ pub(super) fn command(state: &State) -> Row {
 }
 
 /// Returns the command as its speeds or its position: 40 columns.
-pub(super) fn short_command(state: &State) -> Row {
+pub(super) fn short_command(state: &State) -> ScreenRow {
     let command = at(&state.snapshot, &["command"]);
     let kind = text(at(command, &["kind"])).unwrap_or_else(|| "–".to_owned());
     let name = format!("command {}", fitted(&kind, 5));
@@ -102,7 +102,7 @@ pub(super) fn short_command(state: &State) -> Row {
 }
 
 /// Returns reflection and energy of its port: 80 columns.
-pub(super) fn port(state: &State) -> Row {
+pub(super) fn port(state: &State) -> ScreenRow {
     let value = |key| number(at(&state.snapshot, &[key]));
     let (energy, tank) = (fixed(value("energy"), 8, 4), fixed(value("tank"), 8, 4));
     let dampers = percent(value("activity"));
@@ -113,7 +113,7 @@ pub(super) fn port(state: &State) -> Row {
 }
 
 /// Returns reflection and energy of its port in two rows: 40 columns.
-pub(super) fn short_port(state: &State) -> Vec<Row> {
+pub(super) fn short_port(state: &State) -> Vec<ScreenRow> {
     let value = |key| number(at(&state.snapshot, &[key]));
     let (energy, tank) = (fixed(value("energy"), 8, 4), fixed(value("tank"), 8, 4));
     let port = format!("energy{energy} J  tank{tank} J");
@@ -121,7 +121,7 @@ pub(super) fn short_port(state: &State) -> Vec<Row> {
 }
 
 /// Returns the scales other than 1, the locked axes and a running alignment; `None` without an adjustment.
-pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
+pub(super) fn adjusted(state: &State, columns: usize) -> Option<ScreenRow> {
     let snapshot = &state.snapshot;
     let scale = |quantity: &str| {
         let factor = fixed(number(at(snapshot, &["scale", quantity])), 4, 2);
@@ -138,7 +138,7 @@ pub(super) fn adjusted(state: &State, columns: usize) -> Option<Row> {
 }
 
 /// Returns measured and commanded opening and force of the gripper, or its state; `None` without a gripper command.
-pub(super) fn gripper(state: &State, columns: usize) -> Option<Row> {
+pub(super) fn gripper(state: &State, columns: usize) -> Option<ScreenRow> {
     let gripper = at(&state.snapshot, &["gripper"]);
     let description = text(at(gripper, &["state"]))?;
     let value = |key| number(at(gripper, &[key]));

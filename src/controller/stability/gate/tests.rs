@@ -5,7 +5,7 @@ use crate::stability::axis::{AxisGains, Timing};
 /// Returns the findings of the first axis of a grip with 0.6 kg along every axis.
 fn findings(axis: Axis) -> Vec<Finding> {
     let postures = [GripDynamics::of_mass(0.6, 0.1)];
-    Gate { axes: &[axis; 6], postures: &postures }.findings(0)
+    StabilityGate { axes: &[axis; 6], postures: &postures }.findings(0)
 }
 
 fn found(axis: Axis, name: &str) -> Finding {

@@ -12,7 +12,7 @@ use crate::command::frame::{Files, Frame, Report};
 use crate::delay::link::{self, LinkConditions};
 use crate::delay::measurement::Outcome;
 use crate::delay::script::CommandMode;
-use crate::delay::trial::{self, Follower, Row, Trial};
+use crate::delay::trial::{self, Follower, Trial, TrialResult};
 use crate::no_trial::NoTrial;
 use config::Config;
 use config::robots::RobotArm;
@@ -74,7 +74,7 @@ enum Part {
 struct Figure {
     part: Part,
     #[serde(flatten)]
-    row: Row,
+    row: TrialResult,
 }
 
 /// Runs the experiment, prints the tables and writes the files.
@@ -161,7 +161,7 @@ fn disturbed() -> impl Iterator<Item = LinkConditions> {
 /// Returns the reason to fail: an accepted gain at which the hand does not rest, or torque after the loss of a link.
 fn gate(figures: &[Figure], period: f64) -> Option<String> {
     let is_wrong = |Figure { row, .. }: &&Figure| {
-        let Row { link, outcome, .. } = row;
+        let TrialResult { link, outcome, .. } = row;
         if link.outage_s.is_some() {
             let end = link.max_age_ms / 1e3 + END_S + END_PERIODS * period;
             let has_ended = row.reflected_for_s.is_some_and(|reflected| reflected <= end);
@@ -172,7 +172,8 @@ fn gate(figures: &[Figure], period: f64) -> Option<String> {
             false => *outcome != Outcome::LinkLost || row.largest_nm > 0.0,
         }
     };
-    let Row { led, link, commanded, k_t, outcome, .. } = &figures.iter().find(is_wrong)?.row;
+    let TrialResult { led, link, commanded, k_t, outcome, .. } =
+        &figures.iter().find(is_wrong)?.row;
     let delay_ms = link.delay_ms;
     Some(format!("{led}, {commanded} mode, {delay_ms} ms one way, K_T = {k_t:.3}, {outcome}"))
 }

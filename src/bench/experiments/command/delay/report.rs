@@ -5,7 +5,7 @@ use crate::command::table::{self, Column, Table};
 use crate::delay::link::LinkConditions;
 use crate::delay::measurement::Outcome;
 use crate::delay::script::CommandMode;
-use crate::delay::trial::Row;
+use crate::delay::trial::TrialResult;
 use crate::pool;
 use picture::{Ink, Panel, Series};
 
@@ -41,13 +41,13 @@ pub(super) fn tables(figures: &[Figure]) -> Vec<Table> {
 
 /// Runs of the same settings without and with the passivity layer.
 struct Pair<'f> {
-    without: &'f Row,
-    with: &'f Row,
+    without: &'f TrialResult,
+    with: &'f TrialResult,
 }
 
 /// Returns the pairs of a part, in their order.
 fn pairs(figures: &[Figure], part: Part) -> Vec<Pair<'_>> {
-    let rows: Vec<&Row> = rows(figures, part).collect();
+    let rows: Vec<&TrialResult> = rows(figures, part).collect();
     let pairs = rows.chunks_exact(2).filter_map(|pair| match pair {
         [without, with] => Some(Pair { without, with }),
         _ => None,
@@ -55,7 +55,7 @@ fn pairs(figures: &[Figure], part: Part) -> Vec<Pair<'_>> {
     pairs.collect()
 }
 
-fn rows(figures: &[Figure], part: Part) -> impl Iterator<Item = &Row> {
+fn rows(figures: &[Figure], part: Part) -> impl Iterator<Item = &TrialResult> {
     figures.iter().filter(move |figure| figure.part == part).map(|figure| &figure.row)
 }
 
@@ -79,7 +79,7 @@ fn accepted(figures: &[Figure]) -> Table {
         ("max age, ms", |of| format!("{:.0}", of.pose.with.link.max_age_ms)),
         ("the hand leads", |of| of.pose.with.led.clone()),
         ("K_T", |of| format!("{:.2}", of.pose.with.k_t)),
-        ("K_T k_e, N/m", |of| format!("{:.0}", of.pose.with.felt_stiffness_n_per_m)),
+        ("K_T k_e, N/m", |of| format!("{:.0}", of.pose.with.displayed_stiffness_n_per_m)),
         ("given up, %", |of| format!("{:.0}", 100.0 * (1.0 - of.pose.with.k_t / of.most))),
         ("pose: without layer, mJ", |of| driven(of.pose.without)),
         ("with layer, mJ", |of| driven(of.pose.with)),
@@ -92,7 +92,7 @@ fn accepted(figures: &[Figure]) -> Table {
         .below("the largest K_T that frhc check accepts, and contact with it")
 }
 
-fn driven(row: &Row) -> String {
+fn driven(row: &TrialResult) -> String {
     format!("{}, {:.0}", row.outcome, 1e3 * row.driven_j)
 }
 
@@ -140,7 +140,7 @@ fn cell(Pair { without, with }: &Pair<'_>) -> String {
 
 /// Returns the table of disturbed links, one row each.
 fn disturbed(figures: &[Figure]) -> Table {
-    let columns: [Column<&Row>; 9] = [
+    let columns: [Column<&TrialResult>; 9] = [
         ("one way, ms", |row| format!("{:.0}", row.link.delay_ms)),
         ("jitter, ms", |row| format!("{:.0}", row.link.jitter_ms)),
         ("lost, %", |row| format!("{:.0}", row.link.loss_percent)),

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 
 use crate::command::common::{self, Common, NamedConfig, refused};
 use crate::command::frame::{Files, Frame, Report};
-use crate::fidelity::experiment::{Condition, Row};
+use crate::fidelity::experiment::{Condition, FidelityResult};
 use crate::fidelity::script::{Course, HANDS, Hand};
 use crate::fidelity::worst_cases::WorstCases;
 use crate::no_trial::NoTrial;
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
         each.flat_map(|(named, condition)| participants().map(move |who| (named, condition, who)));
     let jobs: Vec<(&NamedConfig, Condition, _)> = jobs.collect();
     let rows = frame.play(&jobs, |(NamedConfig { name, config }, condition, who)| {
-        Row::play(name, config, *condition, *who, |_, _| {}).or_fail(Kind::Drive)
+        FidelityResult::play(name, config, *condition, *who, |_, _| {}).or_fail(Kind::Drive)
     })?;
     let pooled = WorstCases::new(&rows);
     frame.conclude(Report {
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
             first.map(|(named, condition, who)| panel(named, *condition, *who)).collect()
         },
         gate: common::none_stopped(rows.iter().filter_map(|row| {
-            let Row { config, condition, hand, seed, stopped_by, .. } = row;
+            let FidelityResult { config, condition, hand, seed, stopped_by, .. } = row;
             let Condition { course, arm, .. } = condition;
             let run = format!("{config}, {course}, {arm}, {hand}, seed {seed}");
             Some((run, stopped_by.as_deref()?))
@@ -103,21 +103,21 @@ fn panel(
     condition: Condition,
     participant: (&'static Hand, u64),
 ) -> Result<Panel, Failure> {
-    let (mut wanted, mut felt) = (Vec::new(), Vec::new());
+    let (mut reference, mut felt) = (Vec::new(), Vec::new());
     let each = |t: f64, sample: Option<&Sample>| {
-        let is_due = wanted.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
+        let is_due = reference.last().is_none_or(|[last, _]: &[f64; 2]| t - last >= RESOLUTION);
         if is_due {
             // Cycles without a sample leave a gap in the curve.
             let force =
                 |of: fn(&Sample) -> &Wrench| sample.map_or(f64::NAN, |one| of(one).force.norm());
-            wanted.push([t, force(|sample| &sample.wanted)]);
+            reference.push([t, force(|sample| &sample.reference)]);
             felt.push([t, force(|sample| &sample.felt)]);
         }
     };
-    Row::play(name, config, condition, participant, each).or_fail(Kind::Drive)?;
+    FidelityResult::play(name, config, condition, participant, each).or_fail(Kind::Drive)?;
     let series = [
         Series::new("force at the hand", Ink::Line, felt),
-        Series::new("K_T times the sensed force", Ink::Line, wanted),
+        Series::new("K_T times the sensed force", Ink::Line, reference),
     ];
     Ok(Panel::new(format!("{name}, {} hand", participant.0), ["s", "N"], series))
 }

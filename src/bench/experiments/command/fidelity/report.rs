@@ -1,7 +1,7 @@
 //! Tables and CSV of the experiment.
 
 use crate::command::table::{self, Column, Table};
-use crate::fidelity::experiment::{Condition, Row};
+use crate::fidelity::experiment::{Condition, FidelityResult};
 use crate::fidelity::place::Place;
 use crate::fidelity::worst_cases::{HandError, Releases, Still, WorstCases};
 
@@ -32,9 +32,11 @@ pub(super) fn tables(pooled: &WorstCases) -> [Table; 2] {
         ("arm", |one| one.condition.arm.to_string()),
         ("posture at the wall", |one| {
             let place = one.place.as_ref().map(Place::to_string);
-            place.unwrap_or_else(|| format!("{:.0} cm: out of reach", one.condition.way_m * 100.0))
+            place.unwrap_or_else(|| {
+                format!("{:.0} cm: out of reach", one.condition.distance_m * 100.0)
+            })
         }),
-        ("felt, N", |one| format!("{:.0}", one.condition.felt_n)),
+        ("felt, N", |one| format!("{:.0}", one.condition.reflected_n)),
         ("approach slide press half, %", |one| {
             let holds = one.holds_percent.iter().map(|(_, percent)| {
                 percent.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.1}"))
@@ -71,12 +73,21 @@ fn by_hand(still: &Still, digits: usize, value: fn(&HandError) -> f64) -> String
 }
 
 /// Returns the CSV of all runs, one line for each situation.
-pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
+pub(super) fn csv(rows: &[FidelityResult]) -> anyhow::Result<String> {
     let situations = rows.iter().flat_map(|row| {
-        let Row { config, condition, hand, seed, release, saturated_cycles, stopped_by, .. } = row;
-        let Condition { course, arm, way_m, stiffness_n_per_m, felt_n } = condition;
+        let FidelityResult {
+            config,
+            condition,
+            hand,
+            seed,
+            release,
+            saturated_cycles,
+            stopped_by,
+            ..
+        } = row;
+        let Condition { course, arm, distance_m, stiffness_n_per_m, reflected_n } = condition;
         let (course, arm) = (course.to_string(), arm.to_string());
-        let run = (config, course, arm, way_m, stiffness_n_per_m, felt_n, hand, seed);
+        let run = (config, course, arm, distance_m, stiffness_n_per_m, reflected_n, hand, seed);
         let release = [release.pull_n, release.excess_n, release.step_n, release.taken_j];
         row.situations().into_iter().filter_map(move |(situation, figures)| {
             Some((run.clone(), situation, figures?, release, saturated_cycles, stopped_by))

@@ -1,7 +1,7 @@
 //! Bounds of force accommodation: courses with gains 10 % below and 10 % above each.
 
 use crate::command::table::{self, Column, Table};
-use crate::contact_bounds::{Bound, Course, Model, Row};
+use crate::contact_bounds::{Bound, Course, CourseResult, Model};
 use config::robots::RobotArm;
 
 /// Names of the columns of bounds.csv; only the sampled bound has a delay.
@@ -29,8 +29,8 @@ pub(super) fn jobs(robots: &[RobotArm]) -> Vec<(&RobotArm, Course)> {
 }
 
 /// Returns the table of the courses.
-pub(super) fn table(rows: &[Row]) -> Table {
-    let columns: [Column<&Row>; 6] = [
+pub(super) fn table(rows: &[CourseResult]) -> Table {
+    let columns: [Column<&CourseResult>; 6] = [
         ("arm", |row| row.arm.clone()),
         ("bound", |row| match row.bound {
             Bound::Servo => "K_FA k_e τ_s ≤ 1/4".to_owned(),
@@ -55,8 +55,8 @@ pub(super) fn table(rows: &[Row]) -> Table {
 }
 
 /// Returns the courses as CSV.
-pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
-    let row = |row: &Row| {
+pub(super) fn csv(rows: &[CourseResult]) -> anyhow::Result<String> {
+    let row = |row: &CourseResult| {
         let (bound, delay) = match row.bound {
             Bound::Servo => ("servo", None),
             Bound::Sampled(delay) => ("sampled", Some(delay)),
@@ -68,9 +68,9 @@ pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
 }
 
 /// Returns the reason to fail: a course that oscillates within its bound, or is calm beyond it.
-pub(super) fn gate(rows: &[Row]) -> Option<String> {
+pub(super) fn gate(rows: &[CourseResult]) -> Option<String> {
     let wrong = rows.iter().find(|row| row.is_calm != (row.share < 1.0))?;
-    let Row { arm, bound, model: of, share, is_calm, .. } = wrong;
+    let CourseResult { arm, bound, model: of, share, is_calm, .. } = wrong;
     let found = if *is_calm { "is calm" } else { "oscillates" };
     Some(format!("{arm}, {} model, {bound:?}: {found} at {share} of the bound", model(*of)))
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::command::common::{self, Common, NamedConfig, Results};
 use crate::command::frame::{Files, Frame, Report};
 use crate::return_to_centre::script::{AXES, Sweep};
-use crate::return_to_centre::trial::Row;
+use crate::return_to_centre::trial::SweepResult;
 use run::exit::{Failure, Kind, OrFail};
 
 /// Time from the reference to an end, in s, in full and in short.
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let of = |named| axes.iter().map(move |axis| (named, *axis));
     let jobs: Vec<(&NamedConfig, usize)> = configs.iter().flat_map(of).collect();
     let rows = frame.play(&jobs, |(NamedConfig { name, config }, axis)| {
-        Row::play(name, config, &Sweep::new(config, *axis, leg_s), seed)
+        SweepResult::play(name, config, &Sweep::new(config, *axis, leg_s), seed)
             .or_fail(Kind::Configuration)
     })?;
     frame.conclude(Report {

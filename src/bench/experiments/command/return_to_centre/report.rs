@@ -3,7 +3,7 @@
 use crate::command::table::{self, Column, Table};
 use crate::return_to_centre::curve::Point;
 use crate::return_to_centre::figures::Figures;
-use crate::return_to_centre::trial::Row;
+use crate::return_to_centre::trial::SweepResult;
 use picture::{Ink, Panel, Series};
 
 /// Meaning of the columns, below the table.
@@ -22,7 +22,7 @@ const CURVES_HEAD: &str = "configuration,axis,displacement_m_or_rad,law_n_or_nm,
 /// Displacements in tables and pictures per m or rad.
 const SCALE: f64 = 1e3;
 
-impl Row {
+impl SweepResult {
     /// Returns a displacement in mm or mrad.
     fn far(&self, displacement: f64) -> String {
         let unit = if self.is_rotation { "mrad" } else { "mm" };
@@ -60,8 +60,8 @@ impl Row {
 }
 
 /// Returns one line for each configuration and axis.
-pub(super) fn table(rows: &[Row]) -> Table {
-    let columns: [Column<&Row>; 10] = [
+pub(super) fn table(rows: &[SweepResult]) -> Table {
+    let columns: [Column<&SweepResult>; 10] = [
         ("configuration", |row| row.config.clone()),
         ("axis", |row| row.axis.to_owned()),
         ("plateau", |row| row.forced(row.law.plateau)),
@@ -85,9 +85,18 @@ pub(super) fn table(rows: &[Row]) -> Table {
 }
 
 /// Returns the figures of every axis, one line each, in SI units.
-pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
+pub(super) fn csv(rows: &[SweepResult]) -> anyhow::Result<String> {
     let rows = rows.iter().map(|row| {
-        let Row { config, axis, law, command_from, returned, limited_cycles, stopped_by, .. } = row;
+        let SweepResult {
+            config,
+            axis,
+            law,
+            command_from,
+            returned,
+            limited_cycles,
+            stopped_by,
+            ..
+        } = row;
         let figures = row.figures.map(|one| {
             let plateau = [Some(one.commanded), Some(one.felt), one.edge];
             (plateau, [Some(one.hysteresis), Some(one.damping), one.wall_stiffness])
@@ -99,9 +108,9 @@ pub(super) fn csv(rows: &[Row]) -> anyhow::Result<String> {
 }
 
 /// Returns the curves, a line per displacement, in SI units.
-pub(super) fn curves(rows: &[Row]) -> anyhow::Result<String> {
+pub(super) fn curves(rows: &[SweepResult]) -> anyhow::Result<String> {
     let points = rows.iter().flat_map(|row| row.points.iter().map(move |point| (row, point)));
-    let fields = |(row, point): (&Row, &Point)| {
+    let fields = |(row, point): (&SweepResult, &Point)| {
         let Point { x, law, commanded, felt_out, felt_back, .. } = *point;
         (row.config.clone(), row.axis, [x, law, commanded, felt_out, felt_back])
     };
@@ -109,7 +118,7 @@ pub(super) fn curves(rows: &[Row]) -> anyhow::Result<String> {
 }
 
 /// Returns the panel of an axis: force over displacement, as in Fig. 4.
-pub(super) fn panel(row: &Row) -> Panel {
+pub(super) fn panel(row: &SweepResult) -> Panel {
     let line = |name: &str, ink: Ink, value: fn(&Point) -> f64| {
         Series::new(name, ink, row.points.iter().map(|point| [point.x * SCALE, value(point)]))
     };

@@ -10,8 +10,8 @@ use serde::Serialize;
 use crate::command::common::{self, Common, NamedConfig};
 use crate::command::frame::{Files, Frame, Report};
 use crate::fidelity::trial::Arm;
-use crate::torque_curves::calibration::{self, JointCurves};
-use crate::torque_curves::test_force::{self, Curve};
+use crate::torque_curves::calibration::{CurveErrors, JointCurves};
+use crate::torque_curves::test_force::{Curve, TestForceResult};
 use config::JointParameters;
 use run::exit::{Failure, Kind, OrFail};
 
@@ -45,8 +45,8 @@ struct Motors<'n> {
 /// Results of the experiment.
 #[derive(Serialize)]
 struct Figures {
-    joints: Vec<calibration::Row>,
-    test_forces: Vec<test_force::Row>,
+    joints: Vec<CurveErrors>,
+    test_forces: Vec<TestForceResult>,
 }
 
 /// Runs the experiment, prints the tables and writes the files.
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
     let jobs: Vec<(&Motors<'_>, Arm, Curve)> = jobs.collect();
     let test_forces = frame.play(&jobs, |(motors, arm, curve)| {
         let Motors { named: NamedConfig { name, config }, seed, joint_curves } = motors;
-        test_force::Row::play(name, config, joint_curves, (*arm, *curve, *seed))
+        TestForceResult::play(name, config, joint_curves, (*arm, *curve, *seed))
             .or_fail(Kind::Drive)
     })?;
     let joints = motors.iter().flat_map(|motors| {
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Arguments, is_quiet: bool) -> Result<(), Failure> {
             Ok(panels.collect())
         },
         gate: common::none_stopped(calibrated.filter_map(|row| {
-            let test_force::Row { config, arm, curve, seed, stopped_by, .. } = row;
+            let TestForceResult { config, arm, curve, seed, stopped_by, .. } = row;
             Some((format!("{config}, {arm}, {curve}, seed {seed}"), stopped_by.as_deref()?))
         })),
         figures: &figures,

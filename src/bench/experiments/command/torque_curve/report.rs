@@ -2,8 +2,8 @@
 
 use crate::command::table::{self, Column, Table};
 use crate::pool;
-use crate::torque_curves::calibration::{JointCurves, Row};
-use crate::torque_curves::test_force::{self, ForceError, TEST_FORCE, TEST_MOMENT};
+use crate::torque_curves::calibration::{CurveErrors, JointCurves};
+use crate::torque_curves::test_force::{ForceError, TEST_FORCE, TEST_MOMENT, TestForceResult};
 use calibration::fit::Direction;
 use config::JointParameters;
 use controller::calibration::TorqueCurve;
@@ -41,9 +41,9 @@ fn by_seeds<R>(rows: &[R], is_same: impl Fn(&R, &R) -> bool) -> Vec<Seeds<'_, R>
 }
 
 /// Returns the table of the joints: the worst of all seeds.
-pub(super) fn joints(rows: &[Row]) -> Table {
-    let is_same = |a: &Row, b: &Row| (&a.config, &a.joint) == (&b.config, &b.joint);
-    let columns: [Column<Seeds<'_, Row>>; 9] = [
+pub(super) fn joints(rows: &[CurveErrors]) -> Table {
+    let is_same = |a: &CurveErrors, b: &CurveErrors| (&a.config, &a.joint) == (&b.config, &b.joint);
+    let columns: [Column<Seeds<'_, CurveErrors>>; 9] = [
         ("configuration", |(first, _)| first.config.clone()),
         ("joint", |(first, _)| first.joint.clone()),
         ("range", |(first, _)| format!("{:.1} {}", first.range, first.unit())),
@@ -65,28 +65,28 @@ pub(super) fn joints(rows: &[Row]) -> Table {
     Table::new(by_seeds(rows, is_same), columns, JOINTS_NOTE)
 }
 
-impl Row {
+impl CurveErrors {
     const fn unit(&self) -> &'static str {
         if self.is_force { "N" } else { "N·m" }
     }
 }
 
-fn worst(rows: &[&Row], of: impl Fn(&Row) -> f64) -> f64 {
+fn worst(rows: &[&CurveErrors], of: impl Fn(&CurveErrors) -> f64) -> f64 {
     pool::max(rows.iter().map(|row| of(row)))
 }
 
 /// Returns the maximum of each of two errors, as `1.0, 2.0`.
-fn pair(rows: &[&Row], digits: usize, of: fn(&Row) -> [f64; 2]) -> String {
+fn pair(rows: &[&CurveErrors], digits: usize, of: fn(&CurveErrors) -> [f64; 2]) -> String {
     let (a, b) = (worst(rows, |row| of(row)[0]), worst(rows, |row| of(row)[1]));
     format!("{a:.digits$}, {b:.digits$}")
 }
 
 /// Returns the table of the test forces: all seeds together.
-pub(super) fn test_forces(rows: &[test_force::Row]) -> Table {
-    let is_same = |a: &test_force::Row, b: &test_force::Row| {
+pub(super) fn test_forces(rows: &[TestForceResult]) -> Table {
+    let is_same = |a: &TestForceResult, b: &TestForceResult| {
         (&a.config, a.arm, a.curve) == (&b.config, b.arm, b.curve)
     };
-    let columns: [Column<Seeds<'_, test_force::Row>>; 8] = [
+    let columns: [Column<Seeds<'_, TestForceResult>>; 8] = [
         ("configuration", |(first, _)| first.config.clone()),
         ("arm", |(first, _)| first.arm.to_string()),
         ("curve", |(first, _)| first.curve.to_string()),
@@ -114,12 +114,12 @@ pub(super) fn test_forces(rows: &[test_force::Row]) -> Table {
 }
 
 /// Returns a figure of the test forces `from` to `from + 2`, of all seeds.
-fn felt(rows: &[&test_force::Row], from: usize, of: fn(&ForceError) -> f64) -> Vec<f64> {
+fn felt(rows: &[&TestForceResult], from: usize, of: fn(&ForceError) -> f64) -> Vec<f64> {
     let parts = rows.iter().flat_map(|row| row.felt.iter().skip(from).take(3));
     parts.flatten().map(of).collect()
 }
 
-fn errors(rows: &[&test_force::Row], from: usize) -> String {
+fn errors(rows: &[&TestForceResult], from: usize) -> String {
     some(&felt(rows, from, |one| one.error_percent), |of| {
         format!("{:.1}, {:.1}", pool::mean(of.iter().copied()), pool::max(of.iter().copied()))
     })
@@ -130,21 +130,22 @@ fn some(values: &[f64], text: fn(&[f64]) -> String) -> String {
 }
 
 /// Returns the CSV of the joints' errors in percent of the range, one line for each joint and seed.
-pub(super) fn joints_csv(rows: &[Row]) -> anyhow::Result<String> {
-    let row = |row: &Row| {
-        let Row { config, joint, seed, range, friction, line, polynomial, .. } = row.clone();
+pub(super) fn joints_csv(rows: &[CurveErrors]) -> anyhow::Result<String> {
+    let row = |row: &CurveErrors| {
+        let CurveErrors { config, joint, seed, range, friction, line, polynomial, .. } =
+            row.clone();
         (config, joint, seed, row.unit(), [range, friction], line, polynomial)
     };
     table::csv(JOINTS_HEAD, rows.iter().map(row))
 }
 
 /// Returns the CSV of the test forces, one line for each force of each run.
-pub(super) fn test_forces_csv(rows: &[test_force::Row]) -> anyhow::Result<String> {
+pub(super) fn test_forces_csv(rows: &[TestForceResult]) -> anyhow::Result<String> {
     let along = ["x", "y", "z", "about x", "about y", "about z"];
     let each = rows.iter().flat_map(|row| along.iter().zip(&row.felt).map(move |one| (row, one)));
     let fields =
-        |(row, (along, felt)): (&test_force::Row, (&&'static str, &Option<ForceError>))| {
-            let test_force::Row { config, arm, curve, seed, weight_n, stopped_by, .. } =
+        |(row, (along, felt)): (&TestForceResult, (&&'static str, &Option<ForceError>))| {
+            let TestForceResult { config, arm, curve, seed, weight_n, stopped_by, .. } =
                 row.clone();
             let felt =
                 felt.map(|one| [one.size_percent, one.turned_deg, one.error_percent].map(Some));

@@ -23,7 +23,7 @@ pub enum NetworkEvent {
 
 /// Monitor of a bus.
 #[derive(Clone, Debug)]
-pub struct Watch {
+pub struct NetworkMonitor {
     silence: Duration,
     until: Option<Instant>,
     nodes: Vec<(NodeId, Consumer)>,
@@ -31,7 +31,7 @@ pub struct Watch {
     news: VecDeque<(Instant, NetworkEvent)>,
 }
 
-impl Watch {
+impl NetworkMonitor {
     /// Returns a monitor with consumer heartbeat time `silence`, until `until` or without end.
     pub const fn new(silence: Duration, until: Option<Instant>) -> Self {
         Self { silence, until, nodes: Vec::new(), news: VecDeque::new() }
@@ -60,7 +60,7 @@ impl Watch {
     }
 }
 
-impl Procedure for Watch {
+impl Procedure for NetworkMonitor {
     /// Next event with its time of reception; `None` at the end.
     type Outcome = Option<(Instant, NetworkEvent)>;
 
@@ -107,9 +107,9 @@ mod tests {
 
     #[test]
     fn only_changes_are_reported() {
-        let mut watch = Watch::new(Duration::from_millis(100), None);
+        let mut monitor = NetworkMonitor::new(Duration::from_millis(100), None);
         let mut receive = |millis, cob_id, byte: u8| {
-            let news = watch.on_frame(at(millis), &Frame::new(cob_id, [byte]), &mut Vec::new());
+            let news = monitor.on_frame(at(millis), &Frame::new(cob_id, [byte]), &mut Vec::new());
             news.map(|news| news.unwrap().1)
         };
         let pre_operational = heartbeat::HeartbeatEvent::State(NmtState::PreOperational);
@@ -119,14 +119,14 @@ mod tests {
         assert_eq!(receive(60, 0x703, 0), beat(heartbeat::HeartbeatEvent::Rebooted));
         assert_eq!(receive(60, 0x704, 0x42), None, "no heartbeat");
         assert_eq!(receive(60, 0x083, 0), None, "no emergency");
-        assert_eq!(watch.deadline(), Some(at(160)));
+        assert_eq!(monitor.deadline(), Some(at(160)));
     }
 
     #[test]
     fn all_nodes_lost_at_once_are_reported() {
-        let mut watch = Watch::new(Duration::from_millis(100), None);
+        let mut monitor = NetworkMonitor::new(Duration::from_millis(100), None);
         for cob_id in [0x703, 0x704] {
-            watch.on_frame(at(0), &Frame::new(cob_id, [5]), &mut Vec::new());
+            monitor.on_frame(at(0), &Frame::new(cob_id, [5]), &mut Vec::new());
         }
         let lost = |raw| {
             Some(Some((
@@ -134,25 +134,25 @@ mod tests {
                 NetworkEvent::Heartbeat(node(raw), heartbeat::HeartbeatEvent::Lost),
             )))
         };
-        assert_eq!(watch.on_time(at(100), &mut Vec::new()), lost(3));
-        assert_eq!(watch.deadline(), Some(at(100)));
-        assert_eq!(watch.on_time(at(100), &mut Vec::new()), lost(4));
-        assert_eq!(watch.deadline(), None);
+        assert_eq!(monitor.on_time(at(100), &mut Vec::new()), lost(3));
+        assert_eq!(monitor.deadline(), Some(at(100)));
+        assert_eq!(monitor.on_time(at(100), &mut Vec::new()), lost(4));
+        assert_eq!(monitor.deadline(), None);
     }
 
     #[test]
     fn monitor_ends_at_its_time() {
-        let mut watch = Watch::new(Duration::from_millis(100), Some(at(50)));
-        assert_eq!(watch.deadline(), Some(at(50)));
-        assert_eq!(watch.on_time(at(49), &mut Vec::new()), None);
-        assert_eq!(watch.on_time(at(50), &mut Vec::new()), Some(None));
+        let mut monitor = NetworkMonitor::new(Duration::from_millis(100), Some(at(50)));
+        assert_eq!(monitor.deadline(), Some(at(50)));
+        assert_eq!(monitor.on_time(at(49), &mut Vec::new()), None);
+        assert_eq!(monitor.on_time(at(50), &mut Vec::new()), Some(None));
     }
 
     #[test]
     fn emergency_is_reported_with_its_node() {
-        let mut watch = Watch::new(Duration::from_millis(100), None);
+        let mut monitor = NetworkMonitor::new(Duration::from_millis(100), None);
         let frame = Frame::new(0x083, [0x10, 0x23, 3, 0, 0, 0, 0, 0]);
-        let (_, news) = watch.on_frame(at(0), &frame, &mut Vec::new()).unwrap().unwrap();
+        let (_, news) = monitor.on_frame(at(0), &frame, &mut Vec::new()).unwrap().unwrap();
         assert!(
             matches!(news, NetworkEvent::Emergency(of, what) if of == node(3) && what.code == 0x2310)
         );

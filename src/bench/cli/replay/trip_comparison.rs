@@ -8,17 +8,17 @@ use ::replay::FaultRecord;
 use node::record::Record;
 use run::exit::{Failure, Kind};
 
-/// Trip of a fault record.
+/// Comparison of the trip in a fault record with the replayed one.
 #[derive(Debug)]
-pub(super) struct Trip {
+pub(super) struct TripComparison {
     recorded: FaultRecord,
     /// Cause in the replayed cycle of the trip, in words; `None` before that cycle.
     replayed: Option<String>,
 }
 
-impl Trip {
+impl TripComparison {
     /// Creates the comparison for a record.
-    pub(super) const fn awaited(recorded: FaultRecord) -> Self {
+    pub(super) const fn new(recorded: FaultRecord) -> Self {
         Self { recorded, replayed: None }
     }
 
@@ -47,7 +47,7 @@ impl Trip {
     }
 }
 
-impl fmt::Display for Trip {
+impl fmt::Display for TripComparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let FaultRecord { cycle, cause, seconds, modes: [before, after], .. } = &self.recorded;
         write!(
@@ -57,10 +57,10 @@ impl fmt::Display for Trip {
     }
 }
 
-impl Serialize for Trip {
+impl Serialize for TripComparison {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let FaultRecord { cycle, cause, seconds, .. } = &self.recorded;
-        let mut object = serializer.serialize_struct("Trip", 4)?;
+        let mut object = serializer.serialize_struct("TripComparison", 4)?;
         object.serialize_field("cycle", cycle)?;
         object.serialize_field("cause", cause)?;
         object.serialize_field("replayed_cause", &self.replayed)?;

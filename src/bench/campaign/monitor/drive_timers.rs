@@ -11,12 +11,12 @@ use units::time::Instant;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DriveTimers {
     rpdos: bool,
-    master: Option<MasterWatch>,
+    master: Option<MasterTimer>,
 }
 
 /// Monitoring of the master by a drive. Both kinds report the same error code.
 #[derive(Clone, Copy, Debug)]
-enum MasterWatch {
+enum MasterTimer {
     Heartbeat,
     /// Life guarding, with its life time.
     Guarding(Duration),
@@ -26,14 +26,14 @@ impl DriveTimers {
     pub(super) fn from_plan(plan: &NodePlan) -> Self {
         let guarding = plan
             .watchdog(LifeSign::Guarding)
-            .map(|timer| MasterWatch::Guarding(Duration::from_millis(u64::from(timer.millis))));
-        let heartbeat = plan.watchdog(LifeSign::Heartbeat).map(|_| MasterWatch::Heartbeat);
+            .map(|timer| MasterTimer::Guarding(Duration::from_millis(u64::from(timer.millis))));
+        let heartbeat = plan.watchdog(LifeSign::Heartbeat).map(|_| MasterTimer::Heartbeat);
         Self { rpdos: plan.watchdog(LifeSign::Rpdo).is_some(), master: guarding.or(heartbeat) }
     }
 
     /// Returns whether the master polls the node by remote frames (node guarding).
     pub(super) const fn is_guarded(&self) -> bool {
-        matches!(self.master, Some(MasterWatch::Guarding(_)))
+        matches!(self.master, Some(MasterTimer::Guarding(_)))
     }
 }
 
@@ -57,8 +57,8 @@ impl Proof {
     pub(super) fn on_emergency(&mut self, timers: &DriveTimers, at: Instant, code: u16) {
         match (code, timers.master) {
             (error_codes::RPDO_TIMEOUT, _) => self.rpdos = true,
-            (error_codes::MASTER_LOST, Some(MasterWatch::Heartbeat)) => self.master = true,
-            (error_codes::MASTER_LOST, Some(MasterWatch::Guarding(life_time))) => {
+            (error_codes::MASTER_LOST, Some(MasterTimer::Heartbeat)) => self.master = true,
+            (error_codes::MASTER_LOST, Some(MasterTimer::Guarding(life_time))) => {
                 self.master |= self.polled.is_some_and(|polled| at >= polled + life_time);
             }
             _ => {}

@@ -1,4 +1,4 @@
-//! Fault records: everything on the buses and every cycle from 2 s before a trip to 1 s after it.
+//! Detection of trips, and the content of their fault records: all frames and cycles from 2 s before a trip to 1 s after it.
 //!
 //! Performs no I/O, and does not run on the cycle's thread. Keeps the events of the last 2 s in a ring of constant size,
 //! and reports a trip and the end of its record.

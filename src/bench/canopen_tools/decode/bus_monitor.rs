@@ -56,7 +56,7 @@ pub(super) type Beat = (Duration, Option<i64>);
 
 /// Monitor of one bus.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
+pub(super) struct BusMonitor {
     timing: Option<Timing>,
     sync: Option<Instant>,
     /// SYNC period, configured or measured.
@@ -91,7 +91,7 @@ struct Node {
     is_stopped: bool,
 }
 
-impl Watch {
+impl BusMonitor {
     /// Returns a monitor of the PDOs at `places` of `frames`; `node` returns the node of a member, `lost_after` its
     /// consumer heartbeat time.
     pub(super) fn new(
